@@ -1,0 +1,15 @@
+//! Spectral volume rendering with post-illumination.
+
+pub mod measure;
+pub mod output;
+pub mod plan;
+pub mod progress;
+pub mod reference;
+pub mod render;
+pub mod scene;
+pub mod shader;
+pub mod spectrum;
+pub mod tables;
+pub mod volume;
+#[expect(unsafe_code, reason = "the one door to the Vulkan API")]
+pub mod vulkan;

@@ -1,0 +1,1 @@
+//! What a result costs and how far it is from the truth.

@@ -1,0 +1,1 @@
+//! Pictures and accumulators as files.

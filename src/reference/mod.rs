@@ -1,0 +1,1 @@
+//! The equations, written to be read.

@@ -1,0 +1,1 @@
+//! Materials, lights, transfer function, camera: what a picture is of.

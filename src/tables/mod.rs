@@ -1,0 +1,1 @@
+//! The scene in numbers a march reads, computed in f64 and rounded once.
