@@ -1,0 +1,138 @@
+//! What the samples of a spectrum mean, each with its normalisation.
+
+use super::colour::OBSERVER;
+use super::{BANDS, Kind, Spectrum, SpectrumError, wavelength_nm};
+
+/// The share of light that a surface sends back, per wavelength: unitless, not normalised.
+///
+/// Negative samples are allowed: an artificial reflectance, such as a metameric black, has them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reflectance(Spectrum);
+
+impl Reflectance {
+    /// A reflectance with these samples.
+    ///
+    /// # Errors
+    ///
+    /// [`SpectrumError::NotFinite`] when a sample is infinite or NaN.
+    pub fn new(spectrum: Spectrum) -> Result<Self, SpectrumError> {
+        finite(Kind::Reflectance, &spectrum)?;
+        Ok(Self(spectrum))
+    }
+
+    /// The samples.
+    pub const fn spectrum(&self) -> &Spectrum {
+        &self.0
+    }
+
+    /// Whether a surface could have it: every sample is between 0 and 1.
+    pub fn is_physical(&self) -> bool {
+        self.0.samples().iter().all(|sample| (0.0..=1.0).contains(sample))
+    }
+}
+
+/// The relative power of a light, per wavelength, such that the perfect reflector has Y = 1 under it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light(Spectrum);
+
+impl Light {
+    /// The light of these relative powers, divided by their luminance: the plain sum of their products with the
+    /// 2-degree observer's ȳ.
+    ///
+    /// Where that luminance is not positive (a light of zeros, or an artificial one) they are used as they are, with
+    /// a warning.
+    ///
+    /// # Errors
+    ///
+    /// [`SpectrumError::NotFinite`] when a sample is infinite or NaN.
+    pub fn new(spectrum: Spectrum) -> Result<Self, SpectrumError> {
+        finite(Kind::Light, &spectrum)?;
+        Ok(Self::normalised(spectrum))
+    }
+
+    /// What [`Self::new`] does to finite samples.
+    pub(super) fn normalised(spectrum: Spectrum) -> Self {
+        // Divided by the peak first, since a luminance of huge samples would overflow.
+        let peak = spectrum.samples().iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
+        let relative = Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak));
+        let luminance = OBSERVER[1].dot(&relative);
+        let unit = Spectrum::from_samples(relative.samples().map(|sample| sample / luminance));
+        if luminance > 0.0 && unit.is_finite() {
+            return Self(unit);
+        }
+        let luminance = OBSERVER[1].dot(&spectrum);
+        tracing::warn!("a light has the luminance {luminance}, which cannot be scaled to 1; it is used as it is");
+        Self(spectrum)
+    }
+
+    /// The light of a black body of this temperature in kelvin (Planck's law, c₂ = 1.438776877e-2 m K).
+    ///
+    /// # Errors
+    ///
+    /// [`SpectrumError::Temperature`] when `kelvin` is below 100 or not finite.
+    pub fn blackbody(kelvin: f64) -> Result<Self, SpectrumError> {
+        Ok(Self::normalised(planck(kelvin)?))
+    }
+
+    /// The powers, normalised.
+    pub const fn spectrum(&self) -> &Spectrum {
+        &self.0
+    }
+}
+
+/// The shape of an absorption per wavelength: no sample is negative, and the largest is 1. How strong it is, is said
+/// where it is used.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Absorption(Spectrum);
+
+impl Absorption {
+    /// These samples divided by their largest.
+    ///
+    /// # Errors
+    ///
+    /// [`SpectrumError::NotFinite`] when a sample is infinite or NaN, [`SpectrumError::NegativeAbsorption`] when one
+    /// is below zero (it would amplify light), [`SpectrumError::NoAbsorption`] when all are zero.
+    pub fn new(spectrum: Spectrum) -> Result<Self, SpectrumError> {
+        finite(Kind::Absorption, &spectrum)?;
+        if let Some((nm, value)) = find(&spectrum, |sample| sample < 0.0) {
+            return Err(SpectrumError::NegativeAbsorption { nm, value });
+        }
+        let peak = spectrum.samples().iter().copied().fold(0.0, f64::max);
+        if peak <= 0.0 {
+            return Err(SpectrumError::NoAbsorption);
+        }
+        Ok(Self(Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak))))
+    }
+
+    /// The samples, normalised.
+    pub const fn spectrum(&self) -> &Spectrum {
+        &self.0
+    }
+}
+
+/// Planck's law relative to its value at 560 nm.
+pub(super) fn planck(kelvin: f64) -> Result<Spectrum, SpectrumError> {
+    /// Second radiation constant in nm K: CODATA 2018, exact to the digits given.
+    const C2: f64 = 1.438_776_877e7;
+    if !(kelvin.is_finite() && kelvin >= 100.0) {
+        return Err(SpectrumError::Temperature { kelvin });
+    }
+    // The quotient of the exponentials is written so that neither overflows at the lowest temperatures.
+    let exponent = |nm: f64| C2 / (nm * kelvin);
+    let emitted = |nm: f64| (-exponent(nm)).exp_m1();
+    Ok(Spectrum::from_fn(|nm| {
+        (560.0 / nm).powi(5) * (exponent(560.0) - exponent(nm)).exp() * emitted(560.0) / emitted(nm)
+    }))
+}
+
+fn finite(kind: Kind, spectrum: &Spectrum) -> Result<(), SpectrumError> {
+    match find(spectrum, |sample| !sample.is_finite()) {
+        Some((nm, value)) => Err(SpectrumError::NotFinite { kind, nm, value }),
+        None => Ok(()),
+    }
+}
+
+/// Wavelength and value of the first sample that `is_wanted`.
+fn find(spectrum: &Spectrum, is_wanted: impl Fn(f64) -> bool) -> Option<(f64, f64)> {
+    (0..BANDS).map(|band| (wavelength_nm(band), spectrum.samples()[band])).find(|&(_, sample)| is_wanted(sample))
+}

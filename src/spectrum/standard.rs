@@ -1,0 +1,190 @@
+//! Spectra with names: standard illuminants, typical lamps, black bodies and the `ColorChecker`.
+
+use std::sync::LazyLock;
+
+use super::{BANDS, Kind, Light, Reflectance, Spectrum, SpectrumError, data};
+
+const ILLUMINANTS: [&str; 13] =
+    ["A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1"];
+const PATCHES: [&str; 24] = [
+    "dark skin",
+    "light skin",
+    "blue sky",
+    "foliage",
+    "blue flower",
+    "bluish green",
+    "orange",
+    "purplish blue",
+    "moderate red",
+    "purple",
+    "yellow green",
+    "orange yellow",
+    "blue",
+    "green",
+    "red",
+    "yellow",
+    "magenta",
+    "cyan",
+    "white 9.5",
+    "neutral 8",
+    "neutral 6.5",
+    "neutral 5",
+    "neutral 3.5",
+    "black 2",
+];
+
+static ILLUMINANT_POWERS: [[f64; BANDS]; 13] = data::columns(include_str!("../../data/spectra/illuminants_5nm.csv"));
+static PATCH_REFLECTANCES: [[f64; BANDS]; 24] =
+    data::columns(include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv"));
+
+/// What a name stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Standard {
+    /// The powers of an illuminant or a lamp, as published.
+    Light(Spectrum),
+    /// A patch of the `ColorChecker`.
+    Reflectance(Spectrum),
+    /// A black body of this temperature in kelvin, whatever it is.
+    Blackbody(f64),
+}
+
+impl Standard {
+    /// What the spectrum can be used as.
+    pub const fn kind(&self) -> Kind {
+        match self {
+            Self::Light(_) | Self::Blackbody(_) => Kind::Light,
+            Self::Reflectance(_) => Kind::Reflectance,
+        }
+    }
+}
+
+/// The standard called `name`, if there is one.
+///
+/// Lights are [`names`]`(Kind::Light)` and `blackbody T`, with T in kelvin (`blackbody 2856` or `blackbody 2856K`);
+/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` do not matter, nor does what stands
+/// in brackets behind a name (`white 9.5 (.05 D)`).
+pub fn find(name: &str) -> Option<Standard> {
+    let wanted = key(name);
+    let position = |names: &[&str]| names.iter().position(|name| key(name) == wanted);
+    if let Some(index) = position(&ILLUMINANTS) {
+        return Some(Standard::Light(Spectrum::from_samples(ILLUMINANT_POWERS[index])));
+    }
+    if let Some(index) = position(&PATCHES) {
+        return Some(Standard::Reflectance(Spectrum::from_samples(PATCH_REFLECTANCES[index])));
+    }
+    let temperature = wanted.strip_prefix("blackbody")?;
+    temperature.strip_suffix('k').unwrap_or(temperature).parse().ok().map(Standard::Blackbody)
+}
+
+/// The light called `name`; see [`find`].
+///
+/// # Errors
+///
+/// [`SpectrumError::NoStandard`] when no light has this name, [`SpectrumError::Temperature`] for a black body colder
+/// than 100 K.
+pub fn light(name: &str) -> Result<Light, SpectrumError> {
+    match find(name) {
+        Some(Standard::Light(powers)) => Light::new(powers),
+        Some(Standard::Blackbody(kelvin)) => Light::blackbody(kelvin),
+        Some(Standard::Reflectance(_)) | None => Err(no_standard(name, Kind::Light)),
+    }
+}
+
+/// The reflectance called `name`; see [`find`].
+///
+/// # Errors
+///
+/// [`SpectrumError::NoStandard`] when no reflectance has this name.
+pub fn reflectance(name: &str) -> Result<Reflectance, SpectrumError> {
+    match find(name) {
+        Some(Standard::Reflectance(samples)) => Reflectance::new(samples),
+        Some(Standard::Light(_) | Standard::Blackbody(_)) | None => Err(no_standard(name, Kind::Reflectance)),
+    }
+}
+
+/// CIE standard illuminant D65.
+pub fn d65() -> &'static Light {
+    static D65: LazyLock<Light> = LazyLock::new(|| Light::normalised(Spectrum::from_samples(ILLUMINANT_POWERS[1])));
+    &D65
+}
+
+/// The names of one kind, in the order of the published tables; there are none of absorptions.
+pub const fn names(kind: Kind) -> &'static [&'static str] {
+    match kind {
+        Kind::Light => &ILLUMINANTS,
+        Kind::Reflectance => &PATCHES,
+        Kind::Absorption => &[],
+    }
+}
+
+/// A sentence part for error messages: the standard of this kind that `name` is nearly the name of, else all of them.
+pub fn hint(name: &str, kind: Kind) -> String {
+    let wanted = key(name);
+    let names = names(kind);
+    let nearest = names.iter().map(|name| (edit_distance(&wanted, &key(name)), name)).min();
+    match nearest {
+        Some((distance, nearest)) if distance <= (wanted.len() / 2).max(2) => format!("did you mean {nearest:?}?"),
+        _ if kind == Kind::Light => format!("the standards are {}, and \"blackbody 2856\"", names.join(", ")),
+        _ if names.is_empty() => format!("no standard is {kind}; give a file, a table or a number"),
+        _ => format!("the standards are {}", names.join(", ")),
+    }
+}
+
+fn no_standard(name: &str, kind: Kind) -> SpectrumError {
+    SpectrumError::NoStandard { name: name.to_owned(), kind, hint: hint(name, kind) }
+}
+
+/// What two spellings of a name have in common.
+fn key(name: &str) -> String {
+    let bare = name.split('(').next().unwrap_or_default();
+    bare.chars().filter(|letter| !matches!(letter, ' ' | '_' | '-')).flat_map(char::to_lowercase).collect()
+}
+
+/// What it takes to make `b` of `a`: 2 for a letter inserted, deleted or replaced, 1 for a swap of neighbours.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut before_last: Vec<usize> = Vec::new();
+    let mut last: Vec<usize> = (0..=b.len()).map(|column| 2 * column).collect();
+    let mut previous = None;
+    for letter in a.chars() {
+        let mut current = vec![last[0] + 2];
+        for (column, &other) in b.iter().enumerate() {
+            let kept = if letter == other { last[column] } else { last[column] + 2 };
+            let mut least = kept.min(last[column + 1] + 2).min(current[column] + 2);
+            if column > 0 && previous == Some(other) && b[column - 1] == letter {
+                least = least.min(before_last[column - 1] + 1);
+            }
+            current.push(least);
+        }
+        before_last = std::mem::replace(&mut last, current);
+        previous = Some(letter);
+    }
+    last[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_swap_costs_less_than_another_letter() {
+        assert_eq!(edit_distance("d56", "d65"), 1);
+        assert_eq!(edit_distance("d56", "d50"), 2);
+        assert_eq!(edit_distance("fl1", "fl11"), 2);
+        assert_eq!(edit_distance("", "abc"), 6);
+        assert_eq!(edit_distance("kitten", "sitting"), 6);
+    }
+
+    #[test]
+    fn the_names_are_the_columns_of_the_tables() {
+        for (names, csv) in [
+            (&ILLUMINANTS[..], include_str!("../../data/spectra/illuminants_5nm.csv")),
+            (&PATCHES[..], include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv")),
+        ] {
+            let header = csv.lines().find(|line| !line.starts_with('#')).unwrap_or_default();
+            let columns: Vec<String> = header.split(',').skip(1).map(key).collect();
+            let names: Vec<String> = names.iter().map(|name| key(name)).collect();
+            assert_eq!(columns, names);
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! Colours against published tables and closed forms.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use glam::{DMat3, DVec3};
+use relume::spectrum::colour::{
+    LINEAR_SRGB_FROM_XYZ, Lab, LinearSrgb, XYZ_FROM_LINEAR_SRGB, Xyz, bradford, ciede2000, d65_white, decode_srgb,
+    encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
+};
+use relume::spectrum::{Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
+
+fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
+    let error = std::array::from_fn::<f64, 3, _>(|axis| (actual[axis] - expected[axis]).abs());
+    // Not `max`, which passes over NaN.
+    assert!(error.iter().all(|&error| error <= limit), "{actual:?} is not {expected:?} to {limit}");
+}
+
+fn rows(matrix: DMat3) -> [[f64; 3]; 3] {
+    matrix.transpose().to_cols_array_2d()
+}
+
+/// L*, a*, b* of two colours and their ΔE00: Sharma, Wu and Dalal 2005, Color Research and Application 30, 21, table 1.
+const SHARMA_2005: [[f64; 7]; 34] = [
+    [50.0000, 2.6772, -79.7751, 50.0000, 0.0000, -82.7485, 2.0425],
+    [50.0000, 3.1571, -77.2803, 50.0000, 0.0000, -82.7485, 2.8615],
+    [50.0000, 2.8361, -74.0200, 50.0000, 0.0000, -82.7485, 3.4412],
+    [50.0000, -1.3802, -84.2814, 50.0000, 0.0000, -82.7485, 1.0000],
+    [50.0000, -1.1848, -84.8006, 50.0000, 0.0000, -82.7485, 1.0000],
+    [50.0000, -0.9009, -85.5211, 50.0000, 0.0000, -82.7485, 1.0000],
+    [50.0000, 0.0000, 0.0000, 50.0000, -1.0000, 2.0000, 2.3669],
+    [50.0000, -1.0000, 2.0000, 50.0000, 0.0000, 0.0000, 2.3669],
+    [50.0000, 2.4900, -0.0010, 50.0000, -2.4900, 0.0009, 7.1792],
+    [50.0000, 2.4900, -0.0010, 50.0000, -2.4900, 0.0010, 7.1792],
+    [50.0000, 2.4900, -0.0010, 50.0000, -2.4900, 0.0011, 7.2195],
+    [50.0000, 2.4900, -0.0010, 50.0000, -2.4900, 0.0012, 7.2195],
+    [50.0000, -0.0010, 2.4900, 50.0000, 0.0009, -2.4900, 4.8045],
+    [50.0000, -0.0010, 2.4900, 50.0000, 0.0010, -2.4900, 4.8045],
+    [50.0000, -0.0010, 2.4900, 50.0000, 0.0011, -2.4900, 4.7461],
+    [50.0000, 2.5000, 0.0000, 50.0000, 0.0000, -2.5000, 4.3065],
+    [50.0000, 2.5000, 0.0000, 73.0000, 25.0000, -18.0000, 27.1492],
+    [50.0000, 2.5000, 0.0000, 61.0000, -5.0000, 29.0000, 22.8977],
+    [50.0000, 2.5000, 0.0000, 56.0000, -27.0000, -3.0000, 31.9030],
+    [50.0000, 2.5000, 0.0000, 58.0000, 24.0000, 15.0000, 19.4535],
+    [50.0000, 2.5000, 0.0000, 50.0000, 3.1736, 0.5854, 1.0000],
+    [50.0000, 2.5000, 0.0000, 50.0000, 3.2972, 0.0000, 1.0000],
+    [50.0000, 2.5000, 0.0000, 50.0000, 1.8634, 0.5757, 1.0000],
+    [50.0000, 2.5000, 0.0000, 50.0000, 3.2592, 0.3350, 1.0000],
+    [60.2574, -34.0099, 36.2677, 60.4626, -34.1751, 39.4387, 1.2644],
+    [63.0109, -31.0961, -5.8663, 62.8187, -29.7946, -4.0864, 1.2630],
+    [61.2901, 3.7196, -5.3901, 61.4292, 2.2480, -4.9620, 1.8731],
+    [35.0831, -44.1164, 3.7933, 35.0232, -40.0716, 1.5901, 1.8645],
+    [22.7233, 20.0904, -46.6940, 23.0331, 14.9730, -42.5619, 2.0373],
+    [36.4612, 47.8580, 18.3852, 36.2715, 50.5065, 21.2231, 1.4146],
+    [90.8027, -2.0831, 1.4410, 91.1528, -1.6435, 0.0447, 1.4441],
+    [90.9257, -0.5406, -0.9208, 88.6381, -0.8985, -0.7239, 1.5381],
+    [6.7747, -0.2908, -2.4247, 5.8714, -0.0985, -2.2286, 0.6377],
+    [2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082],
+];
+
+#[test]
+fn ciede2000_gives_the_published_differences_both_ways() {
+    for [l1, a1, b1, l2, a2, b2, expected] in SHARMA_2005 {
+        let (one, two) = (Lab([l1, a1, b1]), Lab([l2, a2, b2]));
+        // The table has four decimals.
+        assert!((ciede2000(one, two) - expected).abs() <= 0.51e-4, "{one:?} {two:?}: {}", ciede2000(one, two));
+        assert!((ciede2000(two, one) - ciede2000(one, two)).abs() <= 1e-12, "{one:?} {two:?}");
+    }
+}
+
+#[test]
+fn a_colour_does_not_differ_from_itself() {
+    for colour in [[0.0; 3], [50.0, 0.0, 0.0], [40.0, -30.0, 20.0], [100.0, 300.0, -400.0], [-5.0, 1.0, 1.0]] {
+        assert_eq!(ciede2000(Lab(colour), Lab(colour)).to_bits(), 0.0_f64.to_bits(), "{colour:?}");
+    }
+}
+
+/// Plain sums in numpy over the tables of colour-science 0.4.7, without this crate.
+const PLAIN_SUMS: [(&str, &str, [f64; 3]); 15] = [
+    ("A", "dark skin", [0.1478674168920798, 0.10978159704108989, 0.019901079986315063]),
+    ("A", "cyan", [0.11935965045631412, 0.15938571419485886, 0.13303855122628563]),
+    ("A", "white 9.5", [0.9751774418128878, 0.8875122524952448, 0.3132822264237239]),
+    ("D65", "dark skin", [0.109706928179644, 0.09702791237500934, 0.06054814147757279]),
+    ("D65", "cyan", [0.14476455266919047, 0.19866824104043326, 0.3953418982050589]),
+    ("D65", "blue", [0.08412084230918895, 0.062302782912371166, 0.3000599486461645]),
+    ("FL11", "dark skin", [0.1216465536585141, 0.10111125973176643, 0.03590143573748504]),
+    ("FL11", "cyan", [0.13303059239719062, 0.16756061299314443, 0.22409464985813685]),
+    ("FL11", "blue", [0.06872366811861859, 0.05174427902119593, 0.17566383113197512]),
+    ("LED-RGB1", "dark skin", [0.15223322129362452, 0.108188546674955, 0.0165110394740104]),
+    ("LED-RGB1", "white 9.5", [0.9620506385070323, 0.8878945038917219, 0.2589087763697977]),
+    ("LED-RGB1", "blue", [0.055438685000847934, 0.05333536306789911, 0.07485740291806015]),
+    ("LED-V1", "dark skin", [0.15184895459959438, 0.11050798485882248, 0.020238268025558653]),
+    ("LED-V1", "cyan", [0.11886051346469437, 0.15914615461793488, 0.12440832116420693]),
+    ("LED-V1", "blue", [0.05796504135322803, 0.05113027466508058, 0.08388668189601596]),
+];
+
+#[test]
+fn patches_under_lights_have_the_colours_of_another_implementation() {
+    for (light, patch, expected) in PLAIN_SUMS {
+        let colour = xyz(&standard::light(light).unwrap(), &standard::reflectance(patch).unwrap());
+        assert_close(colour.0, expected, 1e-12);
+    }
+}
+
+#[test]
+fn the_perfect_reflector_has_luminance_1_under_every_light() {
+    let white = Reflectance::new(Spectrum::constant(1.0)).unwrap();
+    let names = standard::names(Kind::Light).iter().copied();
+    for name in names.chain(["blackbody 100", "blackbody 2856", "blackbody 1e9"]) {
+        let Xyz([_, y, _]) = xyz(&standard::light(name).unwrap(), &white);
+        assert!((y - 1.0).abs() <= 1e-14, "{name}: {y}");
+    }
+}
+
+/// x, y as the CIE publishes them to four digits (CIE 15:2004, CIE 015:2018), here to the five of plain sums at 5 nm
+/// made without this crate.
+const CHROMATICITIES: [(&str, [f64; 2]); 7] = [
+    ("A", [0.44758, 0.40745]),
+    ("D65", [0.31272, 0.32903]),
+    ("E", [0.33333, 0.33333]),
+    ("FL2", [0.37207, 0.37512]),
+    ("FL11", [0.38054, 0.37692]),
+    ("LED-B1", [0.45595, 0.40780]),
+    ("LED-B3", [0.37561, 0.37229]),
+];
+
+#[test]
+fn lights_have_their_chromaticities() {
+    for (name, [x, y]) in CHROMATICITIES {
+        let white = xyz_of(standard::light(name).unwrap().spectrum()).0;
+        let sum: f64 = white.iter().sum();
+        assert!((white[0] / sum - x).abs() <= 0.6e-5 && (white[1] / sum - y).abs() <= 0.6e-5, "{name}: {white:?}");
+    }
+}
+
+#[test]
+fn the_srgb_matrix_has_the_published_digits() {
+    let published =
+        [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]];
+    for (row, expected) in rows(*LINEAR_SRGB_FROM_XYZ).into_iter().zip(published) {
+        assert_close(row, expected, 0.51e-7);
+    }
+    let product = *LINEAR_SRGB_FROM_XYZ * *XYZ_FROM_LINEAR_SRGB;
+    assert!(product.abs_diff_eq(DMat3::IDENTITY, 1e-14), "{product}");
+}
+
+#[test]
+fn daylight_is_srgb_white() {
+    assert_close(linear_srgb_from_xyz(d65_white()).0, [1.0; 3], 1.2e-4);
+    assert_close(linear_srgb_from_xyz(Xyz([0.95047, 1.0, 1.08883])).0, [1.0; 3], 1e-14);
+}
+
+#[test]
+fn linear_srgb_goes_there_and_back() {
+    for rgb in [[0.0; 3], [1.0, 0.0, 0.0], [0.2, 0.7, -0.3], [5.0, 0.5, 0.05]] {
+        assert_close(linear_srgb_from_xyz(xyz_from_linear_srgb(LinearSrgb(rgb))).0, rgb, 1e-14);
+    }
+}
+
+#[test]
+fn the_transfer_function_goes_there_and_back() {
+    for step in -10_000..=110_000 {
+        let encoded = f64::from(step) / 1e5;
+        // The published constants leave a step of 3e-8 between the two branches.
+        assert!((encode_srgb(decode_srgb(encoded)) - encoded).abs() <= 3e-8, "{encoded}");
+    }
+    // IEC 61966-2-1: the linear end, and 18 % grey, which is 118 of 255.
+    assert!((encode_srgb(0.001) - 0.01292).abs() <= 1e-15);
+    assert!((255.0 * encode_srgb(0.18) - 117.6).abs() <= 0.1);
+    assert_close([encode_srgb(1.0), decode_srgb(1.0), decode_srgb(0.0)], [1.0, 1.0, 0.0], 1e-15);
+}
+
+#[test]
+fn lab_takes_its_linear_branch_below_the_knee() {
+    let white = d65_white();
+    assert_close(lab_from_xyz(white, white).0, [100.0, 0.0, 0.0], 1e-12);
+    assert_close(lab_from_xyz(Xyz([0.0; 3]), white).0, [0.0; 3], 1e-12);
+    // CIE 15: L* = 903.3 Y up to Y = 0.008856, below zero too, and 116 ∛Y − 16 beyond.
+    let lightness = |y: f64| lab_from_xyz(Xyz([y * white.0[0], y, y * white.0[2]]), white).0;
+    let slope = (29.0_f64 / 3.0).powi(3);
+    for y in [-0.1, 1e-6, 0.008] {
+        assert_close(lightness(y), [slope * y, 0.0, 0.0], 1e-12);
+    }
+    assert_close(lightness(0.125), [42.0, 0.0, 0.0], 1e-12);
+    assert_close(lightness(0.184_186_518_9), [50.0, 0.0, 0.0], 1e-6);
+}
+
+#[test]
+fn bradford_takes_one_white_to_the_other() {
+    let whites = standard::names(Kind::Light).iter().map(|name| xyz_of(standard::light(name).unwrap().spectrum()));
+    for white in whites {
+        let adapted = bradford(white, d65_white()) * DVec3::from(white.0);
+        assert_close(adapted.to_array(), d65_white().0, 1e-14);
+    }
+    assert!(bradford(d65_white(), d65_white()).abs_diff_eq(DMat3::IDENTITY, 1e-14));
+}
+
+#[test]
+fn bradford_has_the_published_digits() {
+    // D65 to D50, B. Lindbloom, "Chromatic Adaptation".
+    let published =
+        [[1.0478112, 0.0228866, -0.0501270], [0.0295424, 0.9904844, -0.0170491], [-0.0092345, 0.0150436, 0.7521316]];
+    let matrix = bradford(Xyz([0.95047, 1.0, 1.08883]), Xyz([0.96422, 1.0, 0.82521]));
+    for (row, expected) in rows(matrix).into_iter().zip(published) {
+        assert_close(row, expected, 0.51e-7);
+    }
+}
+
+#[test]
+fn smooth_reflectances_have_their_colour_inside_0_and_1() {
+    let levels = [0.0, 1e-6, 0.001, 0.05, 0.3, 0.7, 0.95, 1.0];
+    for red in levels {
+        for green in levels {
+            for blue in levels {
+                let rgb = [red, green, blue];
+                if rgb.iter().all(|&part| part <= 0.0) || rgb.iter().all(|&part| part >= 1.0) {
+                    continue;
+                }
+                let reflectance = smooth_reflectance(LinearSrgb(rgb)).unwrap();
+                let inside = reflectance.spectrum().samples().iter().all(|&sample| sample > 0.0 && sample < 1.0);
+                assert!(inside, "{rgb:?}: {reflectance:?}");
+                let colour = xyz(standard::d65(), &reflectance);
+                assert_close(colour.0, xyz_from_linear_srgb(LinearSrgb(rgb)).0, 1e-9);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_smooth_reflectance_of_a_grey_is_flat_to_the_whites_difference() {
+    // The white of D65 on the grid, as a colour, is the perfect reflector's; half of it that of the grey 0.5.
+    let white = linear_srgb_from_xyz(d65_white());
+    let grey = smooth_reflectance(LinearSrgb(white.0.map(|part| 0.5 * part))).unwrap();
+    assert!(grey.spectrum().samples().iter().all(|sample| (sample - 0.5).abs() <= 1e-9), "{grey:?}");
+}
+
+#[test]
+fn black_and_white_are_exact_constants() {
+    for constant in [0.0, 1.0] {
+        let reflectance = smooth_reflectance(LinearSrgb([constant; 3])).unwrap();
+        assert_eq!(reflectance.spectrum(), &Spectrum::constant(constant));
+    }
+}
+
+#[test]
+fn colours_brighter_or_purer_than_any_reflectance_are_refused() {
+    for rgb in
+        [[1.1, 1.1, 1.1], [0.5, -0.5, 0.5], [-0.1, 0.0, 0.0], [1.0, 1.0, 1.5], [f64::NAN, 0.0, 0.0], [3.0, 0.0, 0.0]]
+    {
+        let error = smooth_reflectance(LinearSrgb(rgb)).unwrap_err();
+        assert!(matches!(error, SpectrumError::Unattainable { .. }), "{rgb:?}: {error}");
+        assert!(error.to_string().contains(&rgb[0].to_string()), "{error}");
+    }
+}
