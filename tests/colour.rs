@@ -3,11 +3,12 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::{DMat3, DVec3};
+use nalgebra::{DMatrix, DVector};
 use relume::spectrum::colour::{
-    LINEAR_SRGB_FROM_XYZ, Lab, LinearSrgb, XYZ_FROM_LINEAR_SRGB, Xyz, bradford, ciede2000, d65_white, decode_srgb,
-    encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
+    LINEAR_SRGB_FROM_XYZ, Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, bradford, ciede2000, d65_white,
+    decode_srgb, encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
 };
-use relume::spectrum::{Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
+use relume::spectrum::{BANDS, Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
 
 fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
     let error = std::array::from_fn::<f64, 3, _>(|axis| (actual[axis] - expected[axis]).abs());
@@ -223,6 +224,24 @@ fn smooth_reflectances_have_their_colour_inside_0_and_1() {
             }
         }
     }
+}
+
+#[test]
+fn no_smoother_curve_has_the_colour() {
+    // Lagrange's condition: the gradient of the sum of squared slopes of z = atanh(2 r − 1) is a mixture of the three
+    // gradients of X, Y and Z.
+    let reflectance = smooth_reflectance(LinearSrgb([0.6, 0.2, 0.05])).unwrap();
+    let r = reflectance.spectrum().samples();
+    let z = r.map(|r| 0.5 * (r / (1.0 - r)).ln());
+    let light = standard::d65().spectrum();
+    let gradients = DMatrix::from_fn(BANDS, 3, |band, axis| {
+        2.0 * r[band] * (1.0 - r[band]) * OBSERVER[axis].samples()[band] * light.samples()[band]
+    });
+    let slope = |band: usize| if (1..BANDS).contains(&band) { z[band] - z[band - 1] } else { 0.0 };
+    let roughness = DVector::from_fn(BANDS, |band, _| slope(band) - slope(band + 1));
+    let mixture = gradients.clone().svd(true, true).solve(&roughness, 0.0).unwrap();
+    let rest = (&gradients * mixture - &roughness).amax();
+    assert!(rest <= 1e-9 && roughness.amax() > 1e-3, "{rest} of {}", roughness.amax());
 }
 
 #[test]

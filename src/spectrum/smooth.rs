@@ -32,7 +32,7 @@ pub fn smooth_reflectance(colour: LinearSrgb) -> Result<Reflectance, SpectrumErr
     // method can follow.
     let colours = colours_of_bands();
     let grey = &colours * DVector::from_element(BANDS, luminance);
-    let mut curve = Curve::grey(luminance);
+    let mut curve = Iterate::grey(luminance);
     let (mut done, mut step) = (0.0_f64, 1.0_f64);
     while done < 1.0 {
         let next = (done + step).min(1.0);
@@ -58,12 +58,12 @@ fn colours_of_bands() -> DMatrix<f64> {
 
 /// The state of Newton's method on the Lagrangian `|D z|² / 2 + λ · (colour(z) − target)`.
 #[derive(Clone)]
-struct Curve {
+struct Iterate {
     z: DVector<f64>,
     multipliers: Vector3<f64>,
 }
 
-impl Curve {
+impl Iterate {
     fn grey(value: f64) -> Self {
         Self { z: DVector::from_element(BANDS, (2.0 * value - 1.0).atanh()), multipliers: Vector3::zeros() }
     }
