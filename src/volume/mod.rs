@@ -1,1 +1,85 @@
 //! What the data is.
+
+mod data;
+mod error;
+mod geometry;
+mod metaimage;
+mod open;
+mod pattern;
+
+mod raw;
+mod resample;
+mod statistics;
+mod voxels;
+
+pub use error::VolumeError;
+pub use geometry::Geometry;
+pub use open::{open, open_raw};
+
+pub use raw::{ByteOrder, RawLayout};
+pub use statistics::{BINS, Statistics};
+pub(crate) use voxels::with_voxels;
+pub use voxels::{Voxel, VoxelType, Voxels};
+
+/// A scalar volume: voxels, where they lie, and what they mean.
+#[derive(Clone, Debug)]
+pub struct Volume {
+    /// The voxels as stored, x fastest.
+    pub voxels: Voxels,
+    /// Where they lie; it has as many voxels as `voxels`.
+    pub geometry: Geometry,
+    /// A voxel means `slope · stored + intercept`.
+    pub slope: f64,
+    /// See `slope`.
+    pub intercept: f64,
+    /// Numbers per voxel in the file; 1, until a component can be chosen.
+    pub components: usize,
+    /// The file as it was asked for, or the name of the phantom.
+    pub source: String,
+    /// What else the file says: keys and values that are kept but not interpreted.
+    pub metadata: Vec<(String, String)>,
+    /// Sentences about what was odd, or was given up; the caller passes them on as warnings.
+    pub notes: Vec<String>,
+}
+
+impl Volume {
+    /// A volume of `voxels` that mean what is stored, with nothing else to say.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Layout`] where `geometry` has another number of voxels.
+    pub fn new(source: &str, voxels: Voxels, geometry: Geometry) -> Result<Self, VolumeError> {
+        if voxels.len() != geometry.voxels() {
+            let problem = format!("{} voxels in a grid of {}", voxels.len(), geometry.voxels());
+            return Err(VolumeError::Layout { source_name: source.to_owned(), problem });
+        }
+        Ok(Self {
+            voxels,
+            geometry,
+            slope: 1.0,
+            intercept: 0.0,
+            components: 1,
+            source: source.to_owned(),
+            metadata: Vec::new(),
+            notes: Vec::new(),
+        })
+    }
+
+    /// What voxel `[x, y, z]` means: `slope · stored + intercept`; `None` outside the grid.
+    #[must_use]
+    pub fn value(&self, index: [usize; 3]) -> Option<f64> {
+        let stored = self.voxels.value(self.geometry.linear_index(index)?)?;
+        Some(stored.mul_add(self.slope, self.intercept))
+    }
+
+    /// The same voxels on a grid of another spacing.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Spacing`] where a spacing is not a positive number.
+    pub fn with_spacing(mut self, spacing: glam::DVec3) -> Result<Self, VolumeError> {
+        let Geometry { dims, origin, direction, .. } = self.geometry;
+        self.geometry = Geometry::new(&self.source, dims, spacing, origin, direction)?;
+        Ok(self)
+    }
+}

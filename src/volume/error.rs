@@ -1,0 +1,250 @@
+//! What can be wrong with a volume.
+
+use std::io;
+use std::path::PathBuf;
+
+/// Why there is no volume.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum VolumeError {
+    /// A file cannot be opened.
+    #[error("cannot open {}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A file cannot be read to its end.
+    #[error("cannot read {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// No reader knows the file.
+    #[error("{}: unknown volume format; read are {known}", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+        /// The formats that are read, with their extensions.
+        known: String,
+    },
+    /// Headerless voxels, and nobody says how they lie.
+    #[error(
+        "{}: raw voxels have no header; give dims and type (and byte_order, header_bytes, spacing, origin, direction where \
+         they differ from little, 0, 1 1 1, 0 0 0 and the identity), or write them into {}",
+        path.display(),
+        sidecar.display()
+    )]
+    NoLayout {
+        /// The file of voxels.
+        path: PathBuf,
+        /// The sidecar that would be found.
+        sidecar: PathBuf,
+    },
+    /// The layout of headerless voxels makes no sense.
+    #[error("{source_name}: {problem}")]
+    Layout {
+        /// The sidecar or the file of voxels.
+        source_name: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A sidecar is not TOML, or has unknown or mistyped keys.
+    #[error("{}: not the layout of a raw volume", path.display())]
+    Sidecar {
+        /// The sidecar.
+        path: PathBuf,
+        /// Where and why.
+        source: Box<toml::de::Error>,
+    },
+    /// A line of a header makes no sense.
+    #[error("{}, line {line}: {problem}", path.display())]
+    Header {
+        /// The header.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A key that no volume can do without is missing.
+    #[error("{}: the key {key} is missing", path.display())]
+    MissingKey {
+        /// The header.
+        path: PathBuf,
+        /// The key.
+        key: &'static str,
+    },
+    /// No type of voxels has this name.
+    #[error(
+        "unknown voxel type {name:?}; known are uint8, int8, uint16, int16, uint32, int32, uint64, int64, float32, float64"
+    )]
+    UnknownType {
+        /// The name.
+        name: String,
+    },
+    /// An axis has no voxel, or all together are too many to address.
+    #[error("{source_name}: {dims} voxels: every axis needs at least one, and all together must fit into memory")]
+    Dims {
+        /// The file or phantom.
+        source_name: String,
+        /// The dimensions as given.
+        dims: String,
+    },
+    /// The volume has more than three axes.
+    #[error("{source_name}: {dims} voxels in more than three axes; only the first three may be longer than one voxel")]
+    TooManyAxes {
+        /// The file.
+        source_name: String,
+        /// The dimensions as given.
+        dims: String,
+    },
+    /// A spacing is not a positive number.
+    #[error(
+        "{source_name}: spacing {} {} {}: each must be a positive number (a mirrored axis belongs into the direction)",
+        spacing[0], spacing[1], spacing[2]
+    )]
+    Spacing {
+        /// The file or phantom.
+        source_name: String,
+        /// The spacing as given.
+        spacing: [f64; 3],
+    },
+    /// The origin is not finite.
+    #[error("{source_name}: origin {} {} {} is not finite", origin[0], origin[1], origin[2])]
+    Origin {
+        /// The file or phantom.
+        source_name: String,
+        /// The origin as given.
+        origin: [f64; 3],
+    },
+    /// The axes are not of unit length, or not at right angles.
+    #[error(
+        "{source_name}: the axes {axes:?} are not orthonormal: |DᵀD − I| is {deviation}, at most {limit} is allowed; \
+         lengths belong into the spacing, sheared volumes must be resampled"
+    )]
+    Direction {
+        /// The file or phantom.
+        source_name: String,
+        /// The axes, one after the other.
+        axes: [[f64; 3]; 3],
+        /// The largest entry of `|DᵀD − I|`.
+        deviation: f64,
+        /// What it may be.
+        limit: f64,
+    },
+    /// Several numbers per voxel.
+    #[error(
+        "{source_name}: {components} components per voxel; choosing one is not supported yet, so store one component alone"
+    )]
+    Components {
+        /// The file.
+        source_name: String,
+        /// How many.
+        components: u64,
+    },
+    /// There are fewer bytes than the header makes it.
+    #[error("{}: {found} bytes of voxels, but the header makes it {expected}", path.display())]
+    Short {
+        /// The file of voxels.
+        path: PathBuf,
+        /// Bytes there (after decompression).
+        found: u64,
+        /// Bytes needed.
+        expected: u64,
+    },
+    /// Compressed data are too few to hold what the header says.
+    #[error(
+        "{}: {compressed} compressed bytes cannot hold {expected} bytes of voxels, as the header makes it (zlib packs at \
+         most 1032 into one)",
+        path.display()
+    )]
+    Incredible {
+        /// The file of voxels.
+        path: PathBuf,
+        /// Compressed bytes there.
+        compressed: u64,
+        /// Bytes needed.
+        expected: u64,
+    },
+    /// Compressed data are damaged.
+    #[error("{}: damaged zlib data; only the first {decoded} bytes of voxels are known to be sound", path.display())]
+    Inflate {
+        /// The file of voxels.
+        path: PathBuf,
+        /// Bytes of voxels well before the damage.
+        decoded: u64,
+        /// What the decoder said.
+        source: io::Error,
+    },
+    /// A voxel written as text is not a number of its type.
+    #[error("{}: voxel {index} is {text:?}, which is no {voxel_type}", path.display())]
+    Text {
+        /// The file of voxels.
+        path: PathBuf,
+        /// Which voxel of the file, from 0.
+        index: usize,
+        /// What is written.
+        text: String,
+        /// The type it should have.
+        voxel_type: &'static str,
+    },
+    /// Voxels written as text end early.
+    #[error("{}: {found} numbers, but the header makes it {expected} voxels", path.display())]
+    ShortText {
+        /// The file of voxels.
+        path: PathBuf,
+        /// Numbers there.
+        found: usize,
+        /// Voxels needed.
+        expected: usize,
+    },
+    /// The memory is not to be had.
+    #[error("{source_name}: no memory for {bytes} bytes of voxels")]
+    Memory {
+        /// The file or phantom.
+        source_name: String,
+        /// Bytes asked for.
+        bytes: u64,
+    },
+    /// Every voxel is NaN or infinite.
+    #[error("{source_name}: no finite voxel ({not_a_number} NaN, {infinite} infinite)")]
+    NothingFinite {
+        /// The file or phantom.
+        source_name: String,
+        /// Voxels that are NaN.
+        not_a_number: u64,
+        /// Voxels that are ±∞.
+        infinite: u64,
+    },
+    /// Blocks of no voxel, or larger than the volume.
+    #[error(
+        "{source_name}: blocks of {}×{}×{} in {}×{}×{} voxels: each side must be at least 1 and at most the volume's",
+        block[0], block[1], block[2], dims[0], dims[1], dims[2]
+    )]
+    Block {
+        /// The file or phantom.
+        source_name: String,
+        /// The block asked for.
+        block: [usize; 3],
+        /// The volume's dimensions.
+        dims: [usize; 3],
+    },
+    /// No phantom has this name.
+    #[error("unknown phantom {name:?}; known are {known}")]
+    UnknownPhantom {
+        /// The name.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// The listener asked to stop.
+    #[error("reading {source_name} was cancelled")]
+    Cancelled {
+        /// The file.
+        source_name: String,
+    },
+}

@@ -1,0 +1,97 @@
+//! Where the voxels of a volume lie in the world.
+
+use glam::{DMat3, DVec3};
+
+use super::VolumeError;
+
+/// How far `DᵀD` of a direction matrix may be from the identity, entry by entry: headers are written with few digits.
+const ORTHONORMALITY: f64 = 1e-3;
+
+/// The grid of a volume. Voxels are points: voxel (0, 0, 0) lies on `origin`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Geometry {
+    /// Voxels along x, y and z; x varies fastest.
+    pub dims: [usize; 3],
+    /// World units between neighbours along each axis, positive.
+    pub spacing: DVec3,
+    /// World position of voxel (0, 0, 0).
+    pub origin: DVec3,
+    /// Column `i` is the unit vector of axis `i` in the world, as in ITK and VTK.
+    pub direction: DMat3,
+}
+
+impl Geometry {
+    /// A grid that is known to be sound; `source` is the file to blame if it is not.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Spacing`] where
+    /// a spacing is not a positive number, [`VolumeError::Origin`] where the origin is not finite,
+    /// [`VolumeError::Direction`] where the axes are not orthonormal within 1e-3.
+    pub fn new(
+        source: &str,
+        dims: [usize; 3],
+        spacing: DVec3,
+        origin: DVec3,
+        direction: DMat3,
+    ) -> Result<Self, VolumeError> {
+        let source = || source.to_owned();
+        // Eight bytes a voxel must be addressable, whatever the type.
+        let bytes = dims.iter().try_fold(8_usize, |product, &n| product.checked_mul(n));
+        if dims.contains(&0) || bytes.is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+            return Err(VolumeError::Dims {
+                source_name: source(),
+                dims: format!("{}×{}×{}", dims[0], dims[1], dims[2]),
+            });
+        }
+        if !spacing.to_array().iter().all(|&step| step > 0.0 && step.is_finite()) {
+            return Err(VolumeError::Spacing { source_name: source(), spacing: spacing.to_array() });
+        }
+        if !origin.is_finite() {
+            return Err(VolumeError::Origin { source_name: source(), origin: origin.to_array() });
+        }
+        let gram = direction.transpose() * direction;
+        let deviation = (gram - DMat3::IDENTITY).to_cols_array().iter().fold(0.0_f64, |worst, entry| {
+            // `max` would drop a NaN.
+            if entry.abs() <= worst { worst } else { entry.abs() }
+        });
+        if deviation <= ORTHONORMALITY {
+            Ok(Self { dims, spacing, origin, direction })
+        } else {
+            Err(VolumeError::Direction {
+                source_name: source(),
+                axes: direction.to_cols_array_2d(),
+                deviation,
+                limit: ORTHONORMALITY,
+            })
+        }
+    }
+
+    /// A grid of spacing 1 along the world's axes, from the origin.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+    pub fn unit(source: &str, dims: [usize; 3]) -> Result<Self, VolumeError> {
+        Self::new(source, dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)
+    }
+
+    /// How many voxels the grid has.
+    #[must_use]
+    pub fn voxels(&self) -> usize {
+        self.dims.iter().product()
+    }
+
+    /// The place of voxel `[x, y, z]` among the voxels; `None` outside the grid.
+    #[must_use]
+    pub fn linear_index(&self, [x, y, z]: [usize; 3]) -> Option<usize> {
+        let [nx, ny, nz] = self.dims;
+        (x < nx && y < ny && z < nz).then(|| x + nx * (y + ny * z))
+    }
+
+    /// World position of a (fractional) voxel index: `origin + direction · (spacing ∘ index)`.
+    #[must_use]
+    pub fn world_from_index(&self, index: DVec3) -> DVec3 {
+        self.origin + self.direction * (self.spacing * index)
+    }
+}

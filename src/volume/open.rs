@@ -1,0 +1,66 @@
+//! Which reader a file of voxels is for.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::{RawLayout, Volume, VolumeError, data, metaimage, raw};
+use crate::progress::Progress;
+
+/// A format that is read.
+struct Format {
+    name: &'static str,
+    /// Ends of file names, in lower case.
+    extensions: &'static [&'static str],
+    /// Whether a file that begins so is of this format; asked where the extension says nothing.
+    recognises: fn(&[u8]) -> bool,
+    read: fn(&Path, &dyn Progress) -> Result<Volume, VolumeError>,
+}
+
+/// A new reader is a new line.
+const FORMATS: [Format; 3] = [
+    Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
+    Format {
+        name: "raw with a sidecar",
+        extensions: &["raw", "dat", "bin"],
+        recognises: |_| false,
+        read: raw::read_beside_sidecar,
+    },
+    Format { name: "sidecar of raw voxels", extensions: &["toml"], recognises: |_| false, read: raw::read_sidecar },
+];
+
+/// How much of a file is looked at to recognise it.
+const BEGINNING: u64 = 4096;
+
+/// Reads the volume in a file, whose format is known by its extension, else by how the file begins.
+///
+/// Memory is bounded by the volume and one slab of 4 MiB; `progress` counts decoded bytes.
+///
+/// # Errors
+///
+/// [`VolumeError::UnknownFormat`] where no reader knows the file, [`VolumeError::Cancelled`] when `progress` asks to
+/// stop, and whatever is wrong with the file.
+pub fn open(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
+        return (format.read)(path, progress);
+    }
+    let mut beginning = Vec::new();
+    let read = data::open(path)?.take(BEGINNING).read_to_end(&mut beginning);
+    read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
+    match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
+        Some(format) => (format.read)(path, progress),
+        None => {
+            let known = FORMATS.map(|format| format!("{} (.{})", format.name, format.extensions.join(", .")));
+            Err(VolumeError::UnknownFormat { path: path.to_owned(), known: known.join(", ") })
+        }
+    }
+}
+
+/// Reads headerless voxels; `layout.file` is relative to the folder `base`.
+///
+/// # Errors
+///
+/// As [`open`]; [`VolumeError::Layout`] where the layout contradicts itself.
+pub fn open_raw(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    raw::read(layout, base, progress)
+}

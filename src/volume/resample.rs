@@ -1,0 +1,101 @@
+//! Coarser grids.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
+
+impl Volume {
+    /// The mean of every block of `block` voxels, rounded to the stored type (integers half up: ⌊x + ½⌋).
+    ///
+    /// Blocks at the end that are not full are dropped, and noted. A new voxel lies in the middle of its block, and has
+    /// the spacing of blocks. NaN is left out of a mean, unless there is nothing else.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Block`] where a side of the block is 0 or longer than the volume.
+    pub fn downsample(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
+        let geometry = self.coarser(block)?;
+        let voxels = with_voxels!(&self.voxels, stored => {
+            reduce(stored, self.geometry.dims, &geometry, block, |values| Voxel::mean(values.iter().copied()))
+        });
+        Ok(self.resampled(voxels, geometry, block))
+    }
+
+    /// The most frequent voxel of every block, of equally frequent ones the smallest: labels have no mean.
+    /// Otherwise as [`Self::downsample`].
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Block`] where a side of the block is 0 or longer than the volume.
+    pub fn downsample_labels(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
+        let geometry = self.coarser(block)?;
+        let voxels = with_voxels!(&self.voxels, stored => {
+            reduce(stored, self.geometry.dims, &geometry, block, most_frequent)
+        });
+        Ok(self.resampled(voxels, geometry, block))
+    }
+
+    fn coarser(&self, block: [usize; 3]) -> Result<Geometry, VolumeError> {
+        let Geometry { dims, spacing, direction, .. } = self.geometry;
+        if (0..3).any(|axis| block[axis] == 0 || block[axis] > dims[axis]) {
+            return Err(VolumeError::Block { source_name: self.source.clone(), block, dims });
+        }
+        #[expect(clippy::cast_precision_loss, reason = "no block is 2⁵³ voxels long")]
+        let sides = DVec3::from_array(block.map(|n| n as f64));
+        let origin = self.geometry.world_from_index((sides - 1.0) / 2.0);
+        let dims = std::array::from_fn(|axis| dims[axis] / block[axis]);
+        Geometry::new(&self.source, dims, spacing * sides, origin, direction)
+    }
+
+    fn resampled(&self, voxels: Voxels, geometry: Geometry, block: [usize; 3]) -> Self {
+        let mut notes = self.notes.clone();
+        let dims = self.geometry.dims;
+        let dropped: [usize; 3] = std::array::from_fn(|axis| dims[axis] % block[axis]);
+        if dropped != [0; 3] {
+            let [x, y, z] = dropped;
+            notes.push(format!(
+                "{}: {x}, {y}, {z} voxels at the ends of x, y, z fill no block and are dropped",
+                self.source
+            ));
+        }
+        Self { voxels, geometry, source: self.source.clone(), metadata: self.metadata.clone(), notes, ..*self }
+    }
+}
+
+/// One voxel for every block, chosen from its voxels (which may be reordered).
+fn reduce<T: Voxel>(
+    stored: &[T],
+    [nx, ny, _]: [usize; 3],
+    coarse: &Geometry,
+    [bx, by, bz]: [usize; 3],
+    choose: impl Fn(&mut [T]) -> Option<T> + Sync,
+) -> Voxels {
+    let [width, height, _] = coarse.dims;
+    let mut voxels = vec![T::zeroed(); coarse.voxels()];
+    voxels.par_chunks_mut(width).enumerate().for_each_init(
+        || Vec::with_capacity(bx * by * bz),
+        |values, (row, out)| {
+            let (y, z) = (row % height * by, row / height * bz);
+            for (x, voxel) in out.iter_mut().enumerate() {
+                values.clear();
+                for (dz, dy) in (0..bz).flat_map(|dz| (0..by).map(move |dy| (dz, dy))) {
+                    let start = x * bx + nx * (y + dy + ny * (z + dz));
+                    values.extend_from_slice(&stored[start..start + bx]);
+                }
+                // A block has at least one voxel.
+                *voxel = choose(values).unwrap_or(T::zeroed());
+            }
+        },
+    );
+    T::into_voxels(voxels)
+}
+
+/// The value that occurs most often, the smallest of several.
+fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
+    // Labels are numbers; a NaN has no place among them, and any will do.
+    values.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+    let runs = values.chunk_by(|a, b| a == b);
+    // `max_by_key` takes the last of equals: from the back, the smallest.
+    runs.rev().max_by_key(|run| run.len()).map(|run| run[0])
+}

@@ -1,0 +1,299 @@
+//! Voxels, kept in the type their file stores them in.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::VolumeError;
+
+/// The types a voxel can have, named as numpy names them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum VoxelType {
+    /// `uint8`
+    U8,
+    /// `int8`
+    I8,
+    /// `uint16`
+    U16,
+    /// `int16`
+    I16,
+    /// `uint32`
+    U32,
+    /// `int32`
+    I32,
+    /// `uint64`
+    U64,
+    /// `int64`
+    I64,
+    /// `float32`
+    F32,
+    /// `float64`
+    F64,
+}
+
+impl VoxelType {
+    /// numpy's name of the type, for example `uint16`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::U8 => "uint8",
+            Self::I8 => "int8",
+            Self::U16 => "uint16",
+            Self::I16 => "int16",
+            Self::U32 => "uint32",
+            Self::I32 => "int32",
+            Self::U64 => "uint64",
+            Self::I64 => "int64",
+            Self::F32 => "float32",
+            Self::F64 => "float64",
+        }
+    }
+
+    /// Bytes of one voxel.
+    #[must_use]
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+}
+
+impl fmt::Display for VoxelType {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(self.name())
+    }
+}
+
+impl FromStr for VoxelType {
+    type Err = VolumeError;
+
+    /// Reads numpy's names and C's (`uchar`, `short`, `unsigned short`, …) in any case; C's `long` is left out, because
+    /// its size depends on who wrote the file.
+    fn from_str(text: &str) -> Result<Self, VolumeError> {
+        Ok(match text.trim().to_ascii_lowercase().as_str() {
+            "uint8" | "u8" | "uchar" | "unsigned char" | "byte" => Self::U8,
+            "int8" | "i8" | "char" | "schar" | "signed char" => Self::I8,
+            "uint16" | "u16" | "ushort" | "unsigned short" => Self::U16,
+            "int16" | "i16" | "short" => Self::I16,
+            "uint32" | "u32" | "uint" | "unsigned int" => Self::U32,
+            "int32" | "i32" | "int" => Self::I32,
+            "uint64" | "u64" => Self::U64,
+            "int64" | "i64" => Self::I64,
+            "float32" | "f32" | "float" => Self::F32,
+            "float64" | "f64" | "double" => Self::F64,
+            _ => return Err(VolumeError::UnknownType { name: text.to_owned() }),
+        })
+    }
+}
+
+/// A type a voxel can have; code generic over it runs on the voxels as they are stored (see [`with_voxels`]).
+pub trait Voxel: bytemuck::Pod + PartialOrd + Send + Sync + fmt::Debug {
+    /// What the type is called.
+    const TYPE: VoxelType;
+
+    /// The value; of a 64-bit integer the nearest `f64`.
+    fn to_f64(self) -> f64;
+
+    /// The value of an integer type, exactly; `None` for the float types.
+    fn to_whole(self) -> Option<i128>;
+
+    /// The value with its bytes in the opposite order.
+    #[must_use]
+    fn with_bytes_swapped(self) -> Self;
+
+    /// The mean: of integers rounded half up, of floats that of the values that are not NaN (NaN if there are none).
+    /// `None` where there are no values at all.
+    fn mean(values: impl Iterator<Item = Self>) -> Option<Self>;
+
+    /// The number in `text`; `None` where it is none, or none of this type.
+    fn parse(text: &str) -> Option<Self>;
+
+    /// The vector as [`Voxels`].
+    fn into_voxels(vector: Vec<Self>) -> Voxels;
+}
+
+macro_rules! integer_voxel {
+    ($($type:ident $variant:ident),*) => {$(
+        impl Voxel for $type {
+            const TYPE: VoxelType = VoxelType::$variant;
+
+            #[allow(clippy::cast_lossless, clippy::cast_precision_loss, reason = "64 bits round, as documented")]
+            fn to_f64(self) -> f64 {
+                self as f64
+            }
+
+            fn to_whole(self) -> Option<i128> {
+                Some(i128::from(self))
+            }
+
+            fn with_bytes_swapped(self) -> Self {
+                self.swap_bytes()
+            }
+
+            fn mean(values: impl Iterator<Item = Self>) -> Option<Self> {
+                let (mut sum, mut count) = (0_i128, 0_i128);
+                for value in values {
+                    sum += i128::from(value);
+                    count += 1;
+                }
+                // ⌊sum / count + ½⌋ in integers.
+                if count == 0 { None } else { Self::try_from((2 * sum + count).div_euclid(2 * count)).ok() }
+            }
+
+            #[allow(clippy::cast_possible_truncation, reason = "checked to be whole and in range")]
+            #[allow(clippy::cast_precision_loss, clippy::cast_lossless, reason = "limits of 64 bits round up, and are excluded")]
+            #[allow(clippy::cast_sign_loss, clippy::float_cmp, reason = "whole numbers compare exactly")]
+            fn parse(text: &str) -> Option<Self> {
+                // MetaIO writes integers through a double: 1e+06.
+                text.parse().ok().or_else(|| {
+                    let number: f64 = text.parse().ok()?;
+                    let whole = number == number.trunc();
+                    (whole && number >= Self::MIN as f64 && number < Self::MAX as f64 + 1.0).then_some(number as Self)
+                })
+            }
+
+            fn into_voxels(vector: Vec<Self>) -> Voxels {
+                Voxels::$variant(vector)
+            }
+        }
+    )*};
+}
+
+macro_rules! float_voxel {
+    ($($type:ident $variant:ident),*) => {$(
+        impl Voxel for $type {
+            const TYPE: VoxelType = VoxelType::$variant;
+
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+
+            fn to_whole(self) -> Option<i128> {
+                None
+            }
+
+            fn with_bytes_swapped(self) -> Self {
+                Self::from_bits(self.to_bits().swap_bytes())
+            }
+
+            #[allow(clippy::cast_possible_truncation, trivial_numeric_casts, reason = "rounds to the stored type")]
+            fn mean(values: impl Iterator<Item = Self>) -> Option<Self> {
+                let (mut sum, mut count, mut any) = (0.0_f64, 0.0_f64, false);
+                for value in values {
+                    any = true;
+                    if !value.is_nan() {
+                        sum += f64::from(value);
+                        count += 1.0;
+                    }
+                }
+                any.then_some((sum / count) as Self)
+            }
+
+            fn parse(text: &str) -> Option<Self> {
+                text.parse().ok()
+            }
+
+            fn into_voxels(vector: Vec<Self>) -> Voxels {
+                Voxels::$variant(vector)
+            }
+        }
+    )*};
+}
+
+integer_voxel!(u8 U8, i8 I8, u16 U16, i16 I16, u32 U32, i32 I32, u64 U64, i64 I64);
+float_voxel!(f32 F32, f64 F64);
+
+/// The voxels of a volume, x fastest, in the type their file stores them in.
+#[derive(Clone, PartialEq)]
+pub enum Voxels {
+    /// `uint8`
+    U8(Vec<u8>),
+    /// `int8`
+    I8(Vec<i8>),
+    /// `uint16`
+    U16(Vec<u16>),
+    /// `int16`
+    I16(Vec<i16>),
+    /// `uint32`
+    U32(Vec<u32>),
+    /// `int32`
+    I32(Vec<i32>),
+    /// `uint64`
+    U64(Vec<u64>),
+    /// `int64`
+    I64(Vec<i64>),
+    /// `float32`
+    F32(Vec<f32>),
+    /// `float64`
+    F64(Vec<f64>),
+}
+
+/// Evaluates an expression with the vector inside a [`Voxels`] by its own type:
+/// `with_voxels!(&volume.voxels, stored => stored.len())`.
+macro_rules! with_voxels {
+    ($voxels:expr, $stored:ident => $body:expr) => {
+        match $voxels {
+            $crate::volume::Voxels::U8($stored) => $body,
+            $crate::volume::Voxels::I8($stored) => $body,
+            $crate::volume::Voxels::U16($stored) => $body,
+            $crate::volume::Voxels::I16($stored) => $body,
+            $crate::volume::Voxels::U32($stored) => $body,
+            $crate::volume::Voxels::I32($stored) => $body,
+            $crate::volume::Voxels::U64($stored) => $body,
+            $crate::volume::Voxels::I64($stored) => $body,
+            $crate::volume::Voxels::F32($stored) => $body,
+            $crate::volume::Voxels::F64($stored) => $body,
+        }
+    };
+}
+pub(crate) use with_voxels;
+
+impl Voxels {
+    /// How many voxels there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        with_voxels!(self, stored => stored.len())
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The type of every voxel.
+    #[must_use]
+    pub fn voxel_type(&self) -> VoxelType {
+        fn type_of<T: Voxel>(_: &[T]) -> VoxelType {
+            T::TYPE
+        }
+        with_voxels!(self, stored => type_of(stored))
+    }
+
+    /// numpy's name of the type of every voxel.
+    #[must_use]
+    pub fn type_name(&self) -> &'static str {
+        self.voxel_type().name()
+    }
+
+    /// Voxel `index` as stored, before slope and intercept; `None` past the end. 64-bit integers round to `f64`.
+    #[must_use]
+    pub fn value(&self, index: usize) -> Option<f64> {
+        with_voxels!(self, stored => stored.get(index).map(|&value| value.to_f64()))
+    }
+
+    /// The voxels as bytes in the order of this machine.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        with_voxels!(self, stored => bytemuck::cast_slice(stored))
+    }
+}
+
+impl fmt::Debug for Voxels {
+    /// Type and number; not the voxels, of which there are millions.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{} × {}", self.len(), self.type_name())
+    }
+}
