@@ -1,1 +1,261 @@
 //! WGSL to SPIR-V.
+//!
+//! A shader's text comes in parts (a common part, the stage itself), and its constants from Rust. WGSL lets a module
+//! name things before it declares them, so the generated constants go *behind* the text: a `enable` line stays first.
+
+use std::{error::Error as _, fmt::Write as _, ops::Range};
+
+use codespan_reporting::{
+    diagnostic::{Diagnostic, Label},
+    files::SimpleFiles,
+    term,
+};
+use naga::{
+    ArraySize, Module, ShaderStage, Span, TypeInner,
+    back::spv,
+    proc::Layouter,
+    valid::{Capabilities, ValidationFlags, Validator},
+};
+
+/// The function that a compute shader starts in.
+pub const ENTRY_POINT: &str = "main";
+
+/// The name under which an error message shows the generated constants.
+const CONSTANTS_NAME: &str = "generated constants";
+
+/// Why a shader could not be compiled.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ShaderError {
+    /// The text is not WGSL, or not valid WGSL. `excerpt` shows the place, with the file's own line numbers.
+    #[error("{excerpt}")]
+    Source {
+        /// What naga says, and the lines it points at.
+        excerpt: String,
+    },
+    /// A constant that WGSL cannot spell.
+    #[error("constant {name} is {value}, which WGSL cannot write; a shader constant is finite")]
+    Constant {
+        /// The constant's name.
+        name: String,
+        /// The value asked for.
+        value: f32,
+    },
+    /// The module is valid, but SPIR-V cannot be made of it (an entry point of another name, an `override`).
+    #[error("shader {name:?} has no SPIR-V")]
+    Write {
+        /// The name of the last part.
+        name: String,
+        /// What naga says.
+        source: spv::Error,
+    },
+    /// There is no such struct.
+    #[error("shader {shader:?} has no struct {name:?}")]
+    NoStruct {
+        /// The name of the last part.
+        shader: String,
+        /// The struct asked for.
+        name: String,
+    },
+    /// A struct holds a type that has no size (a handle, an array as long as its buffer).
+    #[error("struct {name:?} of shader {shader:?} has no fixed layout")]
+    NoLayout {
+        /// The name of the last part.
+        shader: String,
+        /// The struct asked for.
+        name: String,
+    },
+}
+
+/// The constants of a shader, written once, in Rust: one `const NAME: TYPE = VALUE;` each.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Constants {
+    text: String,
+    not_finite: Option<(String, f32)>,
+}
+
+impl Constants {
+    /// No constants.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a count, a size or an index.
+    #[must_use]
+    pub fn u32(self, name: &str, value: u32) -> Self {
+        self.line(name, "u32", format_args!("{value}u"))
+    }
+
+    /// Adds a number, in the shortest decimal form that reads back as `value`. A value that is not finite is an error
+    /// of [`compile`].
+    #[must_use]
+    pub fn f32(mut self, name: &str, value: f32) -> Self {
+        if !value.is_finite() {
+            self.not_finite.get_or_insert_with(|| (name.to_owned(), value));
+            return self;
+        }
+        self.line(name, "f32", format_args!("{value:?}f"))
+    }
+
+    /// Adds a switch.
+    #[must_use]
+    pub fn bool(self, name: &str, value: bool) -> Self {
+        self.line(name, "bool", format_args!("{value}"))
+    }
+
+    fn line(mut self, name: &str, of_type: &str, value: std::fmt::Arguments<'_>) -> Self {
+        // Writing into a String does not fail.
+        writeln!(self.text, "const {name}: {of_type} = {value};").ok();
+        self
+    }
+}
+
+/// SPIR-V 1.5 of the compute shader made of `parts` (a name for messages and a text, each) and `constants`.
+///
+/// The entry point is [`ENTRY_POINT`]. The same input gives the same words.
+///
+/// # Errors
+///
+/// [`ShaderError::Source`] with an excerpt for text that does not parse or is not valid, [`ShaderError::Constant`] for
+/// a constant that is not finite, [`ShaderError::Write`] when there is no entry point of that name.
+pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Vec<u32>, ShaderError> {
+    let text = Text::new(parts, constants)?;
+    let module = text.parse()?;
+    let info = Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES).validate(&module).map_err(|error| {
+        let labels = error.spans().map(|(span, label)| (*span, label.as_str()));
+        let mut notes = Vec::new();
+        let mut cause = error.as_inner().source();
+        while let Some(next) = cause {
+            notes.push(next.to_string());
+            cause = next.source();
+        }
+        text.error(&error.as_inner().to_string(), labels, notes)
+    })?;
+    let options = spv::Options {
+        lang_version: (1, 5),
+        flags: spv::WriterFlags::empty(),
+        // Loops are bounded by their own text, and a counter per loop costs registers.
+        force_loop_bounding: false,
+        ..spv::Options::default()
+    };
+    let entry = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: ENTRY_POINT.to_owned() };
+    spv::write_vec(&module, &info, &options, Some(&entry))
+        .map_err(|source| ShaderError::Write { name: text.name(), source })
+}
+
+/// Where a field of a shader's struct lies.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FieldLayout {
+    /// The field's name.
+    pub name: String,
+    /// Bytes before it.
+    pub offset: u32,
+    /// Bytes of it, without padding behind it.
+    pub size: u32,
+}
+
+/// How a shader lays out a struct.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StructLayout {
+    /// The fields, in order.
+    pub fields: Vec<FieldLayout>,
+    /// Bytes of the whole, with padding at the end.
+    pub size: u32,
+}
+
+/// The layout that a shader gives to its struct `name`, for tests that compare it with the host's copy.
+///
+/// `parts` and `constants` are as [`compile`] takes them.
+///
+/// # Errors
+///
+/// As [`compile`] for text that does not parse; [`ShaderError::NoStruct`], [`ShaderError::NoLayout`].
+pub fn struct_layout(parts: &[(&str, &str)], constants: &Constants, name: &str) -> Result<StructLayout, ShaderError> {
+    let text = Text::new(parts, constants)?;
+    let module = text.parse()?;
+    let no_layout = || ShaderError::NoLayout { shader: text.name(), name: name.to_owned() };
+    let (members, size) = module
+        .types
+        .iter()
+        .find_map(|(_, candidate)| match &candidate.inner {
+            TypeInner::Struct { members, span } if candidate.name.as_deref() == Some(name) => Some((members, *span)),
+            _ => None,
+        })
+        .ok_or_else(|| ShaderError::NoStruct { shader: text.name(), name: name.to_owned() })?;
+    let mut layouter = Layouter::default();
+    layouter.update(module.to_ctx()).map_err(|_| no_layout())?;
+    let fields = members
+        .iter()
+        .map(|member| {
+            if matches!(module.types[member.ty].inner, TypeInner::Array { size: ArraySize::Dynamic, .. }) {
+                return Err(no_layout());
+            }
+            let size = layouter[member.ty].size;
+            Ok(FieldLayout { name: member.name.clone().unwrap_or_default(), offset: member.offset, size })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(StructLayout { fields, size })
+}
+
+/// The parts of a shader as one text, and the way back from a place in it to the part.
+struct Text<'a> {
+    whole: String,
+    /// Name, text and place in `whole` of each part; the constants are the last.
+    parts: Vec<(&'a str, &'a str, Range<usize>)>,
+}
+
+impl<'a> Text<'a> {
+    fn new(parts: &[(&'a str, &'a str)], constants: &'a Constants) -> Result<Self, ShaderError> {
+        if let Some((name, value)) = &constants.not_finite {
+            return Err(ShaderError::Constant { name: name.clone(), value: *value });
+        }
+        let mut text = Self { whole: String::new(), parts: Vec::new() };
+        for &(name, part) in parts.iter().chain([&(CONSTANTS_NAME, constants.text.as_str())]) {
+            let start = text.whole.len();
+            text.whole.push_str(part);
+            text.parts.push((name, part, start..text.whole.len()));
+            text.whole.push('\n');
+        }
+        Ok(text)
+    }
+
+    /// The name of the last part before the constants.
+    fn name(&self) -> String {
+        self.parts.iter().rev().nth(1).map_or("", |(name, ..)| name).to_owned()
+    }
+
+    fn parse(&self) -> Result<Module, ShaderError> {
+        naga::front::wgsl::parse_str(&self.whole).map_err(|error| {
+            let notes = error.notes().map(|note| format!("note: {note}")).collect();
+            self.error(error.message(), error.labels(), notes)
+        })
+    }
+
+    /// The error `message` with the lines of the parts that `labels` point at.
+    fn error<'l>(
+        &self,
+        message: &str,
+        labels: impl Iterator<Item = (Span, &'l str)>,
+        notes: Vec<String>,
+    ) -> ShaderError {
+        let mut files = SimpleFiles::new();
+        for (name, part, _) in &self.parts {
+            files.add(*name, *part);
+        }
+        let labels = labels
+            .filter_map(|(span, label)| {
+                let span = span.to_range()?;
+                let part = self.parts.iter().position(|(.., place)| span.start <= place.end)?;
+                let place = &self.parts[part].2;
+                // The end of the text is one past the last part's end.
+                let within = span.start - place.start..span.end.min(place.end) - place.start;
+                Some(Label::primary(part, within).with_message(label))
+            })
+            .collect();
+        let diagnostic = Diagnostic::error().with_message(message).with_labels(labels).with_notes(notes);
+        let excerpt = term::emit_into_string(&term::Config::default(), &files, &diagnostic)
+            .unwrap_or_else(|_| message.to_owned());
+        ShaderError::Source { excerpt: excerpt.trim_end().to_owned() }
+    }
+}

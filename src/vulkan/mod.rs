@@ -1,1 +1,36 @@
 //! Owned Vulkan handles.
+//!
+//! A [`Device`] is opened once and shared. Everything made from it has one owner, a name that error messages and
+//! validation messages use, and keeps the device alive; dropping it gives it back. What a [`Submission`] reads or
+//! writes lives until that submission is done.
+
+mod buffer;
+mod commands;
+mod device;
+mod error;
+mod format;
+mod handle;
+mod image;
+mod info;
+mod instance;
+mod limits;
+mod memory;
+mod pipeline;
+
+pub use buffer::{Buffer, HostUse};
+pub use commands::{Recorder, Submission};
+pub use device::Device;
+pub use error::VulkanError;
+pub use format::Format;
+pub use image::{Filter, Image3d, Sampler, StorageImage};
+pub use info::{DeviceChoice, DeviceInfo, DeviceKind, devices};
+pub use instance::Validation;
+pub use limits::Limits;
+pub use pipeline::{BindingKind, ComputePipeline, Resource, ResourceSet};
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What `mutex` guards. A panic elsewhere does not matter: none of the guarded values is ever half changed.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

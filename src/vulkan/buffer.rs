@@ -1,0 +1,208 @@
+//! Buffers.
+
+use std::sync::{Arc, Mutex};
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+
+use super::{Device, VulkanError, error::check_limit, handle::Owned, lock, memory::Memory};
+
+/// What a buffer that the host sees is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HostUse {
+    /// The host writes, copies read.
+    Upload,
+    /// Copies write, the host reads.
+    ReadBack,
+    /// The host writes, shaders read it as a uniform.
+    Uniform,
+    /// The host writes, shaders read and write, copies too. Reading it on the host may be slow.
+    Storage,
+}
+
+/// Bytes that shaders and copies use. Clones are the same buffer.
+#[derive(Clone, Debug)]
+pub struct Buffer(Arc<Inner>);
+
+#[derive(Debug)]
+struct Inner {
+    name: String,
+    bytes: u64,
+    usage: vk::BufferUsageFlags,
+    seen_by_host: bool,
+    /// How many submissions that have not ended use it.
+    users: Mutex<u32>,
+    // Before its memory, which it must not outlive.
+    handle: Owned<vk::Buffer>,
+    memory: Memory,
+}
+
+impl Buffer {
+    /// A buffer of `bytes` that the host sees. Its content is undefined.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::TooLarge`] over the device's limit for that use, [`VulkanError::OutOfMemory`],
+    /// [`VulkanError::Misuse`] for no bytes.
+    pub fn host(device: &Device, name: &str, bytes: u64, host_use: HostUse) -> Result<Self, VulkanError> {
+        let copied = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
+        let (usage, location) = match host_use {
+            // Cached memory of the host: what the host and the device both see without a copy is scarce.
+            HostUse::Upload => (vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::GpuToCpu),
+            HostUse::ReadBack => (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu),
+            HostUse::Uniform => (vk::BufferUsageFlags::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
+            HostUse::Storage => (vk::BufferUsageFlags::STORAGE_BUFFER | copied, MemoryLocation::CpuToGpu),
+        };
+        Self::new(device, name, bytes, usage, location)
+    }
+
+    /// A storage buffer of `bytes` that only the device sees, filled by copies and shaders. Its content is undefined.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::host`].
+    pub fn device(device: &Device, name: &str, bytes: u64) -> Result<Self, VulkanError> {
+        let usage = vk::BufferUsageFlags::STORAGE_BUFFER
+            | vk::BufferUsageFlags::TRANSFER_SRC
+            | vk::BufferUsageFlags::TRANSFER_DST;
+        Self::new(device, name, bytes, usage, MemoryLocation::GpuOnly)
+    }
+
+    fn new(
+        device: &Device,
+        name: &str,
+        bytes: u64,
+        usage: vk::BufferUsageFlags,
+        location: MemoryLocation,
+    ) -> Result<Self, VulkanError> {
+        let limits = device.limits();
+        if bytes == 0 {
+            return Err(VulkanError::misuse(name, "a buffer has at least one byte"));
+        }
+        check_limit(name, "its size in bytes", bytes, limits.max_allocation_bytes)?;
+        if usage.contains(vk::BufferUsageFlags::STORAGE_BUFFER) {
+            check_limit(name, "its size as a storage buffer in bytes", bytes, limits.max_storage_buffer_bytes)?;
+        }
+        if usage.contains(vk::BufferUsageFlags::UNIFORM_BUFFER) {
+            check_limit(name, "its size as a uniform buffer in bytes", bytes, limits.max_uniform_buffer_bytes)?;
+        }
+        let raw = device.raw();
+        let info = vk::BufferCreateInfo::default().size(bytes).usage(usage).sharing_mode(vk::SharingMode::EXCLUSIVE);
+        // SAFETY: `info` is complete, its size is neither zero nor over the limits checked above.
+        let made = unsafe { raw.functions.create_buffer(&info, None) };
+        let handle = Owned::new(raw, name, "vkCreateBuffer", made, ash::Device::destroy_buffer)?;
+        // SAFETY: the buffer was made on this device just now.
+        let requirements = unsafe { raw.functions.get_buffer_memory_requirements(handle.raw()) };
+        let memory = Memory::new(device, name, requirements, location, true)?;
+        let (block, offset) = memory.place();
+        // SAFETY: the memory was allocated for this buffer's requirements, is bound to nothing else, and, as the
+        // fields of `Inner` are ordered, outlives the buffer.
+        let bound = unsafe { raw.functions.bind_buffer_memory(handle.raw(), block, offset) };
+        bound.map_err(VulkanError::call("vkBindBufferMemory", name))?;
+        let seen_by_host = location != MemoryLocation::GpuOnly;
+        let (name, users) = (name.to_owned(), Mutex::new(0));
+        Ok(Self(Arc::new(Inner { name, bytes, usage, seen_by_host, users, handle, memory })))
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Its size.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.0.bytes
+    }
+
+    /// Writes `data` from byte `offset` on. Submissions made afterwards see it.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] past the end or where the host does not see the buffer; [`VulkanError::InUse`] while a
+    /// submission that uses the buffer has not ended.
+    pub fn write(&self, offset: u64, data: &[u8]) -> Result<(), VulkanError> {
+        let _idle = self.idle()?;
+        let place = self.host_place(offset, data.len())?;
+        // SAFETY: `host_place` has checked that `data.len()` bytes from `place` on are this buffer's own mapped
+        // memory; `_idle` keeps submissions and other writers away; `data` is host memory of another object.
+        unsafe { std::ptr::copy_nonoverlapping(data.as_ptr(), place, data.len()) };
+        Ok(())
+    }
+
+    /// Reads `data.len()` bytes from byte `offset` on.
+    ///
+    /// What the device wrote is there once the submission has ended, if it ended with
+    /// [`super::Recorder::transfer_to_host`] or [`super::Recorder::compute_to_host`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::write`].
+    pub fn read(&self, offset: u64, data: &mut [u8]) -> Result<(), VulkanError> {
+        let _idle = self.idle()?;
+        let place = self.host_place(offset, data.len())?;
+        // SAFETY: as in `write`; `data` is borrowed exclusively. A buffer never written holds arbitrary bytes, which
+        // mapped memory, unlike Rust's own, always has values for.
+        unsafe { std::ptr::copy_nonoverlapping(place, data.as_mut_ptr(), data.len()) };
+        Ok(())
+    }
+
+    /// Keeps submissions from starting, where none is under way.
+    fn idle(&self) -> Result<impl Drop + '_, VulkanError> {
+        let users = lock(&self.0.users);
+        if *users > 0 {
+            return Err(VulkanError::InUse { object: self.0.name.clone() });
+        }
+        Ok(users)
+    }
+
+    /// Where the host sees `bytes` bytes from `offset` on.
+    fn host_place(&self, offset: u64, bytes: usize) -> Result<*mut u8, VulkanError> {
+        self.check_range(offset, bytes as u64)?;
+        let start = self.0.memory.host().filter(|_| self.0.seen_by_host);
+        let start = start.ok_or_else(|| VulkanError::misuse(&self.0.name, "the host does not see this buffer"))?;
+        let offset =
+            usize::try_from(offset).map_err(|_| VulkanError::misuse(&self.0.name, "past the address space"))?;
+        Ok(start.wrapping_add(offset))
+    }
+
+    /// Refuses bytes past the end.
+    pub(super) fn check_range(&self, offset: u64, bytes: u64) -> Result<(), VulkanError> {
+        if offset.checked_add(bytes).is_none_or(|end| end > self.0.bytes) {
+            let mistake = format!("{bytes} bytes at {offset} reach past its {} bytes", self.0.bytes);
+            return Err(VulkanError::misuse(&self.0.name, mistake));
+        }
+        Ok(())
+    }
+
+    /// Refuses a use on `device` that the buffer was not made for.
+    pub(super) fn check_use(
+        &self,
+        device: &Device,
+        usage: vk::BufferUsageFlags,
+        what: &str,
+    ) -> Result<(), VulkanError> {
+        if !self.0.handle.is_on(device.raw()) {
+            return Err(VulkanError::misuse(&self.0.name, "it belongs to another device"));
+        }
+        if !self.0.usage.contains(usage) {
+            return Err(VulkanError::misuse(&self.0.name, format!("it was not made to be {what}")));
+        }
+        Ok(())
+    }
+
+    pub(super) fn raw(&self) -> vk::Buffer {
+        self.0.handle.raw()
+    }
+
+    /// One more submission uses it.
+    pub(super) fn begin_use(&self) {
+        *lock(&self.0.users) += 1;
+    }
+
+    /// One of them has ended.
+    pub(super) fn end_use(&self) {
+        *lock(&self.0.users) -= 1;
+    }
+}

@@ -1,0 +1,582 @@
+//! Recording commands, submitting them, waiting for them.
+
+use std::{ops::Range, sync::Arc, time::Duration};
+
+use ash::vk;
+
+use super::{
+    Buffer, ComputePipeline, Device, Image3d, ResourceSet, StorageImage, VulkanError, error::check_limit,
+    handle::Owned, image, lock,
+};
+
+/// The most timestamps of one submission.
+const MAX_TIMESTAMPS: u32 = 16;
+
+/// A command buffer and what one submission of it needs. Used again and again.
+#[derive(Debug)]
+pub(super) struct CommandSlot {
+    /// Owned by `pool`.
+    commands: vk::CommandBuffer,
+    pool: Owned<vk::CommandPool>,
+    fence: Owned<vk::Fence>,
+    timestamps: Owned<vk::QueryPool>,
+}
+
+impl CommandSlot {
+    fn new(device: &Device) -> Result<Self, VulkanError> {
+        let raw = device.raw();
+        let name = "commands";
+        let info = vk::CommandPoolCreateInfo::default()
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+            .queue_family_index(device.queue_family());
+        // SAFETY: the family is the one that the device was opened with.
+        let made = unsafe { raw.functions.create_command_pool(&info, None) };
+        let pool = Owned::new(raw, name, "vkCreateCommandPool", made, ash::Device::destroy_command_pool)?;
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool.raw()).command_buffer_count(1);
+        // SAFETY: the pool is new, and nobody else uses it.
+        let made = unsafe { raw.functions.allocate_command_buffers(&info) };
+        let commands = made
+            .and_then(|buffers| buffers.first().copied().ok_or(vk::Result::ERROR_UNKNOWN))
+            .map_err(VulkanError::call("vkAllocateCommandBuffers", name))?;
+        raw.set_name(commands, name);
+        // SAFETY: the description asks for nothing special.
+        let made = unsafe { raw.functions.create_fence(&vk::FenceCreateInfo::default(), None) };
+        let fence = Owned::new(raw, name, "vkCreateFence", made, ash::Device::destroy_fence)?;
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMESTAMPS);
+        // SAFETY: the number of queries is not zero.
+        let made = unsafe { raw.functions.create_query_pool(&info, None) };
+        let timestamps = Owned::new(raw, name, "vkCreateQueryPool", made, ash::Device::destroy_query_pool)?;
+        Ok(Self { commands, pool, fence, timestamps })
+    }
+}
+
+/// A command slot on loan; it goes back to the device when the lease ends, which is not before the device is done.
+#[derive(Debug)]
+struct Lease {
+    slot: Arc<CommandSlot>,
+    device: Device,
+}
+
+impl Lease {
+    fn take(device: &Device, name: &str) -> Result<Self, VulkanError> {
+        let idle = lock(device.idle()).pop();
+        let slot = match idle {
+            Some(slot) => slot,
+            None => Arc::new(CommandSlot::new(device)?),
+        };
+        let lease = Self { slot, device: device.clone() };
+        let functions = &device.raw().functions;
+        // SAFETY: a slot among the idle ones is used by no submission, and only this lease has it now.
+        let reset = unsafe { functions.reset_command_pool(lease.slot.pool.raw(), vk::CommandPoolResetFlags::empty()) };
+        reset.map_err(VulkanError::call("vkResetCommandPool", name))?;
+        // SAFETY: as above.
+        let reset = unsafe { functions.reset_fences(&[lease.slot.fence.raw()]) };
+        reset.map_err(VulkanError::call("vkResetFences", name))?;
+        Ok(lease)
+    }
+}
+
+impl Drop for Lease {
+    fn drop(&mut self) {
+        lock(self.device.idle()).push(Arc::clone(&self.slot));
+    }
+}
+
+/// What a submission uses, kept until it has ended.
+#[derive(Default)]
+struct Used {
+    buffers: Vec<Buffer>,
+    others: Vec<Arc<dyn Send + Sync>>,
+}
+
+impl std::fmt::Debug for Used {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Used").field("buffers", &self.buffers).finish_non_exhaustive()
+    }
+}
+
+/// A list of commands in the making.
+///
+/// Commands may overlap in time, within a submission and from one to the next: between two of which one writes what
+/// the other uses belongs the barrier that is named for them. Waiting for a submission is no substitute, but for the
+/// host. Uploads need none: they bring their own.
+#[derive(Debug)]
+pub struct Recorder {
+    name: String,
+    used: Used,
+    timestamps: u32,
+    lease: Lease,
+}
+
+impl Recorder {
+    /// Begins a list of commands; `name` is for error messages.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] when the device has no room.
+    pub fn begin(device: &Device, name: &str) -> Result<Self, VulkanError> {
+        let lease = Lease::take(device, name)?;
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the lease has just reset the command buffer, and only this recorder has it.
+        let begun = unsafe { device.raw().functions.begin_command_buffer(lease.slot.commands, &info) };
+        begun.map_err(VulkanError::call("vkBeginCommandBuffer", name))?;
+        Ok(Self { name: name.to_owned(), used: Used::default(), timestamps: 0, lease })
+    }
+
+    /// Copies slices `z` of `image` from `buffer`, which has them from byte `offset` on: x fastest, without gaps.
+    ///
+    /// Ordered against dispatches and uploads before and after it that use the image.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for slices that the image does not have, bytes that the buffer does not have, or an
+    /// offset that is no multiple of 4 and of a texel.
+    pub fn upload(&mut self, image: &Image3d, z: Range<u32>, buffer: &Buffer, offset: u64) -> Result<(), VulkanError> {
+        let [width, height, depth] = image.extent();
+        if z.is_empty() || z.end > depth {
+            let mistake = format!("slices {}..{} are not among its {depth}", z.start, z.end);
+            return Err(VulkanError::misuse(image.name(), mistake));
+        }
+        let slices = z.end - z.start;
+        let texel = u64::from(image.format().texel_bytes());
+        let bytes = u64::from(width) * u64::from(height) * u64::from(slices) * texel;
+        image.check_device(self.device())?;
+        check_source(self.device(), buffer)?;
+        check_copy(buffer, offset, bytes, texel)?;
+        let raw = image.raw();
+        self.image_barrier(
+            raw,
+            (image::SAMPLED_LAYOUT, COMPUTE_READS_TEXTURE),
+            (vk::ImageLayout::TRANSFER_DST_OPTIMAL, TRANSFER_WRITES),
+        );
+        let region = vk::BufferImageCopy::default()
+            .buffer_offset(offset)
+            .image_subresource(one_layer(0))
+            .image_offset(vk::Offset3D::default().z(z.start.cast_signed()))
+            .image_extent(vk::Extent3D { width, height, depth: slices });
+        // SAFETY: recording; the region was checked to lie in both the image and the buffer, both are kept until the
+        // submission ends, and the barrier before has brought the image into this layout.
+        unsafe {
+            self.functions().cmd_copy_buffer_to_image(
+                self.commands(),
+                buffer.raw(),
+                raw,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &[region],
+            );
+        };
+        self.image_barrier(
+            raw,
+            (vk::ImageLayout::TRANSFER_DST_OPTIMAL, TRANSFER_WRITES),
+            (image::SAMPLED_LAYOUT, COMPUTE_READS_TEXTURE),
+        );
+        self.used.buffers.push(buffer.clone());
+        self.used.others.push(Arc::new(image.clone()));
+        Ok(())
+    }
+
+    /// Runs `groups` workgroups of `pipeline` on the resources of `set`.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] when the set or the push constants are not what the pipeline expects,
+    /// [`VulkanError::TooLarge`] for more workgroups than the device allows.
+    pub fn dispatch(
+        &mut self,
+        pipeline: &ComputePipeline,
+        set: &ResourceSet,
+        push_constants: &[u8],
+        groups: [u32; 3],
+    ) -> Result<(), VulkanError> {
+        pipeline.check_dispatch(self.device(), set, push_constants)?;
+        for (asked, limit) in groups.into_iter().zip(self.device().limits().max_groups) {
+            check_limit(pipeline.name(), "its number of workgroups along an axis", asked.into(), limit.into())?;
+        }
+        let (functions, commands) = (self.functions(), self.commands());
+        let point = vk::PipelineBindPoint::COMPUTE;
+        // SAFETY: recording; the pipeline is kept until the submission ends.
+        unsafe { functions.cmd_bind_pipeline(commands, point, pipeline.raw()) };
+        // SAFETY: recording; the set was made for the same list of bindings, and is kept with all that is in it.
+        unsafe { functions.cmd_bind_descriptor_sets(commands, point, pipeline.layout(), 0, &[set.raw()], &[]) };
+        if !push_constants.is_empty() {
+            let stage = vk::ShaderStageFlags::COMPUTE;
+            // SAFETY: recording; the bytes are copied, and there are just as many as the layout has.
+            unsafe { functions.cmd_push_constants(commands, pipeline.layout(), stage, 0, push_constants) };
+        }
+        let [x, y, z] = groups;
+        // SAFETY: recording; all that the shader uses is bound, the groups are within limits, buffers are bounded by
+        // robustBufferAccess, and images ignore writes outside.
+        unsafe { functions.cmd_dispatch(commands, x, y, z) };
+        self.used.buffers.extend_from_slice(set.buffers());
+        self.used.others.push(pipeline.keep());
+        self.used.others.push(set.keep());
+        Ok(())
+    }
+
+    /// Sets every texel of every layer to `value`.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for an image of integers.
+    pub fn clear(&mut self, image: &StorageImage, value: [f32; 4]) -> Result<(), VulkanError> {
+        image.check_device(self.device())?;
+        if image.format().is_uint() {
+            return Err(VulkanError::misuse(image.name(), "an image of integers cannot be cleared to a number"));
+        }
+        let value = vk::ClearColorValue { float32: value };
+        let range = [image::all_layers()];
+        // SAFETY: recording; the image is always in this layout, was made to be copied to, and is kept.
+        unsafe {
+            self.functions().cmd_clear_color_image(self.commands(), image.raw(), image::STORAGE_LAYOUT, &value, &range);
+        };
+        self.used.others.push(Arc::new(image.clone()));
+        Ok(())
+    }
+
+    /// Copies `bytes` bytes from one buffer to another.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for bytes that a buffer does not have, or a copy within one buffer.
+    pub fn copy(
+        &mut self,
+        from: &Buffer,
+        from_offset: u64,
+        to: &Buffer,
+        to_offset: u64,
+        bytes: u64,
+    ) -> Result<(), VulkanError> {
+        check_source(self.device(), from)?;
+        check_target(self.device(), to)?;
+        from.check_range(from_offset, bytes)?;
+        to.check_range(to_offset, bytes)?;
+        if bytes == 0 {
+            return Ok(());
+        }
+        if from.raw() == to.raw() {
+            return Err(VulkanError::misuse(from.name(), "a buffer is not copied into itself"));
+        }
+        let region = vk::BufferCopy { src_offset: from_offset, dst_offset: to_offset, size: bytes };
+        // SAFETY: recording; the region was checked to lie in both buffers, which do not overlap and are kept.
+        unsafe { self.functions().cmd_copy_buffer(self.commands(), from.raw(), to.raw(), &[region]) };
+        self.used.buffers.extend([from.clone(), to.clone()]);
+        Ok(())
+    }
+
+    /// Copies `layer` of `image` to `buffer`, from byte `offset` on: rows from the top, without gaps.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] for a layer that the image does not have, bytes that the buffer does not have, or an
+    /// offset that is no multiple of 4 and of a texel.
+    pub fn read_back(
+        &mut self,
+        image: &StorageImage,
+        layer: u32,
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
+        if layer >= image.layers() {
+            let mistake = format!("layer {layer} is not among its {}", image.layers());
+            return Err(VulkanError::misuse(image.name(), mistake));
+        }
+        image.check_device(self.device())?;
+        check_target(self.device(), buffer)?;
+        check_copy(buffer, offset, image.layer_bytes(), image.format().texel_bytes().into())?;
+        let [width, height] = image.extent();
+        let region = vk::BufferImageCopy::default()
+            .buffer_offset(offset)
+            .image_subresource(one_layer(layer))
+            .image_extent(vk::Extent3D { width, height, depth: 1 });
+        // SAFETY: recording; the region was checked to lie in both the image and the buffer, both are kept until the
+        // submission ends, and the image is always in this layout.
+        unsafe {
+            self.functions().cmd_copy_image_to_buffer(
+                self.commands(),
+                image.raw(),
+                image::STORAGE_LAYOUT,
+                buffer.raw(),
+                &[region],
+            );
+        };
+        self.used.buffers.push(buffer.clone());
+        self.used.others.push(Arc::new(image.clone()));
+        Ok(())
+    }
+
+    /// Notes the time at which everything recorded before has ended; see [`Submission::timestamps`].
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::TooLarge`] past the sixteenth of a submission.
+    pub fn timestamp(&mut self) -> Result<(), VulkanError> {
+        check_limit(&self.name, "its number of timestamps", (self.timestamps + 1).into(), MAX_TIMESTAMPS.into())?;
+        if self.device().limits().timestamp_valid_bits == 0 {
+            return Ok(());
+        }
+        let (functions, commands, pool) = (self.functions(), self.commands(), self.lease.slot.timestamps.raw());
+        if self.timestamps == 0 {
+            // SAFETY: recording; the pool belongs to this lease and has that many queries.
+            unsafe { functions.cmd_reset_query_pool(commands, pool, 0, MAX_TIMESTAMPS) };
+        }
+        let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
+        // SAFETY: recording; the query was reset above, is used once, and the queue has timestamps.
+        unsafe { functions.cmd_write_timestamp(commands, stage, pool, self.timestamps) };
+        self.timestamps += 1;
+        Ok(())
+    }
+
+    /// Dispatches before it have written what dispatches after it read or write.
+    pub fn compute_to_compute(&mut self) {
+        self.barrier(COMPUTE_WRITES, COMPUTE_USES);
+    }
+
+    /// Dispatches before it have written what copies and clears after it read or write.
+    pub fn compute_to_transfer(&mut self) {
+        self.barrier(COMPUTE_WRITES, TRANSFER_USES);
+    }
+
+    /// Copies and clears before it have written what dispatches after it read or write.
+    pub fn transfer_to_compute(&mut self) {
+        self.barrier(TRANSFER_WRITES, COMPUTE_USES);
+    }
+
+    /// Copies and clears before it have written what copies and clears after it read or write.
+    pub fn transfer_to_transfer(&mut self) {
+        self.barrier(TRANSFER_WRITES, TRANSFER_USES);
+    }
+
+    /// Dispatches before it have written what the host reads after the submission.
+    pub fn compute_to_host(&mut self) {
+        self.barrier(COMPUTE_WRITES, HOST_READS);
+    }
+
+    /// Copies before it have written what the host reads after the submission.
+    pub fn transfer_to_host(&mut self) {
+        self.barrier(TRANSFER_WRITES, HOST_READS);
+    }
+
+    /// Hands the commands to the device.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] when the device has no room.
+    pub fn submit(self) -> Result<Submission, VulkanError> {
+        let Self { name, used, timestamps, lease } = self;
+        let functions = &lease.device.raw().functions;
+        let commands = [lease.slot.commands];
+        // SAFETY: the command buffer is being recorded, and only `self` had it.
+        let ended = unsafe { functions.end_command_buffer(lease.slot.commands) };
+        ended.map_err(VulkanError::call("vkEndCommandBuffer", &name))?;
+        let info = [vk::SubmitInfo::default().command_buffers(&commands)];
+        for buffer in &used.buffers {
+            buffer.begin_use();
+        }
+        // From here on dropping means waiting.
+        let mut submission = Submission { name, used, timestamps, ended: false, lease };
+        let lease = &submission.lease;
+        let queue = lock(lease.device.queue());
+        // SAFETY: the lock keeps other threads off the queue; the fence was reset with the lease; the submission
+        // keeps all that the commands use until the fence has signalled.
+        let submitted = unsafe { lease.device.raw().functions.queue_submit(*queue, &info, lease.slot.fence.raw()) };
+        drop(queue);
+        if let Err(source) = submitted {
+            // Nothing was submitted, so there is nothing to wait for.
+            submission.end();
+            return Err(VulkanError::call("vkQueueSubmit", &submission.name)(source));
+        }
+        Ok(submission)
+    }
+
+    /// Brings a new image into the layout that it stays in.
+    pub(super) fn set_first_layout(&mut self, image: vk::Image, layout: vk::ImageLayout) {
+        let any = (vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER, ALL_ACCESS);
+        let none = (vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE);
+        self.image_barrier(image, (vk::ImageLayout::UNDEFINED, none), (layout, any));
+    }
+
+    fn barrier(&mut self, before: Scope, after: Scope) {
+        let barrier = [vk::MemoryBarrier2::default()
+            .src_stage_mask(before.0)
+            .src_access_mask(before.1)
+            .dst_stage_mask(after.0)
+            .dst_access_mask(after.1)];
+        self.record_barrier(&vk::DependencyInfo::default().memory_barriers(&barrier));
+    }
+
+    fn image_barrier(&mut self, image: vk::Image, before: (vk::ImageLayout, Scope), after: (vk::ImageLayout, Scope)) {
+        let barrier = [vk::ImageMemoryBarrier2::default()
+            .image(image)
+            .subresource_range(image::all_layers())
+            .old_layout(before.0)
+            .src_stage_mask(before.1.0)
+            .src_access_mask(before.1.1)
+            .new_layout(after.0)
+            .dst_stage_mask(after.1.0)
+            .dst_access_mask(after.1.1)
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)];
+        self.record_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barrier));
+    }
+
+    fn record_barrier(&mut self, dependency: &vk::DependencyInfo<'_>) {
+        // SAFETY: recording; the dependency borrows arrays that outlive the call, its image (if any) is kept, and the
+        // function belongs to this device, which has synchronization2 enabled.
+        unsafe { (self.device().raw().pipeline_barrier2)(self.commands(), dependency) };
+    }
+
+    fn device(&self) -> &Device {
+        &self.lease.device
+    }
+
+    fn functions(&self) -> &ash::Device {
+        &self.lease.device.raw().functions
+    }
+
+    fn commands(&self) -> vk::CommandBuffer {
+        self.lease.slot.commands
+    }
+}
+
+/// Commands that the device has, or has carried out. Dropping it waits for them.
+#[derive(Debug)]
+pub struct Submission {
+    name: String,
+    used: Used,
+    timestamps: u32,
+    ended: bool,
+    lease: Lease,
+}
+
+impl Submission {
+    /// Waits until the commands have ended, but no longer than `timeout`; says whether they have.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::DeviceLost`].
+    pub fn wait(&mut self, timeout: Duration) -> Result<bool, VulkanError> {
+        if self.ended {
+            return Ok(true);
+        }
+        let nanoseconds = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
+        let fence = [self.lease.slot.fence.raw()];
+        // SAFETY: the fence was given to the submission, and only this lease resets it.
+        let waited = unsafe { self.lease.device.raw().functions.wait_for_fences(&fence, true, nanoseconds) };
+        match waited {
+            Ok(()) => {
+                self.end();
+                Ok(true)
+            }
+            Err(vk::Result::TIMEOUT) => Ok(false),
+            Err(source) => Err(VulkanError::call("vkWaitForFences", &self.name)(source)),
+        }
+    }
+
+    /// Waits until the commands have ended, however long that takes.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::DeviceLost`].
+    pub fn finish(mut self) -> Result<(), VulkanError> {
+        while !self.wait(Duration::MAX)? {}
+        Ok(())
+    }
+
+    /// The times noted by [`Recorder::timestamp`], counted from the first of them; none where the device has no clock.
+    ///
+    /// On a software device they are wall times.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::Misuse`] before the commands have ended.
+    pub fn timestamps(&self) -> Result<Vec<Duration>, VulkanError> {
+        if !self.ended {
+            return Err(VulkanError::misuse(&self.name, "it has not ended, so its timestamps are not known"));
+        }
+        let mut ticks = vec![0_u64; self.timestamps as usize];
+        let Some(&first) = ticks.first() else { return Ok(Vec::new()) };
+        let pool = self.lease.slot.timestamps.raw();
+        let functions = &self.lease.device.raw().functions;
+        // SAFETY: the pool has at least that many queries, all of them written by the commands that have ended.
+        let read = unsafe { functions.get_query_pool_results(pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) };
+        read.map_err(VulkanError::call("vkGetQueryPoolResults", &self.name))?;
+        let limits = self.lease.device.limits();
+        let mask = u64::MAX >> (u64::BITS - limits.timestamp_valid_bits.min(u64::BITS));
+        let first = ticks.first().copied().unwrap_or(first);
+        Ok(ticks.iter().map(|tick| duration(tick.wrapping_sub(first) & mask, limits.timestamp_period_ns)).collect())
+    }
+
+    /// Lets go of what the commands used.
+    fn end(&mut self) {
+        self.ended = true;
+        let used = std::mem::take(&mut self.used);
+        for buffer in &used.buffers {
+            buffer.end_use();
+        }
+    }
+}
+
+impl Drop for Submission {
+    fn drop(&mut self) {
+        while !self.ended {
+            if self.wait(Duration::MAX).is_err() {
+                // SAFETY: waiting for everything needs no more than the device. Where this fails too the device is
+                // lost, and a lost device uses nothing any more.
+                let idle = unsafe { self.lease.device.raw().functions.device_wait_idle() };
+                idle.ok();
+                self.end();
+            }
+        }
+    }
+}
+
+/// Stages, and what they do to memory.
+type Scope = (vk::PipelineStageFlags2, vk::AccessFlags2);
+
+const COMPUTE_WRITES: Scope = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
+const COMPUTE_READS_TEXTURE: Scope = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_SAMPLED_READ);
+const COMPUTE_USES: Scope = (
+    vk::PipelineStageFlags2::COMPUTE_SHADER,
+    vk::AccessFlags2::from_raw(
+        vk::AccessFlags2::SHADER_STORAGE_READ.as_raw()
+            | vk::AccessFlags2::SHADER_STORAGE_WRITE.as_raw()
+            | vk::AccessFlags2::UNIFORM_READ.as_raw(),
+    ),
+);
+const TRANSFER_WRITES: Scope = (vk::PipelineStageFlags2::ALL_TRANSFER, vk::AccessFlags2::TRANSFER_WRITE);
+const TRANSFER_USES: Scope = (
+    vk::PipelineStageFlags2::ALL_TRANSFER,
+    vk::AccessFlags2::from_raw(vk::AccessFlags2::TRANSFER_READ.as_raw() | vk::AccessFlags2::TRANSFER_WRITE.as_raw()),
+);
+const HOST_READS: Scope = (vk::PipelineStageFlags2::HOST, vk::AccessFlags2::HOST_READ);
+const ALL_ACCESS: vk::AccessFlags2 =
+    vk::AccessFlags2::from_raw(vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw());
+
+fn check_source(device: &Device, buffer: &Buffer) -> Result<(), VulkanError> {
+    buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_SRC, "copied from")
+}
+
+fn check_target(device: &Device, buffer: &Buffer) -> Result<(), VulkanError> {
+    buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_DST, "copied to")
+}
+
+/// Refuses a copy between an image and bytes that `buffer` does not have or that lie where no copy may start.
+fn check_copy(buffer: &Buffer, offset: u64, bytes: u64, texel: u64) -> Result<(), VulkanError> {
+    if !offset.is_multiple_of(texel.max(4)) {
+        let mistake = format!("a copy from or to byte {offset}, which is no multiple of {}", texel.max(4));
+        return Err(VulkanError::misuse(buffer.name(), mistake));
+    }
+    buffer.check_range(offset, bytes)
+}
+
+fn one_layer(layer: u32) -> vk::ImageSubresourceLayers {
+    vk::ImageSubresourceLayers::default()
+        .aspect_mask(vk::ImageAspectFlags::COLOR)
+        .base_array_layer(layer)
+        .layer_count(1)
+}
+
+#[expect(clippy::cast_precision_loss, reason = "2^53 ticks are hours; a day's submission may be off by a tick")]
+fn duration(ticks: u64, period_ns: f32) -> Duration {
+    Duration::try_from_secs_f64(ticks as f64 * f64::from(period_ns) * 1e-9).unwrap_or(Duration::MAX)
+}

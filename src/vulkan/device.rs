@@ -1,0 +1,172 @@
+//! An open device.
+
+use std::{
+    fmt,
+    sync::{Arc, Mutex},
+};
+
+use ash::{ext, khr, vk};
+use gpu_allocator::{
+    AllocationSizes, AllocatorDebugSettings,
+    vulkan::{Allocator, AllocatorCreateDesc},
+};
+
+use super::{
+    DeviceChoice, DeviceInfo, Limits, Recorder, Validation, VulkanError,
+    commands::CommandSlot,
+    handle::RawDevice,
+    info::{Candidate, QueueFamily},
+    instance::Instance,
+};
+
+/// Bytes that small objects in device memory share.
+const DEVICE_BLOCK: u64 = 32 << 20;
+/// Bytes that small objects in host memory share.
+const HOST_BLOCK: u64 = 8 << 20;
+
+/// An open device. Clones are the same device, and everything made from it keeps it open.
+#[derive(Clone)]
+pub struct Device(Arc<Shared>);
+
+/// The device and what its objects share, in the order in which they go.
+struct Shared {
+    info: DeviceInfo,
+    limits: Limits,
+    queue_family: u32,
+    queue: Mutex<vk::Queue>,
+    /// Command buffers that nothing uses now.
+    idle: Mutex<Vec<Arc<CommandSlot>>>,
+    allocator: Mutex<Allocator>,
+    raw: Arc<RawDevice>,
+}
+
+impl Device {
+    /// Opens the device that `choice` means.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::NoLoader`], [`VulkanError::NoDriver`], [`VulkanError::NoDevice`] on a machine without Vulkan;
+    /// [`VulkanError::NoMatch`], [`VulkanError::Unsuitable`] for a device that is not there or cannot be used;
+    /// [`VulkanError::NoValidation`] when the layer is asked for and not installed.
+    pub fn open(choice: &DeviceChoice, validation: Validation) -> Result<Self, VulkanError> {
+        let instance = Instance::open(validation)?;
+        let candidate = Candidate::choose(Candidate::all(&instance)?, choice)?;
+        let (Some(queue), true) = (candidate.queue, candidate.info.missing.is_empty()) else {
+            let Candidate { info, .. } = candidate;
+            return Err(VulkanError::Unsuitable { device: info.name, missing: info.missing });
+        };
+        let limits = Limits::of_device(&instance, candidate.raw, queue.timestamp_valid_bits)?;
+        let raw = open_raw(&instance, &candidate, queue)?;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: raw.functions.clone(),
+            physical_device: candidate.raw,
+            debug_settings: AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: AllocationSizes::new(DEVICE_BLOCK, HOST_BLOCK),
+        })
+        .map_err(|source| VulkanError::Allocator { object: candidate.info.name.clone(), source })?;
+        // SAFETY: the device was made with one queue of this family.
+        let raw_queue = unsafe { raw.functions.get_device_queue(queue.index, 0) };
+        raw.set_name(raw_queue, "queue");
+        Ok(Self(Arc::new(Shared {
+            info: candidate.info,
+            limits,
+            queue_family: queue.index,
+            queue: Mutex::new(raw_queue),
+            idle: Mutex::new(Vec::new()),
+            allocator: Mutex::new(allocator),
+            raw,
+        })))
+    }
+
+    /// What the device says of itself.
+    #[must_use]
+    pub fn info(&self) -> &DeviceInfo {
+        &self.0.info
+    }
+
+    /// What the device allows.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.0.limits
+    }
+
+    /// What the validation layer has said since the last call; nothing without [`Validation::On`].
+    #[must_use]
+    pub fn validation_messages(&self) -> Vec<String> {
+        self.0.raw.instance.take_messages()
+    }
+
+    /// Records what `record` asks for, submits it, and waits until it has ended.
+    ///
+    /// # Errors
+    ///
+    /// Those of `record`, and [`VulkanError::DeviceLost`].
+    pub fn run(
+        &self,
+        name: &str,
+        record: impl FnOnce(&mut Recorder) -> Result<(), VulkanError>,
+    ) -> Result<(), VulkanError> {
+        let mut recorder = Recorder::begin(self, name)?;
+        record(&mut recorder)?;
+        recorder.submit()?.finish()
+    }
+
+    pub(super) fn raw(&self) -> &Arc<RawDevice> {
+        &self.0.raw
+    }
+
+    pub(super) fn queue_family(&self) -> u32 {
+        self.0.queue_family
+    }
+
+    pub(super) fn queue(&self) -> &Mutex<vk::Queue> {
+        &self.0.queue
+    }
+
+    pub(super) fn idle(&self) -> &Mutex<Vec<Arc<CommandSlot>>> {
+        &self.0.idle
+    }
+
+    pub(super) fn allocator(&self) -> &Mutex<Allocator> {
+        &self.0.allocator
+    }
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Device").field("info", &self.0.info).finish_non_exhaustive()
+    }
+}
+
+/// The logical device, with one queue and the features in use.
+fn open_raw(
+    instance: &Arc<Instance>,
+    candidate: &Candidate,
+    queue: QueueFamily,
+) -> Result<Arc<RawDevice>, VulkanError> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue.index).queue_priorities(&priorities)];
+    let extensions = if candidate.needs_extension { vec![khr::synchronization2::NAME.as_ptr()] } else { Vec::new() };
+    // Every device has it: a shader that reads or writes past a buffer's end stays within the buffer.
+    let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
+    let mut synchronization2 = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .enabled_features(&features)
+        .push_next(&mut synchronization2);
+    // SAFETY: `info` borrows arrays that outlive the call, and asks only for what the candidate was found to have.
+    let made = unsafe { instance.raw.create_device(candidate.raw, &info, None) };
+    let functions = made.map_err(VulkanError::call("vkCreateDevice", &candidate.info.name))?;
+    let pipeline_barrier2 = if candidate.needs_extension {
+        khr::synchronization2::Device::new(&instance.raw, &functions).fp().cmd_pipeline_barrier2_khr
+    } else {
+        functions.fp_v1_3().cmd_pipeline_barrier2
+    };
+    let names = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &functions));
+    let raw = RawDevice { functions, pipeline_barrier2, names, instance: Arc::clone(instance) };
+    raw.set_name(raw.functions.handle(), "device");
+    Ok(Arc::new(raw))
+}

@@ -1,0 +1,169 @@
+//! The Vulkan loader, an instance, and what the validation layer says.
+
+use std::{
+    ffi::{CStr, c_void},
+    sync::{Arc, Mutex},
+};
+
+use ash::{ext, vk};
+
+use super::{VulkanError, lock};
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// The object name of errors before there is any object.
+const INSTANCE: &str = "instance";
+
+/// Whether the Khronos validation layer watches every call.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Validation {
+    /// No layer.
+    #[default]
+    Off,
+    /// The layer, synchronisation validation included; see [`super::Device::validation_messages`].
+    On,
+}
+
+/// An instance, which everything else hangs on.
+pub(super) struct Instance {
+    pub(super) raw: ash::Instance,
+    /// Whether objects can be given names.
+    pub(super) has_debug_utils: bool,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    /// Boxed: the messenger holds its address.
+    messages: Box<Mutex<Vec<String>>>,
+    /// The loaded library, whose functions `raw` calls.
+    _entry: ash::Entry,
+}
+
+impl Instance {
+    pub(super) fn open(validation: Validation) -> Result<Arc<Self>, VulkanError> {
+        // SAFETY: this runs the initialisers of the system's Vulkan loader, which are made to be run by any program.
+        let entry = unsafe { ash::Entry::load() }.map_err(|source| VulkanError::NoLoader { source })?;
+
+        let mut layers = Vec::new();
+        let mut extensions = extensions(&entry, None)?;
+        if validation == Validation::On {
+            if !has_layer(&entry, VALIDATION_LAYER)? {
+                return Err(VulkanError::NoValidation);
+            }
+            layers.push(VALIDATION_LAYER.as_ptr());
+            extensions.extend(self::extensions(&entry, Some(VALIDATION_LAYER))?);
+        }
+        let has = |name: &CStr| extensions.iter().any(|found| found.extension_name_as_c_str() == Ok(name));
+        let has_debug_utils = has(ext::debug_utils::NAME);
+        let mut enabled = Vec::new();
+        if has_debug_utils {
+            enabled.push(ext::debug_utils::NAME.as_ptr());
+        }
+        if validation == Validation::On && has(ext::validation_features::NAME) {
+            enabled.push(ext::validation_features::NAME.as_ptr());
+        }
+
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"relume")
+            .engine_name(c"relume")
+            // The highest version used where a device has it; a device of 1.2 will do.
+            .api_version(vk::API_VERSION_1_3);
+        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&application)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&enabled);
+        if validation == Validation::On {
+            info = info.push_next(&mut features);
+        }
+        // SAFETY: `info` borrows arrays and strings that outlive the call, and names only layers and extensions that
+        // the loader has just listed.
+        let made = unsafe { entry.create_instance(&info, None) };
+        let raw = made.map_err(|source| match source {
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDriver,
+            source => VulkanError::call("vkCreateInstance", INSTANCE)(source),
+        })?;
+        let mut instance =
+            Self { raw, has_debug_utils, messenger: None, messages: Box::new(Mutex::new(Vec::new())), _entry: entry };
+        if validation == Validation::On && has_debug_utils {
+            instance.listen()?;
+        }
+        Ok(Arc::new(instance))
+    }
+
+    /// Collects what the validation layer says from now on.
+    fn listen(&mut self) -> Result<(), VulkanError> {
+        let functions = ext::debug_utils::Instance::new(&self._entry, &self.raw);
+        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+            )
+            // Advice on performance is no mistake.
+            .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+            .pfn_user_callback(Some(on_message))
+            .user_data(std::ptr::from_ref::<Mutex<Vec<String>>>(&self.messages).cast_mut().cast());
+        // SAFETY: the user data is the boxed `messages`, which does not move and, as `Drop` has it, outlives the
+        // messenger; the callback only ever makes a shared reference of it.
+        let made = unsafe { functions.create_debug_utils_messenger(&info, None) };
+        let messenger = made.map_err(VulkanError::call("vkCreateDebugUtilsMessengerEXT", INSTANCE))?;
+        self.messenger = Some((functions, messenger));
+        Ok(())
+    }
+
+    /// What the validation layer has said since the last call.
+    pub(super) fn take_messages(&self) -> Vec<String> {
+        std::mem::take(&mut *lock(&self.messages))
+    }
+}
+
+impl std::fmt::Debug for Instance {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Instance").field("raw", &self.raw.handle()).finish_non_exhaustive()
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        if let Some((functions, messenger)) = self.messenger.take() {
+            // SAFETY: the messenger came from this instance, and `take` sees to it that it goes once.
+            unsafe { functions.destroy_debug_utils_messenger(messenger, None) };
+        }
+        // SAFETY: everything made from the instance holds an `Arc` of it, so nothing is left; its only owner is `self`.
+        unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
+/// The extensions of the loader and the drivers, or those of `layer`.
+fn extensions(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<vk::ExtensionProperties>, VulkanError> {
+    // SAFETY: `layer` is none or a NUL-terminated name that outlives the call; the answer is copied out.
+    let listed = unsafe { entry.enumerate_instance_extension_properties(layer) };
+    listed.map_err(|source| match source {
+        vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDriver,
+        source => VulkanError::call("vkEnumerateInstanceExtensionProperties", INSTANCE)(source),
+    })
+}
+
+fn has_layer(entry: &ash::Entry, name: &CStr) -> Result<bool, VulkanError> {
+    // SAFETY: the call takes nothing but the loaded entry, and the answer is copied out.
+    let listed = unsafe { entry.enumerate_instance_layer_properties() };
+    let layers = listed.map_err(VulkanError::call("vkEnumerateInstanceLayerProperties", INSTANCE))?;
+    Ok(layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(name)))
+}
+
+/// Keeps a message of the validation layer.
+unsafe extern "system" fn on_message(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _types: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    messages: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: `messages` is what `listen` gave: a boxed `Mutex` that outlives the messenger that calls this.
+    let messages = unsafe { messages.cast::<Mutex<Vec<String>>>().as_ref() };
+    // SAFETY: the layer passes a valid structure for the length of this call.
+    let data = unsafe { data.as_ref() };
+    if let (Some(messages), Some(data)) = (messages, data) {
+        // SAFETY: `p_message` is null or a NUL-terminated string for the length of this call.
+        let message = unsafe { data.message_as_c_str() };
+        lock(messages).push(message.map_or_else(String::new, |text| text.to_string_lossy().into_owned()));
+    }
+    // "Go on": the call that is at fault is not to be skipped.
+    vk::FALSE
+}

@@ -1,0 +1,174 @@
+//! What a device allows.
+
+use ash::vk;
+
+use super::{Format, VulkanError, instance::Instance};
+
+/// What a device allows, asked once when it is opened.
+#[derive(Clone, Debug)]
+pub struct Limits {
+    /// Bytes of the largest memory heap on the device.
+    pub device_heap_bytes: u64,
+    /// Bytes of the largest single allocation.
+    pub max_allocation_bytes: u64,
+    /// Bytes of a storage buffer that a shader may see.
+    pub max_storage_buffer_bytes: u64,
+    /// Bytes of a uniform buffer that a shader may see.
+    pub max_uniform_buffer_bytes: u64,
+    /// Bytes of push constants.
+    pub max_push_constant_bytes: u32,
+    /// Workgroups of one dispatch, per axis.
+    pub max_groups: [u32; 3],
+    /// Invocations of one workgroup.
+    pub max_group_invocations: u32,
+    /// Bits of a texel's width that linear filtering tells apart.
+    pub sub_texel_precision_bits: u32,
+    /// Nanoseconds of a timestamp's tick.
+    pub timestamp_period_ns: f32,
+    /// Bits of a timestamp that count; 0 where the queue has none.
+    pub timestamp_valid_bits: u32,
+    /// Invocations that run in step.
+    pub subgroup_size: u32,
+    /// In the order of [`Format::ALL`].
+    formats: [FormatLimits; Format::ALL.len()],
+}
+
+/// What a device does with a format.
+#[derive(Clone, Copy, Debug, Default)]
+struct FormatLimits {
+    sampled: bool,
+    linear_filter: bool,
+    storage: bool,
+    extent_3d: [u32; 3],
+    extent_2d: [u32; 2],
+    layers: u32,
+}
+
+impl Limits {
+    /// Whether a shader can read a 3D image of `format`.
+    #[must_use]
+    pub fn sampled(&self, format: Format) -> bool {
+        self.of(format).sampled
+    }
+
+    /// Whether a sampler can interpolate between texels of `format`.
+    #[must_use]
+    pub fn linear_filter(&self, format: Format) -> bool {
+        self.of(format).linear_filter
+    }
+
+    /// Whether a shader can write a 2D image of `format`.
+    #[must_use]
+    pub fn storage_image(&self, format: Format) -> bool {
+        self.of(format).storage
+    }
+
+    /// The largest 3D image of `format`, in texels; zero where there is none.
+    #[must_use]
+    pub fn max_extent_3d(&self, format: Format) -> [u32; 3] {
+        self.of(format).extent_3d
+    }
+
+    /// The largest storage image of `format`, in texels; zero where there is none.
+    #[must_use]
+    pub fn max_extent_2d(&self, format: Format) -> [u32; 2] {
+        self.of(format).extent_2d
+    }
+
+    /// The most layers of a storage image of `format`.
+    #[must_use]
+    pub fn max_layers(&self, format: Format) -> u32 {
+        self.of(format).layers
+    }
+
+    fn of(&self, format: Format) -> FormatLimits {
+        self.formats[format as usize]
+    }
+
+    /// Asks `device`, which has Vulkan 1.2, and whose queues show `timestamp_valid_bits`.
+    pub(super) fn of_device(
+        instance: &Instance,
+        device: vk::PhysicalDevice,
+        timestamp_valid_bits: u32,
+    ) -> Result<Self, VulkanError> {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut maintenance);
+        // SAFETY: the chain holds structures of Vulkan 1.1, which a device of 1.2 fills, and which outlive the call.
+        unsafe { instance.raw.get_physical_device_properties2(device, &mut properties) };
+        let limits = properties.properties.limits;
+        // SAFETY: `device` comes from this instance; the answer is a plain value.
+        let memory = unsafe { instance.raw.get_physical_device_memory_properties(device) };
+        let device_heap_bytes = memory
+            .memory_heaps_as_slice()
+            .iter()
+            .filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+            .map(|heap| heap.size)
+            .max()
+            .unwrap_or(0);
+        let mut formats = [FormatLimits::default(); Format::ALL.len()];
+        for (entry, format) in formats.iter_mut().zip(Format::ALL) {
+            *entry = FormatLimits::of_device(instance, device, &limits, format)?;
+        }
+        Ok(Self {
+            device_heap_bytes,
+            max_allocation_bytes: maintenance.max_memory_allocation_size,
+            max_storage_buffer_bytes: limits.max_storage_buffer_range.into(),
+            max_uniform_buffer_bytes: limits.max_uniform_buffer_range.into(),
+            max_push_constant_bytes: limits.max_push_constants_size,
+            max_groups: limits.max_compute_work_group_count,
+            max_group_invocations: limits.max_compute_work_group_invocations,
+            sub_texel_precision_bits: limits.sub_texel_precision_bits,
+            timestamp_period_ns: limits.timestamp_period,
+            timestamp_valid_bits,
+            subgroup_size: subgroup.subgroup_size,
+            formats,
+        })
+    }
+}
+
+impl FormatLimits {
+    fn of_device(
+        instance: &Instance,
+        device: vk::PhysicalDevice,
+        limits: &vk::PhysicalDeviceLimits,
+        format: Format,
+    ) -> Result<Self, VulkanError> {
+        // SAFETY: `device` comes from this instance; the answer is a plain value.
+        let features = unsafe { instance.raw.get_physical_device_format_properties(device, format.raw()) };
+        let has = |feature| features.optimal_tiling_features.contains(feature);
+        let image = |kind, usage| {
+            // SAFETY: as above; the kinds, the tiling and the usages are those that images here are made with.
+            let found = unsafe {
+                instance.raw.get_physical_device_image_format_properties(
+                    device,
+                    format.raw(),
+                    kind,
+                    vk::ImageTiling::OPTIMAL,
+                    usage,
+                    vk::ImageCreateFlags::empty(),
+                )
+            };
+            match found {
+                Ok(properties) => Ok(properties),
+                Err(vk::Result::ERROR_FORMAT_NOT_SUPPORTED) => Ok(vk::ImageFormatProperties::default()),
+                Err(source) => Err(VulkanError::call("vkGetPhysicalDeviceImageFormatProperties", "device")(source)),
+            }
+        };
+        let volume = image(vk::ImageType::TYPE_3D, super::image::SAMPLED_USAGE)?;
+        let layered = image(vk::ImageType::TYPE_2D, super::image::STORAGE_USAGE)?;
+        // Some drivers answer with more here than their own limit says.
+        let within_3d = |texels: u32| texels.min(limits.max_image_dimension3_d);
+        let within_2d = |texels: u32| texels.min(limits.max_image_dimension2_d);
+        let extent = volume.max_extent;
+        Ok(Self {
+            sampled: has(vk::FormatFeatureFlags::SAMPLED_IMAGE | vk::FormatFeatureFlags::TRANSFER_DST),
+            linear_filter: has(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR),
+            storage: has(vk::FormatFeatureFlags::STORAGE_IMAGE),
+            extent_3d: [within_3d(extent.width), within_3d(extent.height), within_3d(extent.depth)],
+            extent_2d: [within_2d(layered.max_extent.width), within_2d(layered.max_extent.height)],
+            layers: layered.max_array_layers.min(limits.max_image_array_layers),
+        })
+    }
+}
