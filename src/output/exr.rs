@@ -1,0 +1,26 @@
+//! Pictures as OpenEXR files: linear, floating point, with opacity.
+
+use std::path::Path;
+
+use super::{OutputError, Picture, channels};
+
+/// Writes `picture` to `path` as it is: channels R, G, B and, with four samples per pixel, A (the opacity; the colours
+/// are premultiplied, as OpenEXR has it), 32-bit float, with the primaries of sRGB as attribute.
+///
+/// # Errors
+///
+/// Those of [`super::write_atomically`].
+pub fn write_exr(path: &Path, picture: &Picture<'_>) -> Result<(), OutputError> {
+    let (width, channels) = (picture.width(), picture.channels());
+    let names: Vec<String> = ["R", "G", "B", "A"].iter().take(channels).map(|&name| name.to_owned()).collect();
+    channels::write(path, (width, picture.height()), &names, &[], |first, count, data| {
+        let samples = &picture.samples()[first * width * channels..][..count * width * channels];
+        for (line, pixels) in data.chunks_exact_mut(width * channels).zip(samples.chunks_exact(width * channels)) {
+            for (channel, values) in line.chunks_exact_mut(width).enumerate() {
+                for (value, pixel) in values.iter_mut().zip(pixels.chunks_exact(channels)) {
+                    *value = pixel[channel];
+                }
+            }
+        }
+    })
+}

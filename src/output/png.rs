@@ -1,0 +1,205 @@
+//! PNG files, 8 and 16 bits, in sRGB.
+
+use std::io;
+use std::path::Path;
+use std::sync::LazyLock;
+
+use rayon::prelude::*;
+
+use super::picture::{Picture, check_size};
+use super::{OutputError, SOFTWARE, write_atomically};
+
+/// Bits per sample of a PNG.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// 8 bits: 256 levels.
+    Eight,
+    /// 16 bits: 65,536 levels.
+    Sixteen,
+}
+
+/// What a PNG makes of a picture's opacity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alpha {
+    /// The picture is shown over black; the file has no alpha.
+    OverBlack,
+    /// The file has the opacity as alpha, and colours divided by it, as PNG demands; a picture without opacity has
+    /// opacity 1 everywhere.
+    Kept,
+}
+
+/// Writes `picture`, encoded as sRGB (IEC 61966-2-1), to `path`; see [`write_atomically`].
+///
+/// Values below 0 become 0 and those above 1 become 1, the nearest code is taken, and NaN becomes black.
+///
+/// # Errors
+///
+/// Those of [`write_atomically`].
+pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<(), OutputError> {
+    let (width, height) = (picture.width(), picture.height());
+    let data = match depth {
+        Depth::Eight => {
+            encode(picture, alpha, |colour| [code_8(colour)], |opacity| [level(opacity, 255).to_be_bytes()[1]])
+        }
+        Depth::Sixteen => encode(
+            picture,
+            alpha,
+            |colour| level(srgb_from_linear(colour), u16::MAX).to_be_bytes(),
+            |opacity| level(opacity, u16::MAX).to_be_bytes(),
+        ),
+    };
+    write_data(path, width, height, depth, alpha == Alpha::Kept, &data)
+}
+
+/// Writes samples that are 8-bit sRGB already, three (R, G, B) or four (and alpha, not premultiplied) per pixel.
+///
+/// # Errors
+///
+/// [`OutputError::Size`], [`OutputError::Shape`], and those of [`write_atomically`].
+pub fn write_ready_png(path: &Path, width: usize, height: usize, samples: &[u8]) -> Result<(), OutputError> {
+    check_size(width, height)?;
+    let pixels = width * height;
+    if samples.len() != 3 * pixels && samples.len() != 4 * pixels {
+        let expected = format!("{} (RGB) or {} (RGBA)", 3 * pixels, 4 * pixels);
+        return Err(OutputError::Shape { what: "a PNG", width, height, expected, found: samples.len() });
+    }
+    write_data(path, width, height, Depth::Eight, samples.len() == 4 * pixels, samples)
+}
+
+/// The picture's samples as the bytes of a PNG, `N` per sample.
+fn encode<const N: usize>(
+    picture: &Picture<'_>,
+    alpha: Alpha,
+    colour: impl Fn(f32) -> [u8; N] + Sync,
+    opacity: impl Fn(f32) -> [u8; N] + Sync,
+) -> Vec<u8> {
+    let channels = picture.channels();
+    let kept = alpha == Alpha::Kept;
+    let pixel_bytes = N * if kept { 4 } else { 3 };
+    let mut data = vec![0; picture.width() * picture.height() * pixel_bytes];
+    let rows = data.par_chunks_mut(picture.width() * pixel_bytes);
+    rows.zip(picture.samples().par_chunks(picture.width() * channels)).for_each(|(bytes, samples)| {
+        for (bytes, pixel) in bytes.chunks_exact_mut(pixel_bytes).zip(samples.chunks_exact(channels)) {
+            let covered = pixel.get(3).copied().filter(|_| kept).unwrap_or(1.0);
+            let scale = if covered > 0.0 { covered.recip() } else { 1.0 };
+            let (colours, rest) = bytes.split_at_mut(3 * N);
+            for (bytes, &sample) in colours.chunks_exact_mut(N).zip(pixel) {
+                bytes.copy_from_slice(&colour(sample * scale));
+            }
+            if kept {
+                rest.copy_from_slice(&opacity(covered));
+            }
+        }
+    });
+    data
+}
+
+/// Writes the bytes of a PNG's pixels.
+fn write_data(
+    path: &Path,
+    width: usize,
+    height: usize,
+    depth: Depth,
+    alpha: bool,
+    data: &[u8],
+) -> Result<(), OutputError> {
+    let largest = Picture::LARGEST_SIDE;
+    let sides = (u32::try_from(width), u32::try_from(height));
+    let (Ok(columns), Ok(rows)) = sides else { return Err(OutputError::Size { width, height, largest }) };
+    write_atomically(path, |sink| {
+        let mut encoder = png::Encoder::new(sink, columns, rows);
+        encoder.set_color(if alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
+        encoder.set_depth(match depth {
+            Depth::Eight => png::BitDepth::Eight,
+            Depth::Sixteen => png::BitDepth::Sixteen,
+        });
+        encoder.set_compression(png::Compression::Fast);
+        // Also writes the gAMA and cHRM chunks that the PNG standard advises beside it.
+        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+        let describe = |error| match error {
+            png::EncodingError::IoError(error) => error,
+            other => io::Error::other(other),
+        };
+        encoder.add_text_chunk("Software".to_owned(), SOFTWARE.to_owned()).map_err(describe)?;
+        let mut writer = encoder.write_header().map_err(describe)?;
+        writer.write_image_data(data).map_err(describe)?;
+        writer.finish().map_err(describe)
+    })
+}
+
+/// `value`, 0–1, as the nearest of the levels 0 to `largest`; NaN is 0.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to `largest` after the clamp, NaN to 0")]
+fn level(value: f32, largest: u16) -> u16 {
+    value.clamp(0.0, 1.0).mul_add(f32::from(largest), 0.5) as u16
+}
+
+/// The sRGB encoding of a linear value, 0–1 (IEC 61966-2-1).
+fn srgb_from_linear(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055_f32.mul_add(linear.powf(1.0 / 2.4), -0.055) }
+}
+
+/// The 8-bit sRGB code nearest to a linear value, without its power: the code rises where the value passes a threshold,
+/// and a table says where to begin.
+fn code_8(linear: f32) -> u8 {
+    let codes = &*CODES;
+    let value = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
+    let mut code = codes.start[usize::from(level(value, START_STEPS))];
+    while code < 255 && value >= codes.threshold[usize::from(code) + 1] {
+        code += 1;
+    }
+    code
+}
+
+/// Steps of the table of first guesses.
+const START_STEPS: u16 = 4096;
+
+/// What [`code_8`] looks up.
+struct Codes {
+    /// The smallest linear value of each code.
+    threshold: [f32; 256],
+    /// A code not above that of any value that rounds to this step.
+    start: Vec<u8>,
+}
+
+static CODES: LazyLock<Codes> = LazyLock::new(|| {
+    let mut threshold = [0.0; 256];
+    for (value, code) in threshold.iter_mut().skip(1).zip(0_u8..) {
+        let encoded = (f64::from(code) + 0.5) / 255.0;
+        let linear = if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+        *value = f32_from(linear);
+    }
+    let first_at = |step: u16| (f64::from(step) - 0.5) / f64::from(START_STEPS);
+    let code_at =
+        |linear: f64| (1..=255_u8).take_while(|&code| f64::from(threshold[usize::from(code)]) <= linear).last();
+    let start = (0..=START_STEPS).map(|step| code_at(first_at(step)).unwrap_or(0)).collect();
+    Codes { threshold, start }
+});
+
+/// Rounds once to single precision.
+#[expect(clippy::cast_possible_truncation, reason = "rounding is what is asked for")]
+fn f32_from(value: f64) -> f32 {
+    value as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn codes_are_those_of_the_formula() {
+        for step in 0..=1_000_000_u32 {
+            let linear = f32_from(f64::from(step) / 1e6);
+            let exact = f64::from(linear);
+            let encoded = if exact <= 0.003_130_8 { exact * 12.92 } else { 1.055 * exact.powf(1.0 / 2.4) - 0.055 };
+            let distance = (encoded * 255.0 - f64::from(code_8(linear))).abs();
+            assert!(distance <= 0.500_01, "{linear}: {distance} codes away");
+        }
+    }
+
+    #[test]
+    fn values_outside_the_range_clip_and_nan_is_black() {
+        let codes = [f32::NAN, f32::NEG_INFINITY, -0.0, 1.0, 2.0, f32::INFINITY].map(code_8);
+        assert_eq!(codes, [0, 0, 0, 255, 255, 255]);
+        assert_eq!([f32::NAN, -1.0, 0.5, 7.0].map(|value| level(value, u16::MAX)), [0, 0, 32_768, 65_535]);
+    }
+}

@@ -1,0 +1,231 @@
+//! The modules depend on one another as the map in ARCHITECTURE.md says, and keep to their words.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Which modules each module may use. What is not here may use nothing.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("progress", &[]),
+    ("spectrum", &[]),
+    ("volume", &["progress"]),
+    ("scene", &["spectrum", "volume", "progress"]),
+    ("plan", &["scene", "spectrum", "volume"]),
+    ("tables", &["plan", "scene", "spectrum", "volume"]),
+    ("reference", &["tables", "plan", "scene", "spectrum", "volume", "progress"]),
+    ("shader", &[]),
+    ("vulkan", &[]),
+    ("render", &["vulkan", "shader", "tables", "plan", "scene", "spectrum", "volume", "progress"]),
+    ("measure", &["spectrum"]),
+    ("output", &["spectrum", "progress"]),
+    (
+        "cli",
+        &[
+            "measure",
+            "output",
+            "render",
+            "reference",
+            "vulkan",
+            "shader",
+            "tables",
+            "plan",
+            "scene",
+            "spectrum",
+            "volume",
+            "progress",
+        ],
+    ),
+];
+
+/// What modules may not speak of.
+const WORDS: &[(&str, &[&str])] = &[
+    ("spectrum", &["buffer"]),
+    ("vulkan", &["spectrum", "spectra", "wavelength"]),
+    ("shader", &["spectrum", "spectra", "wavelength"]),
+];
+
+/// A source file of the program.
+struct Source {
+    /// Relative to the repository.
+    path: PathBuf,
+    /// The module of the map that it belongs to; `None` for the roots `lib.rs` and `main.rs`.
+    module: Option<String>,
+    text: String,
+}
+
+impl Source {
+    fn new(path: &str, text: &str) -> Self {
+        let module = path.strip_prefix("src/").map(|rest| rest.split('/').next().unwrap_or(rest));
+        let module = module.map(|name| name.trim_end_matches(".rs").to_owned());
+        let module = module.filter(|name| name != "lib" && name != "main");
+        Self { path: path.into(), module, text: text.to_owned() }
+    }
+}
+
+/// Every file below `folder` whose name ends in one of `endings`.
+fn files(folder: &str, endings: &[&str]) -> Vec<Source> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut found = Vec::new();
+    let mut folders = vec![root.join(folder)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).into_iter().flatten() {
+            let path = entry.unwrap().path();
+            let name = path.strip_prefix(root).unwrap().to_string_lossy().replace('\\', "/");
+            if path.is_dir() {
+                folders.push(path);
+            } else if endings.iter().any(|ending| name.ends_with(ending)) {
+                found.push(Source::new(&name, &fs::read_to_string(&path).unwrap()));
+            }
+        }
+    }
+    found
+}
+
+/// The modules that `text` reaches by `crate::…`, one name or a braced list at the first level, comments left out.
+fn reached(text: &str) -> Vec<String> {
+    let code: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap_or(line)).collect();
+    let code = code.join("\n");
+    let mut found = Vec::new();
+    for (at, _) in code.match_indices("crate::") {
+        // `$crate::` is the same; `my_crate::` is not.
+        let before = code[..at].chars().next_back();
+        if before.is_some_and(|before| before.is_alphanumeric() || before == '_') {
+            continue;
+        }
+        let rest = &code[at + "crate::".len()..];
+        match rest.strip_prefix('{') {
+            None => found.push(first_word(rest)),
+            Some(list) => {
+                let (mut depth, mut item) = (0, String::new());
+                for character in list.chars() {
+                    match character {
+                        '}' if depth == 0 => break,
+                        ',' if depth == 0 => found.push(first_word(&std::mem::take(&mut item))),
+                        '{' => depth += 1,
+                        '}' => depth -= 1,
+                        _ if depth == 0 => item.push(character),
+                        _ => (),
+                    }
+                }
+                found.push(first_word(&item));
+            }
+        }
+    }
+    // What begins with a capital letter or is called is an item of the crate's root.
+    found.retain(|name| name.chars().next().is_some_and(char::is_lowercase));
+    found
+}
+
+fn first_word(text: &str) -> String {
+    text.trim_start().chars().take_while(|&character| character.is_alphanumeric() || character == '_').collect()
+}
+
+/// The arrows of a file that are not on the map.
+fn wrong_arrows(source: &Source) -> Vec<String> {
+    let Some(module) = &source.module else { return Vec::new() };
+    let Some((_, allowed)) = ARROWS.iter().find(|(name, _)| name == module) else {
+        return vec![format!("{}: the module `{module}` is not on the map", source.path.display())];
+    };
+    let reached = reached(&source.text).into_iter();
+    let wrong = reached.filter(|name| name != module && !allowed.contains(&&**name));
+    wrong.map(|name| format!("{}: {module} may not use {name}", source.path.display())).collect()
+}
+
+/// The words of a file that its module may not use.
+fn wrong_words(source: &Source) -> Vec<String> {
+    let named = source.path.file_stem().map(|name| name.to_string_lossy().into_owned());
+    let module = source.module.clone().or(named).unwrap_or_default();
+    let words = WORDS.iter().find(|(name, _)| **name == module).map_or(&[][..], |(_, words)| words);
+    let text = source.text.to_lowercase();
+    let wrong = words.iter().filter(|word| text.contains(**word));
+    wrong.map(|word| format!("{}: {module} may not say {word:?}", source.path.display())).collect()
+}
+
+/// Whether a file opens with its purpose.
+fn opens_with_a_purpose(source: &Source) -> bool {
+    let mark = if source.path.extension().is_some_and(|ending| ending == "rs") { "//! " } else { "// " };
+    source.text.starts_with(mark)
+}
+
+#[test]
+fn arrows_go_one_way() {
+    let sources = files("src", &[".rs"]);
+    assert!(!sources.is_empty());
+    let wrong: Vec<String> = sources.iter().flat_map(wrong_arrows).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_map_has_no_circles() {
+    // Whoever is allowed by an earlier line cannot be allowed to use a later one.
+    let order =
+        ["progress", "spectrum", "volume", "scene", "plan", "tables", "reference", "shader", "vulkan", "render"];
+    let order: Vec<&str> = order.into_iter().chain(["measure", "output", "cli"]).collect();
+    let rank = |name: &str| order.iter().position(|other| *other == name).unwrap();
+    for (module, allowed) in ARROWS {
+        for other in *allowed {
+            assert!(rank(other) < rank(module), "{module} and {other}");
+        }
+    }
+}
+
+#[test]
+fn every_module_is_on_the_map() {
+    let lib = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
+    let declared = lib.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod "));
+    for module in declared.map(first_word) {
+        assert!(ARROWS.iter().any(|(name, _)| *name == module), "{module} is not on the map");
+    }
+}
+
+#[test]
+fn modules_keep_to_their_words() {
+    let wrong: Vec<String> = files("src", &[".rs"]).iter().flat_map(wrong_words).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_file_opens_with_its_purpose() {
+    let mut sources = files("src", &[".rs"]);
+    sources.extend(files("shaders", &[".wgsl"]));
+    sources.extend(files("tests", &[".rs"]));
+    sources.extend(files("benches", &[".rs"]));
+    let silent: Vec<String> = sources
+        .iter()
+        .filter(|source| !opens_with_a_purpose(source))
+        .map(|source| source.path.display().to_string())
+        .collect();
+    assert!(silent.is_empty(), "no purpose in the first line of: {}", silent.join(", "));
+}
+
+#[test]
+fn a_wrong_arrow_is_caught() {
+    let wrong = |path: &str, text: &str| wrong_arrows(&Source::new(path, text));
+    assert_eq!(
+        wrong("src/spectrum/cie.rs", "use crate::vulkan::Device;"),
+        ["src/spectrum/cie.rs: spectrum may not use vulkan"]
+    );
+    assert_eq!(wrong("src/plan.rs", "use crate::{\n    scene::{Scene, render},\n    render::Frame,\n};").len(), 1);
+    assert_eq!(wrong("src/vulkan/mod.rs", "fn f() -> crate::spectrum::Spectrum { pub(crate) x }").len(), 1);
+    assert_eq!(wrong("src/shader.rs", "let x = $crate::tables::make(); let y = crate::cli::run();").len(), 2);
+    assert_eq!(wrong("src/extra/mod.rs", "").len(), 1);
+    assert_eq!(wrong("src/reference/march.rs", "use crate::{tables::Tables, scene, reference::real::Real};"), [""; 0]);
+    assert_eq!(wrong("src/spectrum/cie.rs", "// crate::render draws this\nuse my_crate::vulkan;"), [""; 0]);
+    assert_eq!(wrong("src/lib.rs", "use crate::render::Frame;"), [""; 0]);
+}
+
+#[test]
+fn a_wrong_word_is_caught() {
+    let wrong = |path: &str, text: &str| wrong_words(&Source::new(path, text)).len();
+    assert_eq!(wrong("src/spectrum/mod.rs", "//! Fills a Buffer."), 1);
+    assert_eq!(wrong("src/vulkan/image.rs", "//! One layer per wavelength of a spectrum."), 2);
+    assert_eq!(wrong("src/shader.rs", "/// Spectral."), 1);
+    assert_eq!(wrong("src/render/mod.rs", "//! Buffers of spectra."), 0);
+}
+
+#[test]
+fn a_missing_purpose_is_caught() {
+    let opens = |path: &str, text: &str| opens_with_a_purpose(&Source::new(path, text));
+    assert!(opens("src/plan.rs", "//! What this scene needs.\n") && opens("shaders/march.wgsl", "// The march.\n"));
+    assert!(!opens("src/plan.rs", "// What this scene needs.\n") && !opens("shaders/march.wgsl", "fn main() {}\n"));
+}

@@ -1,0 +1,246 @@
+//! Pictures that were looked at once, and comparison with them.
+//!
+//! `tests/golden/NAME.exr` holds one picture of each name in [`NAMES`]. `BLESS=NAME cargo test` rewrites it, from the one
+//! rung that may, and fails that run: look at the picture, then run again. A failure leaves both pictures, their
+//! difference and the numbers in `target/golden/NAME.TOLERANCE/`.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, LayerAttributes, ReadChannels as _, ReadLayers as _,
+    WritableImage as _,
+};
+use relume::measure::ImageError;
+use relume::output::{Alpha, Depth, Picture, write_png};
+
+use super::tolerance::Tolerance;
+
+/// Every golden image there is.
+pub const NAMES: &[&str] = &[];
+
+/// A picture or a set of accumulators, and who made it.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Who made it: a rung, such as "reference f64" or "GPU".
+    pub source: String,
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+    /// The name of each channel.
+    pub channels: Vec<String>,
+    /// Pixel by pixel, rows from the top.
+    pub samples: Vec<f32>,
+    /// Σ|terms| of each sample, which its error is relative to; where absent, errors are absolute.
+    pub scale: Option<Vec<f64>>,
+}
+
+impl Image {
+    /// Linear RGB.
+    pub fn rgb(source: &str, width: usize, height: usize, samples: Vec<f32>) -> Self {
+        let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
+        Self { source: source.to_owned(), width, height, channels, samples, scale: None }
+    }
+
+    /// Refuses a picture whose samples do not fill it.
+    fn whole(&self) -> Result<(), String> {
+        let (expected, found) = (self.width * self.height * self.channels.len(), self.samples.len());
+        if expected == found { Ok(()) } else { Err(format!("{} has {found} samples, not {expected}", self.source)) }
+    }
+}
+
+/// Compares `image` with the golden image `name`.
+///
+/// # Panics
+///
+/// When they differ by more than `tolerance`, when there is no such golden image, and when it was rewritten.
+pub fn check(name: &str, image: &Image, tolerance: &Tolerance) {
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().map(|target| target.join("golden"));
+    let golden = Golden {
+        folder: Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden"),
+        failures: target.unwrap_or_else(|| PathBuf::from("target/golden")),
+        names: NAMES,
+        bless: std::env::var("BLESS").ok(),
+    };
+    if let Err(message) = golden.check(name, image, tolerance) {
+        panic!("{message}");
+    }
+}
+
+/// Where golden images are, and whether one is to be rewritten.
+#[derive(Debug)]
+pub struct Golden<'a> {
+    /// The folder of the golden images.
+    pub folder: PathBuf,
+    /// The folder for what a failure leaves.
+    pub failures: PathBuf,
+    /// The golden images that should be in the folder.
+    pub names: &'a [&'a str],
+    /// The golden image that is to be rewritten.
+    pub bless: Option<String>,
+}
+
+impl Golden<'_> {
+    /// [`check`] with an answer.
+    pub fn check(&self, name: &str, image: &Image, tolerance: &Tolerance) -> Result<(), String> {
+        if !self.names.contains(&name) {
+            return Err(format!("{name:?} is not in the list of golden images: add it to NAMES"));
+        }
+        image.whole()?;
+        let path = self.folder.join(format!("{name}.exr"));
+        if tolerance.may_bless && self.bless.as_deref() == Some(name) {
+            if image.samples.iter().any(|sample| !sample.is_finite()) {
+                return Err(format!("{} holds what is no number: it is not worth keeping", image.source));
+            }
+            write(&path, image)?;
+            return Err(format!("{} was rewritten: look at it, then run again without BLESS", path.display()));
+        }
+        if !path.is_file() {
+            return Err(format!("there is no {}: make it with BLESS={name} cargo test", path.display()));
+        }
+        let expected = read(&path, &image.channels)?;
+        compare(image, &expected, tolerance).map_err(|reason| {
+            let folder = self.failures.join(format!("{name}.{}", tolerance.name));
+            let mut message = format!("{name}: {reason}");
+            match leave(&folder, image, &expected, &message) {
+                Ok(()) => _ = write!(message, "\nsee {}", folder.display()),
+                Err(error) => _ = write!(message, "\n(nothing could be left in {}: {error})", folder.display()),
+            }
+            message
+        })
+    }
+
+    /// What is in the folder and should not be, and what should be and is not.
+    pub fn strays(&self) -> Vec<String> {
+        let files = fs::read_dir(&self.folder).into_iter().flatten().flatten();
+        let found: Vec<String> = files.map(|file| file.file_name().to_string_lossy().into_owned()).collect();
+        let expected: Vec<String> = self.names.iter().map(|name| format!("{name}.exr")).collect();
+        let stray =
+            found.iter().filter(|file| !expected.contains(file)).map(|file| format!("{file} is no golden image"));
+        let missing = expected.iter().filter(|file| !found.contains(file)).map(|file| format!("{file} is missing"));
+        let blessed = self.bless.iter().filter(|name| !self.names.contains(&name.as_str()));
+        let unknown = blessed.map(|name| format!("BLESS={name} names no golden image"));
+        stray.chain(missing).chain(unknown).collect()
+    }
+}
+
+/// Whether `actual` is within `tolerance` of `expected`; the answer says by how much it is not.
+pub fn compare(actual: &Image, expected: &Image, tolerance: &Tolerance) -> Result<(), String> {
+    let shared = std::ptr::eq(actual.samples.as_ptr(), expected.samples.as_ptr());
+    if shared || actual.source == expected.source {
+        return Err(format!("{} is compared with itself", actual.source));
+    }
+    let shape = |image: &Image| format!("{}×{} pixels of {}", image.width, image.height, image.channels.join(", "));
+    if shape(actual) != shape(expected) {
+        return Err(format!("{} has {}, {} has {}", actual.source, shape(actual), expected.source, shape(expected)));
+    }
+    let size = (actual.width, actual.channels.len());
+    let scale =
+        |sample: usize| actual.scale.as_ref().map_or(1.0, |scale| scale.get(sample).copied().unwrap_or(f64::NAN));
+    let error =
+        ImageError::between(&actual.samples, &expected.samples, size, scale).map_err(|error| error.to_string())?;
+    let (relative, absolute, samples) = (error.relative(), error.absolute(), actual.samples.len());
+    let exceptions = error.relative_count_over(tolerance.usual);
+    let share =
+        f64::from(u32::try_from(exceptions).unwrap_or(u32::MAX)) / f64::from(u32::try_from(samples).unwrap_or(1));
+    // Written so that NaN fails.
+    if relative.largest <= tolerance.largest && relative.mean <= tolerance.mean && share <= tolerance.exceptions {
+        return Ok(());
+    }
+    let place = error.worst().map_or_else(String::new, |(x, y, channel)| {
+        let sample = (y * actual.width + x) * actual.channels.len() + channel;
+        let (found, wanted) = (actual.samples[sample], expected.samples[sample]);
+        format!("({x}, {y}) {}: {found:e} for {wanted:e}", actual.channels[channel])
+    });
+    Err(format!(
+        "{} is not within the tolerance {:?} of {}\n\
+         largest {:.3e} (allowed {:.3e}), mean {:.3e} (allowed {:.3e})\n\
+         {exceptions} of {samples} samples over {:.3e} (allowed {:.1} %)\n\
+         absolute: largest {:.3e}, mean {:.3e}, 99 % within {:.3e}, {:.1} dB\n\
+         worst at {place}",
+        actual.source,
+        tolerance.name,
+        expected.source,
+        relative.largest,
+        tolerance.largest,
+        relative.mean,
+        tolerance.mean,
+        tolerance.usual,
+        100.0 * tolerance.exceptions,
+        absolute.largest,
+        absolute.mean,
+        absolute.p99,
+        error.psnr_db(),
+    ))
+}
+
+/// Leaves both pictures, their difference and the numbers in `folder`.
+fn leave(folder: &Path, actual: &Image, expected: &Image, numbers: &str) -> Result<(), String> {
+    fs::create_dir_all(folder).map_err(|error| error.to_string())?;
+    fs::write(folder.join("numbers.txt"), numbers).map_err(|error| error.to_string())?;
+    let mut pictures = vec![("actual", actual.clone()), ("expected", expected.clone())];
+    if actual.samples.len() == expected.samples.len() {
+        let pairs = actual.samples.iter().zip(&expected.samples);
+        let samples = pairs.map(|(actual, expected)| (actual - expected).abs()).collect();
+        pictures.push(("difference", Image { samples, ..actual.clone() }));
+    }
+    for (name, picture) in pictures {
+        write(&folder.join(format!("{name}.exr")), &picture)?;
+        // Of many channels the first three; a difference so bright that one can see it, NaN as white.
+        let first =
+            |pixel: &[f32]| [0, 1, 2].map(|channel| pixel.get(channel).or(pixel.last()).copied().unwrap_or(0.0));
+        let mut rgb: Vec<f32> = picture.samples.chunks(picture.channels.len().max(1)).flat_map(first).collect();
+        if name == "difference" {
+            let largest = rgb.iter().copied().filter(|value| value.is_finite()).fold(f32::MIN_POSITIVE, f32::max);
+            rgb.iter_mut().for_each(|value| *value = if value.is_finite() { *value / largest } else { 1.0 });
+        }
+        let rgb = Picture::new(picture.width, picture.height, &rgb).map_err(|error| error.to_string())?;
+        write_png(&folder.join(format!("{name}.png")), &rgb, Depth::Eight, Alpha::OverBlack)
+            .map_err(|error| error.to_string())?;
+    }
+    Ok(())
+}
+
+/// Writes every channel as f32.
+fn write(path: &Path, image: &Image) -> Result<(), String> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(|error| error.to_string())?;
+    }
+    let count = image.channels.len();
+    let plane = |channel: usize| image.samples.iter().skip(channel).step_by(count).copied().collect();
+    let named = image.channels.iter().enumerate();
+    let list = named.map(|(channel, name)| AnyChannel::new(name.as_str(), FlatSamples::F32(plane(channel)))).collect();
+    let layer = exr::prelude::Layer::new(
+        (image.width, image.height),
+        LayerAttributes::default(),
+        Encoding::SMALL_LOSSLESS,
+        AnyChannels::sort(list),
+    );
+    let written = exr::prelude::Image::from_layer(layer).write().to_file(path);
+    written.map_err(|error| format!("cannot write {}: {error}", path.display()))
+}
+
+/// Reads every channel, in this order where the file has these channels, in the order of their names where not.
+fn read(path: &Path, order: &[String]) -> Result<Image, String> {
+    let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let image =
+        reader.all_attributes().from_file(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    let layer = image.layer_data;
+    let mut channels: Vec<&AnyChannel<FlatSamples>> = layer.channel_data.list.iter().collect();
+    let place = |channel: &AnyChannel<FlatSamples>| order.iter().position(|name| channel.name == **name);
+    if channels.iter().all(|channel| place(channel).is_some()) {
+        channels.sort_by_key(|channel| place(channel));
+    }
+    let planes: Vec<Vec<f32>> = channels.iter().map(|channel| channel.sample_data.values_as_f32().collect()).collect();
+    let pixels = layer.size.area();
+    Ok(Image {
+        source: format!("the golden image {}", path.display()),
+        width: layer.size.width(),
+        height: layer.size.height(),
+        channels: channels.iter().map(|channel| channel.name.to_string()).collect(),
+        samples: (0..pixels).flat_map(|pixel| planes.iter().map(move |plane| plane[pixel])).collect(),
+        scale: None,
+    })
+}

@@ -1,0 +1,5 @@
+//! What several test programs share.
+#![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
+
+pub mod golden;
+pub mod tolerance;

@@ -1,0 +1,45 @@
+//! How far apart two rungs may be, and why.
+//!
+//! Errors are relative to Σ|terms| of each sample where the picture brings that along ([`super::golden::Image::scale`]),
+//! so spectra that cancel are judged fairly, and absolute where it does not.
+
+/// What a comparison allows.
+#[derive(Clone, Copy, Debug)]
+pub struct Tolerance {
+    /// What the failure's message and folder call it.
+    pub name: &'static str,
+    /// No sample may be further off.
+    pub largest: f64,
+    /// The mean over all samples may not be further off.
+    pub mean: f64,
+    /// All but a share of [`Self::exceptions`] of the samples must be within this.
+    pub usual: f64,
+    /// The share of samples that may be between `usual` and `largest`, 0–1.
+    pub exceptions: f64,
+    /// Whether `BLESS` lets this rung write golden images. True of one rung.
+    pub may_bless: bool,
+}
+
+/// Half the distance of 1 and the next f32: the largest relative error of one rounding.
+pub const ROUNDING_UNIT: f64 = 1.0 / 16_777_216.0;
+
+/// The f64 reference against its own picture, stored as f32: one rounding. Twice that, for the last bits of another
+/// machine's `exp` and `pow`.
+pub const STORED: Tolerance = Tolerance {
+    name: "stored",
+    largest: 2.0 * ROUNDING_UNIT,
+    mean: ROUNDING_UNIT,
+    usual: 2.0 * ROUNDING_UNIT,
+    exceptions: 0.0,
+    may_bless: true,
+};
+
+/// Arithmetic in f32 against f64, over rays of at most `samples` samples: 2n roundings in T, two in the term, n in the
+/// sum: (3n + 2)·2⁻²⁴, 9.2e-5 for n = 512. Were their signs random, errors would be about √(3n + 2)·2⁻²⁴, and
+/// the mean may be four times that: roundings of T lean one way while α stays the same.
+pub fn rounding(samples: u16) -> Tolerance {
+    let roundings = 3.0 * f64::from(samples) + 2.0;
+    let largest = roundings * ROUNDING_UNIT;
+    let mean = (4.0 * roundings.sqrt() * ROUNDING_UNIT).min(largest);
+    Tolerance { name: "rounding", largest, mean, usual: largest, exceptions: 0.0, may_bless: false }
+}
