@@ -1,7 +1,7 @@
 //! Pictures that were looked at once, and comparison with them.
 //!
-//! `tests/golden/NAME.exr` holds one picture of each name in [`NAMES`]. `BLESS=NAME cargo test` rewrites it, from the one
-//! rung that may, and fails that run: look at the picture, then run again. A failure leaves both pictures, their
+//! `tests/golden/NAME.exr` holds one picture of each name in [`NAMES`]. `BLESS=NAME cargo test` rewrites it, from the
+//! one rung that may, and fails that run: look at the picture, then run again. A failure leaves both pictures, their
 //! difference and the numbers in `target/golden/NAME.TOLERANCE/`.
 
 use std::fmt::Write as _;
