@@ -129,6 +129,21 @@ fn a_missing_constant_is_named() {
 }
 
 #[test]
+fn a_brace_that_is_missing_at_the_end_has_an_excerpt() {
+    let stage = "@compute @workgroup_size(1)\nfn main() {\n";
+    let text = excerpt(compile(&[("stage.wgsl", stage)], &Constants::new()).unwrap_err());
+    assert!(text.contains("┌─"), "{text}");
+}
+
+#[test]
+fn an_excerpt_shows_both_parts_of_a_clash() {
+    let stage = "@compute @workgroup_size(1) fn main() {}\nfn half() {}\n";
+    let parts = [("common.wgsl", "// common\n\nfn half() {}\n"), ("stage.wgsl", stage)];
+    let text = excerpt(compile(&parts, &Constants::new()).unwrap_err());
+    assert!(text.contains("common.wgsl:3:4") && text.contains("stage.wgsl:2:4"), "{text}");
+}
+
+#[test]
 fn text_that_ends_too_early_is_an_error_and_no_panic() {
     for end in 0..EVERYTHING.len() {
         let text = &EVERYTHING[..end];

@@ -493,8 +493,10 @@ impl Submission {
         if !self.ended {
             return Err(VulkanError::misuse(&self.name, "it has not ended, so its timestamps are not known"));
         }
+        if self.timestamps == 0 {
+            return Ok(Vec::new());
+        }
         let mut ticks = vec![0_u64; self.timestamps as usize];
-        let Some(&first) = ticks.first() else { return Ok(Vec::new()) };
         let pool = self.lease.slot.timestamps.raw();
         let functions = &self.lease.device.raw().functions;
         // SAFETY: the pool has at least that many queries, all of them written by the commands that have ended.
@@ -502,8 +504,8 @@ impl Submission {
         read.map_err(VulkanError::call("vkGetQueryPoolResults", &self.name))?;
         let limits = self.lease.device.limits();
         let mask = u64::MAX >> (u64::BITS - limits.timestamp_valid_bits.min(u64::BITS));
-        let first = ticks.first().copied().unwrap_or(first);
-        Ok(ticks.iter().map(|tick| duration(tick.wrapping_sub(first) & mask, limits.timestamp_period_ns)).collect())
+        let since_first = |tick: &u64| duration(tick.wrapping_sub(ticks[0]) & mask, limits.timestamp_period_ns);
+        Ok(ticks.iter().map(since_first).collect())
     }
 
     /// Lets go of what the commands used.

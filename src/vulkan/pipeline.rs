@@ -50,8 +50,8 @@ struct PipelineInner {
 impl ComputePipeline {
     /// The pipeline of the compute shader `spirv`, whose entry point is `main`.
     ///
-    /// `spirv` comes from [`crate::shader::compile`]. `bindings` are what it expects at bindings 0, 1, … of group 0,
-    /// and `push_constant_bytes` (a multiple of 4, possibly 0) the size of its `var<immediate>`.
+    /// `spirv` comes from naga, which has validated it. `bindings` are what it expects at bindings 0, 1, … of group 0,
+    /// and `push_constant_bytes` (a multiple of 4, possibly 0) is the size of its `var<immediate>`.
     ///
     /// # Errors
     ///
