@@ -826,11 +826,51 @@ fn the_validation_layer_reports_a_missing_barrier() {
     assert!(messages.iter().any(|message| message.contains("picture")), "{messages:?}");
 }
 
+/// What is logged on this thread while `work` runs.
+fn logged(work: impl FnOnce()) -> String {
+    let log = tempfile::NamedTempFile::new().unwrap();
+    let writer = Arc::new(log.reopen().unwrap());
+    let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(writer).finish();
+    tracing::subscriber::with_default(subscriber, work);
+    fs::read_to_string(log.path()).unwrap()
+}
+
+#[test]
+fn a_device_goes_with_everything_made_from_it() {
+    let Some(device) = open() else { return };
+    let log = logged(|| {
+        let values = host_storage(&device, "values", &[0.0; 8]);
+        let image = Image3d::new(&device, "image", Format::R16Unorm, [4, 4, 4]).unwrap();
+        let sampler = Sampler::new(&device, "sampler", Filter::Linear).unwrap();
+        let picture = StorageImage::new(&device, "picture", Format::R32Float, [4, 4], 2).unwrap();
+        let add = pipeline(&device, ADD, &[BindingKind::Storage], 8);
+        let set = ResourceSet::new(&device, "add", &add, &[Resource::Storage(&values)]).unwrap();
+        let run = |recorder: &mut Recorder| {
+            recorder.timestamp()?;
+            recorder.dispatch(&add, &set, &add_push(0, 1.0), [1, 1, 1])
+        };
+        device.run("add", run).unwrap();
+        drop((values, image, sampler, picture, add, set));
+        assert!(device.validation_messages().is_empty(), "before the device goes");
+        drop(device);
+    });
+    assert!(log.is_empty(), "{log}");
+}
+
+#[test]
+fn what_the_validation_layer_says_last_is_logged() {
+    let Some(device) = open() else { return };
+    let log = logged(|| {
+        drop(pipeline(&device, ADD, &[BindingKind::Uniform], 8));
+        drop(device);
+    });
+    assert!(log.contains("VUID"), "{log}");
+}
+
 #[test]
 fn objects_keep_their_device_open() {
     let Some(device) = open() else { return };
     let buffer = host_storage(&device, "values", &[1.0; 4]);
     drop(device);
-    let shared = Arc::new(buffer);
-    assert_eq!(read_f32(&shared), [1.0; 4]);
+    assert_eq!(read_f32(&buffer), [1.0; 4]);
 }
