@@ -1,7 +1,7 @@
 //! WGSL to SPIR-V.
 //!
 //! A shader's text comes in parts (a common part, the stage itself), and its constants from Rust. WGSL lets a module
-//! name things before it declares them, so the generated constants go *behind* the text: a `enable` line stays first.
+//! name things before it declares them, so the generated constants go *behind* the text: an `enable` line stays first.
 
 use std::{error::Error as _, fmt::Write as _, ops::Range};
 
@@ -246,10 +246,11 @@ impl<'a> Text<'a> {
         let labels = labels
             .filter_map(|(span, label)| {
                 let span = span.to_range()?;
-                let part = self.parts.iter().position(|(.., place)| span.start <= place.end)?;
+                // What is missing at the end of the text lies one past the last part.
+                let last = self.parts.len() - 1;
+                let part = self.parts.iter().position(|(.., place)| span.start <= place.end).unwrap_or(last);
                 let place = &self.parts[part].2;
-                // The end of the text is one past the last part's end.
-                let within = span.start - place.start..span.end.min(place.end) - place.start;
+                let within = span.start.min(place.end) - place.start..span.end.min(place.end) - place.start;
                 Some(Label::primary(part, within).with_message(label))
             })
             .collect();

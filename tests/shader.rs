@@ -1,5 +1,6 @@
 //! WGSL to SPIR-V: constants, excerpts, layouts, determinism.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 
 use std::{
     io::{ErrorKind, Write as _},
@@ -85,7 +86,7 @@ fn constants_set_the_workgroup_size() {
 fn constants_reach_the_words_with_all_their_bits() {
     let source = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
         @compute @workgroup_size(1) fn main() { out[0] = X; }";
-    for value in [0.1_f32, 1.0, -0.0, 1e-7, f32::MIN_POSITIVE, f32::MAX, 16_777_217.0] {
+    for value in [0.1_f32, 1.0, -0.0, 1e-7, f32::MIN_POSITIVE, f32::MAX, 16_777_215.0] {
         let words = compile(&[("x.wgsl", source)], &Constants::new().f32("X", value)).unwrap();
         // OpConstant (43, four words): type, result, value.
         let found = words.windows(4).any(|window| window[0] == (4 << 16 | 43) && window[3] == value.to_bits());
@@ -125,6 +126,21 @@ fn a_missing_constant_is_named() {
     let text = excerpt(compile(&[("everything.wgsl", EVERYTHING)], &Constants::new()).unwrap_err());
     assert!(text.contains("WIDTH") || text.contains("LANES") || text.contains("SCALE"), "{text}");
     assert!(text.contains("everything.wgsl:"), "{text}");
+}
+
+#[test]
+fn a_brace_that_is_missing_at_the_end_has_an_excerpt() {
+    let stage = "@compute @workgroup_size(1)\nfn main() {\n";
+    let text = excerpt(compile(&[("stage.wgsl", stage)], &Constants::new()).unwrap_err());
+    assert!(text.contains("┌─"), "{text}");
+}
+
+#[test]
+fn an_excerpt_shows_both_parts_of_a_clash() {
+    let stage = "@compute @workgroup_size(1) fn main() {}\nfn half() {}\n";
+    let parts = [("common.wgsl", "// common\n\nfn half() {}\n"), ("stage.wgsl", stage)];
+    let text = excerpt(compile(&parts, &Constants::new()).unwrap_err());
+    assert!(text.contains("common.wgsl:3:4") && text.contains("stage.wgsl:2:4"), "{text}");
 }
 
 #[test]

@@ -13,10 +13,10 @@ use gpu_allocator::{
 
 use super::{
     DeviceChoice, DeviceInfo, Limits, Recorder, Validation, VulkanError,
-    commands::CommandSlot,
     handle::RawDevice,
     info::{Candidate, QueueFamily},
     instance::Instance,
+    submission::CommandSlot,
 };
 
 /// Bytes that small objects in device memory share.

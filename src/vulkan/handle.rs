@@ -20,6 +20,10 @@ impl Drop for RawDevice {
         // SAFETY: everything made from the device holds an `Arc` of `self`, so nothing is left of it, and the
         // instance it came from is a field of `self`.
         unsafe { self.functions.destroy_device(None) };
+        // The layer speaks up here about what was not destroyed, and nobody can ask any more.
+        for message in self.instance.take_messages() {
+            tracing::warn!("validation: {message}");
+        }
     }
 }
 

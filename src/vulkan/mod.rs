@@ -5,7 +5,6 @@
 //! writes lives until that submission is done.
 
 mod buffer;
-mod commands;
 mod device;
 mod error;
 mod format;
@@ -16,17 +15,24 @@ mod instance;
 mod limits;
 mod memory;
 mod pipeline;
+mod record;
+mod resources;
+mod sampler;
+mod submission;
 
 pub use buffer::{Buffer, HostUse};
-pub use commands::{Recorder, Submission};
 pub use device::Device;
 pub use error::VulkanError;
 pub use format::Format;
-pub use image::{Filter, Image3d, Sampler, StorageImage};
+pub use image::{Image3d, StorageImage};
 pub use info::{DeviceChoice, DeviceInfo, DeviceKind, devices};
 pub use instance::Validation;
 pub use limits::Limits;
-pub use pipeline::{BindingKind, ComputePipeline, Resource, ResourceSet};
+pub use pipeline::ComputePipeline;
+pub use record::Recorder;
+pub use resources::{BindingKind, Resource, ResourceSet};
+pub use sampler::{Filter, Sampler};
+pub use submission::Submission;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

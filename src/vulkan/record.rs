@@ -1,99 +1,15 @@
-//! Recording commands, submitting them, waiting for them.
+//! Recording commands.
 
-use std::{ops::Range, sync::Arc, time::Duration};
+use std::{ops::Range, sync::Arc};
 
 use ash::vk;
 
 use super::{
-    Buffer, ComputePipeline, Device, Image3d, ResourceSet, StorageImage, VulkanError, error::check_limit,
-    handle::Owned, image, lock,
+    Buffer, ComputePipeline, Device, Image3d, ResourceSet, StorageImage, Submission, VulkanError,
+    error::check_limit,
+    image,
+    submission::{Lease, MAX_TIMESTAMPS, Used},
 };
-
-/// The most timestamps of one submission.
-const MAX_TIMESTAMPS: u32 = 16;
-
-/// A command buffer and what one submission of it needs. Used again and again.
-#[derive(Debug)]
-pub(super) struct CommandSlot {
-    /// Owned by `pool`.
-    commands: vk::CommandBuffer,
-    pool: Owned<vk::CommandPool>,
-    fence: Owned<vk::Fence>,
-    timestamps: Owned<vk::QueryPool>,
-}
-
-impl CommandSlot {
-    fn new(device: &Device) -> Result<Self, VulkanError> {
-        let raw = device.raw();
-        let name = "commands";
-        let info = vk::CommandPoolCreateInfo::default()
-            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
-            .queue_family_index(device.queue_family());
-        // SAFETY: the family is the one that the device was opened with.
-        let made = unsafe { raw.functions.create_command_pool(&info, None) };
-        let pool = Owned::new(raw, name, "vkCreateCommandPool", made, ash::Device::destroy_command_pool)?;
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool.raw()).command_buffer_count(1);
-        // SAFETY: the pool is new, and nobody else uses it.
-        let made = unsafe { raw.functions.allocate_command_buffers(&info) };
-        let commands = made
-            .and_then(|buffers| buffers.first().copied().ok_or(vk::Result::ERROR_UNKNOWN))
-            .map_err(VulkanError::call("vkAllocateCommandBuffers", name))?;
-        raw.set_name(commands, name);
-        // SAFETY: the description asks for nothing special.
-        let made = unsafe { raw.functions.create_fence(&vk::FenceCreateInfo::default(), None) };
-        let fence = Owned::new(raw, name, "vkCreateFence", made, ash::Device::destroy_fence)?;
-        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMESTAMPS);
-        // SAFETY: the number of queries is not zero.
-        let made = unsafe { raw.functions.create_query_pool(&info, None) };
-        let timestamps = Owned::new(raw, name, "vkCreateQueryPool", made, ash::Device::destroy_query_pool)?;
-        Ok(Self { commands, pool, fence, timestamps })
-    }
-}
-
-/// A command slot on loan; it goes back to the device when the lease ends, which is not before the device is done.
-#[derive(Debug)]
-struct Lease {
-    slot: Arc<CommandSlot>,
-    device: Device,
-}
-
-impl Lease {
-    fn take(device: &Device, name: &str) -> Result<Self, VulkanError> {
-        let idle = lock(device.idle()).pop();
-        let slot = match idle {
-            Some(slot) => slot,
-            None => Arc::new(CommandSlot::new(device)?),
-        };
-        let lease = Self { slot, device: device.clone() };
-        let functions = &device.raw().functions;
-        // SAFETY: a slot among the idle ones is used by no submission, and only this lease has it now.
-        let reset = unsafe { functions.reset_command_pool(lease.slot.pool.raw(), vk::CommandPoolResetFlags::empty()) };
-        reset.map_err(VulkanError::call("vkResetCommandPool", name))?;
-        // SAFETY: as above.
-        let reset = unsafe { functions.reset_fences(&[lease.slot.fence.raw()]) };
-        reset.map_err(VulkanError::call("vkResetFences", name))?;
-        Ok(lease)
-    }
-}
-
-impl Drop for Lease {
-    fn drop(&mut self) {
-        lock(self.device.idle()).push(Arc::clone(&self.slot));
-    }
-}
-
-/// What a submission uses, kept until it has ended.
-#[derive(Default)]
-struct Used {
-    buffers: Vec<Buffer>,
-    others: Vec<Arc<dyn Send + Sync>>,
-}
-
-impl std::fmt::Debug for Used {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.debug_struct("Used").field("buffers", &self.buffers).finish_non_exhaustive()
-    }
-}
 
 /// A list of commands in the making.
 ///
@@ -363,29 +279,10 @@ impl Recorder {
     /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] when the device has no room.
     pub fn submit(self) -> Result<Submission, VulkanError> {
         let Self { name, used, timestamps, lease } = self;
-        let functions = &lease.device.raw().functions;
-        let commands = [lease.slot.commands];
         // SAFETY: the command buffer is being recorded, and only `self` had it.
-        let ended = unsafe { functions.end_command_buffer(lease.slot.commands) };
+        let ended = unsafe { lease.device.raw().functions.end_command_buffer(lease.slot.commands) };
         ended.map_err(VulkanError::call("vkEndCommandBuffer", &name))?;
-        let info = [vk::SubmitInfo::default().command_buffers(&commands)];
-        for buffer in &used.buffers {
-            buffer.begin_use();
-        }
-        // From here on dropping means waiting.
-        let mut submission = Submission { name, used, timestamps, ended: false, lease };
-        let lease = &submission.lease;
-        let queue = lock(lease.device.queue());
-        // SAFETY: the lock keeps other threads off the queue; the fence was reset with the lease; the submission
-        // keeps all that the commands use until the fence has signalled.
-        let submitted = unsafe { lease.device.raw().functions.queue_submit(*queue, &info, lease.slot.fence.raw()) };
-        drop(queue);
-        if let Err(source) = submitted {
-            // Nothing was submitted, so there is nothing to wait for.
-            submission.end();
-            return Err(VulkanError::call("vkQueueSubmit", &submission.name)(source));
-        }
-        Ok(submission)
+        Submission::start(name, used, timestamps, lease)
     }
 
     /// Brings a new image into the layout that it stays in.
@@ -438,98 +335,6 @@ impl Recorder {
     }
 }
 
-/// Commands that the device has, or has carried out. Dropping it waits for them.
-#[derive(Debug)]
-pub struct Submission {
-    name: String,
-    used: Used,
-    timestamps: u32,
-    ended: bool,
-    lease: Lease,
-}
-
-impl Submission {
-    /// Waits until the commands have ended, but no longer than `timeout`; says whether they have.
-    ///
-    /// # Errors
-    ///
-    /// [`VulkanError::DeviceLost`].
-    pub fn wait(&mut self, timeout: Duration) -> Result<bool, VulkanError> {
-        if self.ended {
-            return Ok(true);
-        }
-        let nanoseconds = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
-        let fence = [self.lease.slot.fence.raw()];
-        // SAFETY: the fence was given to the submission, and only this lease resets it.
-        let waited = unsafe { self.lease.device.raw().functions.wait_for_fences(&fence, true, nanoseconds) };
-        match waited {
-            Ok(()) => {
-                self.end();
-                Ok(true)
-            }
-            Err(vk::Result::TIMEOUT) => Ok(false),
-            Err(source) => Err(VulkanError::call("vkWaitForFences", &self.name)(source)),
-        }
-    }
-
-    /// Waits until the commands have ended, however long that takes.
-    ///
-    /// # Errors
-    ///
-    /// [`VulkanError::DeviceLost`].
-    pub fn finish(mut self) -> Result<(), VulkanError> {
-        while !self.wait(Duration::MAX)? {}
-        Ok(())
-    }
-
-    /// The times noted by [`Recorder::timestamp`], counted from the first of them; none where the device has no clock.
-    ///
-    /// On a software device they are wall times.
-    ///
-    /// # Errors
-    ///
-    /// [`VulkanError::Misuse`] before the commands have ended.
-    pub fn timestamps(&self) -> Result<Vec<Duration>, VulkanError> {
-        if !self.ended {
-            return Err(VulkanError::misuse(&self.name, "it has not ended, so its timestamps are not known"));
-        }
-        let mut ticks = vec![0_u64; self.timestamps as usize];
-        let Some(&first) = ticks.first() else { return Ok(Vec::new()) };
-        let pool = self.lease.slot.timestamps.raw();
-        let functions = &self.lease.device.raw().functions;
-        // SAFETY: the pool has at least that many queries, all of them written by the commands that have ended.
-        let read = unsafe { functions.get_query_pool_results(pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) };
-        read.map_err(VulkanError::call("vkGetQueryPoolResults", &self.name))?;
-        let limits = self.lease.device.limits();
-        let mask = u64::MAX >> (u64::BITS - limits.timestamp_valid_bits.min(u64::BITS));
-        let first = ticks.first().copied().unwrap_or(first);
-        Ok(ticks.iter().map(|tick| duration(tick.wrapping_sub(first) & mask, limits.timestamp_period_ns)).collect())
-    }
-
-    /// Lets go of what the commands used.
-    fn end(&mut self) {
-        self.ended = true;
-        let used = std::mem::take(&mut self.used);
-        for buffer in &used.buffers {
-            buffer.end_use();
-        }
-    }
-}
-
-impl Drop for Submission {
-    fn drop(&mut self) {
-        while !self.ended {
-            if self.wait(Duration::MAX).is_err() {
-                // SAFETY: waiting for everything needs no more than the device. Where this fails too the device is
-                // lost, and a lost device uses nothing any more.
-                let idle = unsafe { self.lease.device.raw().functions.device_wait_idle() };
-                idle.ok();
-                self.end();
-            }
-        }
-    }
-}
-
 /// Stages, and what they do to memory.
 type Scope = (vk::PipelineStageFlags2, vk::AccessFlags2);
 
@@ -574,9 +379,4 @@ fn one_layer(layer: u32) -> vk::ImageSubresourceLayers {
         .aspect_mask(vk::ImageAspectFlags::COLOR)
         .base_array_layer(layer)
         .layer_count(1)
-}
-
-#[expect(clippy::cast_precision_loss, reason = "2^53 ticks are hours; a day's submission may be off by a tick")]
-fn duration(ticks: u64, period_ns: f32) -> Duration {
-    Duration::try_from_secs_f64(ticks as f64 * f64::from(period_ns) * 1e-9).unwrap_or(Duration::MAX)
 }
