@@ -11,10 +11,10 @@ use codespan_reporting::{
     term,
 };
 use naga::{
-    ArraySize, Module, ShaderStage, Span, TypeInner,
+    ArraySize, Block, Expression, Handle, Literal, Module, ResourceBinding, ShaderStage, Span, Statement, TypeInner,
     back::spv,
     proc::Layouter,
-    valid::{Capabilities, ValidationFlags, Validator},
+    valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
 
 /// The function that a compute shader starts in.
@@ -111,27 +111,32 @@ impl Constants {
     }
 }
 
-/// SPIR-V 1.5 of the compute shader made of `parts` (a name for messages and a text, each) and `constants`.
+/// A compiled compute shader.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Shader {
+    /// SPIR-V 1.5.
+    pub words: Vec<u32>,
+    /// Names of the resources that it uses; the i-th is at binding i of group 0.
+    pub resources: Vec<String>,
+}
+
+/// The compute shader made of `parts` (a name for messages and a text, each) and `constants`.
 ///
-/// The entry point is [`ENTRY_POINT`]. The same input gives the same words.
+/// The entry point is [`ENTRY_POINT`]. The same input gives the same words. Branches whose conditions are known are
+/// resolved first, so that what `constants` switch off is neither compiled nor bound.
 ///
 /// # Errors
 ///
 /// [`ShaderError::Source`] with an excerpt for text that does not parse or is not valid, [`ShaderError::Constant`] for
 /// a constant that is not finite, [`ShaderError::Write`] when there is no entry point of that name.
-pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Vec<u32>, ShaderError> {
+pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, ShaderError> {
     let text = Text::new(parts, constants)?;
-    let module = text.parse()?;
-    let info = Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES).validate(&module).map_err(|error| {
-        let labels = error.spans().map(|(span, label)| (*span, label.as_str()));
-        let mut notes = Vec::new();
-        let mut cause = error.as_inner().source();
-        while let Some(next) = cause {
-            notes.push(next.to_string());
-            cause = next.source();
-        }
-        text.error(&error.as_inner().to_string(), labels, notes)
-    })?;
+    let mut module = text.parse()?;
+    text.validate(&module)?;
+    resolve_branches(&mut module);
+    naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
+    let resources = number_resources(&mut module);
+    let info = text.validate(&module)?;
     let options = spv::Options {
         lang_version: (1, 5),
         flags: spv::WriterFlags::empty(),
@@ -140,8 +145,104 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Vec<u32>
         ..spv::Options::default()
     };
     let entry = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: ENTRY_POINT.to_owned() };
-    spv::write_vec(&module, &info, &options, Some(&entry))
-        .map_err(|source| ShaderError::Write { name: text.name(), source })
+    let words = spv::write_vec(&module, &info, &options, Some(&entry))
+        .map_err(|source| ShaderError::Write { name: text.name(), source })?;
+    Ok(Shader { words, resources })
+}
+
+/// Puts in the place of each `if` whose condition is a constant the branch that it takes.
+fn resolve_branches(module: &mut Module) {
+    let Module { functions, entry_points, constants, global_expressions, .. } = module;
+    let literal = |expression: &Expression| match expression {
+        Expression::Literal(Literal::Bool(value)) => Some(*value),
+        _ => None,
+    };
+    let functions = functions.iter_mut().map(|(_, function)| function);
+    for function in functions.chain(entry_points.iter_mut().map(|entry| &mut entry.function)) {
+        let expressions = &function.expressions;
+        let known = |condition: Handle<Expression>| match &expressions[condition] {
+            Expression::Constant(constant) => literal(&global_expressions[constants[*constant].init]),
+            expression => literal(expression),
+        };
+        resolve_block(&mut function.body, &known);
+        // Names of what is computed in branches not taken would keep it alive.
+        let mut emitted = std::collections::HashSet::new();
+        collect_emitted(&function.body, &mut emitted);
+        function.named_expressions.retain(|expression, _| {
+            emitted.contains(expression) || !needs_emit(&function.expressions[*expression])
+        });
+    }
+}
+
+fn resolve_block(block: &mut Block, known: &impl Fn(Handle<Expression>) -> Option<bool>) {
+    let mut resolved = Block::with_capacity(block.len());
+    for (mut statement, span) in std::mem::take(block).span_into_iter() {
+        match &mut statement {
+            Statement::If { condition, accept, reject } => {
+                resolve_block(accept, known);
+                resolve_block(reject, known);
+                if let Some(value) = known(*condition) {
+                    let mut taken = std::mem::take(if value { accept } else { reject });
+                    resolved.append(&mut taken);
+                    continue;
+                }
+            }
+            Statement::Block(inner) => resolve_block(inner, known),
+            Statement::Loop { body, continuing, .. } => {
+                resolve_block(body, known);
+                resolve_block(continuing, known);
+            }
+            Statement::Switch { cases, .. } => cases.iter_mut().for_each(|case| resolve_block(&mut case.body, known)),
+            _ => {}
+        }
+        resolved.push(statement, span);
+    }
+    *block = resolved;
+}
+
+/// What the statements of `block` compute.
+fn collect_emitted(block: &Block, emitted: &mut std::collections::HashSet<Handle<Expression>>) {
+    for statement in block {
+        match statement {
+            Statement::Emit(range) => emitted.extend(range.clone()),
+            Statement::If { accept, reject, .. } => {
+                collect_emitted(accept, emitted);
+                collect_emitted(reject, emitted);
+            }
+            Statement::Block(inner) => collect_emitted(inner, emitted),
+            Statement::Loop { body, continuing, .. } => {
+                collect_emitted(body, emitted);
+                collect_emitted(continuing, emitted);
+            }
+            Statement::Switch { cases, .. } => cases.iter().for_each(|case| collect_emitted(&case.body, emitted)),
+            Statement::Call { result: Some(result), .. } => {
+                emitted.insert(*result);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// Whether an expression has a value only where a statement computes it.
+fn needs_emit(expression: &Expression) -> bool {
+    !expression.needs_pre_emit()
+}
+
+/// Numbers the resources of the module 0, 1, … in the order of their bindings, and names them in that order.
+fn number_resources(module: &mut Module) -> Vec<String> {
+    let mut bound: Vec<_> = module
+        .global_variables
+        .iter()
+        .filter_map(|(handle, variable)| variable.binding.map(|binding| (binding.group, binding.binding, handle)))
+        .collect();
+    bound.sort_by_key(|&(group, binding, _)| (group, binding));
+    let mut names = Vec::new();
+    for (number, (_, _, handle)) in (0..).zip(bound) {
+        let variable = module.global_variables.get_mut(handle);
+        variable.binding = Some(ResourceBinding { group: 0, binding: number });
+        names.push(variable.name.clone().unwrap_or_default());
+    }
+    names
 }
 
 /// Where a field of a shader's struct lies.
@@ -229,6 +330,19 @@ impl<'a> Text<'a> {
         naga::front::wgsl::parse_str(&self.whole).map_err(|error| {
             let notes = error.notes().map(|note| format!("note: {note}")).collect();
             self.error(error.message(), error.labels(), notes)
+        })
+    }
+
+    fn validate(&self, module: &Module) -> Result<ModuleInfo, ShaderError> {
+        Validator::new(ValidationFlags::all(), Capabilities::IMMEDIATES).validate(module).map_err(|error| {
+            let labels = error.spans().map(|(span, label)| (*span, label.as_str()));
+            let mut notes = Vec::new();
+            let mut cause = error.as_inner().source();
+            while let Some(next) = cause {
+                notes.push(next.to_string());
+                cause = next.source();
+            }
+            self.error(&error.as_inner().to_string(), labels, notes)
         })
     }
 

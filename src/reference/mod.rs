@@ -1,1 +1,29 @@
-//! The equations, written to be read.
+//! The equations, written to be read: the truth in full spectra, and the planned model in f64 and f32.
+
+mod march;
+mod real;
+mod relight;
+mod samples;
+
+pub use march::{composite, full_spectrum, march};
+pub use real::Real;
+pub use relight::relight;
+pub use samples::{Exact, Samples, Step, Stored};
+
+/// A reference that was not finished.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReferenceError {
+    /// Somebody asked it to stop.
+    #[error("the reference was cancelled")]
+    Cancelled,
+    /// A ray has more samples than can be counted.
+    #[error("a ray has more than 8388608 samples of length {step_length}; take a longer step")]
+    TooManySamples {
+        /// Δs in world units.
+        step_length: f64,
+    },
+    /// The camera looks nowhere.
+    #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
+    Camera,
+}

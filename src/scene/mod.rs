@@ -1,1 +1,231 @@
-//! Materials, lights, transfer function, camera: what a picture is of.
+//! What a picture is of: materials, transfer function, lights, camera and the volume they belong to.
+
+mod camera;
+mod file;
+mod lights;
+mod transfer;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+pub use camera::{Aim, Camera, Projection, View};
+pub use file::{SceneOptions, load, load_embedded, load_peer};
+pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
+pub(crate) use camera::centre;
+pub(crate) use transfer::depth_from_opacity;
+pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
+
+use crate::spectrum::{Light, Reflectance, SpectrumError};
+use crate::volume::{Volume, VolumeError};
+
+/// Everything that settles a picture, resolved: no names to look up, no files to read.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Where the scene was read from; heads messages.
+    pub source: String,
+    /// The grey values.
+    pub volume: Arc<Volume>,
+    /// Labels on the same grid, where the scene has them.
+    pub labels: Option<Labels>,
+    /// In the order of their names. Weights of a pixel are in this order too.
+    pub materials: Vec<Material>,
+    /// Which values scatter how much, as which material.
+    pub transfer: Transfer,
+    /// In the order of their names.
+    pub lights: Vec<SceneLight>,
+    /// Whether lights shade by direction at all.
+    pub shading: Shading,
+    /// A surface behind everything, lit by every light; `None` is black and costs nothing.
+    pub background: Option<Reflectance>,
+    /// Where the picture is taken from.
+    pub camera: Camera,
+    /// The part of the volume that is shown, in voxel indices, corner to corner; `None` is all of it.
+    pub crop: Option<[glam::DVec3; 2]>,
+    /// The trade of speed for accuracy.
+    pub accuracy: Accuracy,
+    /// How colours reach the screen.
+    pub display: Display,
+}
+
+/// A spectral material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// Its name in the scene.
+    pub name: String,
+    /// Colour of its ambient and diffuse part.
+    pub reflectance: Reflectance,
+    /// Share of a directed light that arrives from everywhere, 0 to 1.
+    pub ambient: f64,
+    /// Share that follows |n·l|, 0 to 1.
+    pub diffuse: f64,
+    /// Share that follows |n·h|^exponent, in the light's own colour, 0 to 1.
+    pub specular: f64,
+    /// Exponent of the specular part.
+    pub exponent: u32,
+    /// Adds light but occludes nothing (§5.2 of the paper).
+    pub xray: bool,
+}
+
+/// Labels of the voxels and what they mean.
+#[derive(Clone, Debug)]
+pub struct Labels {
+    /// One label a voxel, on the grid of the grey values.
+    pub volume: Arc<Volume>,
+    /// What the scene declares; label 0, and labels that are not declared, follow the transfer function.
+    pub declared: Vec<LabelEntry>,
+}
+
+/// What one label shows as.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelEntry {
+    /// The label, never 0.
+    pub label: u32,
+    /// A name for people.
+    pub name: String,
+    /// Index into [`Scene::materials`].
+    pub material: usize,
+    /// What one opacity length of it hides, 0 to 1.
+    pub opacity: f64,
+}
+
+/// A light of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneLight {
+    /// Its name in the scene.
+    pub name: String,
+    /// Its spectrum: a perfect reflector under it has Y = 1.
+    pub spectrum: Light,
+    /// What the spectrum is multiplied by.
+    pub intensity: f64,
+    /// Where it shines from.
+    pub placement: Placement,
+}
+
+/// Whether the picture is shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shading {
+    /// Every light arrives everywhere alike.
+    None,
+    /// Ambient, diffuse and specular parts, by the gradient of the data.
+    #[default]
+    Gradient,
+}
+
+/// Between voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// The value of the nearest voxel.
+    Nearest,
+    /// Trilinear, by the device's own filter.
+    #[default]
+    Linear,
+}
+
+/// The knobs; each says what it costs and which error it moves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accuracy {
+    /// Δs in world units; time goes with 1/Δs, the step error of a smooth volume with Δs².
+    pub step_length: f64,
+    /// A ray ends once less than this share of light can pass; moves a pixel by at most this share of the brightest
+    /// thing behind (COLOUR.md B6). 0 follows every ray to its end.
+    pub termination: f64,
+    /// Leaping over cells that hold nothing; exact, so it moves no error.
+    pub skipping: bool,
+    /// How values between voxels are made.
+    pub interpolation: Interpolation,
+}
+
+/// The way from XYZ to the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Display {
+    /// What linear sRGB is multiplied by.
+    pub exposure: f64,
+    /// Bradford adaptation of the mixed lights' white to D65; off, a tungsten light looks orange.
+    pub adapt: bool,
+}
+
+/// A scene that cannot be, or cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// The scene's text is not what a scene may say; `at` is `file:line:column`.
+    #[error("{at}: {message}")]
+    Invalid {
+        /// `file:line:column`.
+        at: String,
+        /// What is wrong, and what is allowed.
+        message: String,
+    },
+    /// The scene file cannot be read.
+    #[error("cannot read the scene {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A spectrum of the scene cannot be had.
+    #[error("{at}: {what}")]
+    Spectrum {
+        /// `file:line:column`.
+        at: String,
+        /// Which spectrum, by its key.
+        what: String,
+        /// Why.
+        source: SpectrumError,
+    },
+    /// The scene's volume or its labels cannot be had.
+    #[error("the scene {scene} has no volume to show")]
+    Volume {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: VolumeError,
+    },
+    /// No volume is named, neither in the scene nor beside it.
+    #[error("the scene {scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
+    NoVolume {
+        /// The scene.
+        scene: String,
+    },
+    /// Labels lie on another grid than the values.
+    #[error("the labels {labels} have {theirs:?} voxels, the volume {volume} has {ours:?}; they must be the same grid")]
+    LabelGrid {
+        /// The label file.
+        labels: String,
+        /// Its dimensions.
+        theirs: [usize; 3],
+        /// The volume's file.
+        volume: String,
+        /// Its dimensions.
+        ours: [usize; 3],
+    },
+    /// Labels are not whole numbers from 0 up.
+    #[error("the labels {labels} hold {value} at voxel {voxel:?}; labels are whole numbers from 0 to 65535")]
+    LabelValue {
+        /// The label file.
+        labels: String,
+        /// The value.
+        value: f64,
+        /// Where.
+        voxel: [usize; 3],
+    },
+    /// `--light` asks for a light or a position that is not there.
+    #[error("--light {request}: {message}")]
+    LightRequest {
+        /// As asked.
+        request: String,
+        /// What is wrong and what is there.
+        message: String,
+    },
+    /// A `-D key=value` cannot be applied.
+    #[error("-D {definition}: {message}")]
+    Define {
+        /// As given.
+        definition: String,
+        /// What is wrong.
+        message: String,
+    },
+}

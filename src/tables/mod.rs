@@ -1,1 +1,22 @@
 //! The scene in numbers a march reads, computed in f64 and rounded once.
+
+mod accumulation;
+mod cells;
+mod lights;
+mod rays;
+mod storage;
+mod transfer;
+
+pub use accumulation::Accumulation;
+pub use cells::{CELL, Cells, Occupancy};
+pub use lights::{PositionTable, RelightMatrices, ShadingTable, components, display_from_xyz};
+pub use rays::{MOST_SAMPLES, RayTable};
+pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
+pub use transfer::{Step, TransferTable, step_of_value, steps_of_labels};
+
+/// Rounds to the f32 a shader reads.
+#[expect(clippy::cast_possible_truncation, reason = "the one rounding of tables")]
+#[must_use]
+pub(crate) fn rounded(value: f64) -> f32 {
+    value as f32
+}

@@ -50,7 +50,9 @@ pub enum Resource<'a> {
 }
 
 impl Resource<'_> {
-    fn kind(&self) -> BindingKind {
+    /// The kind of binding it fits.
+    #[must_use]
+    pub fn kind(&self) -> BindingKind {
         match self {
             Self::Storage(_) => BindingKind::Storage,
             Self::Uniform(_) => BindingKind::Uniform,

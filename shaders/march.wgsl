@@ -1,0 +1,309 @@
+// Marches rays through the volume, front to back, and leaves weights that no light's spectrum has entered.
+//
+// Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
+// resolved before the shader is compiled.
+
+struct March {
+    base: vec3f,
+    eye_distance: f32,
+    base_u: vec3f,
+    spread_u: f32,
+    base_v: vec3f,
+    spread_v: f32,
+    direction: vec3f,
+    step_length: f32,
+    direction_u: vec3f,
+    termination: f32,
+    direction_v: vec3f,
+    coordinate_scale: f32,
+    low: vec3f,
+    coordinate_offset: f32,
+    high: vec3f,
+    coordinate_last: f32,
+    cell_scale: vec3f,
+    pixel_width: f32,
+    cell_offset: vec3f,
+    pixel_height: f32,
+    local_scale: vec3f,
+    samples: u32,
+    gradient_scale: vec3f,
+    width: u32,
+    cells: vec3u,
+    height: u32,
+}
+
+// Light positions and what the materials make of them, in lanes.
+struct Shading {
+    lights: array<vec4f, POSITIONS>,
+    ambient: array<vec4f, TABLE_LANES>,
+    diffuse: array<vec4f, TABLE_LANES>,
+    specular: array<vec4f, TABLE_LANES>,
+    exponent: array<vec4u, TABLE_LANES>,
+}
+
+// The part of the picture and of its rays that one dispatch marches.
+struct Band {
+    first_row: u32,
+    first_sample: u32,
+    end_sample: u32,
+}
+
+@group(0) @binding(0) var<uniform> march: March;
+@group(0) @binding(1) var<uniform> shading: Shading;
+@group(0) @binding(2) var volume: texture_3d<f32>;
+@group(0) @binding(3) var volume_sampler: sampler;
+@group(0) @binding(4) var<storage, read> table_weights: array<vec4f>;
+@group(0) @binding(5) var<storage, read> table_opacity: array<f32>;
+@group(0) @binding(6) var<storage, read> occupancy: array<u32>;
+@group(0) @binding(7) var labels: texture_3d<u32>;
+@group(0) @binding(8) var<storage, read> label_weights: array<vec4f>;
+@group(0) @binding(9) var<storage, read> label_opacity: array<f32>;
+@group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
+@group(0) @binding(11) var transmittances: texture_storage_2d_array<r32float, read_write>;
+var<immediate> band: Band;
+
+struct Ray {
+    base: vec3f,
+    direction: vec3f,
+    start: f32,
+    samples: u32,
+    view: vec3f,
+}
+
+struct Step {
+    weights: array<vec4f, TABLE_LANES>,
+    opacity: f32,
+    normal: vec3f,
+}
+
+// Farther than any box.
+const FAR: f32 = 1e30;
+
+fn unit(a: vec3f) -> vec3f {
+    let square = dot(a, a);
+    return select(vec3f(), a * inverseSqrt(square), square > 0.0);
+}
+
+fn between(base: f32, direction: f32, low: f32, high: f32) -> vec2f {
+    if (abs(direction) < 1e-30) {
+        return select(vec2f(FAR, -FAR), vec2f(-FAR, FAR), low <= base && base <= high);
+    }
+    let a = (low - base) / direction;
+    let b = (high - base) / direction;
+    return vec2f(min(a, b), max(a, b));
+}
+
+fn ray_through(pixel: vec2u) -> Ray {
+    let u = (f32(pixel.x) + 0.5) * march.pixel_width - 1.0;
+    let v = 1.0 - (f32(pixel.y) + 0.5) * march.pixel_height;
+    let base = fma(vec3f(v), march.base_v, fma(vec3f(u), march.base_u, march.base));
+    let slant = fma(vec3f(v), march.direction_v, fma(vec3f(u), march.direction_u, march.direction));
+    let length = sqrt(fma(v * v, march.spread_v, fma(u * u, march.spread_u, 1.0)));
+    let direction = slant / length;
+
+    // From the eye on, within the box.
+    let x = between(base.x, direction.x, march.low.x, march.high.x);
+    let y = between(base.y, direction.y, march.low.y, march.high.y);
+    let z = between(base.z, direction.z, march.low.z, march.high.z);
+    let near = max(max(-(march.eye_distance * length), x.x), max(y.x, z.x));
+    let far = min(min(x.y, y.y), z.y);
+    let steps = ceil((far - near) / march.step_length - 0.5);
+    let samples = select(0u, min(u32(max(steps, 0.0)), march.samples), far > near);
+    return Ray(base, direction, near, samples, -(direction * march.local_scale));
+}
+
+fn place_of(ray: Ray, n: u32) -> vec3f {
+    let s = fma(f32(n) + 0.5, march.step_length, ray.start);
+    return fma(vec3f(s), ray.direction, ray.base);
+}
+
+// Entry `i` of the table.
+fn look_up(coordinate: f32, step: ptr<function, Step>) {
+    if (NEAREST_LOOKUP) {
+        let i = u32(coordinate + 0.5);
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            (*step).weights[lane] = table_weights[i * TABLE_LANES + lane];
+        }
+        (*step).opacity = table_opacity[i];
+    } else {
+        let i = min(u32(coordinate), u32(march.coordinate_last) - 1u);
+        let fraction = coordinate - f32(i);
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            let weights = table_weights[i * TABLE_LANES + lane];
+            let after = table_weights[(i + 1u) * TABLE_LANES + lane];
+            (*step).weights[lane] = fma(vec4f(fraction), after - weights, weights);
+        }
+        let opacity = table_opacity[i];
+        (*step).opacity = fma(fraction, table_opacity[i + 1u] - opacity, opacity);
+    }
+}
+
+fn sample(place: vec3f) -> Step {
+    var step: Step;
+    let texel = textureSampleLevel(volume, volume_sampler, place, 0.0);
+    var value = texel.x;
+    if (GRADIENT) {
+        value = texel.w;
+        step.normal = unit(texel.xyz * march.gradient_scale);
+    }
+    let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
+    look_up(coordinate, &step);
+    if (LABELS) {
+        let dims = vec3f(textureDimensions(labels));
+        let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
+        let row = textureLoad(labels, voxel, 0).x;
+        if (row > 0u) {
+            for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+                step.weights[lane] = label_weights[row * TABLE_LANES + lane];
+            }
+            step.opacity = label_opacity[row];
+        }
+    }
+    return step;
+}
+
+// `base^exponent` by squarings, lowest bit first. Straight code: a loop here would count against the iterations that
+// some devices allow an invocation.
+fn power(base: f32, exponent: u32) -> f32 {
+    var result = 1.0;
+    var square = base;
+    if (EXPONENT_BITS > 0u) { result *= select(1.0, square, (exponent & 1u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 1u) { result *= select(1.0, square, (exponent & 2u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 2u) { result *= select(1.0, square, (exponent & 4u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 3u) { result *= select(1.0, square, (exponent & 8u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 4u) { result *= select(1.0, square, (exponent & 16u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 5u) { result *= select(1.0, square, (exponent & 32u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 6u) { result *= select(1.0, square, (exponent & 64u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 7u) { result *= select(1.0, square, (exponent & 128u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 8u) { result *= select(1.0, square, (exponent & 256u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 9u) { result *= select(1.0, square, (exponent & 512u) != 0u); square *= square; }
+    if (EXPONENT_BITS > 10u) { result *= select(1.0, square, (exponent & 1024u) != 0u); }
+    return result;
+}
+
+// Σ weight · specular · facing^exponent over the materials.
+fn highlight(step: Step, facing: f32) -> f32 {
+    var white = 0.0;
+    if (ONE_EXPONENT) {
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            white += dot(step.weights[lane], shading.specular[lane]);
+        }
+        white *= power(facing, ONE_EXPONENT_VALUE);
+    } else {
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            let powers = vec4f(
+                power(facing, shading.exponent[lane].x),
+                power(facing, shading.exponent[lane].y),
+                power(facing, shading.exponent[lane].z),
+                power(facing, shading.exponent[lane].w),
+            );
+            white += dot(step.weights[lane] * shading.specular[lane], powers);
+        }
+    }
+    return white;
+}
+
+// What a step sends to the eye for light from `position`: per material, and white for highlights.
+fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
+    var source: array<vec4f, LANES>;
+    if (position < AMBIENT) {
+        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+            source[lane] = step.weights[lane];
+        }
+        return source;
+    }
+    var light = ray.view;
+    if (DIRECTIONAL > 0u) {
+        if (position >= AMBIENT + HEADLIGHT) {
+            light = shading.lights[position].xyz;
+        }
+    }
+    if (POINT > 0u) {
+        if (position >= AMBIENT + HEADLIGHT + DIRECTIONAL) {
+            light = unit(shading.lights[position].xyz - place * march.local_scale);
+        }
+    }
+    let facing = abs(dot(step.normal, light));
+    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
+        source[lane] = step.weights[lane] * fma(shading.diffuse[lane], vec4f(facing), shading.ambient[lane]);
+    }
+    if (SPECULAR) {
+        let halfway = unit(light + ray.view);
+        source[WHITE_LANE][WHITE_PART] = highlight(step, abs(dot(step.normal, halfway)));
+    }
+    return source;
+}
+
+// Adds one premultiplied sample front to back, `A += T·s`.
+fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: array<vec4f, LANES>, transmittance: f32) {
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        (*sums)[first + lane] = fma(vec4f(transmittance), source[lane], (*sums)[first + lane]);
+    }
+}
+
+// The samples from `first` up to `end`, until no light passes; returns the light that does.
+fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function, array<vec4f, LAYERS>>) -> f32 {
+    var transmittance = passed;
+    for (var n = first; n < end; n += 1u) {
+        let place = place_of(ray, n);
+        let step = sample(place);
+        for (var position = 0u; position < POSITIONS_USED; position += 1u) {
+            composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
+        }
+        // Rounded once: `T *= 1 − α` drifts over many equal steps.
+        transmittance = fma(-transmittance, step.opacity, transmittance);
+        if (transmittance < march.termination) {
+            break;
+        }
+    }
+    return transmittance;
+}
+
+@compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = vec2u(id.x, id.y + band.first_row);
+    if (pixel.x >= march.width || pixel.y >= march.height) {
+        return;
+    }
+    let ray = ray_through(pixel);
+    var sums: array<vec4f, LAYERS>;
+    var transmittance = 1.0;
+    if (band.first_sample > 0u) {
+        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+            sums[layer] = textureLoad(accumulators, pixel, layer);
+        }
+        transmittance = textureLoad(transmittances, pixel, 0).x;
+    }
+    let end = select(min(ray.samples, band.end_sample), 0u, transmittance < march.termination);
+    var n = band.first_sample;
+    if (SKIPPING) {
+        // Samples between two cell borders along each axis.
+        let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
+        let forward = select(vec3f(), vec3f(1.0), ray.direction > vec3f());
+        let last_cell = vec3f(march.cells) - 1.0;
+        loop {
+            // Leap to the next sample in a cell that holds something.
+            var leave = n;
+            loop {
+                if (n >= end) { break; }
+                let cells = fma(place_of(ray, n), march.cell_scale, march.cell_offset);
+                let cell = clamp(floor(cells), vec3f(), last_cell);
+                let ahead = abs(cell + forward - cells) * samples_per_cell;
+                leave = n + max(1u, u32(ceil(min(min(ahead.x, ahead.y), min(ahead.z, 1e6)))));
+                let index = u32(cell.x) + march.cells.x * (u32(cell.y) + march.cells.y * u32(cell.z));
+                if (((occupancy[index / 32u] >> (index % 32u)) & 1u) != 0u) { break; }
+                n = leave;
+            }
+            if (n >= end) { break; }
+            leave = min(leave, end);
+            transmittance = march_samples(ray, n, leave, transmittance, &sums);
+            n = select(leave, end, transmittance < march.termination);
+        }
+    } else {
+        transmittance = march_samples(ray, n, end, transmittance, &sums);
+    }
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        textureStore(accumulators, pixel, layer, sums[layer]);
+    }
+    textureStore(transmittances, pixel, 0, vec4f(transmittance));
+}

@@ -1,0 +1,49 @@
+// Post-illumination: turns accumulators into colours, with no march. Twin of `reference::relight`.
+
+struct Relight {
+    // Linear sRGB of the background.
+    background: vec3f,
+    width: u32,
+    height: u32,
+    // Red, green and blue of the components in each layer of the accumulators.
+    colours: array<array<vec4f, 3>, LAYERS>,
+}
+
+@group(0) @binding(0) var<uniform> relight: Relight;
+@group(0) @binding(1) var accumulators: texture_storage_2d_array<rgba32float, read>;
+@group(0) @binding(2) var transmittances: texture_storage_2d_array<r32float, read>;
+@group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
+@group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
+
+// The transfer curve of IEC 61966-2-1.
+fn encode(colour: vec3f) -> vec3f {
+    let clipped = clamp(colour, vec3f(), vec3f(1.0));
+    let curve = fma(vec3f(1.055), pow(clipped, vec3f(1.0 / 2.4)), vec3f(-0.055));
+    return select(curve, 12.92 * clipped, clipped <= vec3f(0.0031308));
+}
+
+@compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let pixel = id.xy;
+    if (pixel.x >= relight.width || pixel.y >= relight.height) {
+        return;
+    }
+    var colour = vec3f();
+    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+        let weights = textureLoad(accumulators, pixel, layer);
+        let colours = relight.colours[layer];
+        colour += vec3f(dot(colours[0], weights), dot(colours[1], weights), dot(colours[2], weights));
+    }
+    if (DISPLAY) {
+        if (BACKGROUND) {
+            colour = fma(vec3f(textureLoad(transmittances, pixel, 0).x), relight.background, colour);
+        }
+        textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
+    } else {
+        let passed = textureLoad(transmittances, pixel, 0).x;
+        if (BACKGROUND) {
+            colour = fma(vec3f(passed), relight.background, colour);
+        }
+        textureStore(linear, pixel, 0, vec4f(colour, 1.0 - passed));
+    }
+}

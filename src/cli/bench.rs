@@ -1,0 +1,216 @@
+//! `relume bench`: how long marching and relighting take.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::ValueEnum;
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::json;
+
+use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
+use relume::plan::plan;
+use relume::progress::Progress;
+use relume::render::Renderer;
+use relume::scene::{self, Aim, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
+
+use super::render::matrices;
+use super::scene::size;
+use super::{CliError, Report};
+
+/// `relume bench`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// What to measure.
+    #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
+    workloads: Vec<Workload>,
+    /// The real frog for `peer`, in place of its phantom.
+    #[arg(long, value_name = "FILE")]
+    volume: Option<PathBuf>,
+    /// Pixels across and down.
+    #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
+    size: [usize; 2],
+    /// Frames to measure, after two that warm up.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    frames: u32,
+    /// Only this shading.
+    #[arg(long, value_enum)]
+    shading: Option<BenchShading>,
+    /// What to render on.
+    #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
+    device: DeviceChoice,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum Workload {
+    /// The scene that other renderers are set beside; its camera turns by 8° a frame.
+    Peer,
+    /// The same under four directional lights in four positions.
+    PeerFourLights,
+    /// The embedded default scene.
+    Default,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum BenchShading {
+    None,
+    Diffuse,
+}
+
+/// One setting, measured.
+#[derive(Serialize)]
+struct Row {
+    workload: String,
+    volume: String,
+    size: [usize; 2],
+    shading: &'static str,
+    accumulate: &'static str,
+    components: usize,
+    lanes: usize,
+    positions: usize,
+    device: String,
+    software: bool,
+    march: Times,
+    relight: Times,
+    startup_ms: f64,
+    peak_mb: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Times {
+    wall_ms: Option<Summary>,
+    cpu_ms: Option<Summary>,
+}
+
+impl Times {
+    fn of(times: &[Timing]) -> Self {
+        let over = |value: fn(&Timing) -> f64| summary(&times.iter().map(value).collect::<Vec<_>>());
+        Self { wall_ms: over(|time| time.wall_ms), cpu_ms: over(|time| time.cpu_ms) }
+    }
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
+    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let mut rows = Vec::new();
+    let mut started = Some(started);
+    for &workload in &args.workloads {
+        for shading in [BenchShading::None, BenchShading::Diffuse] {
+            if args.shading.is_none_or(|only| only == shading) {
+                let begun = started.take().unwrap_or_else(Instant::now);
+                rows.push(measure(args, &renderer, workload, shading, progress, begun)?);
+            }
+        }
+    }
+    let name = renderer.device().info();
+    let mut text = format!(
+        "{} ({}){}\n",
+        name.name,
+        name.driver,
+        if name.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" }
+    );
+    text.push_str("workload          shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n");
+    let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
+    for row in &rows {
+        text.push_str(&format!(
+            "{:<17} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
+            row.workload,
+            row.shading,
+            row.positions,
+            row.lanes,
+            median(row.march.cpu_ms),
+            median(row.march.wall_ms),
+            median(row.relight.cpu_ms),
+            median(row.relight.wall_ms),
+            row.startup_ms,
+        ));
+    }
+    Ok(Report { text, json: json!({ "rows": rows }) })
+}
+
+fn measure(
+    args: &Args,
+    renderer: &Renderer,
+    workload: Workload,
+    shading: BenchShading,
+    progress: &dyn Progress,
+    begun: Instant,
+) -> Result<Row, CliError> {
+    let mut scene = match workload {
+        Workload::Default => scene::load_embedded(&SceneOptions::default(), progress)?,
+        Workload::Peer | Workload::PeerFourLights => {
+            let options = SceneOptions { volume: args.volume.clone(), ..SceneOptions::default() };
+            scene::load_peer(&options, progress)?
+        }
+    };
+    if shading == BenchShading::None {
+        scene.shading = Shading::None;
+    }
+    if workload == Workload::PeerFourLights {
+        add_peer_lights(&mut scene);
+    }
+    let planned = plan(&scene);
+    let statistics = scene.volume.statistics()?;
+    let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
+    let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
+    let (mut marches, mut relights) = (Vec::new(), Vec::new());
+    let mut startup_ms = 0.0;
+    const WARM_UP: u32 = 2;
+    let mut relit = None;
+    for frame in 0..WARM_UP + args.frames {
+        if let Aim::Orbit { azimuth, .. } = &mut scene.camera.aim {
+            *azimuth = -20.0 + 8.0 * f64::from(frame);
+        }
+        let clock = Stopwatch::start();
+        let accumulators = renderer.march(&scene, &planned, &uploaded, args.size, progress)?;
+        let march = clock.read();
+        if frame == 0 {
+            let relight = renderer.relight_display(&accumulators)?;
+            relight.run(&matrices)?;
+            startup_ms = begun.elapsed().as_secs_f64() * 1e3;
+        }
+        if frame >= WARM_UP {
+            marches.push(march);
+        }
+        relit = Some(accumulators);
+    }
+    if let Some(accumulators) = &relit {
+        let relight = renderer.relight_display(accumulators)?;
+        for frame in 0..WARM_UP + args.frames.max(11) {
+            let clock = Stopwatch::start();
+            relight.run(&matrices)?;
+            if frame >= WARM_UP {
+                relights.push(clock.read());
+            }
+        }
+    }
+    let info = renderer.device().info();
+    Ok(Row {
+        workload: workload.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned()),
+        volume: scene.volume.source.clone(),
+        size: args.size,
+        shading: if shading == BenchShading::None { "none" } else { "diffuse" },
+        accumulate: "weights",
+        components: planned.plan.components(),
+        lanes: planned.plan.lanes(),
+        positions: planned.positions.len(),
+        device: format!("{} ({})", info.name, info.driver),
+        software: info.kind == DeviceKind::Software,
+        march: Times::of(&marches),
+        relight: Times::of(&relights),
+        startup_ms,
+        peak_mb: peak_mb(),
+    })
+}
+
+/// The peers' other three lights (shared/bench/peerlib.py), as directions; spectra do not enter a march.
+fn add_peer_lights(scene: &mut Scene) {
+    let Some(key) = scene.lights.first().cloned() else {
+        return;
+    };
+    let directions = [[0.8, -0.2, -0.5], [-0.8, 0.3, -0.5], [0.1, 0.9, -0.4]];
+    for (name, direction) in ["second", "third", "fourth"].into_iter().zip(directions) {
+        let placement = Placement::Directional(DVec3::from_array(direction).normalize());
+        scene.lights.push(SceneLight { name: name.to_owned(), placement, ..key.clone() });
+    }
+}

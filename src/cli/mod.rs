@@ -1,0 +1,134 @@
+//! What the command line says, and what comes back: one result on standard output, one error on standard error.
+
+mod bench;
+mod files;
+mod info;
+mod relight;
+mod render;
+mod scene;
+mod shaders;
+mod terminal;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use relume::output::OutputError;
+use relume::reference::ReferenceError;
+use relume::render::RenderError;
+use relume::scene::SceneError;
+use relume::volume::VolumeError;
+use relume::vulkan::VulkanError;
+use terminal::Terminal;
+
+/// Spectral volume rendering: march once, relight as often as you like.
+#[derive(Debug, Parser)]
+#[command(version, arg_required_else_help = true, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Print results as JSON on standard output.
+    #[arg(long, global = true)]
+    json: bool,
+    /// No progress bars and no warnings.
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// March a scene and write pictures, accumulators or spectra of it.
+    Render(render::Args),
+    /// Light saved accumulators anew: no volume, no march, no GPU.
+    Relight(relight::Args),
+    /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
+    Info(info::Args),
+    /// Measure marching and relighting, as a table or as JSON.
+    Bench(bench::Args),
+    /// Write or check the compiled shaders in `spirv/`.
+    Shaders(shaders::Args),
+}
+
+/// Why a command failed.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    #[error(transparent)]
+    Vulkan(#[from] VulkanError),
+    #[error(transparent)]
+    Reference(#[from] ReferenceError),
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    #[error(transparent)]
+    Shader(#[from] relume::shader::ShaderError),
+    #[error("{0}")]
+    Usage(String),
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable device, 130 interrupted.
+fn exit_code(error: &CliError) -> u8 {
+    let of_device = |error: &VulkanError| match error {
+        VulkanError::NoLoader { .. }
+        | VulkanError::NoDriver { .. }
+        | VulkanError::NoDevice
+        | VulkanError::NoMatch { .. }
+        | VulkanError::Unsuitable { .. }
+        | VulkanError::NoValidation => 3,
+        _ => 1,
+    };
+    match error {
+        CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
+        CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
+        CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Render(RenderError::Cancelled)
+        | CliError::Volume(VolumeError::Cancelled { .. })
+        | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => 130,
+        _ => 1,
+    }
+}
+
+/// Runs the command line; only this function prints.
+pub(crate) fn main() -> ExitCode {
+    let started = std::time::Instant::now();
+    let cli = Cli::parse();
+    let terminal = Terminal::new(cli.quiet);
+    let outcome = match &cli.command {
+        Command::Render(args) => render::run(args, &terminal),
+        Command::Relight(args) => relight::run(args),
+        Command::Info(args) => info::run(args, &terminal),
+        Command::Bench(args) => bench::run(args, &terminal, started),
+        Command::Shaders(args) => shaders::run(args),
+    };
+    terminal.finish();
+    match outcome {
+        Ok(report) => {
+            terminal::print(&if cli.json { report.json_text() } else { report.text });
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            terminal::complain(&error);
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+/// What a command has to say, for people and for programs.
+pub(crate) struct Report {
+    /// For people.
+    pub(crate) text: String,
+    /// For programs; names are stable.
+    pub(crate) json: serde_json::Value,
+}
+
+impl Report {
+    fn json_text(&self) -> String {
+        format!("{:#}\n", self.json)
+    }
+}

@@ -1,0 +1,273 @@
+//! `relume render`: a scene marched once, and what can be written of it.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::output::write_ready_png;
+use relume::plan::{Planned, plan};
+use relume::progress::Progress;
+use relume::reference::{self, Exact};
+use relume::render::Renderer;
+use relume::scene::{Mix, Scene};
+use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, components, display_from_xyz};
+use relume::volume::Statistics;
+use relume::vulkan::{Device, DeviceChoice, Validation};
+
+use super::files::{self, Bits, PictureKind, picture_kind};
+use super::scene::{LightArgs, SceneArgs, size};
+use super::{CliError, Report};
+
+/// `relume render`
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    #[command(flatten)]
+    lights: LightArgs,
+    /// Picture to write (repeatable): .png is sRGB, .exr linear float with opacity.
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+    /// Pixels across and down.
+    #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
+    size: [usize; 2],
+    /// Bits per channel of a PNG.
+    #[arg(long, value_enum, default_value = "8")]
+    bits: Bits,
+    /// What to render on: an index or a part of a name from `relume info`, or auto.
+    #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
+    device: DeviceChoice,
+    /// Render on the CPU with all 81 bands in f64: slow, and the truth.
+    #[arg(long, conflicts_with = "device")]
+    reference: bool,
+    /// Save the accumulators, for `relume relight`.
+    #[arg(long, value_name = "FILE.exr")]
+    accumulators: Option<PathBuf>,
+    /// Save every pixel's spectrum under the lights.
+    #[arg(long, value_name = "FILE.exr")]
+    spectral: Option<PathBuf>,
+}
+
+/// What was marched, wherever that was.
+struct Marched {
+    accumulation: Option<Accumulation<f32>>,
+    /// Linear RGBA; made where an output needs it.
+    linear: Option<Vec<f32>>,
+    /// 8-bit sRGB RGBA.
+    display: Option<Vec<u8>>,
+    device: serde_json::Value,
+    times: Vec<(&'static str, Timing)>,
+    details: serde_json::Value,
+}
+
+/// What has to come back from the device.
+#[derive(Clone, Copy)]
+struct Wanted {
+    linear: bool,
+    display: bool,
+    accumulation: bool,
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
+    let mut outputs: Vec<&PathBuf> = args.output.iter().collect();
+    outputs.extend(args.accumulators.iter().chain(&args.spectral));
+    if outputs.is_empty() {
+        return Err(CliError::Usage("nothing to write: name a picture with -o FILE.png or -o FILE.exr".into()));
+    }
+    let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
+    let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, &inputs)?;
+
+    let clock = Stopwatch::start();
+    let scene = args.scene.load(progress)?;
+    let statistics = relume::volume::Volume::statistics(&scene.volume)?;
+    warn_of_odd_values(&statistics);
+    let planned = plan(&scene);
+    let loaded = clock.read();
+    let positions: Vec<String> = planned.positions.iter().map(|position| position.name.clone()).collect();
+    let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
+
+    let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
+    let wanted = Wanted {
+        linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some(),
+        display: kinds.iter().any(ready),
+        accumulation: args.accumulators.is_some() || args.spectral.is_some(),
+    };
+    let marched = if args.reference {
+        on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?
+    } else {
+        on_device(&scene, &planned, &statistics, &mix, args, wanted, progress)?
+    };
+
+    let clock = Stopwatch::start();
+    for path in &args.output {
+        match (&marched.display, &marched.linear) {
+            (Some(display), _) if ready(&picture_kind(path)?) => {
+                let rgb: Vec<u8> = display.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+                write_ready_png(path, args.size[0], args.size[1], &rgb)?;
+            }
+            (_, Some(linear)) => files::write_linear(path, args.size, linear, args.bits)?,
+            _ => {}
+        }
+    }
+    if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, &marched.accumulation, &marched.linear) {
+        let spectra = components(&scene, &planned);
+        let (positions, background) = (planned.positions.len(), scene.background.as_ref());
+        files::write_spectra(path, &spectra, positions, background, &mix, accumulation, linear)?;
+    }
+    if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
+        files::to_file(&scene, &planned, accumulation).write(path)?;
+    }
+    let written = clock.read();
+
+    let mut times = vec![("load", loaded)];
+    times.extend(marched.times);
+    times.push(("write", written));
+    let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+    let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
+    let text = format!("wrote {}\n{}\n", listed.join(", "), spent.join(", "));
+    let times: serde_json::Map<String, serde_json::Value> =
+        times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
+    let json = json!({
+        "outputs": listed,
+        "size": args.size,
+        "device": marched.device,
+        "plan": super::info::plan_json(&scene, &planned),
+        "times": times,
+        "march": marched.details,
+        "peak_mb": peak_mb(),
+    });
+    Ok(Report { text, json })
+}
+
+/// Says what of the data cannot be shown as it is.
+pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
+    if statistics.not_a_number > 0 {
+        let count = statistics.not_a_number;
+        tracing::warn!("{count} voxels are not a number; they take the smallest value, {}", statistics.min);
+    }
+    if statistics.infinite > 0 {
+        tracing::warn!("{} voxels are infinite; they take the ends of the range", statistics.infinite);
+    }
+}
+
+/// Says what storing gives up, and which labels nobody declared.
+pub(crate) fn warn_of_storage(storage: &Storage, labels: Option<&LabelMap>) {
+    if storage.loss > 0.0 {
+        tracing::warn!(
+            "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
+            storage.format,
+            storage.domain[0],
+            storage.domain[1],
+            storage.loss
+        );
+    }
+    if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
+        let listed: Vec<String> =
+            labels.undeclared.iter().map(|(label, count)| format!("{label} ({count} voxels)")).collect();
+        tracing::warn!("labels that the scene does not declare follow the transfer function: {}", listed.join(", "));
+    }
+}
+
+fn on_device(
+    scene: &Scene,
+    planned: &Planned,
+    statistics: &Statistics,
+    mix: &Mix,
+    args: &Args,
+    wanted: Wanted,
+    progress: &dyn Progress,
+) -> Result<Marched, CliError> {
+    let clock = Stopwatch::start();
+    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let opened = clock.read();
+    let clock = Stopwatch::start();
+    let uploaded = renderer.upload(scene, planned, statistics, progress)?;
+    warn_of_storage(&uploaded.storage, uploaded.labels.as_ref());
+    let upload = clock.read();
+    let clock = Stopwatch::start();
+    let accumulators = renderer.march(scene, planned, &uploaded, args.size, progress)?;
+    let march = clock.read();
+
+    let clock = Stopwatch::start();
+    let matrices = matrices(scene, planned, mix);
+    let mut marched = Marched {
+        accumulation: None,
+        linear: None,
+        display: None,
+        device: super::info::device_json(renderer.device().info()),
+        times: Vec::new(),
+        details: json!({
+            "dispatches": accumulators.dispatches,
+            "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
+            "volume_bytes": uploaded.storage.bytes(scene.volume.geometry.dims),
+            "pixel_bytes": planned.plan.layers() * 16 + 4,
+        }),
+    };
+    if wanted.display {
+        let relight = renderer.relight_display(&accumulators)?;
+        relight.run(&matrices)?;
+        marched.display = Some(relight.read()?);
+    }
+    if wanted.linear {
+        let relight = renderer.relight_linear(&accumulators)?;
+        relight.run(&matrices)?;
+        marched.linear = Some(relight.read()?);
+    }
+    if wanted.accumulation {
+        marched.accumulation = Some(renderer.read(&accumulators)?);
+    }
+    let relight = clock.read();
+    marched.times = vec![("device", opened), ("upload", upload), ("march", march), ("relight", relight)];
+    Ok(marched)
+}
+
+/// What relighting multiplies by.
+pub(crate) fn matrices(scene: &Scene, planned: &Planned, mix: &Mix) -> RelightMatrices {
+    let spectra = components(scene, planned);
+    RelightMatrices::new(&spectra, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
+}
+
+fn on_cpu(
+    scene: &Scene,
+    planned: &Planned,
+    statistics: &Statistics,
+    mix: &Mix,
+    size: [usize; 2],
+    wanted: Wanted,
+    progress: &dyn Progress,
+) -> Result<Marched, CliError> {
+    let clock = Stopwatch::start();
+    let storage = Storage::new(&planned.plan, &scene.volume, statistics);
+    let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
+    let exact = Exact::new(scene, planned, storage, labels.as_ref());
+    let mut linear = None;
+    if wanted.linear {
+        let (xyz, passed) = reference::full_spectrum(scene, planned, &exact, mix, size, progress)?;
+        let display = display_from_xyz(mix, &scene.display);
+        let colours: Vec<_> = xyz.iter().map(|xyz| display * glam::DVec3::from_array(xyz.0)).collect();
+        linear = Some(files::rgba(&colours, passed.into_iter()));
+    }
+    #[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
+    let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
+    let accumulation = if wanted.accumulation {
+        let march = reference::march::<f64>(scene, planned, &exact, size, progress)?;
+        Some(Accumulation {
+            size,
+            weights: narrow(march.weights),
+            transmittance: narrow(march.transmittance),
+        })
+    } else {
+        None
+    };
+    Ok(Marched {
+        accumulation,
+        linear,
+        display: None,
+        device: json!({"name": "reference: CPU, 81 bands, f64"}),
+        times: vec![("reference", clock.read())],
+        details: json!(null),
+    })
+}

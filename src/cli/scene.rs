@@ -1,0 +1,145 @@
+//! Scenes as the command line names and changes them.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use relume::progress::Progress;
+use relume::scene::{self, LightRequest, Mix, Scene, SceneOptions};
+use relume::volume::{ByteOrder, RawLayout, VoxelType};
+
+use super::CliError;
+
+/// Which scene, and what is changed about it.
+#[derive(Debug, Args)]
+pub(crate) struct SceneArgs {
+    /// Scene file; without one, the default scene.
+    pub(crate) scene: Option<PathBuf>,
+    /// Show this volume in place of the scene's.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) volume: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) raw: RawArgs,
+    /// Labels on the same grid as the volume.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) labels: Option<PathBuf>,
+    /// Average blocks of A×B×C voxels.
+    #[arg(long, value_name = "AxBxC", value_parser = three)]
+    pub(crate) downsample: Option<[usize; 3]>,
+    /// Change a value of the scene file, for example -D lights.key.intensity=2 (repeatable).
+    #[arg(short = 'D', value_name = "KEY=VALUE")]
+    pub(crate) define: Vec<String>,
+}
+
+/// How a headerless volume lies in its file.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Headerless volumes (--volume FILE.raw)")]
+pub(crate) struct RawArgs {
+    /// Voxels along x, y and z.
+    #[arg(long, value_name = "NXxNYxNZ", value_parser = three, requires = "voxel_type")]
+    dims: Option<[usize; 3]>,
+    /// Type of a voxel: uint8, int16, float32, …
+    #[arg(long = "type", value_name = "TYPE", requires = "dims")]
+    voxel_type: Option<VoxelType>,
+    /// The most significant byte comes first.
+    #[arg(long, requires = "dims")]
+    big_endian: bool,
+    /// Bytes to leave out at the beginning.
+    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "dims")]
+    header_bytes: u64,
+    /// World units between voxels along x, y and z.
+    #[arg(long, value_name = "SXxSYxSZ", value_parser = three_numbers, requires = "dims")]
+    spacing: Option<[f64; 3]>,
+}
+
+impl RawArgs {
+    /// The layout, where flags state one.
+    pub(crate) fn layout(&self) -> Option<RawLayout> {
+        Some(RawLayout {
+            file: None,
+            slices: None,
+            dims: self.dims?,
+            voxel_type: self.voxel_type?,
+            byte_order: if self.big_endian { ByteOrder::Big } else { ByteOrder::Little },
+            header_bytes: self.header_bytes,
+            spacing: self.spacing.unwrap_or([1.0; 3]),
+            origin: [0.0; 3],
+            direction: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        })
+    }
+}
+
+/// `--light`.
+#[derive(Debug, Args)]
+pub(crate) struct LightArgs {
+    /// Light it with NAME in place of the scene's mix (repeatable: lights add up). NAME is a light of the scene, a
+    /// standard (D65, A, FL11, "blackbody 3000", …) or a spectrum file; POSITION a light's place.
+    #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
+    pub(crate) lights: Vec<LightRequest>,
+}
+
+impl SceneArgs {
+    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<Scene, CliError> {
+        let options = SceneOptions {
+            volume: self.volume.clone(),
+            raw: self.raw.layout(),
+            labels: self.labels.clone(),
+            downsample: self.downsample,
+            definitions: self.define.clone(),
+        };
+        let scene = match &self.scene {
+            Some(path) => scene::load(path, &options, progress)?,
+            None => scene::load_embedded(&options, progress)?,
+        };
+        let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
+        for note in scene.volume.notes.iter().chain(labels) {
+            tracing::warn!("{note}");
+        }
+        Ok(scene)
+    }
+}
+
+impl LightArgs {
+    /// The mix asked for, or the one `stated`.
+    pub(crate) fn mix(&self, stated: Mix, positions: &[String]) -> Result<Mix, CliError> {
+        if self.lights.is_empty() {
+            return Ok(stated);
+        }
+        Ok(Mix::requested(&stated, positions, &self.lights, std::path::Path::new(""))?)
+    }
+}
+
+/// `AxBxC`, whole numbers from 1.
+pub(crate) fn three(text: &str) -> Result<[usize; 3], String> {
+    let numbers = split(text, |part| part.parse().ok().filter(|&n: &usize| n > 0));
+    numbers.ok_or_else(|| "write three whole numbers from 1, such as 2x2x1".to_owned())
+}
+
+/// `AxBxC`, positive numbers.
+fn three_numbers(text: &str) -> Result<[f64; 3], String> {
+    let numbers = split(text, |part| part.parse().ok().filter(|&n: &f64| n > 0.0 && n.is_finite()));
+    numbers.ok_or_else(|| "write three positive numbers, such as 1x1x1.5".to_owned())
+}
+
+/// `x,y,z`
+pub(crate) fn voxel(text: &str) -> Result<[usize; 3], String> {
+    let parts: Option<Vec<usize>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    parts.and_then(|parts| parts.try_into().ok()).ok_or_else(|| "write x,y,z, such as 10,20,30".to_owned())
+}
+
+fn split<T>(text: &str, number: impl Fn(&str) -> Option<T>) -> Option<[T; 3]> {
+    let parts: Option<Vec<T>> = text.split(['x', '×', ',']).map(|part| number(part.trim())).collect();
+    parts?.try_into().ok()
+}
+
+/// `WxH`
+pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
+    const LARGEST: usize = relume::output::Picture::LARGEST_SIDE;
+    let parts: Option<Vec<usize>> = text.split(['x', '×']).map(|part| part.trim().parse().ok()).collect();
+    let size: Option<[usize; 2]> = parts.and_then(|parts| parts.try_into().ok());
+    match size {
+        Some(size) if size.iter().all(|side| (1..=LARGEST).contains(side)) => Ok(size),
+        Some(_) => Err(format!("each side of a picture has 1 to {LARGEST} pixels")),
+        None => Err("write WIDTHxHEIGHT, such as 800x600".to_owned()),
+    }
+}

@@ -1,0 +1,220 @@
+//! What a sample of the volume is: exactly, or as the device's tables and textures have it.
+
+use super::Real;
+use super::real::unit;
+use crate::plan::{LANE, Planned};
+use crate::scene::{Interpolation, Lookup, Scene};
+use crate::tables::{self, LabelMap, Storage, StoredVolume, TransferTable};
+use crate::volume::Volume;
+
+/// What one step does at a sample.
+#[derive(Clone, Debug, Default)]
+pub struct Step<R> {
+    /// Light gained per material in use.
+    pub weights: Vec<R>,
+    /// Light lost.
+    pub opacity: R,
+    /// Unit gradient of the data in the volume's own axes; 0 where there is none or none is needed.
+    pub normal: [R; 3],
+}
+
+/// Something to take samples of.
+pub trait Samples<R: Real>: Sync {
+    /// Sets `step` to what a step does at `place`, in texture coordinates.
+    fn sample(&self, place: [R; 3], step: &mut Step<R>);
+}
+
+/// The scene itself: the transfer function without a table, the volume without a texture.
+#[derive(Debug)]
+pub struct Exact<'a> {
+    scene: &'a Scene,
+    planned: &'a Planned,
+    storage: Storage,
+    labels: Option<&'a LabelMap>,
+    label_steps: Vec<tables::Step>,
+}
+
+impl<'a> Exact<'a> {
+    /// Samples of `scene`; `storage` says what NaN and ±∞ count as.
+    #[must_use]
+    pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
+        let label_steps = tables::steps_of_labels(scene, planned);
+        Self { scene, planned, storage, labels, label_steps }
+    }
+
+    /// The normalised value of a voxel; indices beyond the grid take its face.
+    fn voxel(&self, index: [i64; 3]) -> f64 {
+        let volume: &Volume = &self.scene.volume;
+        let place = clamped(index, volume.geometry.dims);
+        volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
+    }
+
+    /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of one
+    /// voxel.
+    fn gradient(&self, index: [i64; 3]) -> [f64; 3] {
+        let geometry = &self.scene.volume.geometry;
+        std::array::from_fn(|axis| {
+            let last = geometry.dims[axis] as i64 - 1;
+            let (mut before, mut after) = (index, index);
+            let here = index[axis].clamp(0, last);
+            before[axis] = (here - 1).max(0);
+            after[axis] = (here + 1).min(last);
+            let voxels = after[axis] - before[axis];
+            if voxels == 0 {
+                return 0.0;
+            }
+            (self.voxel(after) - self.voxel(before)) / (voxels as f64 * geometry.spacing[axis])
+        })
+    }
+}
+
+impl Samples<f64> for Exact<'_> {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        let dims = self.scene.volume.geometry.dims;
+        let interpolation = self.scene.accuracy.interpolation;
+        let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
+        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, dims)]);
+        let [low, high] = self.storage.domain;
+        let value = (high - low).mul_add(normalised, low);
+        let found = if row > 0 {
+            self.label_steps[usize::from(row)].clone()
+        } else {
+            tables::step_of_value(self.scene, self.planned, value)
+        };
+        step.weights.clone_from(&found.weights);
+        step.opacity = found.opacity;
+        if self.planned.plan.shading.is_some() {
+            step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
+        }
+    }
+}
+
+/// The stored tables and volume, read as the shader reads them. Twin of `sample` in `shaders/march.wgsl`.
+#[derive(Debug)]
+pub struct Stored<'a, R> {
+    planned: &'a Planned,
+    volume: &'a StoredVolume,
+    table: &'a TransferTable,
+    labels: Option<(&'a LabelMap, &'a TransferTable)>,
+    coordinate_scale: R,
+    coordinate_offset: R,
+    gradient_scale: [R; 3],
+}
+
+impl<'a, R: Real> Stored<'a, R> {
+    /// Samples of what a device would read.
+    #[must_use]
+    pub fn new(
+        planned: &'a Planned,
+        storage: &Storage,
+        volume: &'a StoredVolume,
+        table: &'a TransferTable,
+        labels: Option<(&'a LabelMap, &'a TransferTable)>,
+    ) -> Self {
+        let [scale, offset] = table.coordinate_from_texel(storage);
+        Self {
+            planned,
+            volume,
+            table,
+            labels,
+            coordinate_scale: R::from_f64(scale),
+            coordinate_offset: R::from_f64(offset),
+            gradient_scale: storage.gradient_scale().map(R::from_f64),
+        }
+    }
+}
+
+impl<R: Real> Samples<R> for Stored<'_, R> {
+    fn sample(&self, place: [R; 3], step: &mut Step<R>) {
+        let volume = self.volume;
+        let parts = if volume.has_gradient { 4 } else { 1 };
+        let texel = |index| -> [R; 4] {
+            let first = clamped(index, volume.dims) * parts;
+            std::array::from_fn(|part| {
+                R::from_f64(volume.texels.get(first + part.min(parts - 1)).copied().map_or(0.0, f64::from))
+            })
+        };
+        let fetched = interpolate(place, volume.dims, self.planned.plan.interpolation, texel);
+        let value = fetched[if volume.has_gradient { 3 } else { 0 }];
+        if volume.has_gradient {
+            step.normal = unit(std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]));
+        }
+        step.weights.resize(self.planned.materials.len(), R::default());
+        let row = self.labels.map_or(0, |(labels, _)| labels.rows[nearest(place, volume.dims)]);
+        if let (Some((_, table)), true) = (self.labels, row > 0) {
+            step.opacity = entry(table, usize::from(row), &mut step.weights);
+        } else {
+            let last = R::from_f64((self.table.entries() - 1) as f64);
+            let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
+            step.opacity = self.look_up(coordinate, &mut step.weights);
+        }
+    }
+}
+
+impl<R: Real> Stored<'_, R> {
+    /// The table at `coordinate`; twin of `look_up` in `shaders/march.wgsl`.
+    fn look_up(&self, coordinate: R, weights: &mut [R]) -> R {
+        match self.planned.plan.lookup {
+            Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), weights),
+            Lookup::Linear => {
+                let before = coordinate.floor().index().min(self.table.entries() - 2);
+                let fraction = coordinate - R::from_f64(before as f64);
+                let opacity = entry(self.table, before, weights);
+                let mut after = vec![R::default(); weights.len()];
+                let opacity_after = entry(self.table, before + 1, &mut after);
+                for (weight, after) in weights.iter_mut().zip(after) {
+                    *weight = fraction.mul_add(after - *weight, *weight);
+                }
+                fraction.mul_add(opacity_after - opacity, opacity)
+            }
+        }
+    }
+}
+
+/// Entry `i` of a table: sets the weights, returns the opacity.
+fn entry<R: Real>(table: &TransferTable, i: usize, weights: &mut [R]) -> R {
+    for (m, weight) in weights.iter_mut().enumerate() {
+        *weight = R::from_f64(f64::from(table.weights[i * table.lanes + m / LANE][m % LANE]));
+    }
+    R::from_f64(f64::from(table.opacity[i]))
+}
+
+/// Between voxels: `texel` of the eight around `place` (texture coordinates), x first, or of the nearest.
+fn interpolate<R: Real, const N: usize>(
+    place: [R; 3],
+    dims: [usize; 3],
+    interpolation: Interpolation,
+    texel: impl Fn([i64; 3]) -> [R; N],
+) -> [R; N] {
+    let voxel: [R; 3] = std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(dims[axis] as f64), R::from_f64(-0.5)));
+    if interpolation == Interpolation::Nearest {
+        return texel(voxel.map(|place| whole((place + R::from_f64(0.5)).floor())));
+    }
+    let base = voxel.map(Real::floor);
+    let fraction: [R; 3] = std::array::from_fn(|axis| voxel[axis] - base[axis]);
+    let base = base.map(whole);
+    let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
+    let at = |x: i64, y: i64, z: i64| texel([base[0] + x, base[1] + y, base[2] + z]);
+    let line = |y, z| lerp(at(0, y, z), at(1, y, z), fraction[0]);
+    let plane = |z| lerp(line(0, z), line(1, z), fraction[1]);
+    lerp(plane(0), plane(1), fraction[2])
+}
+
+/// A whole number as an integer.
+#[expect(clippy::cast_possible_truncation, reason = "voxel indices are small")]
+fn whole<R: Real>(value: R) -> i64 {
+    value.to_f64() as i64
+}
+
+/// The voxel that holds `place`.
+fn nearest<R: Real>(place: [R; 3], dims: [usize; 3]) -> usize {
+    let index = std::array::from_fn(|axis| whole((place[axis] * R::from_f64(dims[axis] as f64)).floor()));
+    clamped(index, dims)
+}
+
+/// The place of a voxel among the voxels; beyond a face, of the one on the face.
+fn clamped(index: [i64; 3], dims: [usize; 3]) -> usize {
+    let on: [usize; 3] =
+        std::array::from_fn(|axis| usize::try_from(index[axis]).unwrap_or(0).min(dims[axis] - 1));
+    on[0] + dims[0] * (on[1] + dims[1] * on[2])
+}

@@ -1,0 +1,371 @@
+//! The march on the device: in bands of rows and slices of rays, so that no dispatch is long.
+
+use std::time::{Duration, Instant};
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Key, RenderError, Renderer, Uploaded};
+use crate::plan::{LANE, Planned, ScenePlan};
+use crate::progress::Progress;
+use crate::scene::{Lookup, Scene};
+use crate::shader::{Constants, Shader, ShaderError, compile};
+use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
+use crate::vulkan::{Buffer, Filter, Format, HostUse, Resource, Sampler, StorageImage};
+
+/// How long a dispatch may take, about: a person who moves on is heard after it, and no watchdog bites.
+const DISPATCH: Duration = Duration::from_millis(50);
+/// Samples that the first dispatch of a march takes, before its speed is known.
+const FIRST_SAMPLES: f64 = 2e7;
+/// Samples along a ray per dispatch: with the loops around them far below the 65,535 iterations that some devices
+/// silently stop an invocation at.
+const SLICE: u32 = 16_384;
+/// Workgroups; lavapipe's lanes are eight neighbours in x.
+const GROUP: [u32; 2] = [8, 8];
+
+/// Numbers of a frame, as `shaders/march.wgsl` has them.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+#[expect(missing_docs, reason = "named and explained in the shader and in `RayTable`")]
+pub struct MarchUniform {
+    pub base: [f32; 3],
+    pub eye_distance: f32,
+    pub base_u: [f32; 3],
+    pub spread_u: f32,
+    pub base_v: [f32; 3],
+    pub spread_v: f32,
+    pub direction: [f32; 3],
+    pub step_length: f32,
+    pub direction_u: [f32; 3],
+    pub termination: f32,
+    pub direction_v: [f32; 3],
+    pub coordinate_scale: f32,
+    pub low: [f32; 3],
+    pub coordinate_offset: f32,
+    pub high: [f32; 3],
+    pub coordinate_last: f32,
+    pub cell_scale: [f32; 3],
+    pub pixel_width: f32,
+    pub cell_offset: [f32; 3],
+    pub pixel_height: f32,
+    pub local_scale: [f32; 3],
+    pub samples: u32,
+    pub gradient_scale: [f32; 3],
+    pub width: u32,
+    pub cells: [u32; 3],
+    pub height: u32,
+}
+
+/// One dispatch's share, as `shaders/march.wgsl` has it.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct Band {
+    first_row: u32,
+    first_sample: u32,
+    end_sample: u32,
+}
+
+/// What a march left on the device.
+#[derive(Debug)]
+pub struct Accumulators {
+    /// The plan it followed.
+    pub planned: Planned,
+    /// Pixels across and down.
+    pub size: [usize; 2],
+    /// How many dispatches it took.
+    pub dispatches: usize,
+    /// Cells that hold something, of all cells.
+    pub occupied: [usize; 2],
+    pub(super) weights: StorageImage,
+    pub(super) transmittance: StorageImage,
+}
+
+/// A count as the shader's `u32`; what does not fit was refused before.
+pub(super) fn unsigned(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
+/// Constants that both shaders know.
+pub(super) fn common(plan: &ScenePlan) -> Constants {
+    Constants::new()
+        .u32("LAYERS", unsigned(plan.layers().max(1)))
+        .u32("LAYERS_USED", unsigned(plan.layers()))
+}
+
+/// The march shader of `plan`.
+pub(super) fn shader(plan: &ScenePlan, one_exponent: u32) -> Result<Shader, ShaderError> {
+    let specular = plan.specular();
+    let constants = common(plan)
+        .u32("LANES", unsigned(plan.lanes().max(1)))
+        .u32("TABLE_LANES", unsigned(plan.table_lanes().max(1)))
+        .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
+        .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
+        .u32("AMBIENT", unsigned(plan.positions.ambient))
+        .u32("HEADLIGHT", unsigned(plan.positions.headlight))
+        .u32("DIRECTIONAL", unsigned(plan.positions.directional))
+        .u32("POINT", unsigned(plan.positions.point))
+        .bool("GRADIENT", plan.shading.is_some())
+        .bool("SPECULAR", specular.is_some())
+        .bool("ONE_EXPONENT", specular.is_some_and(|specular| specular.one_exponent))
+        .u32("ONE_EXPONENT_VALUE", one_exponent)
+        .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
+        // The place of white behind the materials, where there is one.
+        .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| plan.materials() / LANE)))
+        .u32("WHITE_PART", unsigned(specular.map_or(0, |_| plan.materials() % LANE)))
+        .bool("LABELS", plan.labels)
+        .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
+        .bool("SKIPPING", plan.skipping)
+        .u32("GROUP_WIDTH", GROUP[0])
+        .u32("GROUP_HEIGHT", GROUP[1]);
+    compile(&[("shaders/march.wgsl", include_str!("../../shaders/march.wgsl"))], &constants)
+}
+
+impl MarchUniform {
+    fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, table: &TransferTable, size: [usize; 2]) -> Self {
+        let vector = |vector: glam::DVec3| vector.to_array().map(rounded);
+        let [scale, offset] = table.coordinate_from_texel(&uploaded.storage);
+        Self {
+            base: vector(rays.base),
+            eye_distance: rounded(rays.eye_distance),
+            base_u: vector(rays.base_u),
+            spread_u: rounded(rays.spread_u),
+            base_v: vector(rays.base_v),
+            spread_v: rounded(rays.spread_v),
+            direction: vector(rays.direction),
+            step_length: rounded(scene.accuracy.step_length),
+            direction_u: vector(rays.direction_u),
+            termination: rounded(scene.accuracy.termination),
+            direction_v: vector(rays.direction_v),
+            coordinate_scale: rounded(scale),
+            low: vector(rays.low),
+            coordinate_offset: rounded(offset),
+            high: vector(rays.high),
+            coordinate_last: rounded((table.entries() - 1) as f64),
+            cell_scale: vector(rays.cell_scale),
+            pixel_width: rounded(2.0 / size[0] as f64),
+            cell_offset: vector(rays.cell_offset),
+            pixel_height: rounded(2.0 / size[1] as f64),
+            local_scale: vector(rays.local_scale),
+            samples: rays.samples,
+            gradient_scale: uploaded.storage.gradient_scale().map(rounded),
+            width: unsigned(size[0]),
+            cells: uploaded.cells.dims.map(unsigned),
+            height: unsigned(size[1]),
+        }
+    }
+}
+
+impl Renderer {
+    /// Marches a picture of `size` (width, height) of the `uploaded` volume of `scene`.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn march(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        size: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<Accumulators, RenderError> {
+        let plan = &planned.plan;
+        let device = &self.device;
+        let aspect = size[0] as f64 / size[1] as f64;
+        let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
+        let step_length = scene.accuracy.step_length;
+        let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
+        let table = TransferTable::new(scene, planned, uploaded.storage.domain);
+        let occupancy = uploaded.cells.occupancy(&table);
+        let extent = size.map(unsigned);
+
+        let storage = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
+            // A buffer is never empty: an array without entries is one that is never read.
+            let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
+            let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Storage)?;
+            buffer.write(0, bytes)?;
+            Ok(buffer)
+        };
+        let uniform = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
+            let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Uniform)?;
+            buffer.write(0, bytes)?;
+            Ok(buffer)
+        };
+        let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &table, size)))?;
+        let shading = uniform("shading", &shading_bytes(scene, planned))?;
+        let table_weights = storage("table weights", bytemuck::cast_slice(&table.weights))?;
+        let table_opacity = storage("table opacity", bytemuck::cast_slice(&table.opacity))?;
+        let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
+        let label_table = TransferTable::of_labels(scene, planned);
+        let label_weights = storage("label weights", bytemuck::cast_slice(&label_table.weights))?;
+        let label_opacity = storage("label opacity", bytemuck::cast_slice(&label_table.opacity))?;
+        let filter = match plan.interpolation {
+            crate::scene::Interpolation::Nearest => Filter::Nearest,
+            crate::scene::Interpolation::Linear => Filter::Linear,
+        };
+        let sampler = Sampler::new(device, "volume", filter)?;
+        let layers = unsigned(plan.layers().max(1));
+        let weights = StorageImage::new(device, "accumulators", Format::Rgba32Float, extent, layers)?;
+        let transmittance = StorageImage::new(device, "transmittance", Format::R32Float, extent, 1)?;
+
+        let exponent = planned.materials.iter().filter_map(|&m| scene.materials.get(m));
+        let exponent = exponent.filter(|material| material.specular > 0.0).map(|material| material.exponent).max();
+        // With one exponent for all, its value is a constant of the shader, and so of the pipeline's key.
+        let one_exponent = exponent.filter(|_| plan.specular().is_some_and(|specular| specular.one_exponent));
+        let (pipeline, set) = self.bind(
+            &Key::March(plan.clone(), one_exponent),
+            || shader(plan, one_exponent.unwrap_or(0)),
+            unsigned(size_of::<Band>()),
+            |name| {
+                Some(match name {
+                    "march" => Resource::Uniform(&march),
+                    "shading" => Resource::Uniform(&shading),
+                    "volume" => Resource::Texture(&uploaded.volume),
+                    "volume_sampler" => Resource::Sampler(&sampler),
+                    "table_weights" => Resource::Storage(&table_weights),
+                    "table_opacity" => Resource::Storage(&table_opacity),
+                    "occupancy" => Resource::Storage(&occupied),
+                    "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                    "label_weights" => Resource::Storage(&label_weights),
+                    "label_opacity" => Resource::Storage(&label_opacity),
+                    "accumulators" => Resource::StorageImage(&weights),
+                    "transmittances" => Resource::StorageImage(&transmittance),
+                    _ => return None,
+                })
+            },
+        )?;
+
+        let mut dispatches = 0;
+        let mut schedule = Schedule::new(extent, rays.samples);
+        while let Some((band, rows)) = schedule.next() {
+            if progress.cancelled() {
+                return Err(RenderError::Cancelled);
+            }
+            let begun = Instant::now();
+            device.run("march", |recorder| {
+                if band.first_sample > 0 {
+                    recorder.compute_to_compute();
+                }
+                let groups = [extent[0].div_ceil(GROUP[0]), rows.div_ceil(GROUP[1]), 1];
+                recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&band), groups)
+            })?;
+            schedule.took(begun.elapsed());
+            dispatches += 1;
+            progress.report("marching", u64::from(band.first_row + rows).min(size[1] as u64), size[1] as u64);
+        }
+        let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
+        Ok(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
+    }
+
+    /// The accumulators on the host.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Vulkan`].
+    pub fn read(&self, accumulators: &Accumulators) -> Result<Accumulation<f32>, RenderError> {
+        let plan = &accumulators.planned.plan;
+        let (size, components) = (accumulators.size, plan.components());
+        let pixels = size[0] * size[1];
+        let mut weights = vec![0.0; components * plan.positions.total() * pixels];
+        for layer in 0..plan.layers() {
+            let texels: Vec<[f32; LANE]> = self.read_layer(&accumulators.weights, unsigned(layer))?;
+            let (position, lane) = (layer / plan.lanes(), layer % plan.lanes());
+            for part in 0..LANE.min(components - lane * LANE) {
+                let component = position * components + lane * LANE + part;
+                let plane = &mut weights[component * pixels..][..pixels];
+                for (weight, texel) in plane.iter_mut().zip(&texels) {
+                    *weight = texel[part];
+                }
+            }
+        }
+        Ok(Accumulation { size, weights, transmittance: self.read_layer(&accumulators.transmittance, 0)? })
+    }
+
+    /// The texels of a layer, rows from the top.
+    pub(super) fn read_layer<T: Pod>(&self, image: &StorageImage, layer: u32) -> Result<Vec<T>, RenderError> {
+        let bytes = image.layer_bytes();
+        let buffer = Buffer::host(&self.device, "read-back", bytes, HostUse::ReadBack)?;
+        self.device.run("read-back", |recorder| {
+            recorder.compute_to_transfer();
+            recorder.read_back(image, layer, &buffer, 0)?;
+            recorder.transfer_to_host();
+            Ok(())
+        })?;
+        let texels = usize::try_from(bytes).unwrap_or(usize::MAX) / size_of::<T>();
+        let mut read = vec![T::zeroed(); texels];
+        buffer.read(0, bytemuck::cast_slice_mut(&mut read))?;
+        Ok(read)
+    }
+}
+
+/// Positions, then ambient, diffuse, specular and exponents of the materials: the struct `Shading` of the shader.
+fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
+    let positions = PositionTable::new(scene, planned).0;
+    let mut lights: Vec<[f32; LANE]> = positions
+        .iter()
+        .map(|light| [rounded(light.x), rounded(light.y), rounded(light.z), 0.0])
+        .collect();
+    lights.resize(lights.len().max(1), [0.0; LANE]);
+    let mut table = ShadingTable::new(scene, planned);
+    let lanes = table.ambient.len().max(1);
+    let mut bytes = bytemuck::cast_slice(&lights).to_vec();
+    for coefficients in [&mut table.ambient, &mut table.diffuse, &mut table.specular] {
+        coefficients.resize(lanes, [0.0; LANE]);
+        bytes.extend_from_slice(bytemuck::cast_slice(coefficients));
+    }
+    table.exponent.resize(lanes, [0; LANE]);
+    bytes.extend_from_slice(bytemuck::cast_slice(&table.exponent));
+    bytes
+}
+
+/// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into [`DISPATCH`] at the
+/// speed of the last one.
+struct Schedule {
+    size: [u32; 2],
+    samples: u32,
+    row: u32,
+    rows: u32,
+    sample: u32,
+    slice: u32,
+    /// Most samples per dispatch.
+    budget: f64,
+    /// Those of the dispatch under way.
+    taken: f64,
+}
+
+impl Schedule {
+    fn new(size: [u32; 2], samples: u32) -> Self {
+        Self { size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget: FIRST_SAMPLES, taken: 0.0 }
+    }
+
+    /// The next dispatch and its rows; `None` when all is done.
+    fn next(&mut self) -> Option<(Band, u32)> {
+        if self.row >= self.size[1] {
+            return None;
+        }
+        if self.sample == 0 {
+            // Whole rays where a row of groups has room for them.
+            let width = f64::from(self.size[0]);
+            let groups = self.budget / (width * f64::from(GROUP[1]) * f64::from(self.samples.min(SLICE)));
+            self.rows = GROUP[1] * (groups as u32).max(1);
+            let slice = self.budget / (width * f64::from(self.rows));
+            self.slice = (slice as u32).clamp(64, SLICE);
+        }
+        let end_sample = self.sample.saturating_add(self.slice);
+        let band = Band { first_row: self.row, first_sample: self.sample, end_sample };
+        let rows = self.rows.min(self.size[1] - self.row);
+        self.taken = f64::from(self.size[0]) * f64::from(rows) * f64::from(self.slice.min(self.samples.max(1)));
+        if end_sample >= self.samples {
+            self.row += rows;
+            self.sample = 0;
+        } else {
+            self.sample = end_sample;
+        }
+        Some((band, rows))
+    }
+
+    /// How long the last dispatch took.
+    fn took(&mut self, time: Duration) {
+        let fitting = self.taken * DISPATCH.as_secs_f64() / time.as_secs_f64().max(1e-6);
+        self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0);
+    }
+}

@@ -1,0 +1,130 @@
+//! Post-illumination on the device: accumulators to pictures.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::march::{common, unsigned};
+use super::{Accumulators, Key, RenderError, Renderer};
+use crate::plan::{LANE, ScenePlan};
+use crate::shader::{Shader, ShaderError, compile};
+use crate::tables::{RelightMatrices, rounded};
+use crate::vulkan::{Buffer, Format, HostUse, Resource, StorageImage};
+
+/// Workgroups of a relight: long rows (VULKAN.md §4).
+const GROUP: [u32; 2] = [64, 1];
+
+/// What a relight writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Target {
+    /// 8-bit sRGB.
+    Display,
+    /// Linear sRGB and opacity in f32.
+    Linear,
+}
+
+/// The head of the relight's uniform, as `shaders/relight.wgsl` has it; the colours follow.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+#[expect(missing_docs, reason = "named in the shader")]
+pub struct RelightUniform {
+    pub background: [f32; 3],
+    pub width: u32,
+    pub height: u32,
+    pub padding: [u32; 3],
+}
+
+/// The relight shader of `plan`.
+pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderError> {
+    let constants = common(plan)
+        .bool("BACKGROUND", plan.background)
+        .bool("DISPLAY", target == Target::Display)
+        .u32("GROUP_WIDTH", GROUP[0])
+        .u32("GROUP_HEIGHT", GROUP[1]);
+    compile(&[("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl"))], &constants)
+}
+
+/// A relight that is set up: run it as often as the light changes.
+#[derive(Debug)]
+pub struct Relight<'a> {
+    renderer: &'a Renderer,
+    accumulators: &'a Accumulators,
+    pipeline: crate::vulkan::ComputePipeline,
+    set: crate::vulkan::ResourceSet,
+    uniform: Buffer,
+    picture: StorageImage,
+}
+
+impl Renderer {
+    /// 8-bit sRGB of every pixel, RGBA, rows from the top.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn relight_display<'a>(&'a self, accumulators: &'a Accumulators) -> Result<Relight<'a>, RenderError> {
+        self.relight(accumulators, Target::Display)
+    }
+
+    /// Linear sRGB and opacity (1 − the light that passes) of every pixel in f32, rows from the top.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn relight_linear<'a>(&'a self, accumulators: &'a Accumulators) -> Result<Relight<'a>, RenderError> {
+        self.relight(accumulators, Target::Linear)
+    }
+
+    fn relight<'a>(&'a self, accumulators: &'a Accumulators, target: Target) -> Result<Relight<'a>, RenderError> {
+        let plan = &accumulators.planned.plan;
+        let device = &self.device;
+        let bytes = size_of::<RelightUniform>() + plan.layers().max(1) * size_of::<[[f32; LANE]; 3]>();
+        let uniform = Buffer::host(device, "relight", bytes as u64, HostUse::Uniform)?;
+        let (format, name) = match target {
+            Target::Display => (Format::Rgba8Unorm, "display"),
+            Target::Linear => (Format::Rgba32Float, "linear"),
+        };
+        let picture = StorageImage::new(device, name, format, accumulators.size.map(unsigned), 1)?;
+        let (pipeline, set) = self.bind(&Key::Relight(plan.clone(), target), || shader(plan, target), 0, |name| {
+            Some(match name {
+                "relight" => Resource::Uniform(&uniform),
+                "accumulators" => Resource::StorageImage(&accumulators.weights),
+                "transmittances" => Resource::StorageImage(&accumulators.transmittance),
+                "display" | "linear" => Resource::StorageImage(&picture),
+                _ => return None,
+            })
+        })?;
+        Ok(Relight { renderer: self, accumulators, pipeline, set, uniform, picture })
+    }
+}
+
+impl Relight<'_> {
+    /// Lights the accumulators by `matrices`. One dispatch; nothing is marched.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn run(&self, matrices: &RelightMatrices) -> Result<(), RenderError> {
+        let size = self.accumulators.size.map(unsigned);
+        let head = RelightUniform {
+            background: matrices.background.to_array().map(rounded),
+            width: size[0],
+            height: size[1],
+            padding: [0; 3],
+        };
+        self.uniform.write(0, bytemuck::bytes_of(&head))?;
+        let lanes = matrices.lanes(self.accumulators.planned.plan.components());
+        self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&lanes))?;
+        self.renderer.device.run("relight", |recorder| {
+            recorder.compute_to_compute();
+            recorder.dispatch(&self.pipeline, &self.set, &[], [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1]), 1])
+        })?;
+        Ok(())
+    }
+
+    /// The picture: `T` is `[u8; 4]` of a display relight, `[f32; 4]` of a linear one.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn read<T: Pod>(&self) -> Result<Vec<T>, RenderError> {
+        self.renderer.read_layer(&self.picture, 0)
+    }
+}

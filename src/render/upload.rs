@@ -1,0 +1,124 @@
+//! A volume on its way to the device.
+
+use super::{RenderError, Renderer};
+use crate::plan::Planned;
+use crate::progress::Progress;
+use crate::scene::{Interpolation, Scene};
+use crate::tables::{Cells, LabelMap, Storage, VolumeFormat};
+use crate::volume::Statistics;
+use crate::vulkan::{Buffer, Format, HostUse, Image3d};
+
+/// Bytes that travel at a time; bounds the host's copy.
+const SLAB_BYTES: usize = 16 << 20;
+
+/// A volume on the device, and what the host remembers of it.
+#[derive(Debug)]
+pub struct Uploaded {
+    /// How it is stored.
+    pub storage: Storage,
+    /// The ranges of its cells.
+    pub cells: Cells,
+    /// Which row of the label table each voxel takes, where labels are planned.
+    pub labels: Option<LabelMap>,
+    pub(super) volume: Image3d,
+    pub(super) label_image: Option<Image3d>,
+}
+
+impl From<VolumeFormat> for Format {
+    fn from(format: VolumeFormat) -> Self {
+        match format {
+            VolumeFormat::R16Unorm => Self::R16Unorm,
+            VolumeFormat::R32Float => Self::R32Float,
+            VolumeFormat::Rgba16Snorm => Self::Rgba16Snorm,
+            VolumeFormat::Rgba32Float => Self::Rgba32Float,
+        }
+    }
+}
+
+impl Renderer {
+    /// Stores the volume of `scene`, whose values have `statistics`, as `planned` needs it, slab by slab.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`]: what the device cannot hold is refused before anything is allocated.
+    pub fn upload(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        statistics: &Statistics,
+        progress: &dyn Progress,
+    ) -> Result<Uploaded, RenderError> {
+        let storage = Storage::new(&planned.plan, &scene.volume, statistics);
+        let dims = scene.volume.geometry.dims;
+        let format = Format::from(storage.format);
+        self.check(&storage, dims, planned.plan.interpolation)?;
+        let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
+        let labels = match &scene.labels {
+            Some(labels) if planned.plan.labels => Some(LabelMap::new(labels)?),
+            _ => None,
+        };
+        let slice = dims[0] * dims[1];
+        let label_image = labels
+            .as_ref()
+            .map(|map| {
+                self.fill("labels", Format::R8Uint, dims, progress, |slices| {
+                    map.rows[slices.start * slice..slices.end * slice].to_vec()
+                })
+            })
+            .transpose()?;
+        let cells = Cells::new(&scene.volume, &storage, labels.as_ref());
+        Ok(Uploaded { storage, cells, labels, volume, label_image })
+    }
+
+    /// Refuses what the device cannot hold or filter.
+    fn check(
+        &self,
+        storage: &Storage,
+        dims: [usize; 3],
+        interpolation: Interpolation,
+    ) -> Result<(), RenderError> {
+        let (limits, format) = (self.device.limits(), Format::from(storage.format));
+        let device = self.device.info().name.clone();
+        let limit = limits.max_extent_3d(format);
+        if dims.iter().zip(limit).any(|(&n, limit)| n as u64 > u64::from(limit)) {
+            return Err(RenderError::TooLarge { dims, device, limit });
+        }
+        if interpolation == Interpolation::Linear && !limits.linear_filter(format) {
+            return Err(RenderError::Filter { format: storage.format, device });
+        }
+        let (needed, heap) = (storage.bytes(dims), limits.device_heap_bytes.min(limits.max_allocation_bytes));
+        if needed > heap {
+            let (needed_mb, heap_mb) = (needed.div_ceil(1 << 20), heap >> 20);
+            return Err(RenderError::Memory { needed_mb, format: storage.format, device, heap_mb });
+        }
+        Ok(())
+    }
+
+    /// An image of `dims` texels whose slices are `bytes(slices)`.
+    fn fill(
+        &self,
+        name: &str,
+        format: Format,
+        dims: [usize; 3],
+        progress: &dyn Progress,
+        bytes: impl Fn(std::ops::Range<usize>) -> Vec<u8>,
+    ) -> Result<Image3d, RenderError> {
+        let [width, height, depth] = dims.map(|n| u32::try_from(n).unwrap_or(u32::MAX));
+        let image = Image3d::new(&self.device, name, format, [width, height, depth])?;
+        let slice_bytes = dims[0] * dims[1] * format.texel_bytes() as usize;
+        let slices = (SLAB_BYTES / slice_bytes).clamp(1, dims[2]);
+        let staging_bytes = (slices * slice_bytes) as u64;
+        let staging = Buffer::host(&self.device, "staging", staging_bytes.next_multiple_of(4), HostUse::Upload)?;
+        for first in (0..dims[2]).step_by(slices) {
+            if progress.cancelled() {
+                return Err(RenderError::Cancelled);
+            }
+            let end = (first + slices).min(dims[2]);
+            staging.write(0, &bytes(first..end))?;
+            let range = u32::try_from(first).unwrap_or(u32::MAX)..u32::try_from(end).unwrap_or(u32::MAX);
+            self.device.run("upload", |recorder| recorder.upload(&image, range, &staging, 0))?;
+            progress.report("uploading the volume", end as u64, dims[2] as u64);
+        }
+        Ok(image)
+    }
+}

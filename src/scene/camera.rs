@@ -1,0 +1,153 @@
+//! The camera: from where and how the volume is seen.
+
+use glam::DVec3;
+
+use crate::volume::Geometry;
+
+/// A camera as the scene states it; [`Camera::view`] settles it for a volume and a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// How rays spread.
+    pub projection: Projection,
+    /// Where it stands.
+    pub aim: Aim,
+    /// World direction that is up in the picture.
+    pub up: DVec3,
+}
+
+/// How rays spread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// From one point; `fov_degrees` is the vertical angle of the picture.
+    Perspective {
+        /// Vertical field of view in degrees.
+        fov_degrees: f64,
+    },
+    /// In parallel; `height` is what the picture spans vertically in world units, `None` what [`Aim::Orbit`] fills.
+    Orthographic {
+        /// World units from bottom to top.
+        height: Option<f64>,
+    },
+}
+
+/// Where a camera stands and looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Aim {
+    /// At `position`, towards `target`, both in world units.
+    LookAt {
+        /// The eye.
+        position: DVec3,
+        /// What is in the middle of the picture.
+        target: DVec3,
+    },
+    /// Around the volume's centre, so far that its box spans `fill` of the picture in its larger direction.
+    Orbit {
+        /// Degrees around the up direction; 0 looks from `front`.
+        azimuth: f64,
+        /// Degrees above the horizon.
+        elevation: f64,
+        /// Share of the picture that the volume's box spans.
+        fill: f64,
+        /// World direction from which azimuth 0 looks.
+        front: DVec3,
+    },
+}
+
+/// A camera settled for one volume and one picture: an orthonormal frame in the world, in f64.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// The eye (perspective), or the point in the plane rays start from (orthographic).
+    pub eye: DVec3,
+    /// Unit vectors.
+    pub forward: DVec3,
+    /// To the right of the picture.
+    pub right: DVec3,
+    /// Up in the picture.
+    pub up: DVec3,
+    /// Half the picture's width and height: at distance 1 (perspective), or in world units (orthographic).
+    pub half: [f64; 2],
+    /// Whether rays are parallel.
+    pub parallel: bool,
+}
+
+impl Camera {
+    /// Looks at the whole volume from the front, slightly above.
+    #[must_use]
+    pub fn standard() -> Self {
+        Self {
+            projection: Projection::Perspective { fov_degrees: 30.0 },
+            aim: Aim::Orbit { azimuth: -20.0, elevation: 15.0, fill: 0.95, front: DVec3::NEG_Z },
+            up: DVec3::NEG_Y,
+        }
+    }
+
+    /// The frame of this camera before the volume of `geometry`, for a picture `width / height = aspect`. `None` where
+    /// the camera looks nowhere: its target is its eye, or its up direction is the one it looks in.
+    #[must_use]
+    pub fn view(&self, geometry: &Geometry, aspect: f64) -> Option<View> {
+        let up = self.up.try_normalize()?;
+        let (forward, target) = match self.aim {
+            Aim::LookAt { position, target } => ((target - position).try_normalize()?, target),
+            Aim::Orbit { azimuth, elevation, front, .. } => {
+                let front = (front - front.dot(up) * up).try_normalize()?;
+                let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
+                let (sin_e, cos_e) = elevation.to_radians().sin_cos();
+                let outward = cos_e * (cos_a * front + sin_a * up.cross(front)) + sin_e * up;
+                (-outward, centre(geometry))
+            }
+        };
+        let right = forward.cross(up).try_normalize()?;
+        let up = right.cross(forward);
+        let corners = corners_from_centre(geometry);
+        let (eye, half_height, parallel) = match (self.projection, self.aim) {
+            (Projection::Perspective { fov_degrees }, aim) => {
+                let tangent = (fov_degrees / 2.0).to_radians().tan();
+                let eye = match aim {
+                    Aim::LookAt { position, .. } => position,
+                    Aim::Orbit { fill, .. } => {
+                        let radius = corners[0].length();
+                        let distance = corners.iter().fold(radius, |distance, corner| {
+                            let reach = (corner.dot(right).abs() / aspect).max(corner.dot(up).abs());
+                            distance.max(reach / (tangent * fill) - corner.dot(forward))
+                        });
+                        target - distance * forward
+                    }
+                };
+                (eye, tangent, false)
+            }
+            (Projection::Orthographic { height }, aim) => {
+                let fitted = |fill: f64| {
+                    corners.iter().fold(0.0_f64, |half, corner| {
+                        half.max((corner.dot(right).abs() / aspect).max(corner.dot(up).abs()) / fill)
+                    })
+                };
+                match aim {
+                    Aim::LookAt { position, target } => {
+                        (position, height.map_or_else(|| position.distance(target) / 2.0, |height| height / 2.0), true)
+                    }
+                    Aim::Orbit { fill, .. } => {
+                        let eye = target - 2.0 * corners[0].length() * forward;
+                        (eye, height.map_or_else(|| fitted(fill), |height| height / 2.0), true)
+                    }
+                }
+            }
+        };
+        Some(View { eye, forward, right, up, half: [half_height * aspect, half_height], parallel })
+    }
+}
+
+/// The middle of the volume in the world.
+#[must_use]
+pub(crate) fn centre(geometry: &Geometry) -> DVec3 {
+    let last = DVec3::from_array(geometry.dims.map(|n| n as f64 - 1.0));
+    geometry.origin + geometry.direction * (geometry.spacing * last / 2.0)
+}
+
+/// Corners of the volume's box, voxels counted whole, relative to its middle, in the world.
+fn corners_from_centre(geometry: &Geometry) -> [DVec3; 8] {
+    let half = geometry.spacing * DVec3::from_array(geometry.dims.map(|n| n as f64)) / 2.0;
+    std::array::from_fn(|corner| {
+        let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        geometry.direction * (half * DVec3::new(sign(0), sign(1), sign(2)))
+    })
+}

@@ -1,0 +1,746 @@
+//! The scene file: TOML as people write it, checked where it stands.
+
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use serde::Deserialize;
+use toml::{Spanned, Table, Value};
+
+use super::{
+    Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
+    Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
+};
+use crate::progress::Progress;
+use crate::spectrum::{SpectrumError, SpectrumSource};
+use crate::volume::{self, ByteOrder, Phantom, RawLayout, Volume, VolumeError};
+
+/// The scene shown when none is named.
+const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
+/// The scene that other renderers are set beside.
+const PEER: &str = include_str!("../../data/scenes/peer.toml");
+
+/// What the command line changes about a scene.
+#[derive(Clone, Debug, Default)]
+pub struct SceneOptions {
+    /// In place of the scene's volume.
+    pub volume: Option<PathBuf>,
+    /// How to read it where its file does not say.
+    pub raw: Option<RawLayout>,
+    /// In place of the scene's labels.
+    pub labels: Option<PathBuf>,
+    /// In place of the scene's `downsample`.
+    pub downsample: Option<[usize; 3]>,
+    /// `key=value` pairs, applied in order.
+    pub definitions: Vec<String>,
+}
+
+/// Reads the scene file `path`.
+///
+/// # Errors
+///
+/// [`SceneError`]: what cannot be read, or where in the file something is not as it may be.
+pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
+    let read = |source| SceneError::Read { path: path.to_owned(), source };
+    let length = std::fs::metadata(path).map_err(read)?.len();
+    if length > LONGEST_SCENE {
+        let message = format!("a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume");
+        return Err(SceneError::Invalid { at: path.display().to_string(), message });
+    }
+    let bytes = std::fs::read(path).map_err(read)?;
+    let text = String::from_utf8(bytes).map_err(|error| SceneError::Invalid {
+        at: path.display().to_string(),
+        message: format!("not UTF-8 text from byte {} on; is it a volume? then use --volume", error.utf8_error().valid_up_to()),
+    })?;
+    let base = path.parent().unwrap_or(Path::new(""));
+    parse(&path.display().to_string(), &text, base, options, progress)
+}
+
+/// The default scene, which is part of the program.
+///
+/// # Errors
+///
+/// As [`load`]: `options` can ask for what is not there.
+pub fn load_embedded(options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
+    parse("the default scene", DEFAULT, Path::new(""), options, progress)
+}
+
+/// The scene that other renderers are set beside, which is part of the program.
+///
+/// # Errors
+///
+/// As [`load`]: `options` can ask for what is not there.
+pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
+    parse("the peer scene", PEER, Path::new(""), options, progress)
+}
+
+/// More than any scene a person writes; a volume given as a scene is larger.
+const LONGEST_SCENE: u64 = 16 << 20;
+
+/// The scene that `text` describes; `name` heads messages, relative paths start at `base`.
+fn parse(
+    name: &str,
+    text: &str,
+    base: &Path,
+    options: &SceneOptions,
+    progress: &dyn Progress,
+) -> Result<Scene, SceneError> {
+    let stated = Text { name: name.to_owned(), text };
+    let file: SceneFile = stated.deserialize()?;
+    if options.definitions.is_empty() {
+        return stated.resolve(file, base, options, progress);
+    }
+    let mut table: Table = stated.deserialize()?;
+    for definition in &options.definitions {
+        define(&mut table, definition)
+            .map_err(|message| SceneError::Define { definition: definition.clone(), message })?;
+    }
+    let text = toml::to_string(&table)
+        .map_err(|error| SceneError::Define { definition: options.definitions.join(" "), message: error.to_string() })?;
+    let defined = Text { name: format!("{name} after -D {}", options.definitions.join(" -D ")), text: &text };
+    let file = defined.deserialize()?;
+    defined.resolve(file, base, options, progress)
+}
+
+/// Applies `key.path=value` to `table`. Numbers in the path index arrays; a value that is no TOML is a string.
+fn define(table: &mut Table, definition: &str) -> Result<(), String> {
+    let (path, value) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
+    let value = format!("v={value}")
+        .parse::<Table>()
+        .ok()
+        .and_then(|mut table| table.remove("v"))
+        .unwrap_or_else(|| Value::String(value.to_owned()));
+    let mut keys = path.split('.').map(str::trim);
+    let first = keys.next().filter(|key| !key.is_empty()).ok_or("the key is empty")?;
+    let mut place = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
+    for key in keys {
+        place = match place {
+            Value::Table(table) => table.entry(key).or_insert_with(|| Value::Table(Table::new())),
+            Value::Array(array) => {
+                let length = array.len();
+                key.parse::<usize>().ok().and_then(|index| array.get_mut(index)).ok_or_else(|| {
+                    format!("{key:?} is no index into a list of {length}")
+                })?
+            }
+            _ => return Err(format!("{key:?} is below a plain value")),
+        };
+    }
+    *place = value;
+    Ok(())
+}
+
+/// A scene's text and its name.
+struct Text<'a> {
+    name: String,
+    text: &'a str,
+}
+
+/// Anything the file says, with where it says it.
+type At<T> = Spanned<T>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    version: At<i64>,
+    #[serde(default)]
+    shading: Shading,
+    background: Option<At<SpectrumSource>>,
+    #[serde(default)]
+    volume: VolumeFile,
+    #[serde(default)]
+    materials: BTreeMap<String, MaterialFile>,
+    #[serde(default)]
+    transfer: TransferFile,
+    #[serde(default)]
+    labels: BTreeMap<String, At<LabelFile>>,
+    #[serde(default)]
+    lights: BTreeMap<String, LightFile>,
+    #[serde(default)]
+    camera: CameraFile,
+    crop: Option<At<CropFile>>,
+    #[serde(default)]
+    accuracy: AccuracyFile,
+    #[serde(default)]
+    display: DisplayFile,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VolumeFile {
+    file: Option<PathBuf>,
+    phantom: Option<At<String>>,
+    labels: Option<PathBuf>,
+    downsample: Option<At<[usize; 3]>>,
+    dims: Option<At<[usize; 3]>>,
+    spacing: Option<At<[f64; 3]>>,
+    origin: Option<[f64; 3]>,
+    direction: Option<[f64; 9]>,
+    r#type: Option<At<String>>,
+    #[serde(default)]
+    byte_order: ByteOrder,
+    #[serde(default)]
+    header_bytes: u64,
+    slices: Option<Vec<i64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MaterialFile {
+    reflectance: At<SpectrumSource>,
+    ambient: Option<At<f64>>,
+    diffuse: Option<At<f64>>,
+    specular: Option<At<f64>>,
+    exponent: Option<At<i64>>,
+    #[serde(default)]
+    xray: bool,
+    emission: Option<At<Value>>,
+    fluorescence: Option<At<Value>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TransferFile {
+    opacity_length: Option<At<f64>>,
+    #[serde(default)]
+    lookup: Lookup,
+    entries: Option<At<usize>>,
+    #[serde(default)]
+    intervals: Vec<IntervalFile>,
+    opacity: Option<At<Vec<[f64; 2]>>>,
+    material: Option<At<Vec<(f64, String)>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct IntervalFile {
+    material: At<String>,
+    range: At<[f64; 2]>,
+    ramp: Option<At<f64>>,
+    opacity: At<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LabelFile {
+    name: Option<String>,
+    material: At<String>,
+    opacity: At<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LightFile {
+    spectrum: At<SpectrumSource>,
+    intensity: Option<At<f64>>,
+    #[serde(default)]
+    kind: LightKind,
+    direction: Option<At<[f64; 3]>>,
+    position: Option<At<[f64; 3]>>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum LightKind {
+    Ambient,
+    #[default]
+    Headlight,
+    Directional,
+    Point,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraFile {
+    #[serde(default)]
+    projection: ProjectionFile,
+    fov: Option<At<f64>>,
+    height: Option<At<f64>>,
+    position: Option<At<[f64; 3]>>,
+    target: Option<At<[f64; 3]>>,
+    up: Option<At<[f64; 3]>>,
+    front: Option<At<[f64; 3]>>,
+    azimuth: Option<At<f64>>,
+    elevation: Option<At<f64>>,
+    fill: Option<At<f64>>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum ProjectionFile {
+    #[default]
+    Perspective,
+    Orthographic,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CropFile {
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AccuracyFile {
+    step: Option<At<f64>>,
+    termination: Option<At<f64>>,
+    skipping: Option<bool>,
+    #[serde(default)]
+    interpolation: Interpolation,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DisplayFile {
+    exposure: Option<At<f64>>,
+    #[serde(default)]
+    adapt: bool,
+}
+
+const UNIT: RangeInclusive<f64> = 0.0..=1.0;
+const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
+const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
+
+impl Text<'_> {
+    fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
+        toml::from_str(self.text).map_err(|error| {
+            let at = self.at(error.span().map_or(0, |span| span.start));
+            SceneError::Invalid { at, message: error.message().to_owned() }
+        })
+    }
+
+    /// `file:line:column` of a byte of the text.
+    fn at(&self, byte: usize) -> String {
+        let before = self.text.get(..byte).unwrap_or(self.text);
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+        format!("{}:{line}:{column}", self.name)
+    }
+
+    fn invalid<T>(&self, value: &At<T>, message: impl Into<String>) -> SceneError {
+        SceneError::Invalid { at: self.at(value.span().start), message: message.into() }
+    }
+
+    fn number(&self, key: &str, value: &At<f64>, range: &RangeInclusive<f64>) -> Result<f64, SceneError> {
+        let number = *value.get_ref();
+        if range.contains(&number) {
+            return Ok(number);
+        }
+        let allowed = if *range == POSITIVE {
+            "a finite number above 0".to_owned()
+        } else if *range == FINITE {
+            "a finite number".to_owned()
+        } else {
+            format!("a number from {} to {}", range.start(), range.end())
+        };
+        Err(self.invalid(value, format!("{key} = {number}; it is {allowed}")))
+    }
+
+    fn optional(
+        &self,
+        key: &str,
+        value: Option<&At<f64>>,
+        range: &RangeInclusive<f64>,
+        otherwise: f64,
+    ) -> Result<f64, SceneError> {
+        value.map_or(Ok(otherwise), |value| self.number(key, value, range))
+    }
+
+    fn vector(&self, key: &str, value: &At<[f64; 3]>) -> Result<DVec3, SceneError> {
+        let vector = DVec3::from_array(*value.get_ref());
+        if vector.is_finite() { Ok(vector) } else { Err(self.invalid(value, format!("{key} has a component that is not finite"))) }
+    }
+
+    fn direction(&self, key: &str, value: &At<[f64; 3]>) -> Result<DVec3, SceneError> {
+        self.vector(key, value)?
+            .try_normalize()
+            .ok_or_else(|| self.invalid(value, format!("{key} = [0, 0, 0] points nowhere")))
+    }
+
+    fn spectrum<T>(
+        &self,
+        key: String,
+        value: &At<SpectrumSource>,
+        resolve: impl FnOnce(&SpectrumSource) -> Result<T, SpectrumError>,
+    ) -> Result<T, SceneError> {
+        resolve(value.get_ref()).map_err(|source| SceneError::Spectrum {
+            at: self.at(value.span().start),
+            what: key,
+            source,
+        })
+    }
+
+    fn resolve(
+        &self,
+        file: SceneFile,
+        base: &Path,
+        options: &SceneOptions,
+        progress: &dyn Progress,
+    ) -> Result<Scene, SceneError> {
+        if *file.version.get_ref() != 1 {
+            let message = format!("version = {}; this program reads version 1", file.version.get_ref());
+            return Err(self.invalid(&file.version, message));
+        }
+        let materials = self.materials(&file.materials, base)?;
+        let background = match &file.background {
+            None => None,
+            Some(source) => Some(self.spectrum("background".into(), source, |source| source.reflectance(base))?),
+        };
+        let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
+        let lights = self.lights(&file.lights, base)?;
+        let camera = self.camera(&file.camera)?;
+        let declared = self.label_entries(&file.labels, &materials)?;
+        let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
+        let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-3)?;
+        let exposure = self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), 1.0)?;
+        let opacity_length = file
+            .transfer
+            .opacity_length
+            .as_ref()
+            .map(|length| self.number("opacity_length", length, &POSITIVE))
+            .transpose()?;
+        let mut transfer = self.transfer(&file.transfer, &materials)?;
+
+        let volume = self.volume(&file.volume, base, options, progress)?;
+        let labels = self.label_volume(&file.volume, &volume, declared, base, options, progress)?;
+        let smallest = volume.geometry.spacing.min_element();
+        transfer.opacity_length = opacity_length.unwrap_or(smallest);
+        let accuracy = Accuracy {
+            step_length: step.unwrap_or(smallest),
+            termination,
+            skipping: file.accuracy.skipping.unwrap_or(true),
+            interpolation: file.accuracy.interpolation,
+        };
+        let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
+        if camera.view(&volume.geometry, 1.0).is_none() {
+            let message = "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
+            return Err(SceneError::Invalid { at: self.name.clone(), message: message.into() });
+        }
+        Ok(Scene {
+            source: self.name.clone(),
+            volume: Arc::new(volume),
+            labels,
+            materials,
+            transfer,
+            lights,
+            shading: file.shading,
+            background,
+            camera,
+            crop,
+            accuracy,
+            display: Display { exposure, adapt: file.display.adapt },
+        })
+    }
+
+    fn materials(&self, files: &BTreeMap<String, MaterialFile>, base: &Path) -> Result<Vec<Material>, SceneError> {
+        files
+            .iter()
+            .map(|(name, file)| {
+                for (key, value) in [("emission", &file.emission), ("fluorescence", &file.fluorescence)] {
+                    if let Some(value) = value {
+                        let message = format!(
+                            "materials.{name}.{key}: a material that shines by itself, or in other wavelengths than it is lit with, does not factor by the light, so a picture could not be relit; only reflectances can"
+                        );
+                        return Err(self.invalid(value, message));
+                    }
+                }
+                let share = |key: &str, value: Option<&At<f64>>, otherwise| {
+                    self.optional(&format!("materials.{name}.{key}"), value, &UNIT, otherwise)
+                };
+                let exponent = match &file.exponent {
+                    None => 20,
+                    Some(value) => u32::try_from(*value.get_ref()).ok().filter(|exponent| (1..=1024).contains(exponent)).ok_or_else(
+                        || self.invalid(value, format!("materials.{name}.exponent = {}; it is a whole number from 1 to 1024", value.get_ref())),
+                    )?,
+                };
+                let key = format!("materials.{name}.reflectance");
+                Ok(Material {
+                    name: name.clone(),
+                    reflectance: self.spectrum(key, &file.reflectance, |source| source.reflectance(base))?,
+                    ambient: share("ambient", file.ambient.as_ref(), 0.2)?,
+                    diffuse: share("diffuse", file.diffuse.as_ref(), 0.8)?,
+                    specular: share("specular", file.specular.as_ref(), 0.0)?,
+                    exponent,
+                    xray: file.xray,
+                })
+            })
+            .collect()
+    }
+
+    fn material(&self, name: &At<String>, materials: &[Material]) -> Result<usize, SceneError> {
+        self.material_named(name.get_ref(), materials).map_err(|message| self.invalid(name, message))
+    }
+
+    #[expect(clippy::unused_self, reason = "reads beside `material`")]
+    fn material_named(&self, name: &str, materials: &[Material]) -> Result<usize, String> {
+        materials.iter().position(|material| material.name == name).ok_or_else(|| {
+            let names: Vec<_> = materials.iter().map(|material| material.name.as_str()).collect();
+            format!("there is no material {name:?}; there are: {}", names.join(", "))
+        })
+    }
+
+    fn opacity(&self, key: &str, value: &At<f64>, material: &Material) -> Result<f64, SceneError> {
+        let opacity = self.number(key, value, &UNIT)?;
+        if material.xray && opacity >= 1.0 {
+            let message = format!("{key} = 1 for the X-ray material {}; it adds light and hides nothing, so 1 would be light without end: it is a number from 0 to less than 1", material.name);
+            return Err(self.invalid(value, message));
+        }
+        Ok(opacity)
+    }
+
+    fn transfer(&self, file: &TransferFile, materials: &[Material]) -> Result<Transfer, SceneError> {
+        let mut terms = Vec::new();
+        for interval in &file.intervals {
+            let material = self.material(&interval.material, materials)?;
+            let [low, high] = *interval.range.get_ref();
+            if !(low.is_finite() && high.is_finite() && low <= high) {
+                return Err(self.invalid(&interval.range, format!("range = [{low}, {high}]; it is two finite numbers, the lower one first")));
+            }
+            let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
+            let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
+            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity));
+        }
+        match (&file.opacity, &file.material) {
+            (None, None) => {}
+            (Some(opacity), Some(material)) => terms.push(self.curves(opacity, material, materials)?),
+            (Some(alone), None) => return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it")),
+            (None, Some(alone)) => return Err(self.invalid(alone, "a material curve needs an `opacity` curve beside it")),
+        }
+        let entries = match &file.entries {
+            None => None,
+            Some(value) if (2..=1 << 20).contains(value.get_ref()) => Some(*value.get_ref()),
+            Some(value) => {
+                return Err(self.invalid(value, format!("entries = {}; it is a whole number from 2 to 1048576", value.get_ref())));
+            }
+        };
+        Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
+    }
+
+    fn curves(
+        &self,
+        opacity: &At<Vec<[f64; 2]>>,
+        material: &At<Vec<(f64, String)>>,
+        materials: &[Material],
+    ) -> Result<Term, SceneError> {
+        let points: Vec<(f64, f64)> = opacity.get_ref().iter().map(|&[value, opacity]| (value, opacity)).collect();
+        if points.is_empty() || material.get_ref().is_empty() {
+            return Err(self.invalid(opacity, "a curve has at least one point"));
+        }
+        if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && UNIT.contains(&point.1))) {
+            return Err(self.invalid(opacity, format!("the point [{}, {}] is not a value and an opacity from 0 to 1", point.0, point.1)));
+        }
+        if let Some(pair) = points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
+            return Err(self.invalid(opacity, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0)));
+        }
+        let mut curve = Vec::new();
+        for (value, name) in material.get_ref() {
+            let index = self.material_named(name, materials).map_err(|message| self.invalid(material, message))?;
+            if materials[index].xray && points.iter().any(|point| point.1 >= 1.0) {
+                return Err(self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it is less than 1")));
+            }
+            curve.push((*value, index));
+        }
+        if let Some(pair) = curve.windows(2).find(|pair| !(pair[0].0 < pair[1].0)) {
+            return Err(self.invalid(material, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0)));
+        }
+        Ok(Term { opacity: points, material: MaterialCurve(curve) })
+    }
+
+    fn label_entries(
+        &self,
+        files: &BTreeMap<String, At<LabelFile>>,
+        materials: &[Material],
+    ) -> Result<Vec<LabelEntry>, SceneError> {
+        let mut entries = Vec::new();
+        for (key, value) in files {
+            let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {
+                self.invalid(value, format!("labels.{key}: a label is a whole number from 1 to 65535; label 0 follows the transfer function"))
+            })?;
+            let file = value.get_ref();
+            let material = self.material(&file.material, materials)?;
+            let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
+            let name = file.name.clone().unwrap_or_else(|| key.clone());
+            entries.push(LabelEntry { label: u32::from(label), name, material, opacity });
+        }
+        entries.sort_by_key(|entry| entry.label);
+        Ok(entries)
+    }
+
+    fn lights(&self, files: &BTreeMap<String, LightFile>, base: &Path) -> Result<Vec<SceneLight>, SceneError> {
+        files
+            .iter()
+            .map(|(name, file)| {
+                let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
+                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &(0.0..=1e9), 1.0)?;
+                let placement = match (file.kind, &file.direction, &file.position) {
+                    (LightKind::Ambient, None, None) => Placement::Ambient,
+                    (LightKind::Headlight, None, None) => Placement::Headlight,
+                    (LightKind::Directional, Some(direction), None) => {
+                        Placement::Directional(self.direction(&format!("lights.{name}.direction"), direction)?)
+                    }
+                    (LightKind::Point, None, Some(position)) => {
+                        Placement::Point(self.vector(&format!("lights.{name}.position"), position)?)
+                    }
+                    _ => {
+                        let message = format!("lights.{name}: a directional light has a `direction` (towards the light), a point light a `position`, ambient lights and headlights neither");
+                        return Err(self.invalid(&file.spectrum, message));
+                    }
+                };
+                Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
+            })
+            .collect()
+    }
+
+    fn camera(&self, file: &CameraFile) -> Result<Camera, SceneError> {
+        let projection = match (file.projection, &file.fov, &file.height) {
+            (ProjectionFile::Perspective, fov, None) => Projection::Perspective {
+                fov_degrees: self.optional("camera.fov", fov.as_ref(), &(0.001..=179.0), 30.0)?,
+            },
+            (ProjectionFile::Orthographic, None, height) => Projection::Orthographic {
+                height: height.as_ref().map(|height| self.number("camera.height", height, &POSITIVE)).transpose()?,
+            },
+            (ProjectionFile::Perspective, _, Some(key)) | (ProjectionFile::Orthographic, Some(key), _) => {
+                return Err(self.invalid(key, "a perspective camera has a `fov` (vertical, in degrees), an orthographic one a `height` (in world units)"));
+            }
+        };
+        let up = file.up.as_ref().map_or(Ok(DVec3::NEG_Y), |up| self.direction("camera.up", up))?;
+        let aim = match (&file.position, &file.target) {
+            (Some(position), Some(target)) => {
+                let orbit = [&file.azimuth, &file.elevation, &file.fill];
+                if let Some(key) = orbit.into_iter().flatten().next() {
+                    return Err(self.invalid(key, "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`"));
+                }
+                Aim::LookAt {
+                    position: self.vector("camera.position", position)?,
+                    target: self.vector("camera.target", target)?,
+                }
+            }
+            (None, None) => Aim::Orbit {
+                azimuth: self.optional("camera.azimuth", file.azimuth.as_ref(), &FINITE, -20.0)?,
+                elevation: self.optional("camera.elevation", file.elevation.as_ref(), &(-89.9..=89.9), 15.0)?,
+                fill: self.optional("camera.fill", file.fill.as_ref(), &(0.01..=100.0), 0.95)?,
+                front: file.front.as_ref().map_or(Ok(DVec3::NEG_Z), |front| self.direction("camera.front", front))?,
+            },
+            (Some(key), None) | (None, Some(key)) => {
+                return Err(self.invalid(key, "`position` and `target` of a camera come together"));
+            }
+        };
+        Ok(Camera { projection, aim, up })
+    }
+
+    fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
+        let CropFile { min, max } = crop.get_ref();
+        let last = volume.geometry.dims.map(|n| n as f64 - 1.0);
+        for axis in 0..3 {
+            if !(0.0 <= min[axis] && min[axis] <= max[axis] && max[axis] <= last[axis]) {
+                let message = format!(
+                    "crop from {min:?} to {max:?}; on axis {} it is two voxel indices from 0 to {}, the lower one first",
+                    ["x", "y", "z"][axis], last[axis]
+                );
+                return Err(self.invalid(crop, message));
+            }
+        }
+        Ok([DVec3::from_array(*min), DVec3::from_array(*max)])
+    }
+
+    fn volume(
+        &self,
+        file: &VolumeFile,
+        base: &Path,
+        options: &SceneOptions,
+        progress: &dyn Progress,
+    ) -> Result<Volume, SceneError> {
+        let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+        let path = options.volume.clone().or_else(|| file.file.as_ref().map(|path| base.join(path)));
+        let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
+        let layout = options.raw.clone().or(stated);
+        let mut volume = match (path, &file.phantom) {
+            (Some(path), _) => match layout {
+                Some(layout) => {
+                    let file = Some(path.to_string_lossy().into_owned());
+                    volume::open_raw(&RawLayout { file, ..layout }, Path::new(""), progress)
+                }
+                None => volume::open(&path, progress),
+            }
+            .map_err(fail)?,
+            (None, Some(phantom)) => {
+                let kind: Phantom =
+                    phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
+                Volume::phantom(kind, file.dims.as_ref().map(|dims| *dims.get_ref())).map_err(fail)?
+            }
+            (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
+        };
+        let is_file = options.volume.is_some() || file.phantom.is_none();
+        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
+        if let Some(blocks) = options.downsample.or(stated) {
+            volume = volume.downsample(blocks).map_err(fail)?;
+        }
+        if let Some(spacing) = &file.spacing {
+            let spacing = self.vector("volume.spacing", spacing)?;
+            volume = volume.with_spacing(spacing).map_err(fail)?;
+        }
+        if let Some(origin) = file.origin {
+            volume.geometry.origin = DVec3::from_array(origin);
+        }
+        if let Some(direction) = file.direction {
+            volume.geometry.direction = DMat3::from_cols_array(&direction);
+        }
+        Ok(volume)
+    }
+
+    fn label_volume(
+        &self,
+        file: &VolumeFile,
+        volume: &Volume,
+        declared: Vec<LabelEntry>,
+        base: &Path,
+        options: &SceneOptions,
+        progress: &dyn Progress,
+    ) -> Result<Option<Labels>, SceneError> {
+        let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
+        let Some(path) = options.labels.clone().or(stated) else {
+            return Ok(None);
+        };
+        let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+        let mut labels = volume::open(&path, progress).map_err(fail)?;
+        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref());
+        if let Some(blocks) = options.downsample.or(stated) {
+            labels = labels.downsample_labels(blocks).map_err(fail)?;
+        }
+        if labels.geometry.dims != volume.geometry.dims {
+            return Err(SceneError::LabelGrid {
+                labels: labels.source,
+                theirs: labels.geometry.dims,
+                volume: volume.source.clone(),
+                ours: volume.geometry.dims,
+            });
+        }
+        Ok(Some(Labels { volume: Arc::new(labels), declared }))
+    }
+}
+
+impl VolumeFile {
+    /// How to read a headerless file, where the scene says so by naming a type.
+    fn raw_layout(&self, text: &Text<'_>) -> Result<Option<RawLayout>, SceneError> {
+        let Some(name) = &self.r#type else {
+            return Ok(None);
+        };
+        let voxel_type = name.get_ref().parse().map_err(|error: VolumeError| text.invalid(name, error.to_string()))?;
+        let Some(dims) = &self.dims else {
+            return Err(text.invalid(name, "headerless voxels need `dims` beside their `type`"));
+        };
+        Ok(Some(RawLayout {
+            file: None,
+            slices: self.slices.clone(),
+            dims: *dims.get_ref(),
+            voxel_type,
+            byte_order: self.byte_order,
+            header_bytes: self.header_bytes,
+            spacing: self.spacing.as_ref().map_or([1.0; 3], |spacing| *spacing.get_ref()),
+            origin: self.origin.unwrap_or_default(),
+            direction: self.direction.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+        }))
+    }
+}

@@ -1,0 +1,239 @@
+//! Light positions, and the mixes of spectra that shine from them.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use glam::DVec3;
+
+use super::{Camera, Projection, Scene, SceneError, Shading};
+use crate::spectrum::{Light, SpectrumSource};
+
+/// Where a light shines from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Placement {
+    /// From everywhere: its shade is 1.
+    Ambient,
+    /// From the eye, along each ray.
+    Headlight,
+    /// From infinity; the unit vector points towards the light, in world space.
+    Directional(DVec3),
+    /// From a point of the world, without falling off.
+    Point(DVec3),
+}
+
+/// A light position that shading can tell from the others: it gets an accumulator of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Position {
+    /// Named for the first of its lights.
+    pub name: String,
+    /// Where.
+    pub placement: Placement,
+    /// Indices into [`Scene::lights`].
+    pub lights: Vec<usize>,
+}
+
+/// The positions of a scene: ambient first, then the headlight, directional ones and points, each kind in the order of
+/// the scene. Lights whose shading no material can tell apart share one, and an unshaded scene has at most one.
+#[must_use]
+pub fn positions(scene: &Scene) -> Vec<Position> {
+    let mut positions: Vec<Position> = Vec::new();
+    for (index, light) in scene.lights.iter().enumerate() {
+        let placement = canonical(scene, light.placement);
+        match positions.iter_mut().find(|position| position.placement == placement) {
+            Some(position) => position.lights.push(index),
+            None => positions.push(Position { name: light.name.clone(), placement, lights: vec![index] }),
+        }
+    }
+    positions.sort_by_key(|position| match position.placement {
+        Placement::Ambient => 0,
+        Placement::Headlight => 1,
+        Placement::Directional(_) => 2,
+        Placement::Point(_) => 3,
+    });
+    positions
+}
+
+/// One placement for all those that give every material of the scene the same shade.
+fn canonical(scene: &Scene, placement: Placement) -> Placement {
+    let flat = |material: &super::Material| material.diffuse == 0.0 && material.specular == 0.0;
+    let white = |material: &super::Material| flat(material) && material.ambient == 1.0;
+    if scene.shading == Shading::None || scene.materials.iter().all(white) {
+        return Placement::Ambient;
+    }
+    if placement == Placement::Ambient {
+        return placement;
+    }
+    if scene.materials.iter().all(flat) {
+        return Placement::Headlight;
+    }
+    let placement = match (placement, parallel_forward(&scene.camera)) {
+        (Placement::Headlight, Some(forward)) => Placement::Directional(-forward),
+        (placement, _) => placement,
+    };
+    let opposite_is_equal = scene.materials.iter().all(|material| material.specular == 0.0);
+    match placement {
+        Placement::Directional(direction) if opposite_is_equal && first_sign(direction) < 0.0 => {
+            Placement::Directional(-direction)
+        }
+        placement => placement,
+    }
+}
+
+/// Where a camera of parallel rays, stated by eye and target, looks: its headlight is a directional light.
+fn parallel_forward(camera: &Camera) -> Option<DVec3> {
+    match (camera.projection, camera.aim) {
+        (Projection::Orthographic { .. }, super::Aim::LookAt { position, target }) => {
+            (target - position).try_normalize()
+        }
+        _ => None,
+    }
+}
+
+/// The first component that is not zero.
+fn first_sign(direction: DVec3) -> f64 {
+    direction.to_array().into_iter().find(|&component| component != 0.0).unwrap_or(0.0)
+}
+
+/// Which spectra shine with what weight from which positions. Post-illumination is a mix applied to accumulators.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mix(pub Vec<MixLight>);
+
+/// One light of a mix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MixLight {
+    /// For people.
+    pub name: String,
+    /// Its spectrum.
+    pub spectrum: Light,
+    /// What the spectrum is multiplied by.
+    pub weight: f64,
+    /// Index of its position.
+    pub position: usize,
+}
+
+impl Mix {
+    /// The mix that the scene states.
+    #[must_use]
+    pub fn of_scene(scene: &Scene) -> Self {
+        let mut mix = Vec::new();
+        for (position, place) in positions(scene).iter().enumerate() {
+            for light in place.lights.iter().filter_map(|&light| scene.lights.get(light)) {
+                let (name, spectrum) = (light.name.clone(), light.spectrum.clone());
+                mix.push(MixLight { name, spectrum, weight: light.intensity, position });
+            }
+        }
+        Self(mix)
+    }
+
+    /// The mix that `requests` ask for in place of `stated`. A name is a light of `stated`, then a standard, then a
+    /// spectrum file below `base`. A stated light keeps its position and multiplies its weight, another goes to every
+    /// position, unless one is named.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::LightRequest`] for a name or position that is not there.
+    pub fn requested(
+        stated: &Self,
+        positions: &[String],
+        requests: &[LightRequest],
+        base: &Path,
+    ) -> Result<Self, SceneError> {
+        let mut mix = Vec::new();
+        for request in requests {
+            let fail =
+                |message: String| SceneError::LightRequest { request: request.to_string(), message };
+            let named = match &request.position {
+                None => None,
+                Some(name) => Some(
+                    positions
+                        .iter()
+                        .position(|position| position == name)
+                        .or_else(|| stated.0.iter().find(|light| light.name == *name).map(|light| light.position))
+                        .ok_or_else(|| {
+                            fail(format!("there is no position {name:?}; there are: {}", positions.join(", ")))
+                        })?,
+                ),
+            };
+            let known: Vec<&MixLight> = stated.0.iter().filter(|light| light.name == request.name).collect();
+            if known.is_empty() {
+                let source: SpectrumSource = request.name.parse().map_err(|error| fail(chain(&error)))?;
+                let spectrum = source.light(base).map_err(|error| {
+                    let lights: Vec<_> = stated.0.iter().map(|light| light.name.as_str()).collect();
+                    fail(format!("{}; lights of the scene: {}", chain(&error), lights.join(", ")))
+                })?;
+                if positions.is_empty() {
+                    return Err(fail("there is no light position to put it at; the scene has no lights".into()));
+                }
+                for position in named.map_or(0..positions.len(), |position| position..position + 1) {
+                    let name = request.name.clone();
+                    mix.push(MixLight { name, spectrum: spectrum.clone(), weight: request.weight, position });
+                }
+            }
+            for light in known {
+                let position = named.unwrap_or(light.position);
+                mix.push(MixLight { weight: light.weight * request.weight, position, ..light.clone() });
+            }
+        }
+        Ok(Self(mix))
+    }
+}
+
+/// An error and its causes in one line.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
+}
+
+/// `NAME[@POSITION][=WEIGHT]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightRequest {
+    /// A light of the scene, a standard, or a spectrum file.
+    pub name: String,
+    /// A light position, where one is named.
+    pub position: Option<String>,
+    /// 1 where none is given.
+    pub weight: f64,
+}
+
+impl FromStr for LightRequest {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (rest, weight) = match text.rsplit_once('=') {
+            None => (text, 1.0),
+            Some((rest, weight)) => {
+                let number: f64 = weight.trim().parse().map_err(|_| format!("the weight {weight:?} is not a number"))?;
+                if !(number.is_finite() && number >= 0.0) {
+                    return Err(format!("the weight {weight} is not between 0 and infinity"));
+                }
+                (rest, number)
+            }
+        };
+        let (name, position) = match rest.rsplit_once('@') {
+            None => (rest, None),
+            Some((name, position)) => (name, Some(position.trim().to_owned())),
+        };
+        if name.trim().is_empty() {
+            return Err("a light needs a name: NAME[@POSITION][=WEIGHT]".into());
+        }
+        Ok(Self { name: name.trim().to_owned(), position, weight })
+    }
+}
+
+impl std::fmt::Display for LightRequest {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.name)?;
+        if let Some(position) = &self.position {
+            write!(f, "@{position}")?;
+        }
+        if (self.weight - 1.0).abs() > 0.0 {
+            write!(f, "={}", self.weight)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,175 @@
+//! The transfer function: how much of which material a data value is.
+
+use serde::Deserialize;
+
+/// Optical depth per opacity length that stands for opacity 1: it hides everything at every step that is not
+/// ten million times shorter than the opacity length, and stays finite in every product.
+pub const OPAQUE_DEPTH: f64 = 1e9;
+
+/// How table entries become a value between them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Lookup {
+    /// The entry nearest to the value; with 256 entries, what most renderers of 8-bit data do.
+    Nearest,
+    /// Between the two entries beside the value; costs 17 to 19 % (VULKAN.md §3), flips at no border.
+    #[default]
+    Linear,
+}
+
+/// The transfer function of a scene. Its terms add up as media do: scattering adds, so opacities compose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transfer {
+    /// World length at which an opacity is meant.
+    pub opacity_length: f64,
+    /// How the table is read.
+    pub lookup: Lookup,
+    /// Table entries, where the scene states them.
+    pub entries: Option<usize>,
+    /// What adds up.
+    pub terms: Vec<Term>,
+}
+
+/// An opacity over the data values, and what material shows there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Term {
+    /// (value, opacity), values not descending; constant beyond the ends. Two points at one value make a jump, and the
+    /// value itself takes the larger opacity.
+    pub opacity: Vec<(f64, f64)>,
+    /// What shows.
+    pub material: MaterialCurve,
+}
+
+/// Which material shows over the data values: (value, index into the scene's materials), values ascending. Between
+/// points of two materials they mix linearly; constant beyond the ends.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialCurve(pub Vec<(f64, usize)>);
+
+/// What one data value scatters: optical depth per opacity length and material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Medium {
+    /// σ·opacity_length of each material of the scene, in its order.
+    pub scattering: Vec<f64>,
+}
+
+impl Transfer {
+    /// The medium at `value`, for a scene of `materials` materials: σ_m = −ln(1 − opacity) · share_m (COLOUR.md A7).
+    #[must_use]
+    pub fn medium(&self, value: f64, materials: usize) -> Medium {
+        let mut scattering = vec![0.0; materials];
+        for term in &self.terms {
+            let depth = depth_from_opacity(term.opacity_at(value));
+            if depth > 0.0 {
+                for (material, share) in term.material.at(value) {
+                    if let Some(sum) = scattering.get_mut(material) {
+                        *sum += share * depth;
+                    }
+                }
+            }
+        }
+        Medium { scattering }
+    }
+
+    /// The values at which the function bends or jumps, ascending.
+    #[must_use]
+    pub fn bends(&self) -> Vec<f64> {
+        let opacity = self.terms.iter().flat_map(|term| term.opacity.iter().map(|point| point.0));
+        let material = self.terms.iter().flat_map(|term| term.material.0.iter().map(|point| point.0));
+        let mut bends: Vec<f64> = opacity.chain(material).collect();
+        bends.sort_by(f64::total_cmp);
+        bends.dedup();
+        bends
+    }
+}
+
+/// Optical depth of what hides `opacity` (0 to 1), at most [`OPAQUE_DEPTH`].
+#[must_use]
+pub(crate) fn depth_from_opacity(opacity: f64) -> f64 {
+    (-(-opacity).ln_1p()).min(OPAQUE_DEPTH)
+}
+
+impl Term {
+    /// A trapezoid: `opacity` from `low` to `high`, falling to 0 over `ramp` on either side.
+    #[must_use]
+    pub fn interval(material: usize, [low, high]: [f64; 2], ramp: [f64; 2], opacity: f64) -> Self {
+        let points = vec![(low - ramp[0], 0.0), (low, opacity), (high, opacity), (high + ramp[1], 0.0)];
+        Self { opacity: points, material: MaterialCurve(vec![(low, material)]) }
+    }
+
+    /// Opacity at `value`, linear between the points.
+    #[must_use]
+    pub fn opacity_at(&self, value: f64) -> f64 {
+        let after = self.opacity.partition_point(|point| point.0 < value);
+        let here = self.opacity.iter().skip(after).take_while(|point| point.0 <= value).map(|point| point.1);
+        if let Some(highest) = here.reduce(f64::max) {
+            return highest;
+        }
+        match (after.checked_sub(1).and_then(|i| self.opacity.get(i)), self.opacity.get(after)) {
+            (Some(&(v0, o0)), Some(&(v1, o1))) => o0 + (o1 - o0) * ((value - v0) / (v1 - v0)),
+            (Some(&(_, end)), None) | (None, Some(&(_, end))) => end,
+            (None, None) => 0.0,
+        }
+    }
+}
+
+impl MaterialCurve {
+    /// The materials at `value` and their shares, which add up to 1; none for an empty curve.
+    pub fn at(&self, value: f64) -> impl Iterator<Item = (usize, f64)> + use<> {
+        let after = self.0.partition_point(|point| point.0 <= value);
+        let before = after.checked_sub(1).and_then(|i| self.0.get(i)).copied();
+        let pair = match (before, self.0.get(after).copied()) {
+            (Some((v0, m0)), Some((v1, m1))) if m0 != m1 => {
+                let share = (value - v0) / (v1 - v0);
+                [Some((m0, 1.0 - share)), Some((m1, share))]
+            }
+            (Some((_, material)), _) | (None, Some((_, material))) => [Some((material, 1.0)), None],
+            (None, None) => [None, None],
+        };
+        pair.into_iter().flatten()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn close(a: f64, b: f64) -> bool {
+        (a - b).abs() <= 1e-15
+    }
+
+    #[test]
+    fn an_interval_is_a_trapezoid() {
+        let term = Term::interval(0, [40.0, 90.0], [8.0, 8.0], 0.5);
+        for (value, opacity) in
+            [(0.0, 0.0), (32.0, 0.0), (36.0, 0.25), (40.0, 0.5), (90.0, 0.5), (94.0, 0.25), (255.0, 0.0)]
+        {
+            assert!(close(term.opacity_at(value), opacity), "opacity at {value}");
+        }
+    }
+
+    #[test]
+    fn an_interval_without_ramps_holds_its_ends_and_nothing_beyond() {
+        let term = Term::interval(0, [40.0, 41.0], [0.0, 0.0], 0.5);
+        for (value, opacity) in [(39.999, 0.0), (40.0, 0.5), (40.5, 0.5), (41.0, 0.5), (41.001, 0.0)] {
+            assert!(close(term.opacity_at(value), opacity), "opacity at {value}");
+        }
+    }
+
+    #[test]
+    fn overlapping_terms_add_their_scattering() {
+        let term = |material| Term::interval(material, [0.0, 10.0], [0.0, 0.0], 0.5);
+        let transfer =
+            Transfer { opacity_length: 1.0, lookup: Lookup::Linear, entries: None, terms: vec![term(0), term(1)] };
+        let medium = transfer.medium(5.0, 2);
+        assert!(medium.scattering.iter().all(|&depth| close(depth, std::f64::consts::LN_2)), "{medium:?}");
+    }
+
+    #[test]
+    fn materials_mix_between_their_points() {
+        let curve = MaterialCurve(vec![(10.0, 0), (20.0, 1)]);
+        let shares: Vec<_> = curve.at(12.5).collect();
+        assert_eq!(shares, [(0, 0.75), (1, 0.25)], "a quarter of the way");
+        assert_eq!(curve.at(30.0).collect::<Vec<_>>(), [(1, 1.0)], "beyond the end");
+        assert_eq!(curve.at(5.0).collect::<Vec<_>>(), [(0, 1.0)], "before the start");
+    }
+}

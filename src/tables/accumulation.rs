@@ -1,0 +1,12 @@
+//! What a march leaves, on the host.
+
+/// What a march leaves: independent of every light's spectrum.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accumulation<R> {
+    /// Pixels across and down.
+    pub size: [usize; 2],
+    /// Weight of component `c` at position `p` in pixel `i`: `weights[(p·components + c)·pixels + i]`.
+    pub weights: Vec<R>,
+    /// Light that passes, a pixel each.
+    pub transmittance: Vec<R>,
+}

@@ -1,0 +1,126 @@
+//! Cells of the volume, the values in them, and which of them hold nothing.
+
+use std::ops::RangeInclusive;
+
+use rayon::prelude::*;
+
+use super::{LabelMap, Storage, TransferTable};
+use crate::volume::{Volume, Voxel, with_voxels};
+
+/// Voxels along an edge of a cell.
+pub const CELL: usize = 8;
+
+/// Lowest and highest stored value of each cell, x fastest. A cell spans [8c, 8c + 8] in voxel indices; its range is
+/// that of every voxel that interpolation there can touch, and one more on each side for filters that round.
+#[derive(Clone, Debug)]
+pub struct Cells {
+    /// Cells along each axis.
+    pub dims: [usize; 3],
+    /// Normalised 0 to 1 as the table is indexed.
+    ranges: Vec<[f32; 2]>,
+    /// Whether a cell has a voxel whose label is declared and visible.
+    labelled: Vec<bool>,
+}
+
+/// One bit per cell, set where a sample can do something; bit `i % 32` of word `i / 32`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Occupancy {
+    /// Cells along each axis.
+    pub dims: [usize; 3],
+    /// The bits.
+    pub words: Vec<u32>,
+    /// Cells that are set.
+    pub occupied: usize,
+}
+
+impl Cells {
+    /// The cells of `volume` as `storage` normalises it; `labels` adds where visible labels are.
+    #[must_use]
+    pub fn new(volume: &Volume, storage: &Storage, labels: Option<&LabelMap>) -> Self {
+        let grid = volume.geometry.dims;
+        let dims = grid.map(|n| n.saturating_sub(1).div_ceil(CELL).max(1));
+        let ranges = with_voxels!(&volume.voxels, stored => ranges(stored, grid, dims, storage));
+        let labelled = match labels {
+            None => Vec::new(),
+            Some(map) => (0..dims.iter().product())
+                .into_par_iter()
+                .map(|cell| {
+                    let [xs, ys, zs] = touched(cell, dims, grid);
+                    zs.into_iter().any(|z| {
+                        ys.clone().any(|y| xs.clone().any(|x| map.is_visible(x + grid[0] * (y + grid[1] * z))))
+                    })
+                })
+                .collect(),
+        };
+        Self { dims, ranges, labelled }
+    }
+
+    /// Which cells hold anything under `table`.
+    #[must_use]
+    pub fn occupancy(&self, table: &TransferTable) -> Occupancy {
+        let mut active_before = Vec::with_capacity(table.entries() + 1);
+        active_before.push(0_u32);
+        for entry in 0..table.entries() {
+            active_before.push(active_before[entry] + u32::from(table.is_active(entry)));
+        }
+        let last = table.entries() - 1;
+        let mut words = vec![0_u32; self.ranges.len().div_ceil(32)];
+        let mut occupied = 0;
+        for (cell, range) in self.ranges.iter().enumerate() {
+            // The entries on both sides of a value, and one more for a coordinate that rounds.
+            let scaled = range.map(|normalised| f64::from(normalised) * last as f64);
+            let first = (scaled[0].floor() - 1.0).max(0.0) as usize;
+            let end = ((scaled[1].ceil() + 1.0).max(0.0) as usize).min(last);
+            let by_value = active_before[end + 1] > active_before[first.min(end)];
+            if by_value || self.labelled.get(cell).is_some_and(|&labelled| labelled) {
+                words[cell / 32] |= 1 << (cell % 32);
+                occupied += 1;
+            }
+        }
+        Occupancy { dims: self.dims, words, occupied }
+    }
+}
+
+/// Voxels that samples in a cell can touch, with one more on each side.
+fn touched(cell: usize, dims: [usize; 3], grid: [usize; 3]) -> [RangeInclusive<usize>; 3] {
+    let index = [cell % dims[0], cell / dims[0] % dims[1], cell / (dims[0] * dims[1])];
+    std::array::from_fn(|axis| {
+        let first = index[axis] * CELL;
+        first.saturating_sub(1)..=(first + CELL + 1).min(grid[axis] - 1)
+    })
+}
+
+fn ranges<T: Voxel>(stored: &[T], grid: [usize; 3], dims: [usize; 3], storage: &Storage) -> Vec<[f32; 2]> {
+    let cell_rows: Vec<Vec<[f32; 2]>> = (0..dims[1] * dims[2])
+        .into_par_iter()
+        .map(|row| {
+            // Reduce the rows that a row of cells touches into one row of ranges first: every voxel is read once a row.
+            let [_, ys, zs] = touched(row * dims[0], dims, grid);
+            let mut columns: Vec<Option<[T; 2]>> = vec![None; grid[0]];
+            for z in zs {
+                for y in ys.clone() {
+                    let line = &stored[grid[0] * (y + grid[1] * z)..][..grid[0]];
+                    for (column, &value) in columns.iter_mut().zip(line) {
+                        // Only a NaN is not equal to itself; it stands for the smallest value, which `storage` knows.
+                        *column = match *column {
+                            None => Some([value, value]),
+                            Some([low, high]) => Some([
+                                if value < low || value.partial_cmp(&value).is_none() { value } else { low },
+                                if value > high || high.partial_cmp(&high).is_none() { value } else { high },
+                            ]),
+                        };
+                    }
+                }
+            }
+            (0..dims[0])
+                .map(|cell| {
+                    let [xs, ..] = touched(cell, dims, grid);
+                    let ends = columns[xs].iter().flatten().flatten().map(|value| storage.normalised(value.to_f64()));
+                    let (low, high) = ends.fold((1.0_f64, 0.0_f64), |(low, high), end| (low.min(end), high.max(end)));
+                    [super::rounded(low), super::rounded(high)]
+                })
+                .collect()
+        })
+        .collect();
+    cell_rows.concat()
+}

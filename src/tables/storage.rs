@@ -1,0 +1,364 @@
+//! The volume as a texture holds it: values normalised in f64, gradients beside them where shading needs them.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::rounded;
+use crate::plan::ScenePlan;
+use crate::scene::Labels;
+use crate::volume::{Statistics, Volume, Voxel, VoxelType, VolumeError, with_voxels};
+
+/// Texture formats of a volume.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum VolumeFormat {
+    /// Values in 16 bits.
+    R16Unorm,
+    /// Values in f32, for data that 16 bits would round.
+    R32Float,
+    /// Central differences in xyz, the value in w.
+    Rgba16Snorm,
+    /// The same in f32.
+    Rgba32Float,
+}
+
+impl VolumeFormat {
+    /// Bytes of a voxel.
+    #[must_use]
+    pub fn bytes(self) -> usize {
+        match self {
+            Self::R16Unorm => 2,
+            Self::R32Float => 4,
+            Self::Rgba16Snorm => 8,
+            Self::Rgba32Float => 16,
+        }
+    }
+
+    /// Whether gradients are stored.
+    #[must_use]
+    pub fn has_gradient(self) -> bool {
+        matches!(self, Self::Rgba16Snorm | Self::Rgba32Float)
+    }
+}
+
+/// How voxels become texels, and texels values.
+///
+/// Data of 8 bits are normalised over their type's range, others over their own; NaN takes the smallest finite value and
+/// ±∞ the ends. In 16 bits whole numbers get codes a whole stride apart, so that they lose nothing, and a difference of
+/// zero is code 0, which decodes to exactly 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Storage {
+    /// The format.
+    pub format: VolumeFormat,
+    /// Lowest and highest value, after slope and intercept: the ends of the transfer table.
+    pub domain: [f64; 2],
+    /// Most that storing moves a value, in units of the data; 0 where nothing is lost.
+    pub loss: f64,
+    slope: f64,
+    intercept: f64,
+    /// Code units per normalised unit (16-bit formats), else 1.
+    codes: f64,
+    /// Code units per unit of difference along each axis (0 where the data do not change).
+    difference_codes: [f64; 3],
+    /// Gradient direction from decoded differences: multiply, then normalise.
+    gradient_scale: [f64; 3],
+}
+
+const UNORM16: f64 = 65535.0;
+const SNORM16: f64 = 32767.0;
+
+impl Storage {
+    /// How `plan` stores `volume`, whose values have `statistics`.
+    #[must_use]
+    pub fn new(plan: &ScenePlan, volume: &Volume, statistics: &Statistics) -> Self {
+        let voxel_type = volume.voxels.voxel_type();
+        let (slope, intercept) = (volume.slope, volume.intercept);
+        let typed = match voxel_type {
+            VoxelType::U8 => Some([0.0, 255.0]),
+            VoxelType::I8 => Some([-128.0, 127.0]),
+            _ => None,
+        };
+        let mut domain = typed.map_or([statistics.min, statistics.max], |ends| {
+            let ends = ends.map(|stored: f64| stored.mul_add(slope, intercept));
+            [ends[0].min(ends[1]), ends[0].max(ends[1])]
+        });
+        if domain[0] >= domain[1] {
+            domain[1] = domain[0] + domain[0].abs().max(1.0);
+        }
+        let span = (domain[1] - domain[0]) / slope.abs();
+        let whole = !matches!(voxel_type, VoxelType::F32 | VoxelType::F64);
+        let gradient = plan.shading.is_some();
+        let narrow = whole && span <= UNORM16;
+        let format = match (gradient, narrow) {
+            (false, true) => VolumeFormat::R16Unorm,
+            (false, false) => VolumeFormat::R32Float,
+            (true, true) => VolumeFormat::Rgba16Snorm,
+            (true, false) => VolumeFormat::Rgba32Float,
+        };
+        let (codes, loss) = match format {
+            VolumeFormat::R16Unorm => whole_codes(UNORM16, span, slope),
+            VolumeFormat::Rgba16Snorm => whole_codes(2.0 * SNORM16, span, slope),
+            // f32 of a number from 0 to 1 is within 2^-25 of it; 24-bit integers and f32 data may still be exact, but
+            // the normalisation rounds.
+            VolumeFormat::R32Float | VolumeFormat::Rgba32Float => (1.0, (domain[1] - domain[0]) * 2.0_f64.powi(-25)),
+        };
+        let mut storage = Self {
+            format,
+            domain,
+            loss,
+            slope,
+            intercept,
+            codes,
+            difference_codes: [0.0; 3],
+            gradient_scale: [0.0; 3],
+        };
+        if gradient {
+            storage.scale_differences(volume);
+        }
+        storage
+    }
+
+    /// Sets the codes of differences by the largest there are.
+    fn scale_differences(&mut self, volume: &Volume) {
+        let largest = with_voxels!(&volume.voxels, stored => {
+            let grid = Grid { stored, dims: volume.geometry.dims };
+            let rows = grid.dims[1] * grid.dims[2];
+            (0..rows).into_par_iter().map(|row| {
+                let mut largest = [0.0_f64; 3];
+                grid.differences(self, row, |_, _, difference| {
+                    for (largest, difference) in largest.iter_mut().zip(difference) {
+                        *largest = largest.max(difference.abs());
+                    }
+                });
+                largest
+            }).reduce(|| [0.0; 3], |a, b| [a[0].max(b[0]), a[1].max(b[1]), a[2].max(b[2])])
+        });
+        let full = if self.format == VolumeFormat::Rgba16Snorm { SNORM16 } else { 1.0 };
+        let whole_unit = 1.0 / ((self.domain[1] - self.domain[0]) / self.slope.abs());
+        let spacing = volume.geometry.spacing.to_array();
+        let mut scale = [0.0; 3];
+        for axis in 0..3 {
+            if largest[axis] > 0.0 {
+                // In 16 bits, a whole number of codes per whole-number difference wherever that fits.
+                let exact = (full * whole_unit / largest[axis]).floor() / whole_unit;
+                self.difference_codes[axis] =
+                    if full > 1.0 && exact > 0.0 { exact } else { full / largest[axis] };
+                scale[axis] = full / self.difference_codes[axis] / spacing[axis];
+            }
+        }
+        let largest = scale.iter().fold(f64::MIN_POSITIVE, |a: f64, &b| a.max(b));
+        self.gradient_scale = scale.map(|scale| scale / largest);
+    }
+
+    /// A stored value, 0 to 1 over the domain.
+    #[must_use]
+    pub fn normalised(&self, stored: f64) -> f64 {
+        let value = stored.mul_add(self.slope, self.intercept);
+        if value.is_nan() {
+            return 0.0;
+        }
+        ((value - self.domain[0]) / (self.domain[1] - self.domain[0])).clamp(0.0, 1.0)
+    }
+
+    /// Scale and offset from a texel's value to 0…1 over the domain.
+    #[must_use]
+    pub fn normalised_from_texel(&self) -> [f64; 2] {
+        match self.format {
+            VolumeFormat::R16Unorm => [UNORM16 / self.codes, 0.0],
+            VolumeFormat::Rgba16Snorm => [SNORM16 / self.codes, SNORM16 / self.codes],
+            VolumeFormat::R32Float | VolumeFormat::Rgba32Float => [1.0, 0.0],
+        }
+    }
+
+    /// What decoded differences are multiplied by, per axis, to point along the gradient in the volume's own axes; a
+    /// common factor is free.
+    #[must_use]
+    pub fn gradient_scale(&self) -> [f64; 3] {
+        self.gradient_scale
+    }
+
+    /// Bytes of the whole texture.
+    #[must_use]
+    pub fn bytes(&self, dims: [usize; 3]) -> u64 {
+        dims.iter().fold(self.format.bytes() as u64, |bytes, &n| bytes.saturating_mul(n as u64))
+    }
+
+    /// The texels of slices `slices` as the bytes of the texture.
+    #[must_use]
+    pub fn slab(&self, volume: &Volume, slices: Range<usize>) -> Vec<u8> {
+        let [nx, ny, _] = volume.geometry.dims;
+        let row_bytes = nx * self.format.bytes();
+        let mut bytes = vec![0_u8; row_bytes * ny * slices.len()];
+        with_voxels!(&volume.voxels, stored => {
+            let grid = Grid { stored, dims: volume.geometry.dims };
+            bytes.par_chunks_mut(row_bytes).enumerate().for_each(|(row, out)| {
+                self.row(&grid, slices.start * ny + row, out);
+            });
+        });
+        bytes
+    }
+
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "codes are whole and within 16 bits")]
+    fn row<T: Voxel>(&self, grid: &Grid<'_, T>, row: usize, out: &mut [u8]) {
+        let size = self.format.bytes();
+        match self.format {
+            VolumeFormat::R16Unorm => {
+                for (out, value) in out.chunks_exact_mut(size).zip(grid.line(row)) {
+                    let code = (self.normalised(value.to_f64()) * self.codes).round() as u16;
+                    out.copy_from_slice(&code.to_ne_bytes());
+                }
+            }
+            VolumeFormat::R32Float => {
+                for (out, value) in out.chunks_exact_mut(size).zip(grid.line(row)) {
+                    out.copy_from_slice(&rounded(self.normalised(value.to_f64())).to_ne_bytes());
+                }
+            }
+            VolumeFormat::Rgba16Snorm => grid.differences(self, row, |x, value, difference| {
+                let code = |axis: usize| (difference[axis] * self.difference_codes[axis]).round() as i16;
+                let value = ((value * self.codes).round() - SNORM16) as i16;
+                let texel = [code(0), code(1), code(2), value];
+                out[x * size..(x + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
+            }),
+            VolumeFormat::Rgba32Float => grid.differences(self, row, |x, value, difference| {
+                let code = |axis: usize| rounded(difference[axis] * self.difference_codes[axis]);
+                let texel = [code(0), code(1), code(2), rounded(value)];
+                out[x * size..(x + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
+            }),
+        }
+    }
+}
+
+/// Codes over the normalised range, and the loss in data units. A whole number of codes per whole number fits, because
+/// the caller has checked that `span` is at most `full`, but for the last code of signed formats.
+fn whole_codes(full: f64, span: f64, slope: f64) -> (f64, f64) {
+    let stride = (full / span).floor();
+    if stride >= 1.0 { (stride * span, 0.0) } else { (full, 0.5 * span / full * slope.abs()) }
+}
+
+/// Voxels in their own type, as rows.
+struct Grid<'a, T> {
+    stored: &'a [T],
+    dims: [usize; 3],
+}
+
+impl<T: Voxel> Grid<'_, T> {
+    /// Row `row` (y + ny·z).
+    fn line(&self, row: usize) -> &[T] {
+        &self.stored[row * self.dims[0]..(row + 1) * self.dims[0]]
+    }
+
+    /// Calls `with` with x, the normalised value and the central differences v(i+1) − v(i−1) of normalised values along
+    /// each axis; one-sided and doubled at the faces, 0 along an axis of one voxel.
+    fn differences(&self, storage: &Storage, row: usize, mut with: impl FnMut(usize, f64, [f64; 3])) {
+        let [nx, ny, nz] = self.dims;
+        let (y, z) = (row % ny, row / ny);
+        let value = |value: T| storage.normalised(value.to_f64());
+        let pair = |i: usize, n: usize| -> (usize, usize, f64) {
+            let (before, after) = (i.saturating_sub(1), (i + 1).min(n - 1));
+            (before, after, if after - before == 1 { 2.0 } else { 1.0 })
+        };
+        let (y0, y1, y_factor) = pair(y, ny);
+        let (z0, z1, z_factor) = pair(z, nz);
+        let here = self.line(row);
+        let (below, above) = (self.line(y0 + ny * z), self.line(y1 + ny * z));
+        let (behind, before) = (self.line(y + ny * z0), self.line(y + ny * z1));
+        for x in 0..nx {
+            let (x0, x1, x_factor) = pair(x, nx);
+            let difference = [
+                (value(here[x1]) - value(here[x0])) * x_factor,
+                (value(above[x]) - value(below[x])) * y_factor,
+                (value(before[x]) - value(behind[x])) * z_factor,
+            ];
+            with(x, value(here[x]), difference);
+        }
+    }
+}
+
+/// The stored volume on the host, decoded as the device decodes it: what the reference reads.
+#[derive(Clone, Debug)]
+pub struct StoredVolume {
+    /// Voxels along each axis.
+    pub dims: [usize; 3],
+    /// Whether texels have four numbers (differences, value) or one (value).
+    pub has_gradient: bool,
+    /// Decoded texels, x fastest.
+    pub texels: Vec<f32>,
+}
+
+impl StoredVolume {
+    /// Every texel of `volume` under `storage`.
+    #[must_use]
+    pub fn new(volume: &Volume, storage: &Storage) -> Self {
+        let dims = volume.geometry.dims;
+        let texels = (0..dims[2])
+            .flat_map(|z| {
+                let bytes = storage.slab(volume, z..z + 1);
+                let decoded: Vec<f32> = match storage.format {
+                    VolumeFormat::R16Unorm => {
+                        bytes.chunks_exact(2).map(|c| f32::from(u16::from_ne_bytes([c[0], c[1]])) / 65535.0).collect()
+                    }
+                    VolumeFormat::Rgba16Snorm => bytes
+                        .chunks_exact(2)
+                        .map(|c| (f32::from(i16::from_ne_bytes([c[0], c[1]])) / 32767.0).max(-1.0))
+                        .collect(),
+                    VolumeFormat::R32Float | VolumeFormat::Rgba32Float => {
+                        bytes.chunks_exact(4).map(|c| f32::from_ne_bytes([c[0], c[1], c[2], c[3]])).collect()
+                    }
+                };
+                decoded
+            })
+            .collect();
+        Self { dims, has_gradient: storage.format.has_gradient(), texels }
+    }
+}
+
+/// Which row of the label table each voxel takes; 0 follows the transfer function.
+#[derive(Clone, Debug)]
+pub struct LabelMap {
+    /// One row number a voxel, x fastest.
+    pub rows: Vec<u8>,
+    /// Labels in the data that the scene does not declare, with how many voxels have them.
+    pub undeclared: BTreeMap<u32, u64>,
+    visible: Vec<bool>,
+}
+
+impl LabelMap {
+    /// The rows of `labels`: the i-th declared label takes row i + 1.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Layout`] for a label that is no whole number from 0 to 65535, or for more than 255 declared labels.
+    pub fn new(labels: &Labels) -> Result<Self, VolumeError> {
+        let fail = |problem: String| VolumeError::Layout { source_name: labels.volume.source.clone(), problem };
+        let mut row_of = vec![None; 1 << 16];
+        row_of[0] = Some(0);
+        for (i, entry) in labels.declared.iter().enumerate() {
+            let row = u8::try_from(i + 1)
+                .map_err(|_| fail(format!("{} labels are declared; 255 can be", labels.declared.len())))?;
+            row_of[entry.label as usize] = Some(row);
+        }
+        let mut undeclared = BTreeMap::new();
+        let mut rows = Vec::with_capacity(labels.volume.voxels.len());
+        with_voxels!(&labels.volume.voxels, stored => for (voxel, value) in stored.iter().enumerate() {
+            let value = value.to_f64();
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked on the next line")]
+            let label = value as usize;
+            if label as f64 != value || label >= row_of.len() {
+                return Err(fail(format!("voxel {voxel} holds {value}; labels are whole numbers from 0 to 65535")));
+            }
+            rows.push(row_of[label].unwrap_or_else(|| {
+                *undeclared.entry(u32::try_from(label).unwrap_or(u32::MAX)).or_insert(0) += 1;
+                0
+            }));
+        });
+        let visible = std::iter::once(false).chain(labels.declared.iter().map(|entry| entry.opacity > 0.0)).collect();
+        Ok(Self { rows, undeclared, visible })
+    }
+
+    /// Whether voxel `i` has a declared label that shows.
+    #[must_use]
+    pub fn is_visible(&self, i: usize) -> bool {
+        self.rows.get(i).and_then(|&row| self.visible.get(usize::from(row))).is_some_and(|&visible| visible)
+    }
+}
