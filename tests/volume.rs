@@ -386,6 +386,15 @@ fn blocks_are_averaged_half_up_and_stay_where_they_were() {
 }
 
 #[test]
+fn means_of_the_largest_integers_are_exact() {
+    let unsigned = unit([2, 2, 1], Voxels::U64(vec![u64::MAX, u64::MAX - 1, u64::MAX, u64::MAX]));
+    // Three quarters above MAX − 1.
+    assert_eq!(unsigned.downsample([2, 2, 1]).unwrap().voxels, Voxels::U64(vec![u64::MAX]));
+    let signed = unit([2, 1, 1], Voxels::I64(vec![i64::MIN, i64::MIN + 1]));
+    assert_eq!(signed.downsample([2, 1, 1]).unwrap().voxels, Voxels::I64(vec![i64::MIN + 1]));
+}
+
+#[test]
 fn a_block_ignores_nan_unless_it_has_nothing_else() {
     let voxels = Voxels::F32(vec![1.0, f32::NAN, f32::NAN, f32::NAN, 1.0, 1.5]);
     let Voxels::F32(coarse) = unit([6, 1, 1], voxels).downsample([2, 1, 1]).unwrap().voxels else {

@@ -6,6 +6,7 @@ mod geometry;
 mod metaimage;
 mod open;
 mod pattern;
+pub mod phantom;
 
 mod raw;
 mod resample;
@@ -15,6 +16,7 @@ mod voxels;
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub use open::{open, open_raw};
+pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
 pub use statistics::{BINS, Statistics};

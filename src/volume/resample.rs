@@ -72,17 +72,17 @@ fn reduce<T: Voxel>(
     choose: impl Fn(&mut [T]) -> Option<T> + Sync,
 ) -> Voxels {
     let [width, height, _] = coarse.dims;
+    // From the first voxel of a block to each of its voxels.
+    let offsets: Vec<usize> =
+        (0..bx * by * bz).map(|i| i % bx + nx * (i / bx % by) + nx * ny * (i / (bx * by))).collect();
     let mut voxels = vec![T::zeroed(); coarse.voxels()];
     voxels.par_chunks_mut(width).enumerate().for_each_init(
-        || Vec::with_capacity(bx * by * bz),
+        || vec![T::zeroed(); offsets.len()],
         |values, (row, out)| {
-            let (y, z) = (row % height * by, row / height * bz);
-            for (x, voxel) in out.iter_mut().enumerate() {
-                values.clear();
-                for (dz, dy) in (0..bz).flat_map(|dz| (0..by).map(move |dy| (dz, dy))) {
-                    let start = x * bx + nx * (y + dy + ny * (z + dz));
-                    values.extend_from_slice(&stored[start..start + bx]);
-                }
+            let start = nx * (row % height * by + ny * (row / height * bz));
+            for (block, voxel) in out.iter_mut().enumerate() {
+                let block = &stored[start + bx * block..];
+                values.iter_mut().zip(&offsets).for_each(|(value, &offset)| *value = block[offset]);
                 // A block has at least one voxel.
                 *voxel = choose(values).unwrap_or(T::zeroed());
             }

@@ -88,7 +88,7 @@ impl FromStr for VoxelType {
     }
 }
 
-/// A type a voxel can have; code generic over it runs on the voxels as they are stored (see [`with_voxels`]).
+/// A type a voxel can have; code generic over it runs on the voxels as they are stored.
 pub trait Voxel: bytemuck::Pod + PartialOrd + Send + Sync + fmt::Debug {
     /// What the type is called.
     const TYPE: VoxelType;
@@ -138,8 +138,13 @@ macro_rules! integer_voxel {
                     sum += i128::from(value);
                     count += 1;
                 }
-                // ⌊sum / count + ½⌋ in integers.
-                if count == 0 { None } else { Self::try_from((2 * sum + count).div_euclid(2 * count)).ok() }
+                // ⌊sum / count + ½⌋ in integers; division of 64 bits is several times faster, and nearly always enough.
+                let (numerator, denominator) = (2 * sum + count, 2 * count);
+                match (i64::try_from(numerator), i64::try_from(denominator)) {
+                    (_, Ok(0)) => None,
+                    (Ok(numerator), Ok(denominator)) => Self::try_from(numerator.div_euclid(denominator)).ok(),
+                    _ => Self::try_from(numerator.div_euclid(denominator)).ok(),
+                }
             }
 
             #[allow(clippy::cast_possible_truncation, reason = "checked to be whole and in range")]
