@@ -182,7 +182,8 @@ impl Planned {
     pub fn explain(&self, scene: &Scene) -> Vec<String> {
         let plan = &self.plan;
         let names = |names: Vec<&str>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        let materials = self.materials.iter().filter_map(|&i| scene.materials.get(i)).map(|m| m.name.as_str()).collect();
+        let materials =
+            self.materials.iter().filter_map(|&i| scene.materials.get(i)).map(|m| m.name.as_str()).collect();
         let mut sentences = vec![format!(
             "A pixel keeps one weight per material in use ({}){} for each light position, and the light that passes: {} numbers. This is exact for every light, because opacity is grey and light scatters once.",
             names(materials),
@@ -237,7 +238,8 @@ impl Planned {
         } else {
             "Every ray is followed to its end".to_owned()
         };
-        let skipping = if plan.skipping { "cells that hold nothing are leapt over" } else { "empty cells are not leapt over" };
+        let skipping =
+            if plan.skipping { "cells that hold nothing are leapt over" } else { "empty cells are not leapt over" };
         sentences.push(format!("{termination}; samples are {} apart; {skipping}.", scene.accuracy.step_length));
         sentences
     }

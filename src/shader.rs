@@ -168,9 +168,9 @@ fn resolve_branches(module: &mut Module) {
         // Names of what is computed in branches not taken would keep it alive.
         let mut emitted = std::collections::HashSet::new();
         collect_emitted(&function.body, &mut emitted);
-        function.named_expressions.retain(|expression, _| {
-            emitted.contains(expression) || !needs_emit(&function.expressions[*expression])
-        });
+        function
+            .named_expressions
+            .retain(|expression, _| emitted.contains(expression) || !needs_emit(&function.expressions[*expression]));
     }
 }
 

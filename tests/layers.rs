@@ -6,16 +6,17 @@ use std::path::{Path, PathBuf};
 
 /// Which modules each module may use. What is not here may use nothing.
 const ARROWS: &[(&str, &[&str])] = &[
+    ("number", &[]),
     ("progress", &[]),
     ("spectrum", &[]),
     ("volume", &["progress"]),
-    ("scene", &["spectrum", "volume", "progress"]),
+    ("scene", &["spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "spectrum", "volume"]),
-    ("tables", &["plan", "scene", "spectrum", "volume"]),
-    ("reference", &["tables", "plan", "scene", "spectrum", "volume", "progress"]),
+    ("tables", &["plan", "scene", "spectrum", "volume", "number"]),
+    ("reference", &["tables", "plan", "scene", "spectrum", "volume", "progress", "number"]),
     ("shader", &[]),
     ("vulkan", &[]),
-    ("render", &["vulkan", "shader", "tables", "plan", "scene", "spectrum", "volume", "progress"]),
+    ("render", &["vulkan", "shader", "tables", "plan", "scene", "spectrum", "volume", "progress", "number"]),
     ("measure", &["spectrum"]),
     ("output", &["spectrum", "progress"]),
     (

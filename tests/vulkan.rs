@@ -35,7 +35,7 @@ fn open() -> Option<Device> {
 
 fn pipeline(device: &Device, source: &str, bindings: &[BindingKind], push_constant_bytes: u32) -> ComputePipeline {
     let spirv = compile(&[("test.wgsl", source)], &Constants::new()).unwrap_or_else(|error| panic!("{error}"));
-    ComputePipeline::new(device, "test", &spirv, bindings, push_constant_bytes).unwrap()
+    ComputePipeline::new(device, "test", &spirv.words, bindings, push_constant_bytes).unwrap()
 }
 
 fn bytes_of(values: &[f32]) -> Vec<u8> {

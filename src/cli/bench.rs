@@ -109,7 +109,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         name.driver,
         if name.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" }
     );
-    text.push_str("workload          shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n");
+    text.push_str(
+        "workload          shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
+    );
     let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
     for row in &rows {
         text.push_str(&format!(

@@ -62,7 +62,11 @@ fn of_devices() -> Result<Report, CliError> {
     let mut text = String::new();
     for device in &all {
         let [major, minor, patch] = device.api_version;
-        let _ = writeln!(text, "{}: {} ({:?}, Vulkan {major}.{minor}.{patch}, {})", device.index, device.name, device.kind, device.driver);
+        let _ = writeln!(
+            text,
+            "{}: {} ({:?}, Vulkan {major}.{minor}.{patch}, {})",
+            device.index, device.name, device.kind, device.driver
+        );
         for missing in &device.missing {
             let _ = writeln!(text, "   cannot be used: {missing}");
         }
@@ -148,7 +152,13 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
 fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
     let sentences = planned.explain(scene);
     let volume = &scene.volume;
-    let text = format!("{}\nvolume: {}, {:?} voxels\n{}\n", scene.source, volume.source, volume.geometry.dims, sentences.join("\n"));
+    let text = format!(
+        "{}\nvolume: {}, {:?} voxels\n{}\n",
+        scene.source,
+        volume.source,
+        volume.geometry.dims,
+        sentences.join("\n")
+    );
     Ok(Report { text, json: json!({"scene": scene.source, "plan": plan_json(scene, planned)}) })
 }
 

@@ -76,7 +76,7 @@ pub(crate) enum CliError {
 fn exit_code(error: &CliError) -> u8 {
     let of_device = |error: &VulkanError| match error {
         VulkanError::NoLoader { .. }
-        | VulkanError::NoDriver { .. }
+        | VulkanError::NoDriver
         | VulkanError::NoDevice
         | VulkanError::NoMatch { .. }
         | VulkanError::Unsuitable { .. }

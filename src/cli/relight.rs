@@ -40,8 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
 
     let clock = Stopwatch::start();
     let positions = saved.positions.len();
-    let matrices =
-        RelightMatrices::new(&saved.components, positions, saved.background.as_ref(), &mix, &saved.display);
+    let matrices = RelightMatrices::new(&saved.components, positions, saved.background.as_ref(), &mix, &saved.display);
     let colours = reference::relight(&saved.accumulation, &matrices);
     let passed = saved.accumulation.transmittance.iter().copied().map(f64::from);
     let rgba = files::rgba(&colours, passed);

@@ -254,11 +254,7 @@ fn on_cpu(
     let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
     let accumulation = if wanted.accumulation {
         let march = reference::march::<f64>(scene, planned, &exact, size, progress)?;
-        Some(Accumulation {
-            size,
-            weights: narrow(march.weights),
-            transmittance: narrow(march.transmittance),
-        })
+        Some(Accumulation { size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) })
     } else {
         None
     };

@@ -35,7 +35,8 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
             let committed = std::fs::read(&path)
                 .map_err(|error| CliError::Failed(format!("cannot read {}: {error}", path.display())))?;
             if committed != bytes {
-                let message = format!("{} is not what shaders/ compiles to; run `relume shaders --write`", path.display());
+                let message =
+                    format!("{} is not what shaders/ compiles to; run `relume shaders --write`", path.display());
                 return Err(CliError::Failed(message));
             }
         }

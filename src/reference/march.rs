@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::real::{dot, power, unit};
 use super::{Real, ReferenceError, Samples, Step};
+use crate::number::count;
 use crate::plan::{Planned, PositionCounts};
 use crate::progress::Progress;
 use crate::scene::{Mix, Scene};
@@ -37,7 +38,7 @@ struct Frame<'a, R> {
 
 impl<'a, R: Real> Frame<'a, R> {
     fn new(scene: &'a Scene, planned: &'a Planned, size: [usize; 2]) -> Result<Self, ReferenceError> {
-        let aspect = size[0] as f64 / size[1] as f64;
+        let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(ReferenceError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(ReferenceError::TooManySamples { step_length })?;
@@ -59,7 +60,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
         let one = R::from_f64(1.0);
         let half = R::from_f64(0.5);
-        let centre = |i: usize, n: usize| (R::from_f64(i as f64) + half) * R::from_f64(2.0 / n as f64);
+        let centre = |i: usize, n: usize| (R::from_f64(count(i)) + half) * R::from_f64(2.0 / count(n));
         let u = centre(x, self.size[0]) - one;
         let v = one - centre(y, self.size[1]);
         let along = |middle: [R; 3], right: [R; 3], up: [R; 3]| -> [R; 3] {
@@ -89,18 +90,13 @@ impl<'a, R: Real> Frame<'a, R> {
 
     /// Marches pixel `[x, y]`; `deposit(transmittance, position, source)` takes what every step adds. Returns the light
     /// that passes.
-    fn march_pixel(
-        &self,
-        samples: &impl Samples<R>,
-        pixel: [usize; 2],
-        mut deposit: impl FnMut(R, usize, &[R]),
-    ) -> R {
+    fn march_pixel(&self, samples: &impl Samples<R>, pixel: [usize; 2], mut deposit: impl FnMut(R, usize, &[R])) -> R {
         let ray = self.ray_through(pixel);
         let mut transmittance = R::from_f64(1.0);
         let mut step = Step::default();
         let mut source = vec![R::default(); self.planned.plan.components()];
         for n in 0..ray.samples {
-            let s = (R::from_f64(n as f64) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
+            let s = (R::from_f64(count(n)) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
             for position in 0..self.planned.positions.len() {

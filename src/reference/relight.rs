@@ -10,11 +10,8 @@ use crate::tables::{Accumulation, RelightMatrices};
 #[must_use]
 pub fn relight<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMatrices) -> Vec<DVec3> {
     let pixels = accumulation.transmittance.len();
-    let mut picture: Vec<DVec3> = accumulation
-        .transmittance
-        .iter()
-        .map(|passed| passed.to_f64() * matrices.background)
-        .collect();
+    let mut picture: Vec<DVec3> =
+        accumulation.transmittance.iter().map(|passed| passed.to_f64() * matrices.background).collect();
     if pixels > 0 {
         for (weights, &colour) in accumulation.weights.chunks_exact(pixels).zip(&matrices.colours) {
             for (sum, weight) in picture.iter_mut().zip(weights) {

@@ -2,6 +2,7 @@
 
 use super::Real;
 use super::real::unit;
+use crate::number::count;
 use crate::plan::{LANE, Planned};
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{self, LabelMap, Storage, StoredVolume, TransferTable};
@@ -59,11 +60,12 @@ impl<'a> Exact<'a> {
             let here = index[axis].clamp(0, last);
             before[axis] = (here - 1).max(0);
             after[axis] = (here + 1).min(last);
-            let voxels = after[axis] - before[axis];
-            if voxels == 0 {
-                return 0.0;
-            }
-            (self.voxel(after) - self.voxel(before)) / (voxels as f64 * geometry.spacing[axis])
+            let voxels = match after[axis] - before[axis] {
+                0 => return 0.0,
+                1 => 1.0,
+                _ => 2.0,
+            };
+            (self.voxel(after) - self.voxel(before)) / (voxels * geometry.spacing[axis])
         })
     }
 }
@@ -144,7 +146,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         if let (Some((_, table)), true) = (self.labels, row > 0) {
             step.opacity = entry(table, usize::from(row), &mut step.weights);
         } else {
-            let last = R::from_f64((self.table.entries() - 1) as f64);
+            let last = R::from_f64(count(self.table.entries() - 1));
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             step.opacity = self.look_up(coordinate, &mut step.weights);
         }
@@ -158,7 +160,7 @@ impl<R: Real> Stored<'_, R> {
             Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), weights),
             Lookup::Linear => {
                 let before = coordinate.floor().index().min(self.table.entries() - 2);
-                let fraction = coordinate - R::from_f64(before as f64);
+                let fraction = coordinate - R::from_f64(count(before));
                 let opacity = entry(self.table, before, weights);
                 let mut after = vec![R::default(); weights.len()];
                 let opacity_after = entry(self.table, before + 1, &mut after);
@@ -186,7 +188,8 @@ fn interpolate<R: Real, const N: usize>(
     interpolation: Interpolation,
     texel: impl Fn([i64; 3]) -> [R; N],
 ) -> [R; N] {
-    let voxel: [R; 3] = std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(dims[axis] as f64), R::from_f64(-0.5)));
+    let voxel: [R; 3] =
+        std::array::from_fn(|axis| place[axis].mul_add(R::from_f64(count(dims[axis])), R::from_f64(-0.5)));
     if interpolation == Interpolation::Nearest {
         return texel(voxel.map(|place| whole((place + R::from_f64(0.5)).floor())));
     }
@@ -208,13 +211,12 @@ fn whole<R: Real>(value: R) -> i64 {
 
 /// The voxel that holds `place`.
 fn nearest<R: Real>(place: [R; 3], dims: [usize; 3]) -> usize {
-    let index = std::array::from_fn(|axis| whole((place[axis] * R::from_f64(dims[axis] as f64)).floor()));
+    let index = std::array::from_fn(|axis| whole((place[axis] * R::from_f64(count(dims[axis]))).floor()));
     clamped(index, dims)
 }
 
 /// The place of a voxel among the voxels; beyond a face, of the one on the face.
 fn clamped(index: [i64; 3], dims: [usize; 3]) -> usize {
-    let on: [usize; 3] =
-        std::array::from_fn(|axis| usize::try_from(index[axis]).unwrap_or(0).min(dims[axis] - 1));
+    let on: [usize; 3] = std::array::from_fn(|axis| usize::try_from(index[axis]).unwrap_or(0).min(dims[axis] - 1));
     on[0] + dims[0] * (on[1] + dims[1] * on[2])
 }

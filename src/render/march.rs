@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use bytemuck::{Pod, Zeroable};
 
 use super::{Key, RenderError, Renderer, Uploaded};
+use crate::number::{count, unsigned, whole};
 use crate::plan::{LANE, Planned, ScenePlan};
 use crate::progress::Progress;
 use crate::scene::{Lookup, Scene};
@@ -79,16 +80,9 @@ pub struct Accumulators {
     pub(super) transmittance: StorageImage,
 }
 
-/// A count as the shader's `u32`; what does not fit was refused before.
-pub(super) fn unsigned(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
-}
-
 /// Constants that both shaders know.
 pub(super) fn common(plan: &ScenePlan) -> Constants {
-    Constants::new()
-        .u32("LAYERS", unsigned(plan.layers().max(1)))
-        .u32("LAYERS_USED", unsigned(plan.layers()))
+    Constants::new().u32("LAYERS", unsigned(plan.layers().max(1))).u32("LAYERS_USED", unsigned(plan.layers()))
 }
 
 /// The march shader of `plan`.
@@ -139,11 +133,11 @@ impl MarchUniform {
             low: vector(rays.low),
             coordinate_offset: rounded(offset),
             high: vector(rays.high),
-            coordinate_last: rounded((table.entries() - 1) as f64),
+            coordinate_last: rounded(count(table.entries() - 1)),
             cell_scale: vector(rays.cell_scale),
-            pixel_width: rounded(2.0 / size[0] as f64),
+            pixel_width: rounded(2.0 / count(size[0])),
             cell_offset: vector(rays.cell_offset),
-            pixel_height: rounded(2.0 / size[1] as f64),
+            pixel_height: rounded(2.0 / count(size[1])),
             local_scale: vector(rays.local_scale),
             samples: rays.samples,
             gradient_scale: uploaded.storage.gradient_scale().map(rounded),
@@ -170,7 +164,7 @@ impl Renderer {
     ) -> Result<Accumulators, RenderError> {
         let plan = &planned.plan;
         let device = &self.device;
-        let aspect = size[0] as f64 / size[1] as f64;
+        let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;
         let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
@@ -300,10 +294,8 @@ impl Renderer {
 /// Positions, then ambient, diffuse, specular and exponents of the materials: the struct `Shading` of the shader.
 fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     let positions = PositionTable::new(scene, planned).0;
-    let mut lights: Vec<[f32; LANE]> = positions
-        .iter()
-        .map(|light| [rounded(light.x), rounded(light.y), rounded(light.z), 0.0])
-        .collect();
+    let mut lights: Vec<[f32; LANE]> =
+        positions.iter().map(|light| [rounded(light.x), rounded(light.y), rounded(light.z), 0.0]).collect();
     lights.resize(lights.len().max(1), [0.0; LANE]);
     let mut table = ShadingTable::new(scene, planned);
     let lanes = table.ambient.len().max(1);
@@ -346,9 +338,9 @@ impl Schedule {
             // Whole rays where a row of groups has room for them.
             let width = f64::from(self.size[0]);
             let groups = self.budget / (width * f64::from(GROUP[1]) * f64::from(self.samples.min(SLICE)));
-            self.rows = GROUP[1] * (groups as u32).max(1);
+            self.rows = GROUP[1] * unsigned(whole(groups)).clamp(1, self.size[1]);
             let slice = self.budget / (width * f64::from(self.rows));
-            self.slice = (slice as u32).clamp(64, SLICE);
+            self.slice = unsigned(whole(slice)).clamp(64, SLICE);
         }
         let end_sample = self.sample.saturating_add(self.slice);
         let band = Band { first_row: self.row, first_sample: self.sample, end_sample };

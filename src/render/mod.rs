@@ -72,7 +72,9 @@ pub enum RenderError {
         heap_mb: u64,
     },
     /// The device does not filter the volume's format.
-    #[error("{device} does not interpolate {format:?} textures, which these data need; take accuracy.interpolation = \"nearest\", or another device")]
+    #[error(
+        "{device} does not interpolate {format:?} textures, which these data need; take accuracy.interpolation = \"nearest\", or another device"
+    )]
     Filter {
         /// Texture format.
         format: VolumeFormat,

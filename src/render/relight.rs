@@ -2,8 +2,9 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::march::{common, unsigned};
+use super::march::common;
 use super::{Accumulators, Key, RenderError, Renderer};
+use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
 use crate::shader::{Shader, ShaderError, compile};
 use crate::tables::{RelightMatrices, rounded};
@@ -82,15 +83,20 @@ impl Renderer {
             Target::Linear => (Format::Rgba32Float, "linear"),
         };
         let picture = StorageImage::new(device, name, format, accumulators.size.map(unsigned), 1)?;
-        let (pipeline, set) = self.bind(&Key::Relight(plan.clone(), target), || shader(plan, target), 0, |name| {
-            Some(match name {
-                "relight" => Resource::Uniform(&uniform),
-                "accumulators" => Resource::StorageImage(&accumulators.weights),
-                "transmittances" => Resource::StorageImage(&accumulators.transmittance),
-                "display" | "linear" => Resource::StorageImage(&picture),
-                _ => return None,
-            })
-        })?;
+        let (pipeline, set) = self.bind(
+            &Key::Relight(plan.clone(), target),
+            || shader(plan, target),
+            0,
+            |name| {
+                Some(match name {
+                    "relight" => Resource::Uniform(&uniform),
+                    "accumulators" => Resource::StorageImage(&accumulators.weights),
+                    "transmittances" => Resource::StorageImage(&accumulators.transmittance),
+                    "display" | "linear" => Resource::StorageImage(&picture),
+                    _ => return None,
+                })
+            },
+        )?;
         Ok(Relight { renderer: self, accumulators, pipeline, set, uniform, picture })
     }
 }
@@ -114,7 +120,12 @@ impl Relight<'_> {
         self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&lanes))?;
         self.renderer.device.run("relight", |recorder| {
             recorder.compute_to_compute();
-            recorder.dispatch(&self.pipeline, &self.set, &[], [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1]), 1])
+            recorder.dispatch(
+                &self.pipeline,
+                &self.set,
+                &[],
+                [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1]), 1],
+            )
         })?;
         Ok(())
     }

@@ -71,12 +71,7 @@ impl Renderer {
     }
 
     /// Refuses what the device cannot hold or filter.
-    fn check(
-        &self,
-        storage: &Storage,
-        dims: [usize; 3],
-        interpolation: Interpolation,
-    ) -> Result<(), RenderError> {
+    fn check(&self, storage: &Storage, dims: [usize; 3], interpolation: Interpolation) -> Result<(), RenderError> {
         let (limits, format) = (self.device.limits(), Format::from(storage.format));
         let device = self.device.info().name.clone();
         let limit = limits.max_extent_3d(format);

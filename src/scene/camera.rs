@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::number::count;
 use crate::volume::Geometry;
 
 /// A camera as the scene states it; [`Camera::view`] settles it for a volume and a picture.
@@ -139,13 +140,13 @@ impl Camera {
 /// The middle of the volume in the world.
 #[must_use]
 pub(crate) fn centre(geometry: &Geometry) -> DVec3 {
-    let last = DVec3::from_array(geometry.dims.map(|n| n as f64 - 1.0));
+    let last = DVec3::from_array(geometry.dims.map(|n| count(n) - 1.0));
     geometry.origin + geometry.direction * (geometry.spacing * last / 2.0)
 }
 
 /// Corners of the volume's box, voxels counted whole, relative to its middle, in the world.
 fn corners_from_centre(geometry: &Geometry) -> [DVec3; 8] {
-    let half = geometry.spacing * DVec3::from_array(geometry.dims.map(|n| n as f64)) / 2.0;
+    let half = geometry.spacing * DVec3::from_array(geometry.dims.map(count)) / 2.0;
     std::array::from_fn(|corner| {
         let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
         geometry.direction * (half * DVec3::new(sign(0), sign(1), sign(2)))

@@ -13,6 +13,7 @@ use super::{
     Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
     Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
+use crate::number::count;
 use crate::progress::Progress;
 use crate::spectrum::{SpectrumError, SpectrumSource};
 use crate::volume::{self, ByteOrder, Phantom, RawLayout, Volume, VolumeError};
@@ -46,13 +47,18 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let length = std::fs::metadata(path).map_err(read)?.len();
     if length > LONGEST_SCENE {
-        let message = format!("a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume");
+        let message = format!(
+            "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume"
+        );
         return Err(SceneError::Invalid { at: path.display().to_string(), message });
     }
     let bytes = std::fs::read(path).map_err(read)?;
     let text = String::from_utf8(bytes).map_err(|error| SceneError::Invalid {
         at: path.display().to_string(),
-        message: format!("not UTF-8 text from byte {} on; is it a volume? then use --volume", error.utf8_error().valid_up_to()),
+        message: format!(
+            "not UTF-8 text from byte {} on; is it a volume? then use --volume",
+            error.utf8_error().valid_up_to()
+        ),
     })?;
     let base = path.parent().unwrap_or(Path::new(""));
     parse(&path.display().to_string(), &text, base, options, progress)
@@ -97,8 +103,10 @@ fn parse(
         define(&mut table, definition)
             .map_err(|message| SceneError::Define { definition: definition.clone(), message })?;
     }
-    let text = toml::to_string(&table)
-        .map_err(|error| SceneError::Define { definition: options.definitions.join(" "), message: error.to_string() })?;
+    let text = toml::to_string(&table).map_err(|error| SceneError::Define {
+        definition: options.definitions.join(" "),
+        message: error.to_string(),
+    })?;
     let defined = Text { name: format!("{name} after -D {}", options.definitions.join(" -D ")), text: &text };
     let file = defined.deserialize()?;
     defined.resolve(file, base, options, progress)
@@ -120,9 +128,10 @@ fn define(table: &mut Table, definition: &str) -> Result<(), String> {
             Value::Table(table) => table.entry(key).or_insert_with(|| Value::Table(Table::new())),
             Value::Array(array) => {
                 let length = array.len();
-                key.parse::<usize>().ok().and_then(|index| array.get_mut(index)).ok_or_else(|| {
-                    format!("{key:?} is no index into a list of {length}")
-                })?
+                key.parse::<usize>()
+                    .ok()
+                    .and_then(|index| array.get_mut(index))
+                    .ok_or_else(|| format!("{key:?} is no index into a list of {length}"))?
             }
             _ => return Err(format!("{key:?} is below a plain value")),
         };
@@ -350,7 +359,11 @@ impl Text<'_> {
 
     fn vector(&self, key: &str, value: &At<[f64; 3]>) -> Result<DVec3, SceneError> {
         let vector = DVec3::from_array(*value.get_ref());
-        if vector.is_finite() { Ok(vector) } else { Err(self.invalid(value, format!("{key} has a component that is not finite"))) }
+        if vector.is_finite() {
+            Ok(vector)
+        } else {
+            Err(self.invalid(value, format!("{key} has a component that is not finite")))
+        }
     }
 
     fn direction(&self, key: &str, value: &At<[f64; 3]>) -> Result<DVec3, SceneError> {
@@ -415,7 +428,8 @@ impl Text<'_> {
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {
-            let message = "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
+            let message =
+                "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
             return Err(SceneError::Invalid { at: self.name.clone(), message: message.into() });
         }
         Ok(Scene {
@@ -484,7 +498,10 @@ impl Text<'_> {
     fn opacity(&self, key: &str, value: &At<f64>, material: &Material) -> Result<f64, SceneError> {
         let opacity = self.number(key, value, &UNIT)?;
         if material.xray && opacity >= 1.0 {
-            let message = format!("{key} = 1 for the X-ray material {}; it adds light and hides nothing, so 1 would be light without end: it is a number from 0 to less than 1", material.name);
+            let message = format!(
+                "{key} = 1 for the X-ray material {}; it adds light and hides nothing, so 1 would be light without end: it is a number from 0 to less than 1",
+                material.name
+            );
             return Err(self.invalid(value, message));
         }
         Ok(opacity)
@@ -496,7 +513,10 @@ impl Text<'_> {
             let material = self.material(&interval.material, materials)?;
             let [low, high] = *interval.range.get_ref();
             if !(low.is_finite() && high.is_finite() && low <= high) {
-                return Err(self.invalid(&interval.range, format!("range = [{low}, {high}]; it is two finite numbers, the lower one first")));
+                return Err(self.invalid(
+                    &interval.range,
+                    format!("range = [{low}, {high}]; it is two finite numbers, the lower one first"),
+                ));
             }
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
             let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
@@ -505,14 +525,19 @@ impl Text<'_> {
         match (&file.opacity, &file.material) {
             (None, None) => {}
             (Some(opacity), Some(material)) => terms.push(self.curves(opacity, material, materials)?),
-            (Some(alone), None) => return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it")),
-            (None, Some(alone)) => return Err(self.invalid(alone, "a material curve needs an `opacity` curve beside it")),
+            (Some(alone), None) => {
+                return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it"));
+            }
+            (None, Some(alone)) => {
+                return Err(self.invalid(alone, "a material curve needs an `opacity` curve beside it"));
+            }
         }
         let entries = match &file.entries {
             None => None,
             Some(value) if (2..=1 << 20).contains(value.get_ref()) => Some(*value.get_ref()),
             Some(value) => {
-                return Err(self.invalid(value, format!("entries = {}; it is a whole number from 2 to 1048576", value.get_ref())));
+                return Err(self
+                    .invalid(value, format!("entries = {}; it is a whole number from 2 to 1048576", value.get_ref())));
             }
         };
         Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
@@ -529,21 +554,32 @@ impl Text<'_> {
             return Err(self.invalid(opacity, "a curve has at least one point"));
         }
         if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && UNIT.contains(&point.1))) {
-            return Err(self.invalid(opacity, format!("the point [{}, {}] is not a value and an opacity from 0 to 1", point.0, point.1)));
+            return Err(self.invalid(
+                opacity,
+                format!("the point [{}, {}] is not a value and an opacity from 0 to 1", point.0, point.1),
+            ));
         }
         if let Some(pair) = points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
-            return Err(self.invalid(opacity, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0)));
+            return Err(
+                self.invalid(opacity, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0))
+            );
         }
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {
             let index = self.material_named(name, materials).map_err(|message| self.invalid(material, message))?;
             if materials[index].xray && points.iter().any(|point| point.1 >= 1.0) {
-                return Err(self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it is less than 1")));
+                return Err(
+                    self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it is less than 1"))
+                );
             }
             curve.push((*value, index));
         }
-        if let Some(pair) = curve.windows(2).find(|pair| !(pair[0].0 < pair[1].0)) {
-            return Err(self.invalid(material, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0)));
+        if let Some(pair) =
+            curve.windows(2).find(|pair| pair[0].0.is_nan() || pair[1].0.is_nan() || pair[0].0 >= pair[1].0)
+        {
+            return Err(
+                self.invalid(material, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0))
+            );
         }
         Ok(Term { opacity: points, material: MaterialCurve(curve) })
     }
@@ -556,7 +592,12 @@ impl Text<'_> {
         let mut entries = Vec::new();
         for (key, value) in files {
             let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {
-                self.invalid(value, format!("labels.{key}: a label is a whole number from 1 to 65535; label 0 follows the transfer function"))
+                self.invalid(
+                    value,
+                    format!(
+                        "labels.{key}: a label is a whole number from 1 to 65535; label 0 follows the transfer function"
+                    ),
+                )
             })?;
             let file = value.get_ref();
             let material = self.material(&file.material, materials)?;
@@ -610,7 +651,10 @@ impl Text<'_> {
             (Some(position), Some(target)) => {
                 let orbit = [&file.azimuth, &file.elevation, &file.fill];
                 if let Some(key) = orbit.into_iter().flatten().next() {
-                    return Err(self.invalid(key, "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`"));
+                    return Err(self.invalid(
+                        key,
+                        "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`",
+                    ));
                 }
                 Aim::LookAt {
                     position: self.vector("camera.position", position)?,
@@ -632,12 +676,13 @@ impl Text<'_> {
 
     fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
         let CropFile { min, max } = crop.get_ref();
-        let last = volume.geometry.dims.map(|n| n as f64 - 1.0);
+        let last = volume.geometry.dims.map(|n| count(n) - 1.0);
         for axis in 0..3 {
             if !(0.0 <= min[axis] && min[axis] <= max[axis] && max[axis] <= last[axis]) {
                 let message = format!(
                     "crop from {min:?} to {max:?}; on axis {} it is two voxel indices from 0 to {}, the lower one first",
-                    ["x", "y", "z"][axis], last[axis]
+                    ["x", "y", "z"][axis],
+                    last[axis]
                 );
                 return Err(self.invalid(crop, message));
             }

@@ -56,7 +56,7 @@ pub fn positions(scene: &Scene) -> Vec<Position> {
 /// One placement for all those that give every material of the scene the same shade.
 fn canonical(scene: &Scene, placement: Placement) -> Placement {
     let flat = |material: &super::Material| material.diffuse == 0.0 && material.specular == 0.0;
-    let white = |material: &super::Material| flat(material) && material.ambient == 1.0;
+    let white = |material: &super::Material| flat(material) && material.ambient >= 1.0;
     if scene.shading == Shading::None || scene.materials.iter().all(white) {
         return Placement::Ambient;
     }
@@ -140,8 +140,7 @@ impl Mix {
     ) -> Result<Self, SceneError> {
         let mut mix = Vec::new();
         for request in requests {
-            let fail =
-                |message: String| SceneError::LightRequest { request: request.to_string(), message };
+            let fail = |message: String| SceneError::LightRequest { request: request.to_string(), message };
             let named = match &request.position {
                 None => None,
                 Some(name) => Some(
@@ -207,7 +206,8 @@ impl FromStr for LightRequest {
         let (rest, weight) = match text.rsplit_once('=') {
             None => (text, 1.0),
             Some((rest, weight)) => {
-                let number: f64 = weight.trim().parse().map_err(|_| format!("the weight {weight:?} is not a number"))?;
+                let number: f64 =
+                    weight.trim().parse().map_err(|_| format!("the weight {weight:?} is not a number"))?;
                 if !(number.is_finite() && number >= 0.0) {
                     return Err(format!("the weight {weight} is not between 0 and infinity"));
                 }

@@ -8,10 +8,10 @@ mod transfer;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
 pub use file::{SceneOptions, load, load_embedded, load_peer};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
-pub(crate) use camera::centre;
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 

@@ -48,12 +48,12 @@ pub struct MaterialCurve(pub Vec<(f64, usize)>);
 /// What one data value scatters: optical depth per opacity length and material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
-    /// σ·opacity_length of each material of the scene, in its order.
+    /// `σ·opacity_length` of each material of the scene, in its order.
     pub scattering: Vec<f64>,
 }
 
 impl Transfer {
-    /// The medium at `value`, for a scene of `materials` materials: σ_m = −ln(1 − opacity) · share_m (COLOUR.md A7).
+    /// The medium at `value`, for a scene of `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (COLOUR.md A7).
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {
         let mut scattering = vec![0.0; materials];

@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use rayon::prelude::*;
 
 use super::{LabelMap, Storage, TransferTable};
+use crate::number::{count, whole};
 use crate::volume::{Volume, Voxel, with_voxels};
 
 /// Voxels along an edge of a cell.
@@ -68,9 +69,9 @@ impl Cells {
         let mut occupied = 0;
         for (cell, range) in self.ranges.iter().enumerate() {
             // The entries on both sides of a value, and one more for a coordinate that rounds.
-            let scaled = range.map(|normalised| f64::from(normalised) * last as f64);
-            let first = (scaled[0].floor() - 1.0).max(0.0) as usize;
-            let end = ((scaled[1].ceil() + 1.0).max(0.0) as usize).min(last);
+            let scaled = range.map(|normalised| f64::from(normalised) * count(last));
+            let first = whole(scaled[0].floor() - 1.0);
+            let end = whole(scaled[1].ceil() + 1.0).min(last);
             let by_value = active_before[end + 1] > active_before[first.min(end)];
             if by_value || self.labelled.get(cell).is_some_and(|&labelled| labelled) {
                 words[cell / 32] |= 1 << (cell % 32);

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::CELL;
+use crate::number::{count, unsigned, whole};
 use crate::scene::{Scene, View};
 
 /// Everything a pixel needs to make its ray, in the axes of the volume's texture (0 to 1 along each).
@@ -52,7 +53,7 @@ impl RayTable {
     #[must_use]
     pub fn new(scene: &Scene, view: &View) -> Option<Self> {
         let geometry = &scene.volume.geometry;
-        let dims = DVec3::from_array(geometry.dims.map(|n| n as f64));
+        let dims = DVec3::from_array(geometry.dims.map(count));
         // Texture coordinate of a world point: (index + ½)/n, index = direction⁻¹(point − origin)/spacing.
         let local_from_world = geometry.direction.inverse();
         let texture_from_local = DMat3::from_diagonal((geometry.spacing * dims).recip());
@@ -82,10 +83,7 @@ impl RayTable {
         if samples > MOST_SAMPLES {
             return None;
         }
-        #[expect(clippy::cast_precision_loss, reason = "8")]
-        let cell = CELL as f64;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
-        let samples = samples as u32;
+        let cell = count(CELL);
         Some(Self {
             base: point(view.eye + eye_distance * view.forward),
             base_u: linear * base_u,
@@ -101,7 +99,7 @@ impl RayTable {
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),
             local_scale: geometry.spacing * dims,
-            samples,
+            samples: unsigned(whole(samples)),
         })
     }
 }

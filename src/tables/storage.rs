@@ -6,9 +6,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::rounded;
+use crate::number::{count, whole};
 use crate::plan::ScenePlan;
 use crate::scene::Labels;
-use crate::volume::{Statistics, Volume, Voxel, VoxelType, VolumeError, with_voxels};
+use crate::volume::{Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 
 /// Texture formats of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -142,8 +143,7 @@ impl Storage {
             if largest[axis] > 0.0 {
                 // In 16 bits, a whole number of codes per whole-number difference wherever that fits.
                 let exact = (full * whole_unit / largest[axis]).floor() / whole_unit;
-                self.difference_codes[axis] =
-                    if full > 1.0 && exact > 0.0 { exact } else { full / largest[axis] };
+                self.difference_codes[axis] = if full > 1.0 && exact > 0.0 { exact } else { full / largest[axis] };
                 scale[axis] = full / self.difference_codes[axis] / spacing[axis];
             }
         }
@@ -342,9 +342,8 @@ impl LabelMap {
         let mut rows = Vec::with_capacity(labels.volume.voxels.len());
         with_voxels!(&labels.volume.voxels, stored => for (voxel, value) in stored.iter().enumerate() {
             let value = value.to_f64();
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked on the next line")]
-            let label = value as usize;
-            if label as f64 != value || label >= row_of.len() {
+            let label = whole(value);
+            if (count(label) - value).abs() > 0.0 || value.is_nan() || label >= row_of.len() {
                 return Err(fail(format!("voxel {voxel} holds {value}; labels are whole numbers from 0 to 65535")));
             }
             rows.push(row_of[label].unwrap_or_else(|| {

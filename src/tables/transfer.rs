@@ -1,6 +1,7 @@
 //! The transfer function as a table over the data's range, for one step length.
 
 use super::{Storage, rounded};
+use crate::number::count;
 use crate::plan::{LANE, Planned};
 use crate::scene::{Lookup, Medium, Scene, depth_from_opacity};
 
@@ -14,7 +15,7 @@ const PER_FEATURE: f64 = 8.0;
 /// Entry `i` of `n` stands for the value `low + i/(n−1)·(high − low)`.
 ///
 /// What a step Δs of the medium there does (COLOUR.md A7): light lost, α = 1 − e^(−τΔs), and light gained per material,
-/// w_m = σ_m (1 − e^(−τΔs))/τ, which is σ_mΔs where nothing is lost. X-ray materials are in σ but not in τ.
+/// `w_m = σ_m (1 − e^(−τΔs))/τ`, which is `σ_m Δs` where nothing is lost. X-ray materials are in σ but not in τ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferTable {
     /// `entries × lanes` vectors of weights, spare ones zero.
@@ -28,7 +29,7 @@ pub struct TransferTable {
 /// What one step does: weights of the materials of a plan, and opacity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// w_m.
+    /// `w_m`.
     pub weights: Vec<f64>,
     /// α.
     pub opacity: f64,
@@ -108,8 +109,7 @@ pub fn steps_of_labels(scene: &Scene, planned: &Planned) -> Vec<Step> {
 }
 
 /// What a step does in `medium`.
-#[must_use]
-pub fn step_of_medium(scene: &Scene, planned: &Planned, medium: &Medium) -> Step {
+fn step_of_medium(scene: &Scene, planned: &Planned, medium: &Medium) -> Step {
     let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
     let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
     let depth: f64 = occluding.map(|(_, depth)| depth).sum();
@@ -134,10 +134,4 @@ fn entries(scene: &Scene, [low, high]: [f64; 2]) -> usize {
         entries *= 2;
     }
     entries
-}
-
-/// A count as a number.
-#[expect(clippy::cast_precision_loss, reason = "counts of table entries are far below 2^53")]
-fn count(n: usize) -> f64 {
-    n as f64
 }
