@@ -48,8 +48,8 @@ struct Band {
     end_sample: u32,
 }
 
-@group(0) @binding(0) var<uniform> march: March;
-@group(0) @binding(1) var<uniform> shading: Shading;
+@group(0) @binding(0) var<uniform> march_uniform: March;
+@group(0) @binding(1) var<uniform> shading_uniform: Shading;
 @group(0) @binding(2) var volume: texture_3d<f32>;
 @group(0) @binding(3) var volume_sampler: sampler;
 @group(0) @binding(4) var<storage, read> table_weights: array<vec4f>;
@@ -61,6 +61,10 @@ struct Band {
 @group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
 @group(0) @binding(11) var transmittances: texture_storage_2d_array<r32float, read_write>;
 var<immediate> band: Band;
+
+// Copies of the uniforms, made once per invocation: on a CPU a uniform is read anew for each lane, at every step.
+var<private> march: March;
+var<private> shading: Shading;
 
 struct Ray {
     base: vec3f,
@@ -261,6 +265,10 @@ fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function
 
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
+    march = march_uniform;
+    if (GRADIENT) {
+        shading = shading_uniform;
+    }
     let pixel = vec2u(id.x, id.y + band.first_row);
     if (pixel.x >= march.width || pixel.y >= march.height) {
         return;

@@ -24,26 +24,34 @@ fn encode(colour: vec3f) -> vec3f {
 
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    let pixel = id.xy;
-    if (pixel.x >= relight.width || pixel.y >= relight.height) {
+    // Uniforms are read once for a column of pixels: on a CPU each read costs as much as a multiplication of all lanes.
+    let colours = relight.colours;
+    let background = relight.background;
+    let end = min((id.y + 1u) * ROWS, relight.height);
+    if (id.x >= relight.width) {
         return;
     }
-    var colour = vec3f();
-    for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-        let weights = textureLoad(accumulators, pixel, layer);
-        let colours = relight.colours[layer];
-        colour += vec3f(dot(colours[0], weights), dot(colours[1], weights), dot(colours[2], weights));
-    }
-    if (DISPLAY) {
-        if (BACKGROUND) {
-            colour = fma(vec3f(textureLoad(transmittances, pixel, 0).x), relight.background, colour);
+    for (var y = id.y * ROWS; y < end; y += 1u) {
+        let pixel = vec2u(id.x, y);
+        var colour = vec3f();
+        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+            let weights = textureLoad(accumulators, pixel, layer);
+            let red = dot(colours[layer][0], weights);
+            let green = dot(colours[layer][1], weights);
+            let blue = dot(colours[layer][2], weights);
+            colour += vec3f(red, green, blue);
         }
-        textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
-    } else {
-        let passed = textureLoad(transmittances, pixel, 0).x;
-        if (BACKGROUND) {
-            colour = fma(vec3f(passed), relight.background, colour);
+        if (DISPLAY) {
+            if (BACKGROUND) {
+                colour = fma(vec3f(textureLoad(transmittances, pixel, 0).x), background, colour);
+            }
+            textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
+        } else {
+            let passed = textureLoad(transmittances, pixel, 0).x;
+            if (BACKGROUND) {
+                colour = fma(vec3f(passed), background, colour);
+            }
+            textureStore(linear, pixel, 0, vec4f(colour, 1.0 - passed));
         }
-        textureStore(linear, pixel, 0, vec4f(colour, 1.0 - passed));
     }
 }

@@ -211,8 +211,8 @@ impl Renderer {
             unsigned(size_of::<Band>()),
             |name| {
                 Some(match name {
-                    "march" => Resource::Uniform(&march),
-                    "shading" => Resource::Uniform(&shading),
+                    "march_uniform" => Resource::Uniform(&march),
+                    "shading_uniform" => Resource::Uniform(&shading),
                     "volume" => Resource::Texture(&uploaded.volume),
                     "volume_sampler" => Resource::Sampler(&sampler),
                     "table_weights" => Resource::Storage(&table_weights),

@@ -12,6 +12,8 @@ use crate::vulkan::{Buffer, Format, HostUse, Resource, StorageImage};
 
 /// Workgroups of a relight: long rows (VULKAN.md §4).
 const GROUP: [u32; 2] = [64, 1];
+/// Rows of the picture that an invocation relights.
+const ROWS: u32 = 8;
 
 /// What a relight writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -38,6 +40,7 @@ pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderE
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
         .bool("DISPLAY", target == Target::Display)
+        .u32("ROWS", ROWS)
         .u32("GROUP_WIDTH", GROUP[0])
         .u32("GROUP_HEIGHT", GROUP[1]);
     compile(&[("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl"))], &constants)
@@ -124,7 +127,7 @@ impl Relight<'_> {
                 &self.pipeline,
                 &self.set,
                 &[],
-                [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1]), 1],
+                [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1] * ROWS), 1],
             )
         })?;
         Ok(())
