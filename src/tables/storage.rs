@@ -120,33 +120,22 @@ impl Storage {
         storage
     }
 
-    /// Sets the codes of differences by the largest there are.
+    /// Sets the codes of differences: a whole number of codes per whole number where that holds the largest difference
+    /// there can be, else as many as the largest difference there is.
     fn scale_differences(&mut self, volume: &Volume) {
-        let largest = with_voxels!(&volume.voxels, stored => {
-            let grid = Grid { stored, dims: volume.geometry.dims };
-            let rows = grid.dims[1] * grid.dims[2];
-            (0..rows).into_par_iter().map(|row| {
-                let mut largest = [0.0_f64; 3];
-                grid.differences(self, row, |_, _, difference| {
-                    for (largest, difference) in largest.iter_mut().zip(difference) {
-                        *largest = largest.max(difference.abs());
-                    }
-                });
-                largest
-            }).reduce(|| [0.0; 3], |a, b| [a[0].max(b[0]), a[1].max(b[1]), a[2].max(b[2])])
-        });
         let full = if self.format == VolumeFormat::Rgba16Snorm { SNORM16 } else { 1.0 };
-        let whole_unit = 1.0 / ((self.domain[1] - self.domain[0]) / self.slope.abs());
+        let span = (self.domain[1] - self.domain[0]) / self.slope.abs();
+        // One-sided differences at the faces count twice.
+        let whole_codes = (full / (2.0 * span)).floor() * span;
+        let codes = if whole_codes > 0.0 {
+            [whole_codes; 3]
+        } else {
+            largest_differences(self, volume).map(|largest| if largest > 0.0 { full / largest } else { 0.0 })
+        };
+        self.difference_codes = codes;
         let spacing = volume.geometry.spacing.to_array();
-        let mut scale = [0.0; 3];
-        for axis in 0..3 {
-            if largest[axis] > 0.0 {
-                // In 16 bits, a whole number of codes per whole-number difference wherever that fits.
-                let exact = (full * whole_unit / largest[axis]).floor() / whole_unit;
-                self.difference_codes[axis] = if full > 1.0 && exact > 0.0 { exact } else { full / largest[axis] };
-                scale[axis] = full / self.difference_codes[axis] / spacing[axis];
-            }
-        }
+        let scale: [f64; 3] =
+            std::array::from_fn(|axis| if codes[axis] > 0.0 { full / codes[axis] / spacing[axis] } else { 0.0 });
         let largest = scale.iter().fold(f64::MIN_POSITIVE, |a: f64, &b| a.max(b));
         self.gradient_scale = scale.map(|scale| scale / largest);
     }
@@ -154,11 +143,11 @@ impl Storage {
     /// A stored value, 0 to 1 over the domain.
     #[must_use]
     pub fn normalised(&self, stored: f64) -> f64 {
-        let value = stored.mul_add(self.slope, self.intercept);
-        if value.is_nan() {
-            return 0.0;
-        }
-        ((value - self.domain[0]) / (self.domain[1] - self.domain[0])).clamp(0.0, 1.0)
+        // No `mul_add`: without hardware for it, it is a call, and this runs for every voxel.
+        let value = stored * self.slope + self.intercept;
+        let normalised = (value - self.domain[0]) / (self.domain[1] - self.domain[0]);
+        // Comparisons in this order send NaN to 0.
+        if normalised > 0.0 { if normalised < 1.0 { normalised } else { 1.0 } } else { 0.0 }
     }
 
     /// Scale and offset from a texel's value to 0…1 over the domain.
@@ -199,13 +188,12 @@ impl Storage {
         bytes
     }
 
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "codes are whole and within 16 bits")]
     fn row<T: Voxel>(&self, grid: &Grid<'_, T>, row: usize, out: &mut [u8]) {
         let size = self.format.bytes();
         match self.format {
             VolumeFormat::R16Unorm => {
                 for (out, value) in out.chunks_exact_mut(size).zip(grid.line(row)) {
-                    let code = (self.normalised(value.to_f64()) * self.codes).round() as u16;
+                    let code = unsigned_code(self.normalised(value.to_f64()) * self.codes);
                     out.copy_from_slice(&code.to_ne_bytes());
                 }
             }
@@ -215,8 +203,8 @@ impl Storage {
                 }
             }
             VolumeFormat::Rgba16Snorm => grid.differences(self, row, |x, value, difference| {
-                let code = |axis: usize| (difference[axis] * self.difference_codes[axis]).round() as i16;
-                let value = ((value * self.codes).round() - SNORM16) as i16;
+                let code = |axis: usize| signed_code(difference[axis] * self.difference_codes[axis]);
+                let value = signed_code(value * self.codes - SNORM16);
                 let texel = [code(0), code(1), code(2), value];
                 out[x * size..(x + 1) * size].copy_from_slice(bytemuck::bytes_of(&texel));
             }),
@@ -227,6 +215,35 @@ impl Storage {
             }),
         }
     }
+}
+
+/// The nearest code from 0 to 65535. Not `round`, which is a call on processors of the base level.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts of floats saturate")]
+fn unsigned_code(number: f64) -> u16 {
+    (number + 0.5) as u16
+}
+
+/// The nearest code from −32767 to 32767.
+#[expect(clippy::cast_possible_truncation, reason = "within ±32767")]
+fn signed_code(number: f64) -> i16 {
+    (((number + 32768.5) as i32) - 32768) as i16
+}
+
+/// The largest central difference of normalised values along each axis.
+fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
+    with_voxels!(&volume.voxels, stored => {
+        let grid = Grid { stored, dims: volume.geometry.dims };
+        let rows = grid.dims[1] * grid.dims[2];
+        (0..rows).into_par_iter().map(|row| {
+            let mut largest = [0.0_f64; 3];
+            grid.differences(storage, row, |_, _, difference| {
+                for (largest, difference) in largest.iter_mut().zip(difference) {
+                    *largest = largest.max(difference.abs());
+                }
+            });
+            largest
+        }).reduce(|| [0.0; 3], |a, b| [a[0].max(b[0]), a[1].max(b[1]), a[2].max(b[2])])
+    })
 }
 
 /// Codes over the normalised range, and the loss in data units. A whole number of codes per whole number fits, because
@@ -253,24 +270,25 @@ impl<T: Voxel> Grid<'_, T> {
     fn differences(&self, storage: &Storage, row: usize, mut with: impl FnMut(usize, f64, [f64; 3])) {
         let [nx, ny, nz] = self.dims;
         let (y, z) = (row % ny, row / ny);
-        let value = |value: T| storage.normalised(value.to_f64());
         let pair = |i: usize, n: usize| -> (usize, usize, f64) {
             let (before, after) = (i.saturating_sub(1), (i + 1).min(n - 1));
             (before, after, if after - before == 1 { 2.0 } else { 1.0 })
         };
         let (y0, y1, y_factor) = pair(y, ny);
         let (z0, z1, z_factor) = pair(z, nz);
-        let here = self.line(row);
-        let (below, above) = (self.line(y0 + ny * z), self.line(y1 + ny * z));
-        let (behind, before) = (self.line(y + ny * z0), self.line(y + ny * z1));
+        let line = |y: usize, z: usize| -> Vec<f64> {
+            self.line(y + ny * z).iter().map(|value| storage.normalised(value.to_f64())).collect()
+        };
+        let here = line(y, z);
+        let (below, above, behind, before) = (line(y0, z), line(y1, z), line(y, z0), line(y, z1));
         for x in 0..nx {
             let (x0, x1, x_factor) = pair(x, nx);
             let difference = [
-                (value(here[x1]) - value(here[x0])) * x_factor,
-                (value(above[x]) - value(below[x])) * y_factor,
-                (value(before[x]) - value(behind[x])) * z_factor,
+                (here[x1] - here[x0]) * x_factor,
+                (above[x] - below[x]) * y_factor,
+                (before[x] - behind[x]) * z_factor,
             ];
-            with(x, value(here[x]), difference);
+            with(x, here[x], difference);
         }
     }
 }
