@@ -12,7 +12,7 @@ use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
 use relume::plan::plan;
 use relume::progress::Progress;
 use relume::render::Renderer;
-use relume::scene::{self, Aim, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::scene::{self, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
 use super::render::matrices;
@@ -48,6 +48,8 @@ enum Workload {
     Peer,
     /// The same under four directional lights in four positions.
     PeerFourLights,
+    /// The same with twice as many materials: eight weights a pixel.
+    PeerEightMaterials,
     /// The embedded default scene.
     Default,
 }
@@ -140,7 +142,7 @@ fn measure(
 ) -> Result<Row, CliError> {
     let mut scene = match workload {
         Workload::Default => scene::load_embedded(&SceneOptions::default(), progress)?,
-        Workload::Peer | Workload::PeerFourLights => {
+        Workload::Peer | Workload::PeerFourLights | Workload::PeerEightMaterials => {
             let options = SceneOptions { volume: args.volume.clone(), ..SceneOptions::default() };
             scene::load_peer(&options, progress)?
         }
@@ -148,8 +150,10 @@ fn measure(
     if shading == BenchShading::None {
         scene.shading = Shading::None;
     }
-    if workload == Workload::PeerFourLights {
-        add_peer_lights(&mut scene);
+    match workload {
+        Workload::PeerFourLights => add_peer_lights(&mut scene),
+        Workload::PeerEightMaterials => double_materials(&mut scene),
+        Workload::Peer | Workload::Default => {}
     }
     let planned = plan(&scene);
     let statistics = scene.volume.statistics()?;
@@ -214,5 +218,19 @@ fn add_peer_lights(scene: &mut Scene) {
     for (name, direction) in ["second", "third", "fourth"].into_iter().zip(directions) {
         let placement = Placement::Directional(DVec3::from_array(direction).normalize());
         scene.lights.push(SceneLight { name: name.to_owned(), placement, ..key.clone() });
+    }
+}
+
+/// Shows every material twice, the second time under another name.
+fn double_materials(scene: &mut Scene) {
+    let materials = scene.materials.len();
+    for material in scene.materials.clone() {
+        scene.materials.push(Material { name: format!("{} again", material.name), ..material });
+    }
+    for mut term in scene.transfer.terms.clone() {
+        for (_, material) in &mut term.material.0 {
+            *material += materials;
+        }
+        scene.transfer.terms.push(term);
     }
 }

@@ -361,3 +361,29 @@ impl Schedule {
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::{Accumulate, PositionCounts, ShadingTerms};
+    use crate::scene::Interpolation;
+
+    /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
+    #[test]
+    fn four_spectral_materials_march_with_the_shader_of_three_colours() {
+        let plan = |materials| ScenePlan {
+            accumulate: Accumulate::Weights { materials },
+            positions: PositionCounts { directional: 1, ..PositionCounts::default() },
+            shading: Some(ShadingTerms { diffuse: true, specular: None }),
+            labels: false,
+            background: false,
+            lookup: Lookup::Nearest,
+            interpolation: Interpolation::Linear,
+            skipping: true,
+        };
+        let words = |materials| shader(&plan(materials), 0).map(|shader| shader.words).ok();
+        assert!(words(3).is_some(), "the shader compiles");
+        assert_eq!(words(3), words(4), "the same words for three weights and four");
+        assert_ne!(words(4), words(5), "a fifth needs another vector");
+    }
+}

@@ -9,7 +9,7 @@ use crate::volume::Statistics;
 use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 
 /// Bytes that travel at a time; bounds the host's copy.
-const SLAB_BYTES: usize = 16 << 20;
+const SLAB_BYTES: usize = 4 << 20;
 
 /// A volume on the device, and what the host remembers of it.
 #[derive(Debug)]

@@ -1,0 +1,44 @@
+//! What the host does for a frame: storing a volume, its cells, the transfer table, relighting without a device.
+#![expect(clippy::expect_used, reason = "a benchmark that cannot start fails")]
+
+use std::hint::black_box;
+
+use criterion::{Criterion, criterion_group, criterion_main};
+
+use relume::plan::plan;
+use relume::progress::Quiet;
+use relume::reference::relight;
+use relume::scene::{Mix, SceneOptions, load_peer};
+use relume::tables::{Accumulation, Cells, RelightMatrices, Storage, TransferTable, components};
+
+fn host(criterion: &mut Criterion) {
+    let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene");
+    let planned = plan(&scene);
+    let statistics = scene.volume.statistics().expect("the phantom has values");
+    let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
+    let table = TransferTable::new(&scene, &planned, storage.domain);
+    let cells = Cells::new(&scene.volume, &storage, None);
+    let mut group = criterion.benchmark_group("host");
+    group.sample_size(10);
+    group.bench_function("statistics", |bencher| bencher.iter(|| scene.volume.statistics()));
+    group.bench_function("store 16 slices", |bencher| bencher.iter(|| storage.slab(&scene.volume, black_box(60..76))));
+    group.bench_function("cells", |bencher| bencher.iter(|| Cells::new(&scene.volume, &storage, None)));
+    group.bench_function("occupancy", |bencher| bencher.iter(|| cells.occupancy(black_box(&table))));
+    group.bench_function("transfer table", |bencher| {
+        bencher.iter(|| TransferTable::new(&scene, &planned, black_box(storage.domain)));
+    });
+
+    let (size, spectra, mix) = ([400, 400], components(&scene, &planned), Mix::of_scene(&scene));
+    let pixels = size[0] * size[1];
+    let weights = vec![0.1_f32; spectra.len() * pixels];
+    let accumulation = Accumulation { size, weights, transmittance: vec![0.5; pixels] };
+    group.bench_function("relight matrices", |bencher| {
+        bencher.iter(|| RelightMatrices::new(&spectra, 1, None, black_box(&mix), &scene.display));
+    });
+    let matrices = RelightMatrices::new(&spectra, 1, None, &mix, &scene.display);
+    group.bench_function("relight 400×400", |bencher| bencher.iter(|| relight(black_box(&accumulation), &matrices)));
+    group.finish();
+}
+
+criterion_group!(benches, host);
+criterion_main!(benches);
