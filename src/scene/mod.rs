@@ -1,6 +1,7 @@
 //! What a picture is of: materials, transfer function, lights, camera and the volume they belong to.
 
 mod camera;
+mod define;
 mod file;
 mod lights;
 mod transfer;
@@ -220,7 +221,7 @@ pub enum SceneError {
         /// What is wrong and what is there.
         message: String,
     },
-    /// A `-D key=value` cannot be applied.
+    /// A `-D key=value` cannot be applied, or makes the scene one that cannot be.
     #[error("-D {definition}: {message}")]
     Define {
         /// As given.
