@@ -488,3 +488,54 @@ fn help_teaches_by_examples() {
     }
     assert!(folder.done(&["--version"]).out.contains(env!("CARGO_PKG_VERSION")));
 }
+
+/// The example of docs/SCENE.md without the lines that only one kind of volume or camera has.
+fn documented_scene() -> String {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/SCENE.md")).unwrap();
+    text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
+}
+
+#[test]
+fn the_documented_scene_is_a_scene() {
+    let for_files = ["file =", "labels =", "type =", "slices =", "downsample =", "dims ="];
+    let kept = documented_scene();
+    let kept = kept.lines().filter(|line| !for_files.iter().any(|key| line.starts_with(key)));
+    let kept: Vec<&str> = kept.map(|line| if line.contains("phantom") { "phantom = \"frog\"" } else { line }).collect();
+    let folder = Folder::new().with("documented.toml", kept.join("\n"));
+    folder.done(&["info", "documented.toml"]);
+}
+
+/// What the program says it expects, where a key is unknown, is what the documentation lists.
+#[test]
+fn every_key_of_a_scene_is_documented() {
+    let folder = Folder::new();
+    let documented = documented_scene();
+    for table in [
+        "",
+        "volume.",
+        "materials.flesh.",
+        "transfer.",
+        "transfer.intervals.0.",
+        "labels.1.",
+        "lights.day.",
+        "camera.",
+        "crop.",
+        "accuracy.",
+        "display.",
+    ] {
+        let outcome = folder.run(&["info", "scene.toml", "-D", &format!("{table}zzzzzz=1")]);
+        let expected = outcome.err.split("expected one of ").nth(1).or(outcome.err.split("expected ").nth(1)).unwrap();
+        let keys: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+        assert!(keys.len() >= 2, "{}", outcome.err);
+        for key in keys.into_iter().filter(|key| !["emission", "fluorescence"].contains(key)) {
+            let header = format!("[{key}");
+            let written = |line: &str| {
+                let line = line.trim_start_matches(['#', ' ', '{']);
+                line.starts_with(&header)
+                    || line.starts_with(&format!("{key} ="))
+                    || line.contains(&format!(" {key} = "))
+            };
+            assert!(documented.lines().any(written), "{table}{key} is not in docs/SCENE.md");
+        }
+    }
+}
