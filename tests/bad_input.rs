@@ -310,12 +310,13 @@ fn a_picture_over_the_devices_limit_is_refused_with_both_numbers() {
 #[test]
 fn a_volume_over_the_devices_extent_is_refused_with_both_numbers() {
     // No device known has 3D images of more than 16384 texels.
-    let folder = Folder::new().with("long.raw", [0; 20_000]);
+    let folder = Folder::new().with("long.raw", vec![0; 20_000]);
     let arguments = ["--volume", "long.raw", "--dims", "20000x1x1", "--type", "uint8"];
     folder.refused(1, &render(&arguments), &["[20000, 1, 1]", "at most", "--downsample"]);
 }
 
 #[test]
+#[expect(clippy::print_stderr, reason = "a test that did not run says so")]
 fn a_volume_over_the_devices_memory_is_refused_with_both_numbers() {
     let device = Device::open(&DeviceChoice::Auto, Validation::Off).unwrap();
     let limits = device.limits();

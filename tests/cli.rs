@@ -61,7 +61,7 @@ fn rendered(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
 
 /// Two pictures are one, but for the rounding of f32: `relative` of the larger value, and 1e-6 of white.
 fn assert_same(one: &[f32], other: &[f32], relative: f32) {
-    assert_eq!(one.len(), other.len());
+    assert_eq!(one.len(), other.len(), "pictures of one size");
     assert!(one.iter().any(|&value| value > 0.01), "a black picture shows nothing");
     for (&a, &b) in one.iter().zip(other) {
         assert!((a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-6, "{a} against {b}");
@@ -82,7 +82,7 @@ fn png(path: &Path) -> (u32, Vec<u16>) {
     let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     let frame = reader.next_frame(&mut bytes).unwrap();
-    assert_eq!((frame.width, frame.height, frame.color_type), (32, 32, png::ColorType::Rgb));
+    assert_eq!((frame.width, frame.height, frame.color_type), (32, 32, png::ColorType::Rgb), "{}", path.display());
     match frame.bit_depth {
         png::BitDepth::Eight => (8, bytes.iter().map(|&byte| byte.into()).collect()),
         _ => (16, bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()),
@@ -450,6 +450,7 @@ fn spectral_pictures_have_the_layout_of_fichet_and_others() {
 }
 
 /// Reads a spectral file by colour-science, with the Python that `RELUME_PYTHON` names.
+#[expect(clippy::print_stderr, reason = "a test that did not run says so")]
 fn read_by_python(path: &Path) {
     let Some(python) = std::env::var_os("RELUME_PYTHON") else {
         eprintln!(

@@ -50,7 +50,7 @@ pub(crate) struct Args {
     /// Render on the CPU with all 81 bands in f64: slow, and the truth.
     #[arg(long, conflicts_with = "device")]
     reference: bool,
-    /// Save what the march left, for `relume relight` (layout: documentation of output::accumulators).
+    /// Save what the march left, for `relume relight` (layout: documentation of `output::accumulators`).
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).

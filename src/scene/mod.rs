@@ -203,16 +203,6 @@ pub enum SceneError {
         /// Its dimensions.
         ours: [usize; 3],
     },
-    /// Labels are not whole numbers from 0 up.
-    #[error("the labels {labels} hold {value} at voxel {voxel:?}; labels are whole numbers from 0 to 65535")]
-    LabelValue {
-        /// The label file.
-        labels: String,
-        /// The value.
-        value: f64,
-        /// Where.
-        voxel: [usize; 3],
-    },
     /// `--light` asks for a light or a position that is not there.
     #[error("--light {request}: {message}")]
     LightRequest {
