@@ -19,8 +19,16 @@ use super::render::matrices;
 use super::scene::size;
 use super::{CliError, Report};
 
+const EXAMPLES: &str = "\
+Examples:
+  relume bench                                        both workloads, shaded and not
+  relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
+
+Times are medians over the frames: CPU time of all threads, and wall time.";
+
 /// `relume bench`
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
@@ -37,7 +45,7 @@ pub(crate) struct Args {
     /// Only this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
-    /// What to render on.
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
 }

@@ -7,7 +7,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use relume::output::accumulators::{Component, Light as FileLight, Position as FilePosition, PositionKind};
-use relume::output::{Accumulators as File, Alpha, Depth, Picture, write_exr, write_png};
+use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable, write_exr, write_png};
 use relume::plan::Planned;
 use relume::scene::{Display, Mix, MixLight, Placement, Scene};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
@@ -37,7 +37,7 @@ pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
         Some("png") => Ok(PictureKind::Png),
         Some("exr") => Ok(PictureKind::Exr),
         _ => Err(CliError::Usage(format!(
-            "cannot tell what picture {} shall be: end its name in .png (8- or 16-bit sRGB) or .exr (linear float)",
+            "cannot tell what kind of picture {} is to be: end its name in .png (sRGB) or .exr (linear float)",
             path.display()
         ))),
     }
@@ -180,16 +180,23 @@ pub(crate) fn write_spectra(
     Ok(())
 }
 
-/// Refuses outputs that would overwrite an input or each other.
+/// Refuses outputs that cannot be written, or would overwrite an input or each other, before work is done for them.
 pub(crate) fn check_outputs(outputs: &[&PathBuf], inputs: &[&Path]) -> Result<(), CliError> {
-    let real = |path: &Path| std::fs::canonicalize(path).ok();
-    for (i, output) in outputs.iter().enumerate() {
-        if inputs.iter().any(|input| real(input).is_some_and(|input| real(output) == Some(input))) {
+    let mut real = Vec::new();
+    for output in outputs {
+        let this = std::fs::canonicalize(output).ok().or_else(|| {
+            // What is not there yet has a folder that is.
+            let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            Some(std::fs::canonicalize(folder).ok()?.join(output.file_name()?))
+        });
+        if this.is_some() && inputs.iter().any(|input| std::fs::canonicalize(input).ok() == this) {
             return Err(CliError::Usage(format!("{} is an input; write the result elsewhere", output.display())));
         }
-        if outputs[..i].contains(output) {
+        if this.is_some() && real.contains(&this) {
             return Err(CliError::Usage(format!("{} is named twice as an output", output.display())));
         }
+        check_writable(output)?;
+        real.push(this);
     }
     Ok(())
 }

@@ -7,20 +7,27 @@ use serde_json::{Value, json};
 
 use relume::plan::{Planned, plan};
 use relume::progress::Progress;
-use relume::scene::Scene;
+use relume::scene::{Placement, Scene};
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
 
 use super::scene::{SceneArgs, voxel};
 use super::{CliError, Report};
 
+const EXAMPLES: &str = "\
+Examples:
+  relume info                                   the Vulkan devices
+  relume info head.mhd --voxel 10,20,30         what a volume holds
+  relume info ct.raw --dims 512x512x200 --type int16 --json
+  relume info scene.toml                        what a scene shows, and what a picture of it costs";
+
 /// `relume info`
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// FILE may also be a volume.
     #[command(flatten)]
     scene: SceneArgs,
-    /// Also print the value of this voxel (repeatable).
+    /// Also print the value of this voxel of the volume, counted from 0 (repeatable).
     #[arg(long, value_name = "x,y,z", value_parser = voxel)]
     voxel: Vec<[usize; 3]>,
 }
@@ -45,7 +52,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (None, Some(_)) => of_volume(&args.scene.load(progress)?.volume, &args.voxel),
         _ => {
             let scene = args.scene.load(progress)?;
-            of_scene(&scene, &plan(&scene))
+            Ok(of_scene(&scene, &plan(&scene)))
         }
     }
 }
@@ -64,7 +71,7 @@ fn of_devices() -> Result<Report, CliError> {
         let [major, minor, patch] = device.api_version;
         let _ = writeln!(
             text,
-            "{}: {} ({:?}, Vulkan {major}.{minor}.{patch}, {})",
+            "{}: {} ({}, Vulkan {major}.{minor}.{patch}, {})",
             device.index, device.name, device.kind, device.driver
         );
         for missing in &device.missing {
@@ -100,28 +107,27 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         sampled.push((index, value));
     }
     let direction = geometry.direction;
-    let mut text = format!(
-        "{}\n{} x {} x {} voxels of {}, {} component(s)\nspacing {:?}, origin {:?}\naxes {:?} {:?} {:?}\nvalues {} to {}, mean {}\n",
-        volume.source,
-        geometry.dims[0],
-        geometry.dims[1],
-        geometry.dims[2],
-        volume.voxels.type_name(),
-        volume.components,
-        geometry.spacing.to_array(),
-        geometry.origin.to_array(),
-        direction.x_axis.to_array(),
-        direction.y_axis.to_array(),
-        direction.z_axis.to_array(),
-        statistics.min,
-        statistics.max,
-        statistics.mean,
+    let mut text = format!("{}\n", volume.source);
+    let mut line = |name: &str, value: &str| {
+        let _ = writeln!(text, "  {name:<10} {value}");
+    };
+    line("voxels", &format!("{} of {}", by(&geometry.dims), volume.voxels.type_name()));
+    line("spacing", &by(&geometry.spacing.to_array()));
+    line("origin", &list(geometry.origin));
+    line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
+    line("values", &format!("{} to {}, mean {}", statistics.min, statistics.max, statistics.mean));
+    line(
+        "histogram",
+        &format!(
+            "{}  (64 bins from the least value to the greatest; heights are logarithms)",
+            bars(&statistics.histogram)
+        ),
     );
     for (index, value) in &sampled {
-        let _ = writeln!(text, "voxel {index:?} = {value}");
+        line("voxel", &format!("{},{},{} is {value}", index[0], index[1], index[2]));
     }
     for (key, value) in &volume.metadata {
-        let _ = writeln!(text, "{key} = {value}");
+        line("header", &format!("{key} = {value}"));
     }
     let metadata: serde_json::Map<String, Value> =
         volume.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
@@ -149,17 +155,82 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     })
 }
 
-fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
-    let sentences = planned.explain(scene);
-    let volume = &scene.volume;
-    let text = format!(
-        "{}\nvolume: {}, {:?} voxels\n{}\n",
-        scene.source,
-        volume.source,
-        volume.geometry.dims,
-        sentences.join("\n")
+fn of_scene(scene: &Scene, planned: &Planned) -> Report {
+    let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
+    let mut text = format!("{}\n", scene.source);
+    let mut line = |name: &str, value: &str| {
+        let _ = writeln!(text, "  {name:<10} {value}");
+    };
+    let spacing = by(&geometry.spacing.to_array());
+    line(
+        "volume",
+        &format!(
+            "{}: {} voxels of {}, spacing {spacing}",
+            volume.source,
+            by(&geometry.dims),
+            volume.voxels.type_name()
+        ),
     );
-    Ok(Report { text, json: json!({"scene": scene.source, "plan": plan_json(scene, planned)}) })
+    if let Some(labels) = &scene.labels {
+        let declared: Vec<String> =
+            labels.declared.iter().map(|entry| format!("{} {}", entry.label, entry.name)).collect();
+        line("labels", &format!("{}: {}", labels.volume.source, declared.join(", ")));
+    }
+    let materials: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    line("materials", &or_none(&materials.join(", ")));
+    let lights: Vec<String> = scene
+        .lights
+        .iter()
+        .map(|light| {
+            let place = match light.placement {
+                Placement::Ambient => "from everywhere".to_owned(),
+                Placement::Headlight => "from the eye".to_owned(),
+                Placement::Directional(direction) => format!("from the direction {}", list(direction)),
+                Placement::Point(point) => format!("from {}", list(point)),
+            };
+            format!("{} ({place}, intensity {})", light.name, light.intensity)
+        })
+        .collect();
+    line("lights", &or_none(&lights.join(", ")));
+    text.push_str("what a picture of it takes\n");
+    for sentence in planned.explain(scene) {
+        let _ = writeln!(text, "  {sentence}");
+    }
+    Report { text, json: json!({"scene": scene.source, "plan": plan_json(scene, planned)}) }
+}
+
+/// `text`, unless there is none.
+fn or_none(text: &str) -> String {
+    if text.is_empty() { "none".to_owned() } else { text.to_owned() }
+}
+
+/// `a × b × c`
+fn by<T: ToString>(values: &[T; 3]) -> String {
+    values.each_ref().map(ToString::to_string).join(" × ")
+}
+
+/// `(a, b, c)`, to six decimals.
+fn list(vector: glam::DVec3) -> String {
+    let short = |value: f64| {
+        let rounded = format!("{value:.6}");
+        let rounded = rounded.trim_end_matches('0').trim_end_matches('.');
+        if rounded == "-0" { "0".to_owned() } else { rounded.to_owned() }
+    };
+    format!("({})", vector.to_array().map(short).join(", "))
+}
+
+/// A bar for each bin, as high as the logarithm of its count; a blank where nothing is.
+fn bars(bins: &[u64]) -> String {
+    const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let height = |count: u64| u64::from(u64::BITS - count.leading_zeros());
+    let highest = bins.iter().copied().map(height).max().unwrap_or(0).max(1);
+    let bar = |&count: &u64| match height(count) {
+        0 => ' ',
+        bits => {
+            usize::try_from((bits - 1) * 8 / highest).ok().and_then(|index| BARS.get(index).copied()).unwrap_or(' ')
+        }
+    };
+    bins.iter().map(bar).collect()
 }
 
 /// A plan for programs.

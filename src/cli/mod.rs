@@ -19,21 +19,31 @@ use relume::render::RenderError;
 use relume::scene::SceneError;
 use relume::volume::VolumeError;
 use relume::vulkan::VulkanError;
-use terminal::Terminal;
+use terminal::{INTERRUPTED, Terminal};
 
-/// Spectral volume rendering: march once, relight as often as you like.
+/// Renders volumes with materials and lights that are spectra: march once, relight as often as you like.
 #[derive(Debug, Parser)]
-#[command(version, arg_required_else_help = true, max_term_width = 110)]
+#[command(version, arg_required_else_help = true, max_term_width = 110, after_help = EXAMPLES)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
     /// Print results as JSON on standard output.
     #[arg(long, global = true)]
     json: bool,
-    /// No progress bars and no warnings.
+    /// Show no progress bars and no warnings.
     #[arg(long, short, global = true)]
     quiet: bool,
 }
+
+const EXAMPLES: &str = "\
+Examples:
+  relume render -o frog.png                           the scene that is part of the program
+  relume info head.mhd                                what a volume holds
+  relume render scene.toml -o day.png --accumulators acc.exr
+  relume relight acc.exr --light A -o evening.png     the same view under a light bulb
+
+The keys of a scene file are in docs/SCENE.md. `relume help COMMAND` says more about a command.
+Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 interrupted.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -87,9 +97,9 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
         CliError::Reference(ReferenceError::Cancelled)
-        | CliError::Render(RenderError::Cancelled)
+        | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
-        | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => 130,
+        | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,
         _ => 1,
     }
 }

@@ -12,14 +12,21 @@ use super::files::{self, Bits};
 use super::scene::LightArgs;
 use super::{CliError, Report};
 
+const EXAMPLES: &str = "\
+Examples:
+  relume render scene.toml -o day.png --accumulators acc.exr
+  relume relight acc.exr --light A -o evening.png
+  relume relight acc.exr --light FL11=0.7 --light \"blackbody 3000=0.3\" -o office.exr";
+
 /// `relume relight`
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Accumulators saved by `relume render --accumulators`.
+    /// What `relume render --accumulators` saved.
     accumulators: PathBuf,
     #[command(flatten)]
     lights: LightArgs,
-    /// Picture to write (repeatable): .png is sRGB, .exr linear float with opacity.
+    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
     /// Bits per channel of a PNG.

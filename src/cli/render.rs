@@ -13,20 +13,29 @@ use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
 use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, components, display_from_xyz};
 use relume::volume::Statistics;
-use relume::vulkan::{Device, DeviceChoice, Validation};
+use relume::vulkan::{Device, DeviceChoice, Format, Validation};
 
 use super::files::{self, Bits, PictureKind, picture_kind};
 use super::scene::{LightArgs, SceneArgs, size};
 use super::{CliError, Report};
 
+const EXAMPLES: &str = "\
+Examples:
+  relume render -o frog.png
+  relume render scene.toml -o day.png -o day.exr --size 1024x768
+  relume render scene.toml -o evening.png --light A --light D65@window=0.2 -D display.exposure=2
+  relume render scene.toml -o ct.png --volume ct.raw --dims 512x512x200 --type int16
+  relume render scene.toml --accumulators acc.exr        (then: relume relight acc.exr …)";
+
 /// `relume render`
 #[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
     lights: LightArgs,
-    /// Picture to write (repeatable): .png is sRGB, .exr linear float with opacity.
+    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
     /// Pixels across and down.
@@ -35,16 +44,16 @@ pub(crate) struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
-    /// What to render on: an index or a part of a name from `relume info`, or auto.
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
     /// Render on the CPU with all 81 bands in f64: slow, and the truth.
     #[arg(long, conflicts_with = "device")]
     reference: bool,
-    /// Save the accumulators, for `relume relight`.
+    /// Save what the march left, for `relume relight` (layout: documentation of `output::accumulators`).
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
-    /// Save every pixel's spectrum under the lights.
+    /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
 }
@@ -182,6 +191,7 @@ fn on_device(
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    check_size(args.size, planned, renderer.device())?;
     let opened = clock.read();
     let clock = Stopwatch::start();
     let uploaded = renderer.upload(scene, planned, statistics, progress)?;
@@ -203,7 +213,7 @@ fn on_device(
             "dispatches": accumulators.dispatches,
             "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
             "volume_bytes": uploaded.storage.bytes(scene.volume.geometry.dims),
-            "pixel_bytes": planned.plan.layers() * 16 + 4,
+            "pixel_bytes": pixel_bytes(planned),
         }),
     };
     if wanted.display {
@@ -222,6 +232,31 @@ fn on_device(
     let relight = clock.read();
     marched.times = vec![("device", opened), ("upload", upload), ("march", march), ("relight", relight)];
     Ok(marched)
+}
+
+/// Refuses a picture that the device cannot hold, before the volume travels there.
+fn check_size([width, height]: [usize; 2], planned: &Planned, device: &Device) -> Result<(), CliError> {
+    let (limits, name) = (device.limits(), &device.info().name);
+    let [widest, highest] = limits.max_extent_2d(Format::Rgba32Float);
+    if width as u64 > u64::from(widest) || height as u64 > u64::from(highest) {
+        return Err(CliError::Failed(format!(
+            "a picture of {width}×{height} pixels is too large for {name}, which makes at most {widest}×{highest}: take a smaller --size, or --reference"
+        )));
+    }
+    let needed = (width * height * pixel_bytes(planned)) as u64;
+    if needed > limits.device_heap_bytes {
+        return Err(CliError::Failed(format!(
+            "a picture of {width}×{height} pixels needs {} MB here, and {name} has {}: take a smaller --size, or fewer light positions",
+            needed.div_ceil(1 << 20),
+            limits.device_heap_bytes >> 20
+        )));
+    }
+    Ok(())
+}
+
+/// Bytes of a pixel's accumulators.
+fn pixel_bytes(planned: &Planned) -> usize {
+    planned.plan.layers() * 16 + 4
 }
 
 /// What relighting multiplies by.

@@ -13,42 +13,45 @@ use super::CliError;
 /// Which scene, and what is changed about it.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// Scene file; without one, the default scene.
+    /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the scene that is part of the program.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's.
+    /// Show this volume in place of the scene's: .mhd, .mha, .raw (see below), or .toml that describes a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) raw: RawArgs,
-    /// Labels on the same grid as the volume.
+    /// Labels on the same grid as the volume, in place of the scene's. The scene's [labels] say what they show as.
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
-    /// Average blocks of A×B×C voxels.
+    /// Average blocks of A×B×C voxels after loading: less memory, less time, less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
-    /// Change a value of the scene file, for example -D lights.key.intensity=2 (repeatable).
-    #[arg(short = 'D', value_name = "KEY=VALUE")]
+    /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or
+    /// -D transfer.intervals.0.opacity=0.5.
+    #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     pub(crate) define: Vec<String>,
+    #[command(flatten)]
+    pub(crate) raw: RawArgs,
 }
+
+/// Where `--help` explains headerless volumes. `next_help_heading` would also take in all that follows.
+const RAW: &str = "Volumes without a header (FILE.raw)";
 
 /// How a headerless volume lies in its file.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Headerless volumes (--volume FILE.raw)")]
 pub(crate) struct RawArgs {
-    /// Voxels along x, y and z.
-    #[arg(long, value_name = "NXxNYxNZ", value_parser = three, requires = "voxel_type")]
+    /// Voxels along x, y and z, x fastest.
+    #[arg(long, help_heading = RAW, value_name = "NXxNYxNZ", value_parser = three, requires = "voxel_type")]
     dims: Option<[usize; 3]>,
-    /// Type of a voxel: uint8, int16, float32, …
-    #[arg(long = "type", value_name = "TYPE", requires = "dims")]
+    /// Type of a voxel: uint8, int8, uint16, int16, uint32, int32, uint64, int64, float32 or float64.
+    #[arg(long = "type", help_heading = RAW, value_name = "TYPE", requires = "dims")]
     voxel_type: Option<VoxelType>,
-    /// The most significant byte comes first.
-    #[arg(long, requires = "dims")]
+    /// The most significant byte of a voxel comes first.
+    #[arg(long, help_heading = RAW, requires = "dims")]
     big_endian: bool,
-    /// Bytes to leave out at the beginning.
-    #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "dims")]
+    /// Bytes to leave out at the beginning of the file.
+    #[arg(long, help_heading = RAW, value_name = "BYTES", default_value_t = 0, requires = "dims")]
     header_bytes: u64,
-    /// World units between voxels along x, y and z.
-    #[arg(long, value_name = "SXxSYxSZ", value_parser = three_numbers, requires = "dims")]
+    /// World units between voxels along x, y and z; 1x1x1 where not given.
+    #[arg(long, help_heading = RAW, value_name = "SXxSYxSZ", value_parser = three_numbers, requires = "dims")]
     spacing: Option<[f64; 3]>,
 }
 
@@ -72,8 +75,11 @@ impl RawArgs {
 /// `--light`.
 #[derive(Debug, Args)]
 pub(crate) struct LightArgs {
-    /// Light it with NAME in place of the scene's mix (repeatable: lights add up). NAME is a light of the scene, a
-    /// standard (D65, A, FL11, "blackbody 3000", …) or a spectrum file; POSITION a light's place.
+    /// Light it with NAME in place of the scene's lights (repeatable: lights add up).
+    ///
+    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B3, "blackbody 3000", …),
+    /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other from
+    /// every position of the scene, unless POSITION names one. WEIGHT multiplies it.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }

@@ -11,7 +11,8 @@ use super::{CliError, Report};
 
 /// `relume shaders`
 #[derive(Debug, clap::Args)]
-#[group(required = true, multiple = false)]
+#[group(skip)]
+#[command(group(clap::ArgGroup::new("what").required(true).args(["write", "check"])))]
 pub(crate) struct Args {
     /// Compile them and write them.
     #[arg(long)]

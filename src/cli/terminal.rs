@@ -1,11 +1,20 @@
 //! Progress bars, warnings and Ctrl-C.
 
-use std::io::{IsTerminal, Write};
+use std::fmt;
+use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
+use signal_hook::consts::SIGINT;
+use signal_hook::flag::{register, register_conditional_shutdown};
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::registry::LookupSpan;
+
+/// The exit code of what Ctrl-C ended: 128 and the number of the signal, as shells have it.
+pub(super) const INTERRUPTED: u8 = 130;
 
 /// The terminal: shows how far work is on standard error where that is a terminal, and turns Ctrl-C into a request to
 /// stop.
@@ -18,13 +27,8 @@ pub(crate) struct Terminal {
 impl Terminal {
     pub(crate) fn new(quiet: bool) -> Self {
         let level = if quiet { tracing::Level::ERROR } else { tracing::Level::WARN };
-        let subscriber = tracing_subscriber::fmt()
-            .with_writer(std::io::stderr)
-            .with_ansi(std::io::stderr().is_terminal())
-            .with_max_level(level)
-            .without_time()
-            .with_target(false)
-            .finish();
+        let subscriber =
+            tracing_subscriber::fmt().with_writer(std::io::stderr).with_max_level(level).event_format(Plain).finish();
         // Fails only where somebody else has set one: then theirs is used.
         tracing::subscriber::set_global_default(subscriber).ok();
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
@@ -33,16 +37,15 @@ impl Terminal {
             bar.set_style(style);
         }
         let interrupted = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&interrupted);
         // A second Ctrl-C does not wait for the work to notice.
-        let handler = move || {
-            if flag.swap(true, Ordering::Relaxed) {
-                std::process::exit(130);
-            }
-        };
-        if let Err(error) = ctrlc::set_handler(handler) {
+        let heard = register_conditional_shutdown(SIGINT, INTERRUPTED.into(), Arc::clone(&interrupted))
+            .and_then(|_| register(SIGINT, Arc::clone(&interrupted)));
+        if let Err(error) = heard {
             tracing::warn!("Ctrl-C will end the program at once: {error}");
         }
+        // Heard, so that it does not kill the program: the write that outgrows `ulimit -f` then fails, and is told of.
+        #[cfg(unix)]
+        register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
         Self { bar, stage: Mutex::default(), interrupted }
     }
 
@@ -68,6 +71,31 @@ impl Progress for Terminal {
     }
 }
 
+/// `warning: what is wrong`, as errors are printed.
+struct Plain;
+
+impl<S, N> FormatEvent<S, N> for Plain
+where
+    S: tracing::Subscriber + for<'a> LookupSpan<'a>,
+    N: for<'a> FormatFields<'a> + 'static,
+{
+    fn format_event(
+        &self,
+        context: &FmtContext<'_, S, N>,
+        mut writer: Writer<'_>,
+        event: &tracing::Event<'_>,
+    ) -> fmt::Result {
+        let level = match *event.metadata().level() {
+            tracing::Level::ERROR => "error",
+            tracing::Level::WARN => "warning",
+            _ => "note",
+        };
+        write!(writer, "{level}: ")?;
+        context.field_format().format_fields(writer.by_ref(), event)?;
+        writeln!(writer)
+    }
+}
+
 /// Prints a result. A reader that has gone away (`| head`) is no error.
 pub(crate) fn print(text: &str) {
     let mut out = std::io::stdout().lock();
@@ -76,7 +104,7 @@ pub(crate) fn print(text: &str) {
 
 /// Prints an error and its causes, in one line each.
 pub(crate) fn complain(error: &dyn std::error::Error) {
-    let mut text = format!("relume: {error}\n");
+    let mut text = format!("error: {error}\n");
     let mut cause = error.source();
     while let Some(error) = cause {
         text.push_str(&format!("  because: {error}\n"));

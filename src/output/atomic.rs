@@ -26,16 +26,32 @@ const LONGEST_CHAIN: usize = 40;
 /// [`OutputError::NoFolder`], [`OutputError::IsFolder`], [`OutputError::DiskFull`], [`OutputError::FileLimit`], and
 /// [`OutputError::Write`] for all else, an error of `fill` included. No temporary file is left behind.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), OutputError> {
+    match look(path)? {
+        (target, Some(metadata)) if !metadata.is_file() => write_special(path, &target, fill),
+        (target, existing) => replace(path, &target, existing.map(|metadata| metadata.permissions()), fill),
+    }
+}
+
+/// Refuses a path that [`write_atomically`] could not even begin to write, before work is done for it. Writes nothing.
+///
+/// # Errors
+///
+/// Those of [`write_atomically`].
+pub fn check_writable(path: &Path) -> Result<(), OutputError> {
+    match look(path)? {
+        (_, Some(metadata)) if !metadata.is_file() => Ok(()),
+        (target, existing) => beside(path, &target, existing.is_some()).map(drop),
+    }
+}
+
+/// Where `path` leads, and what is there: anything but a folder.
+fn look(path: &Path) -> Result<(PathBuf, Option<fs::Metadata>), OutputError> {
     let target = follow_links(path).map_err(|source| OutputError::Write { path: path.to_owned(), source })?;
-    let existing = match fs::metadata(&target) {
-        Ok(metadata) => Some(metadata),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-        Err(source) => return Err(OutputError::Write { path: path.to_owned(), source }),
-    };
-    match existing {
-        Some(metadata) if metadata.is_dir() => Err(OutputError::IsFolder { path: path.to_owned() }),
-        Some(metadata) if !metadata.is_file() => write_special(path, &target, fill),
-        existing => replace(path, &target, existing.map(|metadata| metadata.permissions()), fill),
+    match fs::metadata(&target) {
+        Ok(metadata) if metadata.is_dir() => Err(OutputError::IsFolder { path: path.to_owned() }),
+        Ok(metadata) => Ok((target, Some(metadata))),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok((target, None)),
+        Err(source) => Err(OutputError::Write { path: path.to_owned(), source }),
     }
 }
 
@@ -46,6 +62,19 @@ fn replace(
     permissions: Option<fs::Permissions>,
     fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>,
 ) -> Result<(), OutputError> {
+    let failed = |written, source| failure(path, written, source);
+    let temporary = beside(path, target, permissions.is_some())?;
+    let file = temporary.as_file();
+    let filled = fill_file(file, fill)
+        .and_then(|()| permissions.map_or(Ok(()), |permissions| file.set_permissions(permissions)))
+        .and_then(|()| file.sync_all());
+    filled.map_err(|source| failed(length(file), source))?;
+    temporary.persist(target).map_err(|error| failed(0, error.error))?;
+    Ok(())
+}
+
+/// An empty temporary file beside `target`, which may be replaced where it `exists`.
+fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTempFile, OutputError> {
     let folder = match target.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -53,10 +82,9 @@ fn replace(
     if !folder.is_dir() {
         return Err(OutputError::NoFolder { path: path.to_owned(), folder: folder.to_owned() });
     }
-    let failed = |written, source| failure(path, written, source);
-    if permissions.is_some() {
+    if exists {
         // The rename would not ask whether this file may be written to.
-        OpenOptions::new().write(true).open(target).map_err(|source| failed(0, source))?;
+        OpenOptions::new().write(true).open(target).map_err(|source| failure(path, 0, source))?;
     }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".relume-").suffix(".part");
@@ -66,14 +94,7 @@ fn replace(
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    let temporary = builder.tempfile_in(folder).map_err(|source| failed(0, source))?;
-    let file = temporary.as_file();
-    let filled = fill_file(file, fill)
-        .and_then(|()| permissions.map_or(Ok(()), |permissions| file.set_permissions(permissions)))
-        .and_then(|()| file.sync_all());
-    filled.map_err(|source| failed(length(file), source))?;
-    temporary.persist(target).map_err(|error| failed(0, error.error))?;
-    Ok(())
+    builder.tempfile_in(folder).map_err(|source| failure(path, 0, source))
 }
 
 /// Writes to an unnamed file, since a pipe cannot seek, and copies that to `target`.

@@ -9,14 +9,16 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
+use super::define::{byte_of, define, path_at, responsible};
+use super::lights::chain;
 use super::{
     Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
     Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
 use crate::number::count;
 use crate::progress::Progress;
-use crate::spectrum::{SpectrumError, SpectrumSource};
-use crate::volume::{self, ByteOrder, Phantom, RawLayout, Volume, VolumeError};
+use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
+use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Volume, VolumeError};
 
 /// The scene shown when none is named.
 const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
@@ -93,7 +95,7 @@ fn parse(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<Scene, SceneError> {
-    let stated = Text { name: name.to_owned(), text };
+    let stated = Text { name: name.to_owned(), text, changed: None };
     let file: SceneFile = stated.deserialize()?;
     if options.definitions.is_empty() {
         return stated.resolve(file, base, options, progress);
@@ -103,47 +105,22 @@ fn parse(
         define(&mut table, definition)
             .map_err(|message| SceneError::Define { definition: definition.clone(), message })?;
     }
-    let text = toml::to_string(&table).map_err(|error| SceneError::Define {
+    let changed = toml::to_string(&table).map_err(|error| SceneError::Define {
         definition: options.definitions.join(" "),
         message: error.to_string(),
     })?;
-    let defined = Text { name: format!("{name} after -D {}", options.definitions.join(" -D ")), text: &text };
+    let changed_by = Some((text, options.definitions.as_slice()));
+    let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by };
     let file = defined.deserialize()?;
     defined.resolve(file, base, options, progress)
-}
-
-/// Applies `key.path=value` to `table`. Numbers in the path index arrays; a value that is no TOML is a string.
-fn define(table: &mut Table, definition: &str) -> Result<(), String> {
-    let (path, value) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
-    let value = format!("v={value}")
-        .parse::<Table>()
-        .ok()
-        .and_then(|mut table| table.remove("v"))
-        .unwrap_or_else(|| Value::String(value.to_owned()));
-    let mut keys = path.split('.').map(str::trim);
-    let first = keys.next().filter(|key| !key.is_empty()).ok_or("the key is empty")?;
-    let mut place = table.entry(first).or_insert_with(|| Value::Table(Table::new()));
-    for key in keys {
-        place = match place {
-            Value::Table(table) => table.entry(key).or_insert_with(|| Value::Table(Table::new())),
-            Value::Array(array) => {
-                let length = array.len();
-                key.parse::<usize>()
-                    .ok()
-                    .and_then(|index| array.get_mut(index))
-                    .ok_or_else(|| format!("{key:?} is no index into a list of {length}"))?
-            }
-            _ => return Err(format!("{key:?} is below a plain value")),
-        };
-    }
-    *place = value;
-    Ok(())
 }
 
 /// A scene's text and its name.
 struct Text<'a> {
     name: String,
     text: &'a str,
+    /// Where `text` is not what the file says: the file's own text, and what changed it.
+    changed: Option<(&'a str, &'a [String])>,
 }
 
 /// Anything the file says, with where it says it.
@@ -165,9 +142,8 @@ struct SceneFile {
     #[serde(default)]
     labels: BTreeMap<String, At<LabelFile>>,
     #[serde(default)]
-    lights: BTreeMap<String, LightFile>,
-    #[serde(default)]
-    camera: CameraFile,
+    lights: BTreeMap<String, At<LightFile>>,
+    camera: Option<At<CameraFile>>,
     crop: Option<At<CropFile>>,
     #[serde(default)]
     accuracy: AccuracyFile,
@@ -184,8 +160,8 @@ struct VolumeFile {
     downsample: Option<At<[usize; 3]>>,
     dims: Option<At<[usize; 3]>>,
     spacing: Option<At<[f64; 3]>>,
-    origin: Option<[f64; 3]>,
-    direction: Option<[f64; 9]>,
+    origin: Option<At<[f64; 3]>>,
+    direction: Option<At<[f64; 9]>>,
     r#type: Option<At<String>>,
     #[serde(default)]
     byte_order: ByteOrder,
@@ -312,24 +288,45 @@ const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
+/// `name:line:column` of a byte of `text`.
+fn place(name: &str, text: &str, byte: usize) -> String {
+    let before = text.get(..byte).unwrap_or(text);
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+    format!("{name}:{line}:{column}")
+}
+
+/// serde's message about an unknown `word`, and which of the words that it expects is nearly that one.
+fn with_suggestion(message: &str) -> String {
+    let mut words = message.split('`').skip(1).step_by(2);
+    match words.next().filter(|_| message.starts_with("unknown")).and_then(|unknown| nearest(unknown, words)) {
+        Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
+        None => message.to_owned(),
+    }
+}
+
 impl Text<'_> {
     fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
-        toml::from_str(self.text).map_err(|error| {
-            let at = self.at(error.span().map_or(0, |span| span.start));
-            SceneError::Invalid { at, message: error.message().to_owned() }
-        })
+        toml::from_str(self.text)
+            .map_err(|error| self.refuse(error.span().map_or(0, |span| span.start), with_suggestion(error.message())))
     }
 
-    /// `file:line:column` of a byte of the text.
-    fn at(&self, byte: usize) -> String {
-        let before = self.text.get(..byte).unwrap_or(self.text);
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
-        format!("{}:{line}:{column}", self.name)
+    /// The error of the byte `byte` of the text: of the definition that put it there, else of its place in the file.
+    fn refuse(&self, byte: usize, message: String) -> SceneError {
+        match self.changed {
+            None => SceneError::Invalid { at: place(&self.name, self.text, byte), message },
+            Some((original, definitions)) => {
+                let path = path_at(self.text, byte);
+                match (responsible(definitions, &path), byte_of(original, &path)) {
+                    (Some(definition), _) => SceneError::Define { definition: definition.clone(), message },
+                    (None, byte) => SceneError::Invalid { at: place(&self.name, original, byte.unwrap_or(0)), message },
+                }
+            }
+        }
     }
 
     fn invalid<T>(&self, value: &At<T>, message: impl Into<String>) -> SceneError {
-        SceneError::Invalid { at: self.at(value.span().start), message: message.into() }
+        self.refuse(value.span().start, message.into())
     }
 
     fn number(&self, key: &str, value: &At<f64>, range: &RangeInclusive<f64>) -> Result<f64, SceneError> {
@@ -378,10 +375,10 @@ impl Text<'_> {
         value: &At<SpectrumSource>,
         resolve: impl FnOnce(&SpectrumSource) -> Result<T, SpectrumError>,
     ) -> Result<T, SceneError> {
-        resolve(value.get_ref()).map_err(|source| SceneError::Spectrum {
-            at: self.at(value.span().start),
-            what: key,
-            source,
+        resolve(value.get_ref()).map_err(|source| match self.invalid(value, key) {
+            SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
+            SceneError::Define { definition, .. } => SceneError::Define { definition, message: chain(&source) },
+            other => other,
         })
     }
 
@@ -403,7 +400,7 @@ impl Text<'_> {
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let lights = self.lights(&file.lights, base)?;
-        let camera = self.camera(&file.camera)?;
+        let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
         let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-3)?;
@@ -430,10 +427,13 @@ impl Text<'_> {
         if camera.view(&volume.geometry, 1.0).is_none() {
             let message =
                 "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
-            return Err(SceneError::Invalid { at: self.name.clone(), message: message.into() });
+            return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
         Ok(Scene {
-            source: self.name.clone(),
+            source: match self.changed {
+                Some((_, definitions)) => format!("{} with -D {}", self.name, definitions.join(" -D ")),
+                None => self.name.clone(),
+            },
             volume: Arc::new(volume),
             labels,
             materials,
@@ -609,10 +609,11 @@ impl Text<'_> {
         Ok(entries)
     }
 
-    fn lights(&self, files: &BTreeMap<String, LightFile>, base: &Path) -> Result<Vec<SceneLight>, SceneError> {
+    fn lights(&self, files: &BTreeMap<String, At<LightFile>>, base: &Path) -> Result<Vec<SceneLight>, SceneError> {
         files
             .iter()
-            .map(|(name, file)| {
+            .map(|(name, stated)| {
+                let file = stated.get_ref();
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
                 let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &(0.0..=1e9), 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {
@@ -626,7 +627,7 @@ impl Text<'_> {
                     }
                     _ => {
                         let message = format!("lights.{name}: a directional light has a `direction` (towards the light), a point light a `position`, ambient lights and headlights neither");
-                        return Err(self.invalid(&file.spectrum, message));
+                        return Err(self.invalid(stated, message));
                     }
                 };
                 Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
@@ -698,6 +699,12 @@ impl Text<'_> {
         progress: &dyn Progress,
     ) -> Result<Volume, SceneError> {
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+        for (key, value) in [("dims", &file.dims), ("downsample", &file.downsample)] {
+            if let Some(value) = value.as_ref().filter(|value| value.get_ref().contains(&0)) {
+                let message = format!("volume.{key} = {:?}; it is three whole numbers from 1", value.get_ref());
+                return Err(self.invalid(value, message));
+            }
+        }
         let path = options.volume.clone().or_else(|| file.file.as_ref().map(|path| base.join(path)));
         let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
         let layout = options.raw.clone().or(stated);
@@ -723,15 +730,26 @@ impl Text<'_> {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
         if let Some(spacing) = &file.spacing {
-            let spacing = self.vector("volume.spacing", spacing)?;
-            volume = volume.with_spacing(spacing).map_err(fail)?;
+            let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
+            volume = changed.map_err(|error| self.invalid(spacing, error.to_string()))?;
         }
-        if let Some(origin) = file.origin {
-            volume.geometry.origin = DVec3::from_array(origin);
-        }
-        if let Some(direction) = file.direction {
-            volume.geometry.direction = DMat3::from_cols_array(&direction);
-        }
+        let Geometry { dims, spacing, origin, direction } = volume.geometry;
+        let grid = |origin, direction| Geometry::new(&volume.source, dims, spacing, origin, direction);
+        let geometry = match (&file.origin, &file.direction) {
+            (None, None) => volume.geometry,
+            (moved, turned) => {
+                let origin = match moved {
+                    Some(moved) => self.vector("volume.origin", moved)?,
+                    None => origin,
+                };
+                let turned_to = turned.as_ref().map_or(direction, |axes| DMat3::from_cols_array(axes.get_ref()));
+                grid(origin, turned_to).map_err(|error| match turned {
+                    Some(turned) => self.invalid(turned, error.to_string()),
+                    None => fail(error),
+                })?
+            }
+        };
+        volume.geometry = geometry;
         Ok(volume)
     }
 
@@ -750,7 +768,8 @@ impl Text<'_> {
         };
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         let mut labels = volume::open(&path, progress).map_err(fail)?;
-        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref());
+        let is_file = options.volume.is_some() || file.phantom.is_none();
+        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
         if let Some(blocks) = options.downsample.or(stated) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
@@ -784,8 +803,11 @@ impl VolumeFile {
             byte_order: self.byte_order,
             header_bytes: self.header_bytes,
             spacing: self.spacing.as_ref().map_or([1.0; 3], |spacing| *spacing.get_ref()),
-            origin: self.origin.unwrap_or_default(),
-            direction: self.direction.unwrap_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]),
+            origin: self.origin.as_ref().map_or([0.0; 3], |origin| *origin.get_ref()),
+            direction: self
+                .direction
+                .as_ref()
+                .map_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], |direction| *direction.get_ref()),
         }))
     }
 }

@@ -1,6 +1,7 @@
 //! What a picture is of: materials, transfer function, lights, camera and the volume they belong to.
 
 mod camera;
+mod define;
 mod file;
 mod lights;
 mod transfer;
@@ -202,16 +203,6 @@ pub enum SceneError {
         /// Its dimensions.
         ours: [usize; 3],
     },
-    /// Labels are not whole numbers from 0 up.
-    #[error("the labels {labels} hold {value} at voxel {voxel:?}; labels are whole numbers from 0 to 65535")]
-    LabelValue {
-        /// The label file.
-        labels: String,
-        /// The value.
-        value: f64,
-        /// Where.
-        voxel: [usize; 3],
-    },
     /// `--light` asks for a light or a position that is not there.
     #[error("--light {request}: {message}")]
     LightRequest {
@@ -220,7 +211,7 @@ pub enum SceneError {
         /// What is wrong and what is there.
         message: String,
     },
-    /// A `-D key=value` cannot be applied.
+    /// A `-D key=value` cannot be applied, or makes the scene one that cannot be.
     #[error("-D {definition}: {message}")]
     Define {
         /// As given.

@@ -15,6 +15,7 @@ pub use error::{Kind, SpectrumError};
 pub use kind::{Absorption, Light, Reflectance};
 pub use smooth::smooth_reflectance;
 pub use source::{Column, Gaussian, SpectrumSource};
+pub(crate) use standard::nearest;
 
 /// Wavelengths of the grid.
 pub const BANDS: usize = 81;

@@ -119,15 +119,20 @@ pub const fn names(kind: Kind) -> &'static [&'static str] {
 
 /// A sentence part for error messages: the standard of this kind that `name` is nearly the name of, else all of them.
 pub fn hint(name: &str, kind: Kind) -> String {
-    let wanted = key(name);
     let names = names(kind);
-    let nearest = names.iter().map(|name| (edit_distance(&wanted, &key(name)), name)).min();
-    match nearest {
-        Some((distance, nearest)) if distance <= (wanted.len() / 2).max(2) => format!("did you mean {nearest:?}?"),
+    match nearest(name, names.iter().copied()) {
+        Some(nearest) => format!("did you mean {nearest:?}?"),
         _ if kind == Kind::Light => format!("the standards are {}, and \"blackbody 2856\"", names.join(", ")),
         _ if names.is_empty() => format!("no standard is {kind}; give a file, a table or a number"),
         _ => format!("the standards are {}", names.join(", ")),
     }
+}
+
+/// The one of `names` that `name` is nearly, where one is.
+pub(crate) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let wanted = key(name);
+    let (distance, nearest) = names.map(|name| (edit_distance(&wanted, &key(name)), name)).min()?;
+    (distance <= (wanted.len() / 2).max(2)).then_some(nearest)
 }
 
 fn no_standard(name: &str, kind: Kind) -> SpectrumError {

@@ -2,4 +2,5 @@
 #![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 pub mod golden;
+pub mod program;
 pub mod tolerance;

@@ -1,0 +1,134 @@
+//! `-D key=value`: what it changes in a scene's text, and whether an error there is its own.
+
+use toml::de::{DeTable, DeValue};
+use toml::{Table, Value};
+
+/// Applies `key.path=value` to `table`. Numbers in the path index lists; a value that is no TOML is a string.
+pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> {
+    let (path, value) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
+    let value = format!("v={value}")
+        .parse::<Table>()
+        .ok()
+        // A line break would begin another key.
+        .filter(|table| table.len() == 1)
+        .and_then(|mut table| table.remove("v"))
+        .unwrap_or_else(|| Value::String(value.trim().to_owned()));
+    let keys: Vec<&str> = path.split('.').map(str::trim).collect();
+    let (first, rest) = keys.split_first().filter(|_| !keys.contains(&"")).ok_or("a part of the key is empty")?;
+    let mut place = table.entry(*first).or_insert_with(|| Value::Table(Table::new()));
+    for key in rest {
+        place = match place {
+            Value::Table(table) => table.entry(*key).or_insert_with(|| Value::Table(Table::new())),
+            Value::Array(array) => {
+                let length = array.len();
+                key.parse::<usize>().ok().and_then(|index| array.get_mut(index)).ok_or_else(|| match length {
+                    0 => format!("there is no {key:?} in an empty list"),
+                    _ => format!("there is no {key:?} in this list, which has 0 to {}", length - 1),
+                })?
+            }
+            _ => return Err(format!("there is no {key:?} below a plain value")),
+        };
+    }
+    *place = value;
+    Ok(())
+}
+
+/// The last of `definitions` that says something about `path`, above it or below it.
+pub(super) fn responsible<'a>(definitions: &'a [String], path: &[String]) -> Option<&'a String> {
+    definitions.iter().rev().find(|definition| {
+        let keys = definition.split('=').next().unwrap_or_default().split('.').map(str::trim);
+        !path.is_empty() && keys.zip(path).all(|(key, part)| key == part)
+    })
+}
+
+/// The key that the byte `byte` of `text` belongs to, part by part; none where it belongs to no single one.
+pub(super) fn path_at(text: &str, byte: usize) -> Vec<String> {
+    let mut found = Vec::new();
+    visit(text, &mut |path, spans| {
+        if path.len() > found.len() && spans.iter().any(|span| span.contains(&byte)) {
+            found = path.to_vec();
+        }
+    });
+    found
+}
+
+/// Where the value of the key `path` begins in `text`.
+pub(super) fn byte_of(text: &str, path: &[String]) -> Option<usize> {
+    let mut found = None;
+    visit(text, &mut |key, spans| {
+        if key == path {
+            found = spans.last().map(|span| span.start);
+        }
+    });
+    found
+}
+
+/// What is called for every key with the spans of the key and of its value.
+type Visitor<'a> = dyn FnMut(&[String], &[std::ops::Range<usize>]) + 'a;
+
+fn visit(text: &str, visitor: &mut Visitor<'_>) {
+    if let Ok(table) = DeTable::parse(text) {
+        visit_table(table.get_ref(), &mut Vec::new(), visitor);
+    }
+}
+
+fn visit_table(table: &DeTable<'_>, path: &mut Vec<String>, visitor: &mut Visitor<'_>) {
+    for (key, value) in table {
+        path.push(key.get_ref().to_string());
+        visitor(path, &[key.span(), value.span()]);
+        visit_value(value.get_ref(), path, visitor);
+        path.pop();
+    }
+}
+
+fn visit_value(value: &DeValue<'_>, path: &mut Vec<String>, visitor: &mut Visitor<'_>) {
+    match value {
+        DeValue::Table(table) => visit_table(table, path, visitor),
+        DeValue::Array(array) => {
+            for (index, element) in array.iter().enumerate() {
+                path.push(index.to_string());
+                visitor(path, &[element.span()]);
+                visit_value(element.get_ref(), path, visitor);
+                path.pop();
+            }
+        }
+        _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "version = 1\n[camera]\nfov = 30\n[[transfer.intervals]]\nrange = [1, 2]\n";
+
+    #[test]
+    fn a_byte_of_a_text_belongs_to_the_innermost_key() {
+        let at = |needle: &str| path_at(TEXT, TEXT.find(needle).unwrap_or_default()).join(".");
+        assert_eq!(at("30"), "camera.fov");
+        assert_eq!(at("[camera]"), "camera");
+        assert_eq!(at("range"), "transfer.intervals.0.range");
+        assert_eq!(at("2]"), "transfer.intervals.0.range.1");
+        assert_eq!(path_at("not = ", 3), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_key_is_found_where_it_stands() {
+        let path = ["camera", "fov"].map(str::to_owned);
+        assert_eq!(byte_of(TEXT, &path), TEXT.find("30"));
+        assert_eq!(byte_of(TEXT, &["nothing".to_owned()]), None);
+    }
+
+    #[test]
+    fn definitions_answer_for_what_is_below_and_above_them() {
+        let definitions = ["camera.fov=3", "lights.a.kind=x", "lights.a.kind=y"].map(str::to_owned);
+        let who = |path: &str| {
+            let path: Vec<String> = path.split('.').map(str::to_owned).collect();
+            responsible(&definitions, &path).map_or("", |definition| definition)
+        };
+        assert_eq!(who("camera.fov"), "camera.fov=3");
+        assert_eq!(who("lights.a"), "lights.a.kind=y");
+        assert_eq!(who("lights.a.kind.0"), "lights.a.kind=y");
+        assert_eq!(who("lights.b"), "");
+    }
+}

@@ -1,0 +1,542 @@
+//! The command line as a user meets it: what each command writes and says.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::path::Path;
+
+use exr::prelude::attribute::AttributeValue;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels as _,
+    ReadLayers as _, Text, WritableImage as _,
+};
+use serde_json::Value;
+use support::program::{Folder, Outcome};
+
+/// The sides of every picture here.
+const SIZE: &str = "32x32";
+
+/// An OpenEXR file as another program reads it: channels by name, and the attributes that this program added.
+struct Exr {
+    size: (usize, usize),
+    channels: BTreeMap<String, Vec<f32>>,
+    attributes: HashMap<String, String>,
+}
+
+impl Exr {
+    fn read(path: &Path) -> Self {
+        let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+        let image = reader.first_valid_layer().all_attributes().from_file(path).unwrap();
+        let layer = image.layer_data;
+        let channels = layer
+            .channel_data
+            .list
+            .iter()
+            .map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()));
+        let attributes = layer.attributes.other.iter().filter_map(|(name, value)| match value {
+            AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
+            _ => None,
+        });
+        Self { size: (layer.size.0, layer.size.1), channels: channels.collect(), attributes: attributes.collect() }
+    }
+
+    /// Linear RGB and opacity, channel after channel.
+    fn rgba(&self) -> Vec<f32> {
+        ["R", "G", "B", "A"].iter().flat_map(|name| self.channels[*name].iter().copied()).collect()
+    }
+}
+
+/// The linear picture that the program makes with `arguments`.
+fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
+    folder.done(&[arguments, &["-o", "picture.exr"]].concat());
+    Exr::read(&folder.path("picture.exr")).rgba()
+}
+
+/// The linear picture of the scene of every test, rendered with `arguments`.
+fn rendered(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
+    picture(folder, &[&["render", "scene.toml", "--size", SIZE], arguments].concat())
+}
+
+/// Two pictures are one, but for the rounding of f32: `relative` of the larger value, and 1e-6 of white.
+fn assert_same(one: &[f32], other: &[f32], relative: f32) {
+    assert_eq!(one.len(), other.len(), "pictures of one size");
+    assert!(one.iter().any(|&value| value > 0.01), "a black picture shows nothing");
+    for (&a, &b) in one.iter().zip(other) {
+        assert!((a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-6, "{a} against {b}");
+    }
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn srgb_from_linear(value: f64) -> f64 {
+    let value = value.clamp(0.0, 1.0);
+    if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Bits of the channels of a PNG, and its samples.
+fn png(path: &Path) -> (u32, Vec<u16>) {
+    let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut bytes).unwrap();
+    assert_eq!((frame.width, frame.height, frame.color_type), (32, 32, png::ColorType::Rgb), "{}", path.display());
+    match frame.bit_depth {
+        png::BitDepth::Eight => (8, bytes.iter().map(|&byte| byte.into()).collect()),
+        _ => (16, bytes.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect()),
+    }
+}
+
+#[test]
+fn pictures_of_all_kinds_show_the_same() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.exr", "-o", "p8.png"]);
+    folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p16.png", "--bits", "16"]);
+    let linear = Exr::read(&folder.path("p.exr"));
+    assert_eq!(linear.size, (32, 32));
+    assert_eq!(linear.channels.keys().collect::<Vec<_>>(), ["A", "B", "G", "R"]);
+    for (name, bits, largest) in [("p8.png", 8, 255.0), ("p16.png", 16, 65535.0)] {
+        let (found, samples) = png(&folder.path(name));
+        assert_eq!(found, bits);
+        for (index, &sample) in samples.iter().enumerate() {
+            let channel = &linear.channels[["R", "G", "B"][index % 3]];
+            let exact = srgb_from_linear(f64::from(channel[index / 3])) * largest;
+            // Rounding to the next step, by a device whose powers are good to 2⁻¹² of white at worst.
+            assert!((f64::from(sample) - exact).abs() <= 0.5 + largest / 4096.0, "{name} {index}: {sample}, {exact}");
+        }
+    }
+}
+
+#[test]
+fn render_tells_programs_what_it_did() {
+    let folder = Folder::new();
+    let outcome = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png", "--json"]);
+    let json = outcome.json();
+    assert_eq!(keys(&json), ["device", "march", "outputs", "peak_mb", "plan", "size", "times"]);
+    assert_eq!(json["outputs"], serde_json::json!(["p.png"]));
+    assert_eq!(json["size"], serde_json::json!([32, 32]));
+    assert_eq!(json["plan"]["positions"], serde_json::json!(["lamp", "day"]));
+    assert_eq!(json["plan"]["materials"], serde_json::json!(["bone", "flesh"]));
+    for stage in ["load", "device", "upload", "march", "relight", "write"] {
+        assert_eq!(keys(&json["times"][stage]), ["cpu_ms", "wall_ms"]);
+    }
+    assert_eq!(outcome.err, "", "nothing was odd");
+    let text = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png"]).out;
+    assert!(text.starts_with("wrote p.png\n"), "{text}");
+}
+
+#[test]
+fn the_scene_of_the_program_needs_no_file() {
+    let folder = Folder::new();
+    folder.done(&["render", "--size", SIZE, "-o", "p.png", "-D", "volume.dims=[32,30,18]"]);
+    assert_eq!(folder.names(), ["p.png", "scene.toml"]);
+}
+
+/// 4×2×2 voxels of 0 to 15, as int16.
+fn ramp() -> Vec<u8> {
+    (0..16_i16).flat_map(i16::to_le_bytes).collect()
+}
+
+const RAMP_HEADER: &str = "NDims = 3\nDimSize = 4 2 2\nElementType = MET_SHORT\nElementSpacing = 1 2 3\n\
+                           Offset = 5 6 7\nTransformMatrix = 0 1 0 -1 0 0 0 0 1\nElementDataFile = ramp.raw\n";
+
+#[test]
+fn info_of_a_volume_has_the_promised_keys() {
+    let folder = Folder::new().with("ramp.raw", ramp()).with("ramp.mhd", RAMP_HEADER);
+    let json = folder.done(&["info", "ramp.mhd", "--json", "--voxel", "1,0,0", "--voxel", "3,1,1"]).json();
+    let expected = serde_json::json!({
+        "dims": [4, 2, 2], "type": "int16", "spacing": [1.0, 2.0, 3.0], "origin": [5.0, 6.0, 7.0], "components": 1,
+        "min": 0.0, "max": 15.0, "mean": 7.5,
+        "voxels": [{"index": [1, 0, 0], "value": 1.0}, {"index": [3, 1, 1], "value": 15.0}],
+    });
+    for (key, value) in expected.as_object().unwrap() {
+        assert_eq!(&json[key], value, "{key}");
+    }
+    // MetaImage writes the axes one after the other, ITK prints them as columns.
+    let turned = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    assert_eq!(json["direction"], serde_json::json!(turned));
+    let bins: Vec<u64> = serde_json::from_value(json["histogram"].clone()).unwrap();
+    assert_eq!((bins.len(), bins.iter().sum::<u64>(), bins[0], bins[63]), (64, 16, 1, 1));
+
+    let text = folder.done(&["info", "ramp.mhd", "--voxel", "3,1,1"]).out;
+    for word in ["4 × 2 × 2", "int16", "1 × 2 × 3", "(5, 6, 7)", "0 to 15, mean 7.5", "3,1,1 is 15"] {
+        assert!(text.contains(word), "no {word:?} in {text}");
+    }
+}
+
+#[test]
+fn info_of_a_headerless_volume_takes_its_layout_from_flags() {
+    let big: Vec<u8> = [9; 3].into_iter().chain((0..16_i16).flat_map(i16::to_be_bytes)).collect();
+    let folder = Folder::new().with("ramp.raw", big);
+    let flags = ["--dims", "4x2x2", "--type", "int16", "--big-endian", "--header-bytes", "3", "--spacing", "1x1x2.5"];
+    let json = folder.done(&[&["info", "ramp.raw", "--json"], &flags[..]].concat()).json();
+    assert_eq!((&json["max"], &json["spacing"]), (&serde_json::json!(15.0), &serde_json::json!([1.0, 1.0, 2.5])));
+}
+
+#[test]
+fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
+    let folder = Folder::new();
+    let text = folder.done(&["info", "scene.toml", "-D", "lights.day.intensity=2"]).out;
+    for word in
+        ["scene.toml with -D lights.day.intensity=2", "frog", "32 × 30 × 18", "bone, flesh", "lamp", "intensity 2"]
+    {
+        assert!(text.contains(word), "no {word:?} in {text}");
+    }
+    let json = folder.done(&["info", "scene.toml", "--json"]).json();
+    assert_eq!(json["plan"]["components"], 3);
+    assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
+}
+
+#[test]
+fn info_alone_lists_devices() {
+    let folder = Folder::new();
+    let json = folder.done(&["info", "--json"]).json();
+    assert_eq!(keys(&json["devices"][0]), ["driver", "index", "kind", "missing", "name", "vulkan"]);
+    let name = json["devices"][0]["name"].as_str().unwrap();
+    assert!(folder.done(&["info"]).out.contains(name));
+    // A device is called by its number and by any part of its name.
+    for device in ["0", &name[..4].to_uppercase()] {
+        let json =
+            folder.done(&["render", "scene.toml", "--size", "8x8", "-o", "p.png", "--device", device, "--json"]).json();
+        assert_eq!(json["device"]["name"], name);
+    }
+}
+
+#[test]
+fn bench_measures_with_the_promised_keys() {
+    let folder = Folder::new();
+    let arguments = ["bench", "peer", "default", "--size", "16x16", "--frames", "3", "--json"];
+    let json = folder.done(&arguments).json();
+    let rows = json["rows"].as_array().unwrap();
+    let workloads: Vec<_> =
+        rows.iter().map(|row| (row["workload"].as_str().unwrap(), row["shading"].as_str().unwrap())).collect();
+    assert_eq!(workloads, [("peer", "none"), ("peer", "diffuse"), ("default", "none"), ("default", "diffuse")]);
+    for row in rows {
+        for key in ["volume", "size", "accumulate", "lanes", "positions", "device", "startup_ms", "peak_mb"] {
+            assert!(!row[key].is_null(), "{key}");
+        }
+        for stage in ["march", "relight"] {
+            for clock in ["wall_ms", "cpu_ms"] {
+                let time = |of: &str| row[stage][clock][of].as_f64().unwrap();
+                assert!(time("min") <= time("median") && time("median") <= time("max"), "{row}");
+            }
+        }
+    }
+    let text = folder.done(&["bench", "peer", "--size", "16x16", "--frames", "1", "--shading", "none"]).out;
+    assert!(text.contains("peer") && !text.contains("diffuse"), "{text}");
+}
+
+#[test]
+fn written_shaders_pass_their_own_check_until_a_byte_changes() {
+    let folder = Folder::new();
+    folder.done(&["shaders", "--write", "--folder", "."]);
+    folder.done(&["shaders", "--check", "--folder", "."]);
+    let name = folder.names().into_iter().find(|name| name.ends_with(".spv")).unwrap();
+    let mut bytes = std::fs::read(folder.path(&name)).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(folder.path(&name), bytes).unwrap();
+    folder.refused(1, &["shaders", "--check", "--folder", "."], &[&name, "shaders --write"]);
+}
+
+#[test]
+fn lights_add_up_and_weights_multiply() {
+    let folder = Folder::new();
+    let under = |lights: &[&str]| {
+        let flags: Vec<&str> = lights.iter().flat_map(|light| ["--light", light]).collect();
+        rendered(&folder, &flags)
+    };
+    let colours = 3 * 32 * 32;
+    let sum = |a: Vec<f32>, b: Vec<f32>| -> Vec<f32> {
+        let added = a.iter().zip(&b).take(colours).map(|(a, b)| a + b);
+        added.chain(a[colours..].iter().copied()).collect()
+    };
+    let (all, day, lamp) = (under(&[]), under(&["day"]), under(&["lamp"]));
+    assert_same(&all, &under(&["day", "lamp"]), 1e-5);
+    assert_same(&all, &sum(day.clone(), lamp.clone()), 1e-5);
+    assert_same(&under(&["day=2"]), &sum(day.clone(), day.clone()), 1e-5);
+    // Another light goes to every position, or to the one that is named.
+    assert_same(&day, &under(&["D65@day"]), 1e-5);
+    assert_same(&lamp, &under(&["A@lamp=0.5"]), 1e-5);
+    assert_same(&under(&["FL11"]), &sum(under(&["FL11@day"]), under(&["FL11@lamp"])), 1e-5);
+    // Illuminant A is a black body of 2856 K, to the digits of its table.
+    assert_same(&under(&["A"]), &under(&["blackbody 2856"]), 2e-3);
+    // A light of the scene can shine from elsewhere.
+    assert_same(&under(&["lamp@day=2"]), &under(&["A@day"]), 1e-5);
+}
+
+#[test]
+fn a_light_can_be_a_file() {
+    let folder = Folder::new().with("flat.csv", "380 3\n580 3\n780 3\n");
+    // Its scale does not matter: a white surface under it has Y = 1, as under illuminant E.
+    assert_same(&rendered(&folder, &["--light", "flat.csv"]), &rendered(&folder, &["--light", "E"]), 1e-5);
+}
+
+#[test]
+fn relighting_saved_accumulators_equals_rendering_under_that_light() {
+    let folder = Folder::new();
+    let background = ["-D", "background=0.3", "-D", "display.exposure=1.5"];
+    folder.done(&[&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"], &background[..]].concat());
+    assert_eq!(folder.names(), ["acc.exr", "scene.toml"]);
+    for lights in [&[][..], &["--light", "FL11"], &["--light", "day=0.3", "--light", "blackbody 3000@lamp"]] {
+        let fresh = rendered(&folder, &[&background[..], lights].concat());
+        let relit = picture(&folder, &[&["relight", "acc.exr"], lights].concat());
+        assert_same(&fresh, &relit, 1e-5);
+    }
+    let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
+    assert_eq!(keys(&json), ["lights", "outputs", "size", "times"]);
+    assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
+}
+
+/// Relighting needs no device, no scene and no volume, and reads what another program wrote by the documentation.
+#[test]
+fn accumulators_that_another_program_wrote_are_relit() {
+    let ones = vec!["1.0"; 81].join(", ");
+    let text = format!(
+        "version = 1\n[[components]]\nname = \"paper\"\nspectrum = [{ones}]\n\
+         [[positions]]\nname = \"sun\"\nkind = \"directional\"\nvector = [0.0, 0.0, 1.0]\n\
+         [[lights]]\nname = \"flat\"\nposition = \"sun\"\nweight = 2.0\nspectrum = [{ones}]\n"
+    );
+    let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+    let channels = vec![channel("sun.paper", vec![0.25, 0.0]), channel("transmittance", vec![0.75, 1.0])];
+    let mut attributes = LayerAttributes::named("");
+    attributes.layer_name = None;
+    attributes.other.insert("relume".into(), AttributeValue::Text(Text::new_or_panic(&text)));
+    let encoding = Encoding { compression: Compression::RLE, ..Encoding::FAST_LOSSLESS };
+    let layer = Layer::new((2, 1), attributes, encoding, AnyChannels::sort(channels.into()));
+    let folder = Folder::new();
+    Image::from_layer(layer).write().to_file(folder.path("hand.exr")).unwrap();
+
+    let mut command = folder.command(&["relight", "hand.exr", "-o", "picture.exr"]);
+    let outcome = Outcome::of(command.env("VK_DRIVER_FILES", "/dev/null").env("VK_ICD_FILENAMES", "/dev/null"));
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    let picture = Exr::read(&folder.path("picture.exr"));
+    assert_eq!(picture.channels["A"], [0.25, 0.0]);
+    // Half of what X = Y = Z = 1 is in linear sRGB (the sums of the rows of IEC 61966-2-1's matrix); the sums of the
+    // colour matching functions agree to 3e-4 of each other.
+    for (name, row) in
+        [("R", 3.2406 - 1.5372 - 0.4986), ("G", -0.9689 + 1.8758 + 0.0415), ("B", 0.0557 - 0.2040 + 1.0570)]
+    {
+        let [first, second] = picture.channels[name][..] else { panic!("two pixels") };
+        assert!((f64::from(first) - 0.5 * row).abs() <= 1e-3, "{name} is {first}, not {}", 0.5 * row);
+        assert_eq!(second.to_bits(), 0, "{name}: nothing is there");
+    }
+}
+
+/// The ladder bounds the difference between the rungs; here, `--reference` shows this scene and no other.
+#[test]
+fn the_reference_shows_what_the_device_shows() {
+    let folder = Folder::new();
+    let device = rendered(&folder, &[]);
+    let reference = rendered(&folder, &["--reference"]);
+    let differences = device.iter().zip(&reference).map(|(a, b)| f64::from((a - b).abs()));
+    // Devices filter with 8 bits between voxels, and a voxel next to bone differs by half of white: 0.5 / 256.
+    let mean = differences.sum::<f64>() / f64::from(u32::try_from(device.len()).unwrap());
+    assert!(mean <= 0.5 / 256.0, "mean difference {mean}");
+    assert!(device.iter().any(|&value| value > 0.1));
+    let json = folder.done(&["render", "scene.toml", "--size", "4x4", "-o", "p.png", "--reference", "--json"]).json();
+    assert!(json["device"]["name"].as_str().unwrap().contains("CPU"));
+}
+
+#[test]
+fn a_definition_is_an_edit_of_the_file() {
+    let edited = support::program::SCENE
+        .replace("intensity = 0.5", "intensity = 0.25")
+        .replace("opacity = 0.1", "opacity = 0.3");
+    let folder = Folder::new().with("edited.toml", edited + "[camera]\nprojection = \"orthographic\"\n");
+    let flags = [
+        "-D",
+        "lights.lamp.intensity=0.25",
+        "-D",
+        "transfer.intervals.0.opacity=0.3",
+        "-D",
+        "camera.projection=orthographic",
+    ];
+    folder.done(&[&["render", "scene.toml", "--size", SIZE, "-o", "a.png"], &flags[..]].concat());
+    folder.done(&["render", "edited.toml", "--size", SIZE, "-o", "b.png"]);
+    let [a, b] = ["a.png", "b.png"].map(|name| std::fs::read(folder.path(name)).unwrap());
+    assert!(a == b, "the pictures differ");
+}
+
+/// 16×16×16 voxels of a ball of 200 in 0, as uint8.
+fn ball() -> Vec<u8> {
+    let inside =
+        |i: usize| [i % 16, i / 16 % 16, i / 256].iter().map(|&x| (2 * x).abs_diff(15).pow(2)).sum::<usize>() < 150;
+    (0..4096).map(|i| if inside(i) { 200 } else { 0 }).collect()
+}
+
+const BALL_HEADER: &str = "NDims = 3\nDimSize = 16 16 16\nElementType = MET_UCHAR\nElementDataFile = ball.raw\n";
+const BALL_FLAGS: [&str; 6] = ["--volume", "ball.raw", "--dims", "16x16x16", "--type", "uint8"];
+
+#[test]
+fn another_volume_takes_the_place_of_the_scenes() {
+    let folder = Folder::new().with("ball.raw", ball()).with("ball.mhd", BALL_HEADER);
+    let raw = rendered(&folder, &BALL_FLAGS);
+    assert_same(&raw, &rendered(&folder, &["--volume", "ball.mhd"]), 0.0);
+    assert!(raw != rendered(&folder, &[]), "the frog is no ball");
+}
+
+#[test]
+fn averaged_blocks_are_the_volume_of_their_means() {
+    let ball = ball();
+    let mean = |x: usize, y: usize, z: usize| {
+        let at = |i: usize| u32::from(ball[2 * x + (i & 1) + 16 * (2 * y + (i >> 1 & 1)) + 256 * (2 * z + (i >> 2))]);
+        u8::try_from(((0..8).map(at).sum::<u32>() + 4) / 8).unwrap()
+    };
+    let half: Vec<u8> = (0..512).map(|i| mean(i % 8, i / 8 % 8, i / 64)).collect();
+    let header = BALL_HEADER.replace("16 16 16", "8 8 8").replace("ball.raw", "half.raw");
+    let header = header.replace("ElementData", "ElementSpacing = 2 2 2\nOffset = 0.5 0.5 0.5\nElementData");
+    let folder = Folder::new().with("ball.raw", &ball).with("half.raw", half).with("half.mhd", header);
+    let averaged = rendered(&folder, &[&BALL_FLAGS[..], &["--downsample", "2x2x2"]].concat());
+    assert_same(&averaged, &rendered(&folder, &["--volume", "half.mhd"]), 1e-5);
+}
+
+#[test]
+fn labels_show_as_what_the_scene_declares() {
+    let labels: Vec<u8> = ball().iter().map(|&value| u8::from(value > 0) * 7).collect();
+    let folder = Folder::new().with("ball.raw", ball()).with("labels.raw", labels);
+    let folder = folder.with("labels.mhd", BALL_HEADER.replace("ball.raw", "labels.raw"));
+    // Without labels the ball is bone; labelled 7, it is flesh of the same opacity.
+    let define = |path: &str, value: &str| ["-D".to_owned(), format!("{path}={value}")];
+    let labelled = define("labels.7", "{ material = \"flesh\", opacity = 0.9 }");
+    let both: Vec<&str> = ["--labels", "labels.mhd"].into_iter().chain(labelled.iter().map(String::as_str)).collect();
+    let flesh = rendered(&folder, &[&BALL_FLAGS[..], &both].concat());
+    let bone = rendered(&folder, &BALL_FLAGS);
+    let colour = |picture: &[f32]| {
+        let sum = |c: usize| picture[c * 1024..][..1024].iter().sum::<f32>();
+        (sum(0), sum(1), sum(2))
+    };
+    // Foliage is green, white is white: under D65 and A, more red than green.
+    let ((r, g, _), (white_r, white_g, _)) = (colour(&flesh), colour(&bone));
+    assert!(g > r && white_r > white_g, "flesh {r} {g}, bone {white_r} {white_g}");
+    // A label that the scene does not declare follows the values, and is reported.
+    let outcome = folder.done(
+        &[
+            &[
+                "render",
+                "scene.toml",
+                "-o",
+                "p.png",
+                "--size",
+                "8x8",
+                "--labels",
+                "labels.mhd",
+                "-D",
+                "labels.3={material=\"flesh\",opacity=1}",
+            ],
+            &BALL_FLAGS[..],
+        ]
+        .concat(),
+    );
+    assert!(outcome.err.starts_with("warning: labels") && outcome.err.contains("7 ("), "{}", outcome.err);
+}
+
+#[test]
+fn spectral_pictures_have_the_layout_of_fichet_and_others() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", SIZE, "--spectral", "s.exr", "-o", "p.exr"]);
+    let (spectral, linear) = (Exr::read(&folder.path("s.exr")), Exr::read(&folder.path("p.exr")));
+    let mut bands: Vec<String> = (0..81).map(|band| format!("S0.{},000nm", 380 + 5 * band)).collect();
+    bands.extend(["R", "G", "B"].map(str::to_owned));
+    bands.sort();
+    assert_eq!(spectral.channels.keys().cloned().collect::<Vec<_>>(), bands);
+    assert_eq!(spectral.attributes["spectralLayoutVersion"], "1.0");
+    assert_eq!(spectral.attributes["emissiveUnits"], "W.m^-2.sr^-1");
+    for name in ["R", "G", "B"] {
+        assert_eq!(spectral.channels[name], linear.channels[name], "the preview is the picture");
+    }
+    read_by_python(&folder.path("s.exr"));
+}
+
+/// Reads a spectral file by colour-science, with the Python that `RELUME_PYTHON` names.
+#[expect(clippy::print_stderr, reason = "a test that did not run says so")]
+fn read_by_python(path: &Path) {
+    let Some(python) = std::env::var_os("RELUME_PYTHON") else {
+        eprintln!(
+            "NOT RUN: RELUME_PYTHON names no Python with colour-science and OpenEXR, so no other program read it"
+        );
+        return;
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/read_spectral.py");
+    let output = std::process::Command::new(python).arg(script).arg(path).output().unwrap();
+    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{out}{err}");
+    eprintln!("{out}");
+}
+
+#[test]
+fn warnings_go_to_standard_error_and_can_be_left_out() {
+    let folder = Folder::new().with("ball.raw", [ball(), vec![0]].concat());
+    let arguments = [&["render", "scene.toml", "--size", "8x8", "-o", "p.png"], &BALL_FLAGS[..]].concat();
+    let outcome = folder.done(&arguments);
+    assert!(outcome.err.starts_with("warning: ball.raw: 4097 bytes"), "{}", outcome.err);
+    assert!(outcome.out.starts_with("wrote"), "{}", outcome.out);
+    assert_eq!(folder.done(&[&arguments[..], &["--quiet"]].concat()).err, "");
+}
+
+#[test]
+fn help_teaches_by_examples() {
+    let folder = Folder::new();
+    for command in ["render", "relight", "info", "bench"] {
+        let text = folder.done(&[command, "--help"]).out;
+        assert!(text.contains("Examples:\n  relume "), "{text}");
+    }
+    let outcome = folder.run(&[]);
+    assert_eq!(outcome.code, Some(2));
+    for word in ["render", "relight", "info", "bench", "Examples:", "Exit codes:"] {
+        assert!(outcome.err.contains(word), "no {word:?} in {}", outcome.err);
+    }
+    assert!(folder.done(&["--version"]).out.contains(env!("CARGO_PKG_VERSION")));
+}
+
+/// The example of docs/SCENE.md without the lines that only one kind of volume or camera has.
+fn documented_scene() -> String {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/SCENE.md")).unwrap();
+    text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
+}
+
+#[test]
+fn the_documented_scene_is_a_scene() {
+    let for_files = ["file =", "labels =", "type =", "slices =", "downsample =", "dims ="];
+    let kept = documented_scene();
+    let kept = kept.lines().filter(|line| !for_files.iter().any(|key| line.starts_with(key)));
+    let kept: Vec<&str> = kept.map(|line| if line.contains("phantom") { "phantom = \"frog\"" } else { line }).collect();
+    let folder = Folder::new().with("documented.toml", kept.join("\n"));
+    folder.done(&["info", "documented.toml"]);
+}
+
+/// What the program says it expects, where a key is unknown, is what the documentation lists.
+#[test]
+fn every_key_of_a_scene_is_documented() {
+    let folder = Folder::new();
+    let documented = documented_scene();
+    for table in [
+        "",
+        "volume.",
+        "materials.flesh.",
+        "transfer.",
+        "transfer.intervals.0.",
+        "labels.1.",
+        "lights.day.",
+        "camera.",
+        "crop.",
+        "accuracy.",
+        "display.",
+    ] {
+        let outcome = folder.run(&["info", "scene.toml", "-D", &format!("{table}zzzzzz=1")]);
+        let expected = outcome.err.split("expected one of ").nth(1).or(outcome.err.split("expected ").nth(1)).unwrap();
+        let keys: Vec<&str> = expected.split('`').skip(1).step_by(2).collect();
+        assert!(keys.len() >= 2, "{}", outcome.err);
+        for key in keys.into_iter().filter(|key| !["emission", "fluorescence"].contains(key)) {
+            let header = format!("[{key}");
+            let written = |line: &str| {
+                let line = line.trim_start_matches(['#', ' ', '{']);
+                line.starts_with(&header)
+                    || line.starts_with(&format!("{key} ="))
+                    || line.contains(&format!(" {key} = "))
+            };
+            assert!(documented.lines().any(written), "{table}{key} is not in docs/SCENE.md");
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The program, run as a user runs it, in a folder of its own.
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use tempfile::TempDir;
+
+/// A small frog of two materials under two lights; every test starts from it.
+pub const SCENE: &str = r#"version = 1
+[volume]
+phantom = "frog"
+dims = [32, 30, 18]
+[materials.flesh]
+reflectance = "foliage"
+specular = 0.2
+[materials.bone]
+reflectance = "white 9.5"
+[transfer]
+intervals = [
+    { material = "flesh", range = [30, 90], ramp = 5, opacity = 0.1 },
+    { material = "bone", range = [180, 255], opacity = 0.9 },
+]
+[lights.day]
+spectrum = "D65"
+kind = "directional"
+direction = [-0.4, -0.7, -0.6]
+[lights.lamp]
+spectrum = "A"
+kind = "ambient"
+intensity = 0.5
+"#;
+
+/// A folder that holds `scene.toml`, and that the program runs in.
+pub struct Folder(TempDir);
+
+impl Folder {
+    pub fn new() -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        folder.with("scene.toml", SCENE)
+    }
+
+    pub fn with(self, name: &str, bytes: impl AsRef<[u8]>) -> Self {
+        std::fs::write(self.path(name), bytes).unwrap();
+        self
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// What is in the folder, hidden files too.
+    pub fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    /// The program in this folder, ready to be changed and started.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_relume"));
+        command.args(arguments).current_dir(self.0.path()).stdin(Stdio::null());
+        command
+    }
+
+    /// Runs the program to its end.
+    pub fn run(&self, arguments: &[&str]) -> Outcome {
+        Outcome::of(&mut self.command(arguments))
+    }
+
+    /// Runs the program, which must succeed.
+    pub fn done(&self, arguments: &[&str]) -> Outcome {
+        let outcome = self.run(arguments);
+        assert_eq!(outcome.code, Some(0), "{arguments:?}: {}", outcome.err);
+        outcome
+    }
+
+    /// Runs the program, which must refuse with `code` and say each of `words`, and must leave the folder as it was.
+    pub fn refused(&self, code: i32, arguments: &[&str], words: &[&str]) -> Outcome {
+        let before = self.names();
+        let outcome = self.run(arguments);
+        outcome.assert_refused(code, words);
+        assert_eq!(self.names(), before, "{arguments:?} left something behind");
+        outcome
+    }
+}
+
+/// How a run of the program ended and what it said.
+#[derive(Debug)]
+pub struct Outcome {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
+}
+
+impl Outcome {
+    pub fn of(command: &mut Command) -> Self {
+        let output = command.output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        Self { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+    }
+
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {}", self.out))
+    }
+
+    /// One error with its causes, each of `words` in it, nothing on standard output, no panic.
+    pub fn assert_refused(&self, code: i32, words: &[&str]) {
+        let Self { err, out, .. } = self;
+        assert_eq!(self.code, Some(code), "{err}");
+        assert_eq!(out, "", "standard output is for results");
+        let told: Vec<&str> = err.lines().filter(|line| !line.starts_with("warning: ")).collect();
+        assert!(told[0].starts_with("error: "), "{err}");
+        // clap ends with how to call the program, and indents what it lists.
+        let by_clap = code == 2 && err.ends_with("try '--help'.\n");
+        let told = told.into_iter().skip(1).take_while(|line| !by_clap || !line.is_empty());
+        let more = told.filter(|line| !line.starts_with(if by_clap { "  " } else { "  because: " }));
+        assert_eq!(more.count(), 0, "more than one message: {err}");
+        for word in ["panicked", "RUST_BACKTRACE", "unwrap", ".rs:"] {
+            assert!(!err.contains(word), "{err}");
+        }
+        for word in words {
+            assert!(err.contains(word), "no {word:?} in: {err}");
+        }
+    }
+}
