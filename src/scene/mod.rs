@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
-pub use file::{SceneOptions, load, load_embedded, load_peer};
+pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
