@@ -7,7 +7,7 @@
 mod support;
 
 use glam::DVec3;
-use relume::reference::{Real, Samples, Stored, relight};
+use relume::reference::{Real, relight};
 use relume::render::Renderer;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
 use relume::spectrum::Spectrum;
@@ -15,7 +15,7 @@ use relume::tables::{Accumulation, RelightMatrices};
 use relume::vulkan::DeviceKind;
 use support::bounds::{longest, of_places, of_tables, places};
 use support::golden::{self, Image};
-use support::rungs::{Rungs, in_xyz, magnitudes, open, with_renderer};
+use support::rungs::{Rungs, magnitudes, open, with_renderer};
 use support::scenes::{self, SIZE, float};
 use support::tolerance::{
     BASIS, BOUND, DEVICE_MEAN, ROUNDINGS_PER_STEP, ROUNDINGS_PER_STEP_OF_TWO, ROUNDING_UNIT, STORED, WEIGHTS_DEVICE,
@@ -208,7 +208,7 @@ fn climb(name: &str) {
     assert!(messages.is_empty(), "{name}: the validation layer says:\n{}", messages.join("\n"));
 
     println!(
-        "| {name} | {:.0} | {:.1e} | {:.1e} ({:.2}) | {:.1e} ({:.2}) | {:.1e} ({:.2}) | {:.1e} | {weights:.1e} | {p99:.1e} | {largest:.1e} | {undecided} |",
+        "| {name} | {:.0} | {:.1e} | {:.1e} ({:.2}) | {:.1e} ({:.3}) | {:.1e} ({:.4}) | {:.1e} | {weights:.1e} | {p99:.1e} | {largest:.1e} | {undecided} |",
         longest(&rungs),
         basis.share * BASIS,
         tables_xyz.error,
@@ -245,6 +245,143 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
             rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum()),
         ),
     }
+}
+
+/// A slab of one value, seen straight on by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps of `α = 1 − (1 − o)^Δs`.
+fn slab_straight_on(step: f64, opacity: f64) -> Rungs {
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "only"
+        range = [100, 200]
+        opacity = {opacity}
+        [lights.day]
+        spectrum = "D65"
+        [camera]
+        projection = "orthographic"
+        height = 4
+        position = [8, 8, -10]
+        target = [8, 8, 0]
+        [accuracy]
+        step = {step}
+        termination = 0
+    "#
+    );
+    Rungs::new(scenes::of(&text, scenes::slab([17, 17, 25], 150)), [8, 8])
+}
+
+/// A slab's closed form: what N equal steps let pass, and the weight of the material. 24 units thick.
+fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
+    let steps = (24.0 / step - 0.5).ceil();
+    let depth = -(-opacity).ln_1p() * step * steps;
+    ((-depth).exp(), -(-depth).exp_m1())
+}
+
+#[test]
+fn a_slab_is_its_closed_form_on_every_rung() {
+    for (step, opacity) in [(0.7, 0.05), (0.7, 0.4), (1.0, 1e-6), (0.013, 0.05)] {
+        let rungs = slab_straight_on(step, opacity);
+        let (passed, weight) = closed_form(step, opacity);
+        let near = |what: &str, found: f64, expected: f64, limit: f64| {
+            let error = (found - expected).abs() / expected;
+            assert!(error <= limit, "{what}, Δs = {step}, o = {opacity}: {found} for {expected}: {error:e} > {limit:e}");
+        };
+        let steps = longest(&rungs);
+        // n roundings of 2⁻⁵³ in T, as many in the sum, and some in the exponential.
+        let double = 4.0 * steps * f64::EPSILON;
+        let truth = rungs.truth(&rungs.exact());
+        let material = rungs.scene.materials[0].reflectance.clone();
+        let surface = relume::spectrum::colour::xyz(&rungs.mix.0[0].spectrum, &material);
+        near("81 bands", truth[27].0[1], weight * surface.0[1], BASIS + double);
+        let check = |what: &str, weights: &[f64], transmittance: &[f64], limit: f64| {
+            weights.iter().for_each(|&found| near(what, found, weight, limit));
+            transmittance.iter().for_each(|&found| near(what, found, passed, limit));
+        };
+        let wide = |sums: &[f32]| -> Vec<f64> { sums.iter().copied().map(f64::from).collect() };
+        let exact = rungs.march::<f64>(&rungs.exact());
+        check("reference f64", &exact.weights, &exact.transmittance, double);
+        let single = rungs.march::<f32>(&rungs.stored::<f32>());
+        let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT;
+        check("reference f32", &wide(&single.weights), &wide(&single.transmittance), rounded);
+        with_renderer(|renderer| {
+            let gpu = rungs.gpu(renderer);
+            check("GPU", &wide(&gpu.weights), &wide(&gpu.transmittance), 2.0 * rounded);
+        });
+    }
+}
+
+#[test]
+fn the_ladder_catches_two_materials_swapped() {
+    let mut rungs = Rungs::new(scenes::named("diffuse_one"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_places(&rungs, &expected, [places(&rungs).error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+    rungs.table.weights.iter_mut().for_each(|weights| weights.swap(0, 1));
+    let swapped = rungs.march::<f32>(&rungs.stored::<f32>());
+    assert!(accumulators(&swapped, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 10.0);
+}
+
+#[test]
+fn the_ladder_catches_half_a_pixel_of_shift() {
+    let still = shifted(0.0);
+    assert!(still.share <= 1.0, "the same picture: {still:?}");
+    let moved = shifted(0.5);
+    assert!(moved.share > 10.0, "half a pixel: {moved:?}");
+}
+
+#[test]
+fn the_ladder_catches_a_thousandth_of_a_step() {
+    let mut rungs = Rungs::new(scenes::named("inside"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_places(&rungs, &expected, [places(&rungs).error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+    rungs.scene.accuracy.step_length *= 1.001;
+    let moved = rungs.march::<f32>(&rungs.stored::<f32>());
+    assert!(accumulators(&moved, &expected, &bound, &places(&rungs).undecided).share > 1.0);
+}
+
+#[test]
+fn the_ladder_catches_one_wrong_entry_of_the_table() {
+    let mut rungs = Rungs::new(scenes::named("unshaded_one"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_tables(&rungs, &expected);
+    let entry = rungs.table.entries() * 2 / 5;
+    rungs.table.weights[entry][1] *= 1.1;
+    let wrong = rungs.march::<f64>(&rungs.stored::<f64>());
+    assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
+}
+
+#[test]
+fn the_ladder_catches_a_number_that_is_none() {
+    let rungs = Rungs::new(scenes::named("unshaded_one"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_tables(&rungs, &expected);
+    let mut wrong = expected.clone();
+    wrong.weights[700] = f64::NAN;
+    assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
+}
+
+/// The picture of a volume that is moved by `pixels` of it, against the picture where it was.
+fn shifted(pixels: f64) -> Worst {
+    let mut rungs = Rungs::new(scenes::named("orthographic"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let places = places(&rungs);
+    let bound = of_places(&rungs, &expected, [places.error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+    let aspect = float(SIZE[0]) / float(SIZE[1]);
+    let view = rungs.scene.camera.view(&rungs.scene.volume.geometry, aspect).unwrap();
+    let mut volume = (*rungs.scene.volume).clone();
+    volume.geometry.origin += view.right * (pixels * 2.0 * view.half[0] / float(SIZE[0]));
+    rungs.scene.camera = relume::scene::Camera {
+        aim: relume::scene::Aim::LookAt { position: view.eye, target: view.eye + view.forward },
+        projection: relume::scene::Projection::Orthographic { height: Some(2.0 * view.half[1]) },
+        ..rungs.scene.camera
+    };
+    rungs.scene.volume = std::sync::Arc::new(volume);
+    let moved = rungs.march::<f32>(&rungs.stored::<f32>());
+    accumulators(&moved, &expected, &bound, &places.undecided)
 }
 
 macro_rules! ladder {

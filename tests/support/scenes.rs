@@ -67,7 +67,7 @@ const CAMERA: &str = "
     [camera]
     azimuth = 35
     elevation = 28
-    fill = 0.9
+    fill = 1.8
 ";
 
 /// Every ray to its end: what a termination leaves out is a test of its own.
@@ -175,7 +175,7 @@ pub fn named(name: &str) -> Scene {
         "labels" => labels(),
         "background" => usual("shading = \"none\"\nbackground = \"moderate red\"", &[KEY, MORE].concat()),
         "orthographic" => {
-            let camera = "[camera]\nprojection = \"orthographic\"\nazimuth = 35\nelevation = 28\nfill = 0.9\n";
+            let camera = "[camera]\nprojection = \"orthographic\"\nazimuth = 35\nelevation = 28\nfill = 1.8\n";
             let head = "[lights.head]\nspectrum = \"FL2\"\n";
             of(&[MATERIALS, TRANSFER, camera, ACCURACY, head].concat(), balls())
         }
@@ -190,11 +190,12 @@ pub fn named(name: &str) -> Scene {
                 Reflectance::new(Spectrum::from_samples(std::array::from_fn::<_, BANDS, _>(wave))).unwrap();
             scene
         }
-        "cropped" => usual("crop = { min = [6, 3.25, 4.5], max = [22.5, 20, 21] }", KEY),
+        "cropped" => usual("crop = { min = [10.5, 3.25, 4.5], max = [22.5, 20, 13] }", KEY),
         "rotated" => {
             let mut scene = usual("", &[KEY, MORE].concat());
             let mut volume = balls();
-            let direction = DMat3::from_euler(glam::EulerRot::XYZ, 0.4, -0.3, 0.8);
+            // Every axis becomes another one, nearly: so that the camera still looks obliquely.
+            let direction = DMat3::from_euler(glam::EulerRot::XYZ, 1.67, 0.1, 1.47);
             volume.geometry =
                 Geometry::new("rotated", volume.geometry.dims, DVec3::new(0.8, 1.0, 1.7), DVec3::splat(5.0), direction)
                     .unwrap();

@@ -68,3 +68,15 @@ pub const WEIGHTS_REFERENCE: f64 = 0.01;
 pub const WEIGHTS_DEVICE_P99: f64 = 0.01;
 /// The same: every pixel.
 pub const WEIGHTS_DEVICE: f64 = 0.1;
+
+/// Light is linear (COLOUR.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
+/// products in f32, as do the pictures it is compared with: 2e-6 is what 34 roundings of one sign make.
+pub const LINEARITY: f64 = 2e-6;
+
+/// A slab in half steps against one in whole ones (COLOUR.md C13): (3n + 2)·2⁻²⁴ for 48 and for 24 steps are 1.3e-5.
+pub const STEP_INVARIANCE: f64 = 2e-5;
+
+/// Stored accumulators, relit, against a fresh render under that light (COLOUR.md C11), relative to the brightest of XYZ.
+pub const RELIT_RELATIVE: f64 = 1e-5;
+/// And this much XYZ besides.
+pub const RELIT_ABSOLUTE: f64 = 1e-6;
