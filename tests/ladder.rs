@@ -9,16 +9,17 @@ mod support;
 use glam::DVec3;
 use relume::reference::{Real, relight};
 use relume::render::Renderer;
-use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
 use relume::spectrum::Spectrum;
+use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
 use relume::tables::{Accumulation, RelightMatrices};
 use relume::vulkan::DeviceKind;
 use support::bounds::{longest, of_places, of_tables, places};
+use support::device::open;
 use support::golden::{self, Image};
-use support::rungs::{Rungs, magnitudes, open, with_renderer};
+use support::rungs::{Rungs, magnitudes, with_renderer};
 use support::scenes::{self, SIZE, float};
 use support::tolerance::{
-    BASIS, BOUND, DEVICE_MEAN, ROUNDINGS_PER_STEP, ROUNDINGS_PER_STEP_OF_TWO, ROUNDING_UNIT, STORED, WEIGHTS_DEVICE,
+    BASIS, BOUND, DEVICE_MEAN, ROUNDING_UNIT, ROUNDINGS_PER_STEP, ROUNDINGS_PER_STEP_OF_TWO, STORED, WEIGHTS_DEVICE,
     WEIGHTS_DEVICE_P99, WEIGHTS_REFERENCE,
 };
 
@@ -240,10 +241,7 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
                 components.iter().map(move |surface| lit(&light, surface)).collect::<Vec<_>>()
             })
             .collect(),
-        background: lit(
-            &light_at(None),
-            rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum()),
-        ),
+        background: lit(&light_at(None), rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum())),
     }
 }
 
@@ -289,7 +287,10 @@ fn a_slab_is_its_closed_form_on_every_rung() {
         let (passed, weight) = closed_form(step, opacity);
         let near = |what: &str, found: f64, expected: f64, limit: f64| {
             let error = (found - expected).abs() / expected;
-            assert!(error <= limit, "{what}, Δs = {step}, o = {opacity}: {found} for {expected}: {error:e} > {limit:e}");
+            assert!(
+                error <= limit,
+                "{what}, Δs = {step}, o = {opacity}: {found} for {expected}: {error:e} > {limit:e}"
+            );
         };
         let steps = longest(&rungs);
         // n roundings of 2⁻⁵³ in T, as many in the sum, and some in the exponential.

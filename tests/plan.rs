@@ -150,12 +150,7 @@ fn knobs_are_planned_as_they_are_set() {
             scene.accuracy.interpolation = Interpolation::Nearest;
             scene.transfer.lookup = Lookup::Nearest;
         }),
-        ScenePlan {
-            skipping: false,
-            interpolation: Interpolation::Nearest,
-            lookup: Lookup::Nearest,
-            ..least()
-        }
+        ScenePlan { skipping: false, interpolation: Interpolation::Nearest, lookup: Lookup::Nearest, ..least() }
     );
 }
 
@@ -171,6 +166,18 @@ fn what_nothing_shows_is_left_out() {
     assert_eq!(nothing.shading, None);
     let dark = changed("diffuse_one", |scene| scene.lights.clear());
     assert_eq!(dark, ScenePlan { positions: PositionCounts::default(), ..least() });
+}
+
+#[test]
+fn a_material_that_nothing_shows_splits_no_position() {
+    let shaded = |material: &mut relume::scene::Material| (material.diffuse, material.specular) = (0.8, 0.5);
+    let flat = changed("diffuse_three", |scene| {
+        scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
+        shaded(&mut scene.materials[1]);
+        scene.transfer.terms.remove(1);
+    });
+    let two = Accumulate::Weights { materials: 2 };
+    assert_eq!(flat, ScenePlan { accumulate: two, positions: headlight(), ..least() });
 }
 
 /// The least plan that shows a scene and the fullest one with every feature switched on to no effect: one picture.

@@ -13,7 +13,8 @@ use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume::spectrum::{Light, Spectrum};
 use relume::tables::{Accumulation, components};
-use support::rungs::{Rungs, magnitudes, open, with_renderer};
+use support::device::open;
+use support::rungs::{Rungs, magnitudes, with_renderer};
 use support::scenes::{self, SIZE};
 use support::tolerance::{LINEARITY, RELIT_ABSOLUTE, RELIT_RELATIVE, STEP_INVARIANCE};
 
@@ -120,7 +121,8 @@ fn the_order_of_materials_is_the_order_of_their_weights_and_nothing_else() {
     for ((rung, one), (_, other)) in marched(&one).iter().zip(&marched(&other)) {
         assert_eq!(one.transmittance, other.transmittance, "{rung}");
         for material in 0..=last {
-            let plane = |sums: &Accumulation<f32>, material: usize| sums.weights[material * pixels..][..pixels].to_vec();
+            let plane =
+                |sums: &Accumulation<f32>, material: usize| sums.weights[material * pixels..][..pixels].to_vec();
             assert!(plane(one, material) == plane(other, last - material), "{rung}: material {material}");
         }
     }
@@ -188,8 +190,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
     let Rungs { scene, planned, .. } = rungs;
     let spectra = components(scene, planned);
     let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
-    let component =
-        |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
+    let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
     let position = |place: &relume::scene::Position| Position {
         name: place.name.clone(),
         kind: match place.placement {

@@ -47,6 +47,21 @@ pub struct Scene {
     pub display: Display,
 }
 
+impl Scene {
+    /// Whether anything can show the material `index`: a value of the transfer function, or a label.
+    #[must_use]
+    pub fn shows(&self, index: usize) -> bool {
+        let in_transfer = self.transfer.terms.iter().any(|term| {
+            term.opacity.iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
+        });
+        let in_labels = self
+            .labels
+            .as_ref()
+            .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && entry.opacity > 0.0));
+        in_transfer || in_labels
+    }
+}
+
 /// A spectral material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {

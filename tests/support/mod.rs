@@ -2,6 +2,7 @@
 #![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 pub mod bounds;
+pub mod device;
 pub mod golden;
 pub mod rungs;
 pub mod scenes;

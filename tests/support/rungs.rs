@@ -7,7 +7,8 @@ use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz};
 use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, StoredVolume, TransferTable, components};
-use relume::vulkan::{Device, DeviceChoice, Validation};
+
+use super::device::open;
 
 /// A scene with everything the rungs read.
 #[derive(Debug)]
@@ -116,19 +117,6 @@ pub fn magnitudes<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMat
         background: matrices.background.abs(),
     };
     reference::relight(&absolute, &matrices)
-}
-
-/// A device with validation; none where tests that need one are to be skipped.
-#[expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
-pub fn open() -> Option<Device> {
-    if std::env::var("GPU_TESTS").as_deref() == Ok("skip") {
-        eprintln!("skipped: GPU_TESTS=skip");
-        return None;
-    }
-    match Device::open(&DeviceChoice::Auto, Validation::On) {
-        Ok(device) => Some(device),
-        Err(error) => panic!("this test needs a Vulkan device with validation: {error}"),
-    }
 }
 
 /// Runs `test` on a renderer, and fails where the validation layer has something to say.
