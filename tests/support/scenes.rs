@@ -31,6 +31,7 @@ pub const NAMES: &[&str] = &[
     "negative",
     "cropped",
     "rotated",
+    "nearest",
 ];
 
 /// Three balls in one another: a shell, a middle and a core, by grey value.
@@ -200,6 +201,12 @@ pub fn named(name: &str) -> Scene {
                 Geometry::new("rotated", volume.geometry.dims, DVec3::new(0.8, 1.0, 1.7), DVec3::splat(5.0), direction)
                     .unwrap();
             scene.volume = Arc::new(volume);
+            scene
+        }
+        "nearest" => {
+            let mut scene = usual("", KEY);
+            scene.accuracy.interpolation = relume::scene::Interpolation::Nearest;
+            scene.transfer.lookup = relume::scene::Lookup::Nearest;
             scene
         }
         _ => panic!("there is no scene {name}"),
