@@ -1,7 +1,7 @@
 //! Frames on the GPU.
 //!
 //! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] leaves [`Accumulators`] of it, and
-//! [`Renderer::relight`] turns those into pictures, as often as the light changes.
+//! [`Renderer::relight_linear`] turns those into pictures, as often as the light changes.
 
 mod march;
 mod relight;
