@@ -131,7 +131,7 @@ impl ScenePlan {
 /// The plan of `scene`.
 #[must_use]
 pub fn plan(scene: &Scene) -> Planned {
-    let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| is_used(scene, material)).collect();
+    let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| scene.shows(material)).collect();
     let positions = positions(scene);
     let count = |kind: fn(&Placement) -> bool| positions.iter().filter(|position| kind(&position.placement)).count();
     let counts = PositionCounts {
@@ -162,18 +162,6 @@ pub fn plan(scene: &Scene) -> Planned {
         skipping: scene.accuracy.skipping,
     };
     Planned { plan, materials, positions }
-}
-
-/// Whether anything of the scene can show `material`.
-fn is_used(scene: &Scene, material: usize) -> bool {
-    let in_transfer = scene.transfer.terms.iter().any(|term| {
-        term.opacity.iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == material)
-    });
-    let in_labels = scene
-        .labels
-        .as_ref()
-        .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == material && entry.opacity > 0.0));
-    in_transfer || in_labels
 }
 
 impl Planned {

@@ -3,6 +3,8 @@
 #![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 #![expect(clippy::print_stdout, reason = "a child process answers its parent")]
 
+mod support;
+
 use std::{env, fs, path::Path, process::Command, sync::Arc, thread, time::Duration};
 
 use relume::{
@@ -12,26 +14,7 @@ use relume::{
         Recorder, Resource, ResourceSet, Sampler, StorageImage, Validation, VulkanError, devices,
     },
 };
-
-/// Opens a device for `test`, and fails where the validation layer has something to say.
-fn with_device(test: impl FnOnce(&Device)) {
-    let Some(device) = open() else { return };
-    test(&device);
-    let messages = device.validation_messages();
-    assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
-}
-
-/// A device with validation; none where tests that need one are to be skipped.
-fn open() -> Option<Device> {
-    if env::var("GPU_TESTS").as_deref() == Ok("skip") {
-        eprintln!("skipped: GPU_TESTS=skip");
-        return None;
-    }
-    match Device::open(&DeviceChoice::Auto, Validation::On) {
-        Ok(device) => Some(device),
-        Err(error) => panic!("this test needs a Vulkan device with validation: {error}"),
-    }
-}
+use support::device::{open, with_device};
 
 fn pipeline(device: &Device, source: &str, bindings: &[BindingKind], push_constant_bytes: u32) -> ComputePipeline {
     let spirv = compile(&[("test.wgsl", source)], &Constants::new()).unwrap_or_else(|error| panic!("{error}"));

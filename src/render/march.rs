@@ -19,9 +19,26 @@ const DISPATCH: Duration = Duration::from_millis(50);
 const FIRST_SAMPLES: f64 = 2e7;
 /// Samples along a ray per dispatch: with the loops around them far below the 65,535 iterations that some devices
 /// silently stop an invocation at.
-const SLICE: u32 = 16_384;
-/// Workgroups; lavapipe's lanes are eight neighbours in x.
-const GROUP: [u32; 2] = [8, 8];
+pub(super) const SLICE: u32 = 16_384;
+
+/// How a march is cut into workgroups and dispatches. Every cut leaves the same bytes in the accumulators; what it moves
+/// is time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Dispatching {
+    /// Pixels of a workgroup, across and down.
+    pub group: [u32; 2],
+    /// Most samples of a dispatch, unless one row of groups has more; `None` is as many as take about 50 ms.
+    pub samples: Option<u32>,
+    /// Most samples along a ray in one dispatch, 1 to 16,384.
+    pub slice: u32,
+}
+
+impl Default for Dispatching {
+    fn default() -> Self {
+        // Lavapipe's lanes are eight neighbours in x.
+        Self { group: [8, 8], samples: None, slice: SLICE }
+    }
+}
 
 /// Numbers of a frame, as `shaders/march.wgsl` has them.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -86,7 +103,7 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 }
 
 /// The march shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, one_exponent: u32) -> Result<Shader, ShaderError> {
+pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
     let specular = plan.specular();
     let constants = common(plan)
         .u32("LANES", unsigned(plan.lanes().max(1)))
@@ -108,8 +125,8 @@ pub(super) fn shader(plan: &ScenePlan, one_exponent: u32) -> Result<Shader, Shad
         .bool("LABELS", plan.labels)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
-        .u32("GROUP_WIDTH", GROUP[0])
-        .u32("GROUP_HEIGHT", GROUP[1]);
+        .u32("GROUP_WIDTH", group[0])
+        .u32("GROUP_HEIGHT", group[1]);
     compile(&[("shaders/march.wgsl", include_str!("../../shaders/march.wgsl"))], &constants)
 }
 
@@ -207,7 +224,7 @@ impl Renderer {
         let one_exponent = exponent.filter(|_| plan.specular().is_some_and(|specular| specular.one_exponent));
         let (pipeline, set) = self.bind(
             &Key::March(plan.clone(), one_exponent),
-            || shader(plan, one_exponent.unwrap_or(0)),
+            || shader(plan, one_exponent.unwrap_or(0), self.dispatching.group),
             unsigned(size_of::<Band>()),
             |name| {
                 Some(match name {
@@ -229,7 +246,7 @@ impl Renderer {
         )?;
 
         let mut dispatches = 0;
-        let mut schedule = Schedule::new(extent, rays.samples);
+        let mut schedule = Schedule::new(extent, rays.samples, self.dispatching);
         while let Some((band, rows)) = schedule.next() {
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
@@ -239,7 +256,8 @@ impl Renderer {
                 if band.first_sample > 0 {
                     recorder.compute_to_compute();
                 }
-                let groups = [extent[0].div_ceil(GROUP[0]), rows.div_ceil(GROUP[1]), 1];
+                let group = self.dispatching.group;
+                let groups = [extent[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
                 recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&band), groups)
             })?;
             schedule.took(begun.elapsed());
@@ -312,6 +330,7 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 /// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into [`DISPATCH`] at the
 /// speed of the last one.
 struct Schedule {
+    dispatching: Dispatching,
     size: [u32; 2],
     samples: u32,
     row: u32,
@@ -325,8 +344,9 @@ struct Schedule {
 }
 
 impl Schedule {
-    fn new(size: [u32; 2], samples: u32) -> Self {
-        Self { size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget: FIRST_SAMPLES, taken: 0.0 }
+    fn new(size: [u32; 2], samples: u32, dispatching: Dispatching) -> Self {
+        let budget = dispatching.samples.map_or(FIRST_SAMPLES, f64::from);
+        Self { dispatching, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, taken: 0.0 }
     }
 
     /// The next dispatch and its rows; `None` when all is done.
@@ -337,10 +357,11 @@ impl Schedule {
         if self.sample == 0 {
             // Whole rays where a row of groups has room for them.
             let width = f64::from(self.size[0]);
-            let groups = self.budget / (width * f64::from(GROUP[1]) * f64::from(self.samples.min(SLICE)));
-            self.rows = GROUP[1] * unsigned(whole(groups)).clamp(1, self.size[1]);
+            let Dispatching { group, slice: longest, .. } = self.dispatching;
+            let groups = self.budget / (width * f64::from(group[1]) * f64::from(self.samples.min(longest)));
+            self.rows = group[1] * unsigned(whole(groups)).clamp(1, self.size[1]);
             let slice = self.budget / (width * f64::from(self.rows));
-            self.slice = unsigned(whole(slice)).clamp(64, SLICE);
+            self.slice = unsigned(whole(slice)).clamp(longest.min(64), longest);
         }
         let end_sample = self.sample.saturating_add(self.slice);
         let band = Band { first_row: self.row, first_sample: self.sample, end_sample };
@@ -357,6 +378,9 @@ impl Schedule {
 
     /// How long the last dispatch took.
     fn took(&mut self, time: Duration) {
+        if self.dispatching.samples.is_some() {
+            return;
+        }
         let fitting = self.taken * DISPATCH.as_secs_f64() / time.as_secs_f64().max(1e-6);
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0);
     }

@@ -1,7 +1,7 @@
 //! Frames on the GPU.
 //!
 //! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] leaves [`Accumulators`] of it, and
-//! [`Renderer::relight`] turns those into pictures, as often as the light changes.
+//! [`Renderer::relight_linear`] turns those into pictures, as often as the light changes.
 
 mod march;
 mod relight;
@@ -10,7 +10,7 @@ mod upload;
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-pub use march::{Accumulators, MarchUniform};
+pub use march::{Accumulators, Dispatching, MarchUniform};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
@@ -87,6 +87,7 @@ pub enum RenderError {
 #[derive(Debug)]
 pub struct Renderer {
     device: Device,
+    dispatching: Dispatching,
     pipelines: Mutex<HashMap<Key, Made>>,
 }
 
@@ -109,7 +110,14 @@ impl Renderer {
     /// A renderer on `device`.
     #[must_use]
     pub fn new(device: Device) -> Self {
-        Self { device, pipelines: Mutex::default() }
+        Self { device, dispatching: Dispatching::default(), pipelines: Mutex::default() }
+    }
+
+    /// The same renderer with its marches cut otherwise. A slice out of range takes the nearest end.
+    #[must_use]
+    pub fn with_dispatching(self, dispatching: Dispatching) -> Self {
+        let slice = dispatching.slice.clamp(1, march::SLICE);
+        Self { dispatching: Dispatching { slice, ..dispatching }, pipelines: Mutex::default(), ..self }
     }
 
     /// The device.
@@ -184,9 +192,10 @@ pub fn default_variants() -> Result<Vec<(String, crate::shader::Shader)>, Shader
         shading: Some(ShadingTerms { diffuse: true, specular: None }),
         ..unshaded.clone()
     };
+    let group = Dispatching::default().group;
     Ok(vec![
-        ("march_unshaded".to_owned(), march::shader(&unshaded, 0)?),
-        ("march_diffuse".to_owned(), march::shader(&diffuse, 0)?),
+        ("march_unshaded".to_owned(), march::shader(&unshaded, 0, group)?),
+        ("march_diffuse".to_owned(), march::shader(&diffuse, 0, group)?),
         ("relight_display".to_owned(), relight::shader(&unshaded, relight::Target::Display)?),
         ("relight_linear".to_owned(), relight::shader(&unshaded, relight::Target::Linear)?),
     ])

@@ -88,7 +88,11 @@ pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<Scen
 const LONGEST_SCENE: u64 = 16 << 20;
 
 /// The scene that `text` describes; `name` heads messages, relative paths start at `base`.
-fn parse(
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn parse(
     name: &str,
     text: &str,
     base: &Path,

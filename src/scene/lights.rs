@@ -57,20 +57,21 @@ pub fn positions(scene: &Scene) -> Vec<Position> {
 fn canonical(scene: &Scene, placement: Placement) -> Placement {
     let flat = |material: &super::Material| material.diffuse == 0.0 && material.specular == 0.0;
     let white = |material: &super::Material| flat(material) && material.ambient >= 1.0;
-    if scene.shading == Shading::None || scene.materials.iter().all(white) {
+    let mut shown = scene.materials.iter().enumerate().filter(|&(i, _)| scene.shows(i)).map(|(_, material)| material);
+    if scene.shading == Shading::None || shown.clone().all(white) {
         return Placement::Ambient;
     }
     if placement == Placement::Ambient {
         return placement;
     }
-    if scene.materials.iter().all(flat) {
+    if shown.clone().all(flat) {
         return Placement::Headlight;
     }
     let placement = match (placement, parallel_forward(&scene.camera)) {
         (Placement::Headlight, Some(forward)) => Placement::Directional(-forward),
         (placement, _) => placement,
     };
-    let opposite_is_equal = scene.materials.iter().all(|material| material.specular == 0.0);
+    let opposite_is_equal = shown.all(|material| material.specular == 0.0);
     match placement {
         Placement::Directional(direction) if opposite_is_equal && first_sign(direction) < 0.0 => {
             Placement::Directional(-direction)

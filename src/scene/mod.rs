@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
-pub use file::{SceneOptions, load, load_embedded, load_peer};
+pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
@@ -46,6 +46,21 @@ pub struct Scene {
     pub accuracy: Accuracy,
     /// How colours reach the screen.
     pub display: Display,
+}
+
+impl Scene {
+    /// Whether anything can show the material `index`: a value of the transfer function, or a label.
+    #[must_use]
+    pub fn shows(&self, index: usize) -> bool {
+        let in_transfer = self.transfer.terms.iter().any(|term| {
+            term.opacity.iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
+        });
+        let in_labels = self
+            .labels
+            .as_ref()
+            .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && entry.opacity > 0.0));
+        in_transfer || in_labels
+    }
 }
 
 /// A spectral material.

@@ -18,7 +18,7 @@ use relume::output::{Alpha, Depth, Picture, write_png};
 use super::tolerance::Tolerance;
 
 /// Every golden image there is.
-pub const NAMES: &[&str] = &[];
+pub const NAMES: &[&str] = super::scenes::NAMES;
 
 /// A picture or a set of accumulators, and who made it.
 #[derive(Clone, Debug)]

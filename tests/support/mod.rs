@@ -1,6 +1,10 @@
 //! What several test programs share.
 #![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
+pub mod bounds;
+pub mod device;
 pub mod golden;
 pub mod program;
+pub mod rungs;
+pub mod scenes;
 pub mod tolerance;

@@ -43,3 +43,48 @@ pub fn rounding(samples: u16) -> Tolerance {
     let mean = (4.0 * roundings.sqrt() * ROUNDING_UNIT).min(largest);
     Tolerance { name: "rounding", largest, mean, usual: largest, exceptions: 0.0, may_bless: false }
 }
+
+/// The planned model against all 81 bands, both in f64 over the same samples: exact (COLOUR.md A4) but for the order of
+/// sums. 81 bands, a few components and some hundred steps, each rounding by 2⁻⁵³: 1e-13 at most, were all of one sign.
+pub const BASIS: f64 = 1e-12;
+
+/// Samples of a picture whose scale is the bound derived for each of them (`support/bounds.rs`): none may be beyond it.
+pub const BOUND: Tolerance =
+    Tolerance { name: "bound", largest: 1.0, mean: 1.0, usual: 1.0, exceptions: 0.0, may_bless: false };
+
+/// Roundings per step in f32, `(3n + 2)·2⁻²⁴`, and twelve for what a step itself takes (a table's interpolation, shading,
+/// a table's own entries), which do not add up over the ray: 12 more in all, but four per step are allowed for n ≥ 12.
+pub const ROUNDINGS_PER_STEP: f64 = 4.0;
+
+/// The same on two devices, neither of which need fuse a product with a sum: two more roundings per step on each side.
+pub const ROUNDINGS_PER_STEP_OF_TWO: f64 = 2.0 * (ROUNDINGS_PER_STEP + 2.0);
+
+/// XYZ on the device against the f32 reference, the mean over a picture, where filtering is done in f32.
+pub const DEVICE_MEAN: f64 = 1e-6;
+
+/// ΔE00 of the f32 reference against 81 bands in f64 over the same tables, in every pixel.
+pub const WEIGHTS_REFERENCE: f64 = 0.01;
+/// ΔE00 of the device against 81 bands in f64 over the same tables: 99 of 100 pixels.
+pub const WEIGHTS_DEVICE_P99: f64 = 0.01;
+/// The same: every pixel.
+pub const WEIGHTS_DEVICE: f64 = 0.1;
+
+/// Light is linear (COLOUR.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
+/// products in f32, as do the pictures it is compared with: 2e-6 is what 34 roundings of one sign make.
+pub const LINEARITY: f64 = 2e-6;
+
+/// A slab in half steps against one in whole ones (COLOUR.md C13): (3n + 2)·2⁻²⁴ for 48 and for 24 steps are 1.3e-5.
+pub const STEP_INVARIANCE: f64 = 2e-5;
+
+/// Stored accumulators, relit, against a fresh render under that light (COLOUR.md C11), relative to the brightest of XYZ.
+pub const RELIT_RELATIVE: f64 = 1e-5;
+/// And this much XYZ besides.
+pub const RELIT_ABSOLUTE: f64 = 1e-6;
+
+/// Equal steps in f32 against their closed form, whatever their number (COLOUR.md C15).
+pub const EQUAL_STEPS: f64 = 2e-5;
+
+/// What ending rays at a transmittance of 1e-3 may do to XYZ (COLOUR.md C17).
+pub const TERMINATION_XYZ: f64 = 1e-3;
+/// And to ΔE00.
+pub const TERMINATION_DELTA_E: f64 = 0.1;

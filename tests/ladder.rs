@@ -1,0 +1,435 @@
+//! Each scene on every rung, with one kind of error between each pair:
+//! closed form —*step*— full spectrum f64 —*basis*— reference f64 —*tables and storage*— reference f64 on the stored
+//! tables and volume —*rounding*— reference f32 —*device*— GPU.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "the measured errors, for whoever asks with --nocapture")]
+
+mod support;
+
+use glam::DVec3;
+use relume::reference::{Real, Samples, Step, Stored, relight};
+use relume::render::Renderer;
+use relume::scene::Lookup;
+use relume::spectrum::Spectrum;
+use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
+use relume::tables::{Accumulation, RelightMatrices};
+use relume::vulkan::DeviceKind;
+use support::bounds::{longest, of_places, of_tables, places};
+use support::device::open;
+use support::golden::{self, Image};
+use support::rungs::{Rungs, magnitudes, with_renderer};
+use support::scenes::{self, SIZE, float};
+use support::tolerance::{
+    BASIS, BOUND, DEVICE_MEAN, ROUNDING_UNIT, ROUNDINGS_PER_STEP, ROUNDINGS_PER_STEP_OF_TWO, STORED, WEIGHTS_DEVICE,
+    WEIGHTS_DEVICE_P99, WEIGHTS_REFERENCE,
+};
+
+/// Errors against bounds: the largest error, and the largest share of its bound that any takes.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    error: f64,
+    share: f64,
+    sum: f64,
+    count: f64,
+}
+
+impl Worst {
+    fn add(&mut self, error: f64, bound: f64) {
+        // Written so that NaN counts as infinite.
+        let (error, share) = if error.is_nan() { (f64::INFINITY, f64::INFINITY) } else { (error, error / bound) };
+        self.error = self.error.max(error);
+        self.share = self.share.max(share);
+        self.sum += error;
+        self.count += 1.0;
+    }
+
+    fn mean(&self) -> f64 {
+        self.sum / self.count.max(1.0)
+    }
+}
+
+/// `actual` against `expected`, number by number, against `bound`; pixels that are `undecided` do not count.
+fn accumulators<A: Real, E: Real>(
+    actual: &Accumulation<A>,
+    expected: &Accumulation<E>,
+    bound: &Accumulation<f64>,
+    undecided: &[bool],
+) -> Worst {
+    let pixels = expected.transmittance.len();
+    assert_eq!(actual.weights.len(), expected.weights.len(), "the same accumulators");
+    assert_eq!(actual.transmittance.len(), pixels, "the same pixels");
+    let mut worst = Worst::default();
+    let pairs = actual.weights.iter().zip(&expected.weights).zip(&bound.weights);
+    for (i, ((actual, expected), &bound)) in pairs.enumerate() {
+        if !undecided[i % pixels] {
+            worst.add((actual.to_f64() - expected.to_f64()).abs(), bound);
+        }
+    }
+    let pairs = actual.transmittance.iter().zip(&expected.transmittance).zip(&bound.transmittance);
+    for (i, ((actual, expected), &bound)) in pairs.enumerate() {
+        if !undecided[i] {
+            worst.add((actual.to_f64() - expected.to_f64()).abs(), bound);
+        }
+    }
+    worst
+}
+
+/// The same of colours.
+fn colours(actual: &[DVec3], expected: &[DVec3], bound: &[DVec3], undecided: &[bool]) -> Worst {
+    let mut worst = Worst::default();
+    for (i, ((actual, expected), bound)) in actual.iter().zip(expected).zip(bound).enumerate() {
+        if !undecided[i] {
+            for channel in 0..3 {
+                let bound = bound[channel] + f64::MIN_POSITIVE;
+                worst.add((actual[channel] - expected[channel]).abs(), bound);
+            }
+        }
+    }
+    worst
+}
+
+fn vectors(colours: &[Xyz]) -> Vec<DVec3> {
+    colours.iter().map(|xyz| DVec3::from_array(xyz.0)).collect()
+}
+
+/// A picture of linear RGB with a bound for each sample.
+#[expect(clippy::cast_possible_truncation, reason = "golden images are f32")]
+fn image(source: &str, colours: &[DVec3], bound: impl Fn(usize, usize) -> f64) -> Image {
+    let samples = colours.iter().flat_map(|colour| colour.to_array().map(|channel| channel as f32)).collect();
+    let scale = (0..3 * colours.len()).map(|i| bound(i / 3, i % 3) + f64::from(f32::MIN_POSITIVE)).collect();
+    Image { scale: Some(scale), ..Image::rgb(source, SIZE[0], SIZE[1], samples) }
+}
+
+/// ΔE00 of every pixel, under the white of all lights together: sorted.
+fn differences(rungs: &Rungs, actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> {
+    let light = |sum: Spectrum, weighted: Spectrum| &sum + &weighted;
+    let lights = rungs.mix.0.iter().map(|light| light.spectrum.spectrum().scaled(light.weight));
+    let white = xyz_of(&lights.fold(Spectrum::constant(0.0), light));
+    let lab = |colour: &DVec3| -> Lab { lab_from_xyz(Xyz(colour.to_array()), white) };
+    let mut found: Vec<f64> = actual.iter().zip(expected).map(|(a, e)| ciede2000(lab(a), lab(e))).collect();
+    found.sort_by(f64::total_cmp);
+    found
+}
+
+/// Up to how far two devices' samples lie apart, in texture coordinates: both round, and hardware filters with few bits.
+fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
+    let error = 2.0 * places(rungs).error;
+    // A software device filters in f32, whose roundings are those of the place.
+    let texel = if renderer.device().info().kind == DeviceKind::Software {
+        0.0
+    } else {
+        0.5_f64.powi(i32::try_from(renderer.device().limits().sub_texel_precision_bits).unwrap())
+    };
+    rungs.scene.volume.geometry.dims.map(|n| error + texel / float(n))
+}
+
+/// Climbs the ladder with one scene.
+fn climb(name: &str) {
+    let rungs = Rungs::new(scenes::named(name), SIZE);
+    let all = vec![false; SIZE[0] * SIZE[1]];
+    let places = places(&rungs);
+    let undecided = places.undecided.iter().filter(|&&undecided| undecided).count();
+    let lit = |accumulation: &Accumulation<f64>| relight(accumulation, &rungs.xyz_matrices());
+
+    // Basis: exact up to the order of sums.
+    let exact = rungs.march::<f64>(&rungs.exact());
+    let truth = vectors(&rungs.truth(&rungs.exact()));
+    let bound: Vec<DVec3> = magnitudes(&exact, &xyz_of_bands(&rungs)).iter().map(|&sum| BASIS * sum).collect();
+    let basis = colours(&lit(&exact), &truth, &bound, &all);
+    assert!(basis.share <= 1.0, "{name}: basis: {basis:?}");
+    assert!(truth.iter().any(|colour| colour.y > 0.05), "{name} shows something");
+
+    // Tables and storage. A table looked up nearest is not an approximation of the scene but what the scene asks for.
+    let stored = rungs.march::<f64>(&rungs.stored::<f64>());
+    let (mut tables, mut tables_xyz) = (Worst::default(), Worst::default());
+    if rungs.planned.plan.lookup == Lookup::Linear {
+        let bound = of_tables(&rungs, &exact);
+        tables = accumulators(&stored, &exact, &bound, &all);
+        assert!(tables.share <= 1.0, "{name}: tables and storage: {tables:?}");
+        let bound = magnitudes(&bound, &rungs.xyz_matrices());
+        tables_xyz = colours(&lit(&stored), &lit(&exact), &bound, &all);
+        assert!(tables_xyz.share <= 1.0, "{name}: tables and storage, XYZ: {tables_xyz:?}");
+    }
+
+    // The golden image, from here and nowhere else.
+    let picture = relight(&stored, &rungs.matrices());
+    let scale = magnitudes(&stored, &rungs.matrices());
+    golden::check(name, &image("reference f64", &picture, |pixel, channel| scale[pixel][channel]), &STORED);
+
+    // Rounding.
+    let single = rungs.march::<f32>(&rungs.stored::<f32>());
+    let bound = of_places(&rungs, &stored, [places.error; 3], ROUNDINGS_PER_STEP);
+    let rounding = accumulators(&single, &stored, &bound, &places.undecided);
+    assert!(rounding.share <= 1.0, "{name}: rounding: {rounding:?}");
+    assert!(undecided * 50 <= all.len(), "{name}: {undecided} of {} pixels cannot be judged", all.len());
+    let bound = magnitudes(&bound, &rungs.matrices());
+    let golden_bound = |pixel: usize, channel: usize| {
+        let undecided = if places.undecided[pixel] { f64::from(f32::MAX) } else { 0.0 };
+        bound[pixel][channel] + 2.0 * ROUNDING_UNIT * scale[pixel][channel] + undecided
+    };
+    golden::check(name, &image("reference f32", &relight(&single, &rungs.matrices()), golden_bound), &BOUND);
+
+    // Material weights against 81 bands over the same tables.
+    let same_tables = vectors(&rungs.truth(&rungs.stored::<f64>()));
+    let weights = differences(&rungs, &relight(&single, &rungs.xyz_matrices()), &same_tables);
+    let weights = weights.last().copied().unwrap();
+    assert!(weights <= WEIGHTS_REFERENCE, "{name}: ΔE00 of the f32 reference against 81 bands: {weights}");
+
+    // Device.
+    let Some(device) = open() else { return };
+    let renderer = Renderer::new(device);
+    let accumulated = rungs.gpu_accumulators(&renderer);
+    let gpu = renderer.read(&accumulated).unwrap();
+    let bound = of_places(&rungs, &single, reach_of_device(&rungs, &renderer), ROUNDINGS_PER_STEP_OF_TWO);
+    let device = accumulators(&gpu, &single, &bound, &places.undecided);
+    assert!(device.share <= 1.0, "{name}: device: {device:?}");
+    let gpu_xyz = relight(&gpu, &rungs.xyz_matrices());
+    let bound = magnitudes(&bound, &rungs.xyz_matrices());
+    let device_xyz = colours(&gpu_xyz, &relight(&single, &rungs.xyz_matrices()), &bound, &places.undecided);
+    assert!(device_xyz.share <= 1.0, "{name}: device, XYZ: {device_xyz:?}");
+    if renderer.device().info().kind == DeviceKind::Software {
+        assert!(device_xyz.mean() <= DEVICE_MEAN, "{name}: device, XYZ, mean: {}", device_xyz.mean());
+    }
+    let differences = differences(&rungs, &gpu_xyz, &same_tables);
+    let p99 = differences[differences.len() * 99 / 100];
+    let largest = differences.last().copied().unwrap();
+    assert!(p99 <= WEIGHTS_DEVICE_P99, "{name}: ΔE00 of the device against 81 bands, 99 %: {p99}");
+    assert!(largest <= WEIGHTS_DEVICE, "{name}: ΔE00 of the device against 81 bands: {largest}");
+
+    // The device's own relight, of its own accumulators: a product and a sum for each component, and a rounding of each.
+    let shown = renderer.relight_linear(&accumulated).unwrap();
+    shown.run(&rungs.matrices()).unwrap();
+    let shown: Vec<[f32; 4]> = shown.read().unwrap();
+    let terms = float(rungs.matrices().colours.len()) + 2.0;
+    let bound: Vec<DVec3> =
+        magnitudes(&gpu, &rungs.matrices()).iter().map(|&sum| 3.0 * terms * ROUNDING_UNIT * sum).collect();
+    let linear: Vec<DVec3> = shown.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect();
+    let relit = colours(&linear, &relight(&gpu, &rungs.matrices()), &bound, &all);
+    assert!(relit.share <= 1.0, "{name}: relight: {relit:?}");
+    for (pixel, passed) in shown.iter().zip(&gpu.transmittance) {
+        assert!((pixel[3] - (1.0 - passed)).abs() <= f32::EPSILON, "{name}: opacity {} for {passed}", pixel[3]);
+    }
+    let messages = renderer.device().validation_messages();
+    assert!(messages.is_empty(), "{name}: the validation layer says:\n{}", messages.join("\n"));
+
+    println!(
+        "| {name} | {:.0} | {:.1e} | {:.1e} ({:.2}) | {:.1e} ({:.3}) | {:.1e} ({:.4}) | {:.1e} | {weights:.1e} | {p99:.1e} | {largest:.1e} | {undecided} |",
+        longest(&rungs),
+        basis.share * BASIS,
+        tables_xyz.error,
+        tables.share,
+        rounding.error,
+        rounding.share,
+        device_xyz.error,
+        device.share,
+        device_xyz.mean(),
+    );
+}
+
+/// Matrices whose entries are Σ over the bands of |light · surface · observer|: what sums over bands are relative to.
+fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
+    let absolute = |spectrum: &Spectrum| Spectrum::from_samples(spectrum.samples().map(f64::abs));
+    let light_at = |position: Option<usize>| {
+        let lights = rungs.mix.0.iter().filter(|light| position.is_none_or(|position| position == light.position));
+        lights.fold(Spectrum::constant(0.0), |sum, light| {
+            &sum + &absolute(&light.spectrum.spectrum().scaled(light.weight))
+        })
+    };
+    let lit = |light: &Spectrum, surface: &Spectrum| DVec3::from_array(xyz_of(&(light * &absolute(surface))).0);
+    let components = relume::tables::components(&rungs.scene, &rungs.planned);
+    let black = Spectrum::constant(0.0);
+    RelightMatrices {
+        colours: (0..rungs.planned.positions.len())
+            .flat_map(|position| {
+                let light = light_at(Some(position));
+                components.iter().map(move |surface| lit(&light, surface)).collect::<Vec<_>>()
+            })
+            .collect(),
+        background: lit(&light_at(None), rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum())),
+    }
+}
+
+/// A slab of one value, seen straight on by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps of `α = 1 − (1 − o)^Δs`.
+fn slab_straight_on(step: f64, opacity: f64) -> Rungs {
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "only"
+        range = [100, 200]
+        opacity = {opacity}
+        [lights.day]
+        spectrum = "D65"
+        [camera]
+        projection = "orthographic"
+        height = 4
+        position = [8, 8, -10]
+        target = [8, 8, 0]
+        [accuracy]
+        step = {step}
+        termination = 0
+    "#
+    );
+    Rungs::new(scenes::of(&text, scenes::slab([17, 17, 25], 150)), [8, 8])
+}
+
+/// A slab's closed form: what N equal steps let pass, and the weight of the material. 24 units thick.
+fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
+    let steps = (24.0 / step - 0.5).ceil();
+    let depth = -(-opacity).ln_1p() * step * steps;
+    ((-depth).exp(), -(-depth).exp_m1())
+}
+
+#[test]
+fn a_slab_is_its_closed_form_on_every_rung() {
+    for (step, opacity) in [(0.7, 0.05), (0.7, 0.4), (1.0, 1e-6), (0.013, 0.05)] {
+        let rungs = slab_straight_on(step, opacity);
+        let (passed, weight) = closed_form(step, opacity);
+        let near = |what: &str, found: f64, expected: f64, limit: f64| {
+            let error = (found - expected).abs() / expected;
+            assert!(
+                error <= limit,
+                "{what}, Δs = {step}, o = {opacity}: {found} for {expected}: {error:e} > {limit:e}"
+            );
+        };
+        let steps = longest(&rungs);
+        // n roundings of 2⁻⁵³ in T, as many in the sum, and some in the exponential.
+        let double = 4.0 * steps * f64::EPSILON;
+        let truth = rungs.truth(&rungs.exact());
+        let material = rungs.scene.materials[0].reflectance.clone();
+        let surface = relume::spectrum::colour::xyz(&rungs.mix.0[0].spectrum, &material);
+        near("81 bands", truth[27].0[1], weight * surface.0[1], BASIS + double);
+        let check = |what: &str, weights: &[f64], transmittance: &[f64], limit: f64| {
+            weights.iter().for_each(|&found| near(what, found, weight, limit));
+            transmittance.iter().for_each(|&found| near(what, found, passed, limit));
+        };
+        let wide = |sums: &[f32]| -> Vec<f64> { sums.iter().copied().map(f64::from).collect() };
+        let exact = rungs.march::<f64>(&rungs.exact());
+        check("reference f64", &exact.weights, &exact.transmittance, double);
+        let single = rungs.march::<f32>(&rungs.stored::<f32>());
+        let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT;
+        check("reference f32", &wide(&single.weights), &wide(&single.transmittance), rounded);
+        with_renderer(|renderer| {
+            let gpu = rungs.gpu(renderer);
+            check("GPU", &wide(&gpu.weights), &wide(&gpu.transmittance), 2.0 * rounded);
+        });
+    }
+}
+
+#[test]
+fn the_ladder_catches_two_materials_swapped() {
+    let mut rungs = Rungs::new(scenes::named("diffuse_one"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_places(&rungs, &expected, [places(&rungs).error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+    rungs.table.weights.iter_mut().for_each(|weights| weights.swap(0, 1));
+    let swapped = rungs.march::<f32>(&rungs.stored::<f32>());
+    assert!(accumulators(&swapped, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 10.0);
+}
+
+#[test]
+fn the_ladder_catches_half_a_pixel_of_shift() {
+    let still = shifted(0.0);
+    assert!(still.share <= 1.0, "the same picture: {still:?}");
+    let moved = shifted(0.5);
+    assert!(moved.share > 10.0, "half a pixel: {moved:?}");
+}
+
+#[test]
+fn the_ladder_catches_a_thousandth_of_a_step() {
+    let mut rungs = Rungs::new(scenes::named("inside"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_places(&rungs, &expected, [places(&rungs).error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+    rungs.scene.accuracy.step_length *= 1.001;
+    let moved = rungs.march::<f32>(&rungs.stored::<f32>());
+    assert!(accumulators(&moved, &expected, &bound, &places(&rungs).undecided).share > 1.0);
+}
+
+#[test]
+fn the_ladder_catches_one_wrong_entry_of_the_table() {
+    let mut rungs = Rungs::new(scenes::named("unshaded_one"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_tables(&rungs, &expected);
+    let entry = rungs.table.entries() * 2 / 5;
+    rungs.table.weights[entry][1] *= 1.1;
+    let wrong = rungs.march::<f64>(&rungs.stored::<f64>());
+    assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
+}
+
+/// A filter that tells 256 places between two texels apart, as hardware has them.
+struct EightBits<'a>(Stored<'a, f32>, [usize; 3]);
+
+impl Samples<f32> for EightBits<'_> {
+    fn sample(&self, place: [f32; 3], step: &mut Step<f32>) {
+        let places = self.1.map(|n| 256.0 * f32::from(u16::try_from(n).unwrap()));
+        self.0.sample(std::array::from_fn(|axis| (place[axis] * places[axis]).round() / places[axis]), step);
+    }
+}
+
+#[test]
+fn the_mean_over_a_picture_catches_a_filter_of_eight_bits() {
+    for name in ["unshaded_one", "diffuse_one"] {
+        let rungs = Rungs::new(scenes::named(name), SIZE);
+        let none = vec![DVec3::ONE; SIZE[0] * SIZE[1]];
+        let [expected, coarse] = [
+            rungs.march::<f32>(&rungs.stored::<f32>()),
+            rungs.march::<f32>(&EightBits(rungs.stored::<f32>(), rungs.volume.dims)),
+        ]
+        .map(|sums| relight(&sums, &rungs.xyz_matrices()));
+        let mean = colours(&coarse, &expected, &none, &vec![false; none.len()]).mean();
+        assert!(mean > DEVICE_MEAN, "{name}: {mean}");
+    }
+}
+
+#[test]
+fn the_ladder_catches_a_number_that_is_none() {
+    let rungs = Rungs::new(scenes::named("unshaded_one"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let bound = of_tables(&rungs, &expected);
+    let mut wrong = expected.clone();
+    wrong.weights[700] = f64::NAN;
+    assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
+}
+
+/// The picture of a volume that is moved by `pixels` of it, against the picture where it was.
+fn shifted(pixels: f64) -> Worst {
+    let mut rungs = Rungs::new(scenes::named("orthographic"), SIZE);
+    let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+    let places = places(&rungs);
+    let bound = of_places(&rungs, &expected, [places.error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+    let aspect = float(SIZE[0]) / float(SIZE[1]);
+    let view = rungs.scene.camera.view(&rungs.scene.volume.geometry, aspect).unwrap();
+    let mut volume = (*rungs.scene.volume).clone();
+    volume.geometry.origin += view.right * (pixels * 2.0 * view.half[0] / float(SIZE[0]));
+    rungs.scene.camera = relume::scene::Camera {
+        aim: relume::scene::Aim::LookAt { position: view.eye, target: view.eye + view.forward },
+        projection: relume::scene::Projection::Orthographic { height: Some(2.0 * view.half[1]) },
+        ..rungs.scene.camera
+    };
+    rungs.scene.volume = std::sync::Arc::new(volume);
+    let moved = rungs.march::<f32>(&rungs.stored::<f32>());
+    accumulators(&moved, &expected, &bound, &places.undecided)
+}
+
+macro_rules! ladder {
+    ($($name:ident)*) => {$(
+        #[test]
+        fn $name() {
+            climb(stringify!($name));
+        }
+    )*
+
+        #[test]
+        fn every_scene_climbs() {
+            assert_eq!(scenes::NAMES, [$(stringify!($name)),*]);
+        }
+    };
+}
+
+ladder! {
+    unshaded_one unshaded_three diffuse_one diffuse_three specular_one specular_three xray labels background orthographic
+    inside negative cropped rotated nearest
+}

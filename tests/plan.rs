@@ -1,0 +1,244 @@
+//! What a scene needs is what is planned, no more and no less; and what is not needed changes no picture.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use glam::DVec3;
+use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, plan};
+use relume::scene::{Interpolation, Lookup, Placement, Scene, Shading};
+use relume::spectrum::{Reflectance, Spectrum};
+use support::rungs::{Rungs, with_renderer};
+use support::scenes::{self, SIZE, float};
+
+/// The least plan of three materials: unshaded, one position, nothing else.
+fn least() -> ScenePlan {
+    ScenePlan {
+        accumulate: Accumulate::Weights { materials: 3 },
+        positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
+        shading: None,
+        labels: false,
+        background: false,
+        lookup: Lookup::Linear,
+        interpolation: Interpolation::Linear,
+        skipping: true,
+    }
+}
+
+const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None });
+
+fn directional() -> PositionCounts {
+    PositionCounts { directional: 1, ..PositionCounts::default() }
+}
+
+fn headlight() -> PositionCounts {
+    PositionCounts { headlight: 1, ..PositionCounts::default() }
+}
+
+/// The plan of the scene `name` after `change`.
+fn changed(name: &str, change: impl FnOnce(&mut Scene)) -> ScenePlan {
+    let mut scene = scenes::named(name);
+    change(&mut scene);
+    plan(&scene).plan
+}
+
+#[test]
+fn an_unshaded_scene_has_one_position_however_many_lights() {
+    assert_eq!(changed("unshaded_one", |_| {}), least());
+    assert_eq!(changed("unshaded_three", |_| {}), least());
+}
+
+#[test]
+fn shading_that_is_switched_off_costs_nothing() {
+    assert_eq!(changed("diffuse_three", |scene| scene.shading = Shading::None), least());
+    assert_eq!(changed("specular_one", |scene| scene.shading = Shading::None), least());
+}
+
+#[test]
+fn a_directional_light_has_a_position_and_a_gradient() {
+    assert_eq!(changed("diffuse_one", |_| {}), ScenePlan { positions: directional(), shading: DIFFUSE, ..least() });
+}
+
+#[test]
+fn three_lights_have_three_positions() {
+    let positions = PositionCounts { headlight: 1, directional: 1, point: 1, ..PositionCounts::default() };
+    assert_eq!(changed("diffuse_three", |_| {}), ScenePlan { positions, shading: DIFFUSE, ..least() });
+}
+
+#[test]
+fn lights_that_shading_cannot_tell_apart_share_a_position() {
+    let expected = ScenePlan { positions: directional(), shading: DIFFUSE, ..least() };
+    let second = |scene: &mut Scene, placement: Placement| {
+        let mut light = scene.lights[0].clone();
+        light.name = "second".into();
+        light.placement = placement;
+        scene.lights.push(light);
+    };
+    let key = scenes::named("diffuse_one").lights[0].placement;
+    assert_eq!(changed("diffuse_one", |scene| second(scene, key)), expected);
+    // Two-sided diffuse shading cannot tell a light from the opposite one.
+    let Placement::Directional(direction) = key else { panic!("{key:?}") };
+    assert_eq!(changed("diffuse_one", |scene| second(scene, Placement::Directional(-direction))), expected);
+    // Highlights can.
+    let two = changed("diffuse_one", |scene| {
+        second(scene, Placement::Directional(-direction));
+        scene.materials[0].specular = 0.5;
+    });
+    assert_eq!(two.positions, PositionCounts { directional: 2, ..PositionCounts::default() });
+}
+
+#[test]
+fn materials_without_a_diffuse_part_need_no_gradient() {
+    let flat = changed("diffuse_three", |scene| {
+        scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
+    });
+    assert_eq!(flat, ScenePlan { positions: headlight(), ..least() });
+    let white = changed("diffuse_three", |scene| {
+        scene.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (1.0, 0.0));
+    });
+    assert_eq!(white, least());
+}
+
+#[test]
+fn ambient_light_alone_needs_no_gradient() {
+    let ambient = changed("specular_one", |scene| scene.lights[0].placement = Placement::Ambient);
+    assert_eq!(ambient, least());
+}
+
+#[test]
+fn highlights_of_one_exponent_and_of_several() {
+    let positions = PositionCounts { point: 1, ..PositionCounts::default() };
+    let specular = Some(Specular { one_exponent: true, exponent_bits: 5 });
+    let shading = Some(ShadingTerms { diffuse: true, specular });
+    assert_eq!(changed("specular_one", |_| {}), ScenePlan { positions, shading, ..least() });
+
+    let specular = Some(Specular { one_exponent: false, exponent_bits: 6 });
+    let expected = ScenePlan {
+        accumulate: Accumulate::Weights { materials: 4 },
+        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
+        shading: Some(ShadingTerms { diffuse: true, specular }),
+        ..least()
+    };
+    assert_eq!(changed("specular_three", |_| {}), expected);
+    assert_eq!((expected.components(), expected.lanes(), expected.table_lanes(), expected.layers()), (5, 2, 1, 8));
+}
+
+#[test]
+fn labels_and_a_background_are_planned_where_they_are() {
+    let labels = ScenePlan { positions: directional(), shading: DIFFUSE, labels: true, ..least() };
+    assert_eq!(changed("labels", |_| {}), labels);
+    let undeclared = changed("labels", |scene| scene.labels.as_mut().unwrap().declared.clear());
+    let only_skin = Accumulate::Weights { materials: 1 };
+    assert_eq!(undeclared, ScenePlan { accumulate: only_skin, labels: false, ..labels });
+    assert_eq!(changed("background", |_| {}), ScenePlan { background: true, ..least() });
+}
+
+#[test]
+fn the_camera_and_the_box_plan_nothing() {
+    let shaded = ScenePlan { positions: directional(), shading: DIFFUSE, ..least() };
+    for name in ["inside", "cropped", "negative"] {
+        assert_eq!(changed(name, |_| {}), shaded, "{name}");
+    }
+    assert_eq!(changed("orthographic", |_| {}), ScenePlan { positions: headlight(), shading: DIFFUSE, ..least() });
+    assert_eq!(changed("xray", |_| {}), least());
+}
+
+#[test]
+fn knobs_are_planned_as_they_are_set() {
+    assert_eq!(
+        changed("unshaded_one", |scene| {
+            scene.accuracy.skipping = false;
+            scene.accuracy.interpolation = Interpolation::Nearest;
+            scene.transfer.lookup = Lookup::Nearest;
+        }),
+        ScenePlan { skipping: false, interpolation: Interpolation::Nearest, lookup: Lookup::Nearest, ..least() }
+    );
+}
+
+#[test]
+fn what_nothing_shows_is_left_out() {
+    let unused = changed("unshaded_one", |scene| {
+        scene.materials[1].specular = 1.0;
+        scene.transfer.terms.remove(1);
+    });
+    assert_eq!(unused, ScenePlan { accumulate: Accumulate::Weights { materials: 2 }, ..least() });
+    let nothing = changed("diffuse_one", |scene| scene.transfer.terms.clear());
+    assert_eq!(nothing.components(), 0);
+    assert_eq!(nothing.shading, None);
+    let dark = changed("diffuse_one", |scene| scene.lights.clear());
+    assert_eq!(dark, ScenePlan { positions: PositionCounts::default(), ..least() });
+}
+
+#[test]
+fn a_material_that_nothing_shows_splits_no_position() {
+    let shaded = |material: &mut relume::scene::Material| (material.diffuse, material.specular) = (0.8, 0.5);
+    let flat = changed("diffuse_three", |scene| {
+        scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
+        shaded(&mut scene.materials[1]);
+        scene.transfer.terms.remove(1);
+    });
+    let two = Accumulate::Weights { materials: 2 };
+    assert_eq!(flat, ScenePlan { accumulate: two, positions: headlight(), ..least() });
+}
+
+/// The least plan that shows a scene and the fullest one with every feature switched on to no effect: one picture.
+#[test]
+fn the_least_plan_and_the_fullest_show_the_same() {
+    let least = Rungs::new(scenes::named("unshaded_one"), SIZE);
+    let mut scene = scenes::named("unshaded_one");
+    // Shaded, but by nothing that directions change; a material with highlights of no strength worth the name, one that
+    // shines on nothing, labels that are all 0, a background that is black to f32, and no leaping.
+    scene.shading = Shading::Gradient;
+    scene.accuracy.skipping = false;
+    scene.lights[0].placement = Placement::Ambient;
+    let mut lamp = scene.lights[0].clone();
+    (lamp.name, lamp.intensity) = ("unlit".into(), 0.0);
+    for placement in
+        [Placement::Headlight, Placement::Directional(DVec3::X), Placement::Point(DVec3::new(-50.0, 0.0, 0.0))]
+    {
+        lamp.placement = placement;
+        lamp.name.push('x');
+        scene.lights.push(lamp.clone());
+    }
+    for (material, exponent) in scene.materials.iter_mut().zip([3, 5, 70]) {
+        (material.specular, material.exponent) = (0.5, exponent);
+    }
+    scene.background = Some(Reflectance::new(Spectrum::constant(1e-30)).unwrap());
+    let dims = scene.volume.geometry.dims;
+    let zeros = relume::volume::phantom::slab(dims, 0).unwrap();
+    let entry = relume::scene::LabelEntry { label: 9, name: "nowhere".into(), material: 0, opacity: 0.5 };
+    scene.labels = Some(relume::scene::Labels { volume: std::sync::Arc::new(zeros), declared: vec![entry] });
+    let fullest = Rungs::new(scene, SIZE);
+    let expected = ScenePlan {
+        accumulate: Accumulate::Weights { materials: 3 },
+        positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
+        shading: Some(ShadingTerms {
+            diffuse: true,
+            specular: Some(Specular { one_exponent: false, exponent_bits: 7 }),
+        }),
+        labels: true,
+        background: true,
+        lookup: Lookup::Linear,
+        interpolation: Interpolation::Linear,
+        skipping: false,
+    };
+    assert_eq!(fullest.planned.plan, expected);
+
+    with_renderer(|renderer| {
+        let picture = |rungs: &Rungs| -> Vec<[f32; 4]> {
+            let marched = rungs.gpu_accumulators(renderer);
+            let relight = renderer.relight_linear(&marched).unwrap();
+            relight.run(&rungs.matrices()).unwrap();
+            relight.read().unwrap()
+        };
+        // With gradients beside them values have 15 bits and a half-space less: within half a step of 2⁻¹⁵, which the
+        // steepest ramp (opacity 0.6 in 8000 of 65535) makes 1.3e-4 of a step; some ten steps see a ramp.
+        let limit = 0.6 / 8000.0 * fullest.storage.loss * 10.0 + 1e-5;
+        let mut error = 0.0_f64;
+        for (least, fullest) in picture(&least).iter().zip(picture(&fullest)) {
+            for (one, other) in least.iter().zip(fullest) {
+                error = error.max(f64::from(one - other).abs());
+            }
+        }
+        assert!(error <= limit, "{error} > {limit}, {} pixels", float(SIZE[0] * SIZE[1]));
+    });
+}

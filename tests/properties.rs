@@ -1,0 +1,314 @@
+//! What holds for every scene: light is linear, order and cutting do not matter, equal media look equal.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::sync::Arc;
+
+use glam::DVec3;
+use relume::output::accumulators::{Accumulators, Component, Position, PositionKind};
+use relume::reference::relight;
+use relume::render::{Dispatching, Renderer};
+use relume::scene::{Mix, Placement, Scene, SceneLight};
+use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume::spectrum::{Light, Spectrum};
+use relume::tables::{Accumulation, components};
+use support::device::open;
+use support::rungs::{Rungs, magnitudes, with_renderer};
+use support::scenes::{self, SIZE};
+use support::tolerance::{LINEARITY, RELIT_ABSOLUTE, RELIT_RELATIVE, STEP_INVARIANCE};
+
+/// The device's linear picture of `rungs` under `mix`.
+fn lit(renderer: &Renderer, marched: &relume::render::Accumulators, rungs: &Rungs, mix: &Mix) -> Vec<DVec3> {
+    let relight = renderer.relight_linear(marched).unwrap();
+    relight.run(&rungs.matrices_under(mix)).unwrap();
+    relight.read::<[f32; 4]>().unwrap().iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect()
+}
+
+/// The mix of light `i` alone, as strong as `factor` makes it.
+fn single(mix: &Mix, i: usize, factor: f64) -> Mix {
+    let mut light = mix.0[i].clone();
+    light.weight *= factor;
+    Mix(vec![light])
+}
+
+#[test]
+fn a_mix_is_the_sum_of_its_lights() {
+    with_renderer(|renderer| {
+        for name in ["diffuse_three", "specular_three", "background"] {
+            let rungs = Rungs::new(scenes::named(name), SIZE);
+            let marched = rungs.gpu_accumulators(renderer);
+            let together = lit(renderer, &marched, &rungs, &rungs.mix);
+            let alone = (0..rungs.mix.0.len()).map(|i| lit(renderer, &marched, &rungs, &single(&rungs.mix, i, 1.0)));
+            let sum = alone.reduce(|sum, one| sum.iter().zip(one).map(|(a, b)| *a + b).collect()).unwrap();
+            let scale = magnitudes(&renderer.read(&marched).unwrap(), &rungs.matrices());
+            for ((together, sum), scale) in together.iter().zip(&sum).zip(&scale) {
+                let error = (*together - *sum).abs();
+                assert!(error.cmple(LINEARITY * *scale).all(), "{name}: {together} for {sum}");
+            }
+        }
+    });
+}
+
+#[test]
+fn light_scales_over_twelve_magnitudes() {
+    with_renderer(|renderer| {
+        let rungs = Rungs::new(scenes::named("specular_three"), SIZE);
+        let marched = rungs.gpu_accumulators(renderer);
+        let once = lit(renderer, &marched, &rungs, &rungs.mix);
+        let scale = magnitudes(&renderer.read(&marched).unwrap(), &rungs.matrices());
+        for intensity in [1e-6, 1e-3, 1e3, 1e6] {
+            let mut mix = rungs.mix.clone();
+            mix.0.iter_mut().for_each(|light| light.weight *= intensity);
+            for ((scaled, once), scale) in lit(renderer, &marched, &rungs, &mix).iter().zip(&once).zip(&scale) {
+                let error = (*scaled / intensity - *once).abs();
+                assert!(error.cmple(LINEARITY * *scale).all(), "{intensity}: {scaled} for {once}");
+            }
+        }
+    });
+}
+
+/// The accumulators of `rungs` on the reference in f32 and, where there is one, on the device.
+fn marched(rungs: &Rungs) -> Vec<(&'static str, Accumulation<f32>)> {
+    let mut all = vec![("reference f32", rungs.march::<f32>(&rungs.stored::<f32>()))];
+    with_renderer(|renderer| all.push(("GPU", rungs.gpu(renderer))));
+    all
+}
+
+#[test]
+fn the_order_of_lights_is_the_order_of_their_accumulators_and_nothing_else() {
+    let scene = scenes::named("diffuse_three");
+    let mut turned = scene.clone();
+    turned.lights.reverse();
+    let more = |scene: &mut Scene| {
+        // Two directional lights, whose order is that of the scene.
+        let mut light = scene.lights.iter().find(|light| light.name == "key").unwrap().clone();
+        light.name = "second".into();
+        light.placement = Placement::Directional(DVec3::new(0.3, 0.5, -0.8).normalize());
+        light
+    };
+    let (mut scene, mut turned) = (scene, turned);
+    let light = more(&mut scene);
+    scene.lights.push(light.clone());
+    turned.lights.insert(0, light);
+    let (one, other) = (Rungs::new(scene, SIZE), Rungs::new(turned, SIZE));
+    let names = |rungs: &Rungs| rungs.planned.positions.iter().map(|place| place.name.clone()).collect::<Vec<_>>();
+    assert_ne!(names(&one), names(&other), "something changed places");
+    assert_eq!(one.planned.plan, other.planned.plan);
+    let length = one.planned.plan.components() * SIZE[0] * SIZE[1];
+    for ((rung, one_marched), (_, other_marched)) in marched(&one).iter().zip(&marched(&other)) {
+        assert_eq!(one_marched.transmittance, other_marched.transmittance, "{rung}");
+        for (position, name) in names(&one).iter().enumerate() {
+            let there = names(&other).iter().position(|other| other == name).unwrap();
+            let part = |sums: &[f32], position: usize| sums[position * length..][..length].to_vec();
+            let same = part(&one_marched.weights, position) == part(&other_marched.weights, there);
+            assert!(same, "{rung}: {name}");
+        }
+    }
+}
+
+#[test]
+fn the_order_of_materials_is_the_order_of_their_weights_and_nothing_else() {
+    let scene = scenes::named("diffuse_one");
+    let mut turned = scene.clone();
+    turned.materials.reverse();
+    let last = scene.materials.len() - 1;
+    for term in &mut turned.transfer.terms {
+        term.material.0.iter_mut().for_each(|point| point.1 = last - point.1);
+    }
+    let (one, other) = (Rungs::new(scene, SIZE), Rungs::new(turned, SIZE));
+    let pixels = SIZE[0] * SIZE[1];
+    for ((rung, one), (_, other)) in marched(&one).iter().zip(&marched(&other)) {
+        assert_eq!(one.transmittance, other.transmittance, "{rung}");
+        for material in 0..=last {
+            let plane =
+                |sums: &Accumulation<f32>, material: usize| sums.weights[material * pixels..][..pixels].to_vec();
+            assert!(plane(one, material) == plane(other, last - material), "{rung}: material {material}");
+        }
+    }
+}
+
+/// A slab 24 units thick, straight on, its one material as `material` says.
+fn slab(step: f64, material: &str) -> Rungs {
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        {material}
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "only"
+        range = [100, 200]
+        opacity = 0.08
+        [lights.day]
+        spectrum = "D65"
+        [camera]
+        projection = "orthographic"
+        height = 4
+        position = [8, 8, -10]
+        target = [8, 8, 0]
+        [accuracy]
+        step = {step}
+        termination = 0
+    "#
+    );
+    Rungs::new(scenes::of(&text, scenes::slab([17, 17, 25], 150)), [8, 8])
+}
+
+#[test]
+fn halving_the_step_leaves_a_slab_as_it_is() {
+    for material in ["", "xray = true"] {
+        let (whole, half) = (slab(1.0, material), slab(0.5, material));
+        for ((rung, whole), (_, half)) in marched(&whole).iter().zip(&marched(&half)) {
+            let pairs = whole.weights.iter().zip(&half.weights);
+            for (&one, &other) in pairs.chain(whole.transmittance.iter().zip(&half.transmittance)) {
+                let error = f64::from(one - other).abs() / f64::from(one);
+                assert!(error <= STEP_INVARIANCE, "{rung}: {material:?}: {one} and {other}");
+            }
+        }
+    }
+}
+
+#[test]
+fn an_xray_slab_adds_up_and_hides_nothing() {
+    let rungs = slab(1.0, "xray = true");
+    // 24 steps of −ln(1 − 0.08) each.
+    let expected = -24.0 * (-0.08_f64).ln_1p();
+    for (rung, sums) in marched(&rungs) {
+        assert!(sums.transmittance.iter().all(|&passed| (passed - 1.0).abs() <= 0.0), "{rung}");
+        for &weight in &sums.weights {
+            let error = (f64::from(weight) - expected).abs() / expected;
+            assert!(error <= STEP_INVARIANCE, "{rung}: {weight} for {expected}");
+        }
+    }
+}
+
+/// An accumulator file of `sums`.
+fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
+    let Rungs { scene, planned, .. } = rungs;
+    let spectra = components(scene, planned);
+    let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
+    let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
+    let position = |place: &relume::scene::Position| Position {
+        name: place.name.clone(),
+        kind: match place.placement {
+            Placement::Ambient => PositionKind::Ambient,
+            Placement::Headlight => PositionKind::Headlight,
+            Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
+            Placement::Point(point) => PositionKind::Point(point.to_array()),
+        },
+    };
+    Accumulators {
+        width: SIZE[0],
+        height: SIZE[1],
+        components: spectra.iter().enumerate().map(component).collect(),
+        positions: planned.positions.iter().map(position).collect(),
+        lights: Vec::new(),
+        background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
+        exposure: 1.0,
+        adapt: false,
+        weights: sums.weights,
+        transmittance: sums.transmittance,
+    }
+}
+
+#[test]
+fn stored_accumulators_relight_to_a_fresh_render() {
+    let folder = tempfile::tempdir().unwrap();
+    with_renderer(|renderer| {
+        for name in ["diffuse_three", "specular_three", "background", "unshaded_one"] {
+            let rungs = Rungs::new(scenes::named(name), SIZE);
+            let path = folder.path().join("sums.exr");
+            file_of(&rungs, rungs.gpu(renderer)).write(&path).unwrap();
+            let file = Accumulators::read(&path).unwrap();
+            let stored = Accumulation { size: SIZE, weights: file.weights, transmittance: file.transmittance };
+            // A light that the scene does not have, where one of its lights is.
+            let place = rungs.mix.0[0].position;
+            let spectrum = Light::new(Spectrum::gaussian(540.0, 25.0, 1.0).unwrap()).unwrap();
+            let mut mix = single(&rungs.mix, 0, 1.0);
+            (mix.0[0].spectrum, mix.0[0].weight) = (spectrum.clone(), 1.7);
+            let relit = relight(&stored, &rungs.matrices_under(&mix));
+
+            let mut scene = rungs.scene.clone();
+            let placement = rungs.planned.positions[place].placement;
+            scene.lights = vec![SceneLight { name: "new".into(), spectrum, intensity: 1.7, placement }];
+            let fresh = Rungs::new(scene, SIZE);
+            let fresh = lit(renderer, &fresh.gpu_accumulators(renderer), &fresh, &fresh.mix);
+            for (relit, fresh) in relit.iter().zip(&fresh) {
+                let [relit, fresh] = [relit, fresh].map(|&rgb| *XYZ_FROM_LINEAR_SRGB * rgb);
+                let limit = RELIT_RELATIVE * fresh.abs().max_element() + RELIT_ABSOLUTE;
+                assert!((relit - fresh).abs().max_element() <= limit, "{name}: {relit} for {fresh}");
+            }
+        }
+    });
+}
+
+/// The bytes of the accumulators, so that −0 and NaN count too.
+fn bits(sums: &Accumulation<f32>) -> Vec<u32> {
+    sums.weights.iter().chain(&sums.transmittance).map(|weight| weight.to_bits()).collect()
+}
+
+#[test]
+fn leaping_over_what_is_empty_changes_no_byte() {
+    with_renderer(|renderer| {
+        for name in scenes::NAMES {
+            let mut scene = scenes::named(name);
+            let leaping = Rungs::new(scene.clone(), SIZE);
+            assert!(leaping.planned.plan.skipping, "{name}");
+            let accumulators = leaping.gpu_accumulators(renderer);
+            let [occupied, cells] = accumulators.occupied;
+            scene.accuracy.skipping = false;
+            let walking = Rungs::new(scene, SIZE);
+            let same = bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer));
+            assert!(same, "{name}: {occupied} of {cells} cells hold something");
+        }
+        // A small thing in a large void, so that much is leapt over, off every cell's border.
+        let mut scene = scenes::named("rotated");
+        scene.volume = Arc::new(scenes::sampled([61, 53, 47], |p| {
+            60000.0 * (-(p - DVec3::new(0.4, -0.3, 0.2)).length_squared() / 0.01).exp()
+        }));
+        let leaping = Rungs::new(scene.clone(), SIZE);
+        let accumulators = leaping.gpu_accumulators(renderer);
+        let [occupied, cells] = accumulators.occupied;
+        assert!(occupied * 10 <= cells && occupied > 0, "{occupied} of {cells} cells hold something");
+        scene.accuracy.skipping = false;
+        let walking = Rungs::new(scene, SIZE);
+        assert!(bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer)));
+    });
+}
+
+#[test]
+fn bands_slices_and_workgroups_change_no_byte() {
+    let usual = Dispatching::default();
+    let ways = [
+        Dispatching { samples: Some(1), slice: 7, ..usual },
+        Dispatching { samples: Some(3000), slice: 64, ..usual },
+        Dispatching { group: [16, 4], ..usual },
+        Dispatching { group: [1, 64], ..usual },
+        Dispatching { group: [64, 1], samples: Some(1), slice: 31 },
+    ];
+    for name in ["specular_three", "labels", "inside", "xray"] {
+        let mut scene = scenes::named(name);
+        scene.accuracy.termination = 1e-3;
+        for skipping in [true, false] {
+            scene.accuracy.skipping = skipping;
+            let rungs = Rungs::new(scene.clone(), SIZE);
+            let Some(device) = open() else { return };
+            let mut renderer = Renderer::new(device);
+            let whole = rungs.gpu_accumulators(&renderer);
+            assert_eq!(whole.dispatches, 1, "{name}: small enough for one");
+            let whole = bits(&renderer.read(&whole).unwrap());
+            for way in ways {
+                renderer = renderer.with_dispatching(way);
+                let cut = rungs.gpu_accumulators(&renderer);
+                let dispatches = cut.dispatches;
+                assert!(dispatches > 1 || way.samples.is_none(), "{name}: {way:?}: {dispatches} dispatches");
+                assert!(bits(&renderer.read(&cut).unwrap()) == whole, "{name}: {way:?}: {dispatches} dispatches");
+            }
+            let messages = renderer.device().validation_messages();
+            assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
+        }
+    }
+}

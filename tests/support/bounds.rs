@@ -1,0 +1,286 @@
+//! How far two rungs may be apart in each number of each pixel, from how far their samples may be apart.
+//!
+//! Where a step's weights w may be off by δw, its opacity by δα and its normal by δn, an accumulator Σ T·w·shade is off
+//! by at most Σ T·(δw·shade + w·|shade′|·δn + δα·B): losing δα more of the light loses at most that share of what is
+//! behind, which is B ≤ 1 for materials that occlude as much as they scatter (Σ w = α), and the pixel's own X-ray sum
+//! where there are X-ray materials. That is itself a march, of the differences in place of the weights, and
+//! `reference::march` does it. Products of two errors are left out; they are below 1e-5 of the bounds.
+
+use glam::DVec3;
+use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan};
+use relume::reference::{Real, Samples, Step};
+use relume::scene::{Lookup, Placement, Position, View};
+use relume::tables::{Accumulation, RayTable, StoredVolume, step_of_value};
+
+use super::rungs::Rungs;
+use super::scenes::float;
+use super::tolerance::ROUNDING_UNIT;
+
+/// Half-vectors are further off than the directions they halve, by 2/|l + v|: the scenes' lights are in front.
+const HALFWAY: f64 = 2.0;
+
+/// What two rungs may take differently from a sample.
+#[derive(Debug, Default)]
+pub struct Difference {
+    pub weights: Vec<f64>,
+    pub opacity: f64,
+    pub normal: f64,
+}
+
+impl Difference {
+    /// At least as far as from `one` to `other`.
+    fn include(&mut self, one: &Step<f64>, other: &Step<f64>) {
+        self.weights.resize(one.weights.len(), 0.0);
+        for (difference, (one, other)) in self.weights.iter_mut().zip(one.weights.iter().zip(&other.weights)) {
+            *difference = difference.max((one - other).abs());
+        }
+        self.opacity = self.opacity.max((one.opacity - other.opacity).abs());
+        let square: f64 = one.normal.iter().zip(other.normal).map(|(a, b)| (a - b) * (a - b)).sum();
+        self.normal = self.normal.max(square.sqrt());
+    }
+}
+
+/// Samples that hold a bound per component and, behind them, one of the transmittance.
+struct Bounding<'a, F> {
+    rungs: &'a Rungs,
+    behind: f64,
+    sample: F,
+}
+
+impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Bounding<'_, F> {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        let (found, difference) = (self.sample)(place);
+        let Rungs { scene, planned, .. } = self.rungs;
+        let lost = difference.opacity * self.behind;
+        step.weights.clear();
+        let mut white = lost;
+        for ((&weight, &moved), &m) in found.weights.iter().zip(&difference.weights).zip(&planned.materials) {
+            let material = &scene.materials[m];
+            let (shade, slope) = match planned.plan.shading {
+                None => (1.0, 0.0),
+                Some(_) => ((material.ambient + material.diffuse).max(1.0), material.diffuse),
+            };
+            step.weights.push(moved * shade + weight * slope * difference.normal + lost);
+            let slope = f64::from(material.exponent) * (1.0 + HALFWAY);
+            white += material.specular * (moved + weight * slope * difference.normal);
+        }
+        if planned.plan.specular().is_some() {
+            step.weights.push(white);
+        }
+        step.weights.push(difference.opacity);
+        step.opacity = found.opacity;
+    }
+}
+
+/// The bound of every number of `expected` (its own layout), for samples that differ as `sample` says and for
+/// `roundings` per step in the arithmetic of a step and its sum.
+pub fn bounds<R: Real>(
+    rungs: &Rungs,
+    expected: &Accumulation<R>,
+    roundings: f64,
+    sample: impl Fn([f64; 3]) -> (Step<f64>, Difference) + Sync,
+) -> Accumulation<f64> {
+    let Rungs { scene, planned, size, .. } = rungs;
+    let components = planned.plan.components();
+    let plan = ScenePlan {
+        accumulate: Accumulate::Weights { materials: components + 1 },
+        positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
+        shading: None,
+        ..planned.plan.clone()
+    };
+    let everywhere = Position { name: "everywhere".into(), placement: Placement::Ambient, lights: Vec::new() };
+    let differences = Planned { plan, materials: Vec::new(), positions: vec![everywhere] };
+    let behind = expected.weights.iter().fold(1.0_f64, |most, weight| most.max(weight.to_f64()));
+    let bounding = Bounding { rungs, behind, sample };
+    let marched = relume::reference::march(scene, &differences, &bounding, *size, &relume::progress::Quiet).unwrap();
+
+    let pixels = size[0] * size[1];
+    let rounded = roundings * longest(rungs) * ROUNDING_UNIT;
+    let plane = |component: usize| &marched.weights[component * pixels..][..pixels];
+    let weights = expected.weights.iter().enumerate().map(|(i, weight)| {
+        plane(i / pixels % components)[i % pixels] + rounded * weight.to_f64().abs() + f64::from(f32::MIN_POSITIVE)
+    });
+    let transmittance =
+        expected.transmittance.iter().zip(plane(components)).map(|(passed, moved)| moved + rounded * passed.to_f64());
+    Accumulation {
+        size: *size,
+        weights: weights.collect(),
+        transmittance: transmittance.map(|bound| bound + f64::from(f32::MIN_POSITIVE)).collect(),
+    }
+}
+
+/// Between two f64 rungs: the scene itself, and its stored tables and volume.
+///
+/// A linear table misses what it stands for by at most a quarter of the second difference over two entries (a bend in the
+/// middle of an entry is missed by a quarter of its change of slope per entry, of which such a difference sees at least
+/// 1.5 entries; a parabola, by a 32nd of it), a rounding of its own entries aside; a stored value is off by
+/// [`relume::tables::Storage::loss`], a stored difference by half a code.
+pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f64> {
+    assert_eq!(rungs.planned.plan.lookup, Lookup::Linear, "jumps move by an entry");
+    let [low, high] = rungs.storage.domain;
+    let entry = (high - low) / float(rungs.table.entries() - 1);
+    let exact = rungs.exact();
+    let texels = Texels::new(&rungs.volume);
+    let scale = DVec3::from_array(rungs.storage.gradient_scale());
+    let [value_scale, value_offset] = rungs.storage.normalised_from_texel();
+    bounds(rungs, expected, 4.0, |place| {
+        let mut here = Step::default();
+        exact.sample(place, &mut here);
+        let texel = texels.at(place);
+        let value = (high - low).mul_add(texel[texels.parts - 1].mul_add(value_scale, value_offset), low);
+        let at = |entries: f64| step_of_value(&rungs.scene, &rungs.planned, entry.mul_add(entries, value));
+        let around: Vec<_> = (-3..=3).map(|entries| at(f64::from(entries))).collect();
+        let second = |pick: &dyn Fn(&relume::tables::Step) -> f64| {
+            let differences = (2..=4_usize).map(|middle| {
+                (pick(&around[middle - 2]) - 2.0 * pick(&around[middle]) + pick(&around[middle + 2])).abs()
+            });
+            let lost = (rungs.storage.loss + (high - low) * ROUNDING_UNIT) / entry;
+            let moved = (pick(&at(lost)) - pick(&around[3])).abs().max((pick(&at(-lost)) - pick(&around[3])).abs());
+            differences.fold(0.0, f64::max) / 4.0 + moved + ROUNDING_UNIT * pick(&around[3]).abs()
+        };
+        let difference = Difference {
+            weights: (0..here.weights.len())
+                .map(|m| second(&|step| step.weights[m]) + ROUNDING_UNIT * here.weights[m])
+                .collect(),
+            opacity: second(&|step| step.opacity) + ROUNDING_UNIT * here.opacity,
+            normal: direction_error(&texel, scale, 0.5 / 32767.0),
+        };
+        (here, difference)
+    })
+}
+
+/// Between two rungs that read the same tables and volume, at places up to `reach` (texture coordinates) apart: the
+/// differences to the corners of the cube that far around a place, which hold the extremes of anything that is monotonic
+/// in the cube, and the roundings of interpolation.
+pub fn of_places<R: Real>(
+    rungs: &Rungs,
+    expected: &Accumulation<R>,
+    reach: [f64; 3],
+    roundings: f64,
+) -> Accumulation<f64> {
+    let stored = rungs.stored::<f64>();
+    let texels = Texels::new(&rungs.volume);
+    let scale = DVec3::from_array(rungs.storage.gradient_scale());
+    bounds(rungs, expected, roundings, |place| {
+        let mut here = Step::default();
+        stored.sample(place, &mut here);
+        let mut difference = Difference::default();
+        for corner in 0..8 {
+            let moved = std::array::from_fn(|axis| {
+                if corner >> axis & 1 == 0 { place[axis] - reach[axis] } else { place[axis] + reach[axis] }
+            });
+            let mut there = Step::default();
+            stored.sample(moved, &mut there);
+            difference.include(&here, &there);
+        }
+        if texels.parts == 4 {
+            // Three interpolations, each of at most three roundings of numbers up to 1.
+            difference.normal += direction_error(&texels.at(place), scale, 9.0 * ROUNDING_UNIT) + 8.0 * ROUNDING_UNIT;
+        }
+        // A value's own roundings are those of its place: three interpolations, a scale and an offset.
+        (here, difference)
+    })
+}
+
+/// How far a normal may turn when each stored difference is off by `error`.
+fn direction_error(texel: &[f64; 4], scale: DVec3, error: f64) -> f64 {
+    let gradient = DVec3::new(texel[0], texel[1], texel[2]) * scale;
+    let off = (scale * error).length();
+    if off > 0.0 { (2.0 * off / gradient.length()).min(2.0) } else { 0.0 }
+}
+
+/// Trilinear interpolation of a stored volume, written once more.
+struct Texels<'a> {
+    volume: &'a StoredVolume,
+    parts: usize,
+}
+
+impl<'a> Texels<'a> {
+    fn new(volume: &'a StoredVolume) -> Self {
+        Self { volume, parts: if volume.has_gradient { 4 } else { 1 } }
+    }
+
+    fn at(&self, place: [f64; 3]) -> [f64; 4] {
+        let dims = self.volume.dims;
+        let mut sum = [0.0; 4];
+        for corner in 0..8 {
+            let (mut weight, mut index) = (1.0, [0; 3]);
+            for axis in 0..3 {
+                let voxel = (place[axis] * float(dims[axis]) - 0.5).clamp(0.0, float(dims[axis] - 1));
+                let below = voxel.floor();
+                let upper = corner >> axis & 1 == 1;
+                weight *= if upper { voxel - below } else { 1.0 - (voxel - below) };
+                index[axis] = (whole(below) + usize::from(upper)).min(dims[axis] - 1);
+            }
+            let first = (index[0] + dims[0] * (index[1] + dims[1] * index[2])) * self.parts;
+            for (sum, &texel) in sum.iter_mut().zip(&self.volume.texels[first..first + self.parts]) {
+                *sum += weight * f64::from(texel);
+            }
+        }
+        sum
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a small whole number")]
+fn whole(value: f64) -> usize {
+    value as usize
+}
+
+/// Samples of the longest ray.
+pub fn longest(rungs: &Rungs) -> f64 {
+    f64::from(rays(rungs).0.samples)
+}
+
+fn rays(rungs: &Rungs) -> (RayTable, View) {
+    let aspect = float(rungs.size[0]) / float(rungs.size[1]);
+    let view = rungs.scene.camera.view(&rungs.scene.volume.geometry, aspect).unwrap();
+    (RayTable::new(&rungs.scene, &view).unwrap(), view)
+}
+
+/// How far the place of a sample may be off in f32, in texture coordinates, and the pixels that cannot be judged.
+#[derive(Debug)]
+pub struct Places {
+    pub error: f64,
+    /// A rounding decides over a whole sample: the ray's length is a whole number of steps, or it enters by a face that
+    /// it grazes.
+    pub undecided: Vec<bool>,
+}
+
+/// A rounding moves the entry along a ray by up to this many times itself, or the pixel counts as grazing.
+const GRAZING: f64 = 8.0;
+
+/// About 16 roundings of numbers up to the farthest coordinate: two in u and v each, three in the base, five in the
+/// direction, five in its length, one division and a difference to the box, two in the place itself. The division by
+/// the direction makes them up to [`GRAZING`] times larger; what it is for this picture is measured.
+pub fn places(rungs: &Rungs) -> Places {
+    let rays = rays(rungs).0;
+    let [width, height] = rungs.size;
+    let farthest = (rays.base.abs() + rays.base_u.abs() + rays.base_v.abs()).max_element() + 1.0;
+    let step = rungs.scene.accuracy.step_length;
+    let mut steepest = 1.0_f64;
+    let mut undecided = Vec::new();
+    for pixel in 0..width * height {
+        let u = 2.0 * (float(pixel % width) + 0.5) / float(width) - 1.0;
+        let v = 1.0 - 2.0 * (float(pixel / width) + 0.5) / float(height);
+        let base = rays.base + u * rays.base_u + v * rays.base_v;
+        let length = (1.0 + u * u * rays.spread_u + v * v * rays.spread_v).sqrt();
+        let direction = (rays.direction + u * rays.direction_u + v * rays.direction_v) / length;
+        let (a, b) = ((rays.low - base) / direction, (rays.high - base) / direction);
+        let (enter, leave) = (a.min(b), a.max(b));
+        let (from_box, from_eye) = (enter.max_element(), -rays.eye_distance * length);
+        let near = from_box.max(from_eye);
+        let steps = (leave.min_element() - near) / step - 0.5;
+        let slowest = if from_box > from_eye {
+            (0..3).filter(|&axis| enter[axis] >= from_box).map(|axis| direction[axis].abs()).fold(f64::MAX, f64::min)
+        } else {
+            direction.abs().max_element()
+        };
+        let grazing = direction.abs().max_element() / slowest;
+        let misses = steps < -0.6;
+        undecided.push(!misses && ((steps - steps.round()).abs() < 1e-3 || grazing > GRAZING));
+        if !misses && grazing <= GRAZING {
+            steepest = steepest.max(grazing);
+        }
+    }
+    Places { error: 16.0 * ROUNDING_UNIT * farthest * steepest, undecided }
+}

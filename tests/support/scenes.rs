@@ -1,0 +1,252 @@
+//! Small scenes, each with something of its own; every rung renders them.
+//!
+//! Ramps of their transfer functions are wide against a table entry, so that a table misses them by its second
+//! difference and not by their height. Their cameras look obliquely, so that no ray grazes the face it enters by.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use relume::progress::Quiet;
+use relume::scene::{LabelEntry, Labels, Scene, SceneOptions, parse};
+use relume::spectrum::{BANDS, Reflectance, Spectrum};
+use relume::volume::{Geometry, Volume, Voxels};
+
+/// Pictures of these scenes, across and down: not square, and no multiple of a workgroup.
+pub const SIZE: [usize; 2] = [44, 36];
+
+/// Every scene of the ladder.
+pub const NAMES: &[&str] = &[
+    "unshaded_one",
+    "unshaded_three",
+    "diffuse_one",
+    "diffuse_three",
+    "specular_one",
+    "specular_three",
+    "xray",
+    "labels",
+    "background",
+    "orthographic",
+    "inside",
+    "negative",
+    "cropped",
+    "rotated",
+    "nearest",
+];
+
+/// Three balls in one another: a shell, a middle and a core, by grey value.
+const MATERIALS: &str = r#"
+    [materials.core]
+    reflectance = "blue sky"
+    [materials.middle]
+    reflectance = "orange"
+    [materials.shell]
+    reflectance = "foliage"
+"#;
+
+const TRANSFER: &str = r#"
+    [transfer]
+    opacity_length = 1
+    [[transfer.intervals]]
+    material = "shell"
+    range = [9000, 13000]
+    ramp = 6000
+    opacity = 0.06
+    [[transfer.intervals]]
+    material = "middle"
+    range = [22000, 30000]
+    ramp = 6000
+    opacity = 0.2
+    [[transfer.intervals]]
+    material = "core"
+    range = [44000, 70000]
+    ramp = 8000
+    opacity = 0.6
+"#;
+
+const CAMERA: &str = "
+    [camera]
+    azimuth = 35
+    elevation = 28
+    fill = 1.8
+";
+
+/// Every ray to its end: what a termination leaves out is a test of its own.
+const ACCURACY: &str = "
+    [accuracy]
+    step = 0.7
+    termination = 0
+";
+
+const KEY: &str = r#"
+    [lights.key]
+    spectrum = "D65"
+    kind = "directional"
+    direction = [-0.5, -0.8, -0.4]
+"#;
+
+/// Two more than [`KEY`], of other spectra, elsewhere.
+const MORE: &str = r#"
+    [lights.head]
+    spectrum = "FL11"
+    intensity = 0.4
+    [lights.lamp]
+    spectrum = "A"
+    intensity = 0.7
+    kind = "point"
+    position = [40, -5, 10]
+"#;
+
+/// The scene that `text` describes, with `volume` in it.
+pub fn of(text: &str, volume: Volume) -> Scene {
+    // The file's own volume is replaced; it has these dimensions, because a crop box is checked against them.
+    let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = {:?}\n", volume.geometry.dims);
+    let mut scene = parse("the test's scene", &text, Path::new(""), &SceneOptions::default(), &Quiet)
+        .unwrap_or_else(|error| panic!("{error:?}\n{text}"));
+    scene.volume = Arc::new(volume);
+    scene
+}
+
+/// A volume of `value(x, y, z)`, every axis from −1 to 1, in 16 bits; spacing 1.
+pub fn sampled(dims: [usize; 3], value: impl Fn(DVec3) -> f64) -> Volume {
+    let place = |i: usize, n: usize| if n == 1 { 0.0 } else { 2.0 * float(i) / float(n - 1) - 1.0 };
+    let [nx, ny, nz] = dims;
+    let mut voxels = Vec::new();
+    for z in 0..nz {
+        for y in 0..ny {
+            for x in 0..nx {
+                voxels.push(code(value(DVec3::new(place(x, nx), place(y, ny), place(z, nz)))));
+            }
+        }
+    }
+    Volume::new("sampled", Voxels::U16(voxels), Geometry::unit("sampled", dims).unwrap()).unwrap()
+}
+
+/// Two soft balls that touch.
+pub fn balls() -> Volume {
+    let ball = |p: DVec3, centre: DVec3, width: f64| (-(p - centre).length_squared() / (2.0 * width * width)).exp();
+    sampled([32, 28, 26], |p| {
+        60000.0 * ball(p, DVec3::new(-0.2, 0.1, 0.0), 0.33) + 30000.0 * ball(p, DVec3::new(0.5, -0.35, 0.2), 0.24)
+    })
+}
+
+/// A volume of one value.
+pub fn slab(dims: [usize; 3], value: u16) -> Volume {
+    sampled(dims, |_| f64::from(value))
+}
+
+/// The scene `name` of [`NAMES`].
+pub fn named(name: &str) -> Scene {
+    let usual = |head: &str, lights: &str| of(&[head, MATERIALS, TRANSFER, CAMERA, ACCURACY, lights].concat(), balls());
+    match name {
+        "unshaded_one" => usual("shading = \"none\"", KEY),
+        "unshaded_three" => usual("shading = \"none\"", &[KEY, MORE].concat()),
+        "diffuse_one" => usual("", KEY),
+        "diffuse_three" => usual("", &[KEY, MORE].concat()),
+        "specular_one" => {
+            let mut scene = usual("", "[lights.lamp]\nspectrum = \"A\"\nkind = \"point\"\nposition = [40, -30, -20]\n");
+            for material in &mut scene.materials {
+                (material.specular, material.exponent) = (0.5, 20);
+            }
+            scene
+        }
+        "specular_three" => {
+            let sky = "[lights.sky]\nspectrum = \"D50\"\nkind = \"ambient\"\nintensity = 0.3\n";
+            let mut scene = usual("", &[KEY, MORE, sky].concat());
+            // A fourth material: with white, five components, which is a lane and one more.
+            let mut fourth = scene.materials[1].clone();
+            fourth.name = "tip".into();
+            fourth.reflectance = Reflectance::new(Spectrum::gaussian(610.0, 30.0, 0.9).unwrap()).unwrap();
+            scene.materials.push(fourth);
+            let mut term = scene.transfer.terms[1].clone();
+            term.material.0 = vec![(20000.0, 1), (30000.0, 3)];
+            scene.transfer.terms[1] = term;
+            for (material, (specular, exponent)) in
+                scene.materials.iter_mut().zip([(0.5, 12), (0.3, 7), (0.0, 20), (0.8, 33)])
+            {
+                (material.specular, material.exponent) = (specular, exponent);
+            }
+            scene
+        }
+        "xray" => {
+            let mut scene = usual("shading = \"none\"", KEY);
+            scene.materials[2].xray = true;
+            scene
+        }
+        "labels" => labels(),
+        "background" => usual("shading = \"none\"\nbackground = \"moderate red\"", &[KEY, MORE].concat()),
+        "orthographic" => {
+            let camera = "[camera]\nprojection = \"orthographic\"\nazimuth = 35\nelevation = 28\nfill = 1.8\n";
+            let head = "[lights.head]\nspectrum = \"FL2\"\n";
+            of(&[MATERIALS, TRANSFER, camera, ACCURACY, head].concat(), balls())
+        }
+        "inside" => {
+            let camera = "[camera]\nfov = 70\nposition = [27.3, 6.1, 20.2]\ntarget = [13, 15, 12]\n";
+            of(&[MATERIALS, TRANSFER, camera, ACCURACY, KEY].concat(), balls())
+        }
+        "negative" => {
+            let mut scene = usual("", KEY);
+            let wave = |band: usize| 0.4 + 0.9 * (float(band) * 0.35).sin();
+            scene.materials[0].reflectance =
+                Reflectance::new(Spectrum::from_samples(std::array::from_fn::<_, BANDS, _>(wave))).unwrap();
+            scene
+        }
+        "cropped" => usual("crop = { min = [10.5, 3.25, 4.5], max = [22.5, 20, 13] }", KEY),
+        "rotated" => {
+            let mut scene = usual("", &[KEY, MORE].concat());
+            let mut volume = balls();
+            // Every axis becomes another one, nearly: so that the camera still looks obliquely.
+            let direction = DMat3::from_euler(glam::EulerRot::XYZ, 1.67, 0.1, 1.47);
+            volume.geometry =
+                Geometry::new("rotated", volume.geometry.dims, DVec3::new(0.8, 1.0, 1.7), DVec3::splat(5.0), direction)
+                    .unwrap();
+            scene.volume = Arc::new(volume);
+            scene
+        }
+        "nearest" => {
+            let mut scene = usual("", KEY);
+            scene.accuracy.interpolation = relume::scene::Interpolation::Nearest;
+            scene.transfer.lookup = relume::scene::Lookup::Nearest;
+            scene
+        }
+        _ => panic!("there is no scene {name}"),
+    }
+}
+
+/// The frog phantom, its skin by value and two organs by label.
+fn labels() -> Scene {
+    let dims = Some([36, 34, 20]);
+    let text = r#"
+        [materials.bone]
+        reflectance = "white 9.5"
+        [materials.organ]
+        reflectance = "moderate red"
+        [materials.skin]
+        reflectance = "foliage"
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "skin"
+        range = [60, 120]
+        ramp = 30
+        opacity = 0.1
+    "#;
+    let volume = Volume::phantom(relume::volume::Phantom::Frog, dims).unwrap();
+    let labels = Volume::frog_labels(dims).unwrap();
+    let mut scene = of(&[text, CAMERA, ACCURACY, KEY].concat(), volume);
+    let entry = |label, name: &str, material, opacity| LabelEntry { label, name: name.into(), material, opacity };
+    // Two of the phantom's labels; the others are undeclared and follow the transfer function.
+    let declared = vec![entry(1, "first", 1, 0.3), entry(2, "second", 0, 0.7)];
+    scene.labels = Some(Labels { volume: Arc::new(labels), declared });
+    scene
+}
+
+/// A small count as a number.
+pub fn float(n: usize) -> f64 {
+    f64::from(u32::try_from(n).unwrap())
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded to 16 bits, casts saturate")]
+fn code(value: f64) -> u16 {
+    value.round() as u16
+}
