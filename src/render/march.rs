@@ -405,7 +405,8 @@ mod tests {
             interpolation: Interpolation::Linear,
             skipping: true,
         };
-        let words = |materials| shader(&plan(materials), 0).map(|shader| shader.words).ok();
+        let words =
+            |materials| shader(&plan(materials), 0, Dispatching::default().group).map(|shader| shader.words).ok();
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");
