@@ -180,6 +180,22 @@ pub(crate) fn warn_of_storage(storage: &Storage, labels: Option<&LabelMap>) {
     }
 }
 
+/// Says why a picture is black.
+fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: usize) {
+    if planned.materials.is_empty() {
+        tracing::warn!("the scene shows no material: give its transfer function intervals with an opacity above 0");
+    } else if occupied == 0 {
+        tracing::warn!(
+            "nothing in {} is visible: its transfer function is 0 over all its values (see `relume info {}`)",
+            scene.volume.source,
+            scene.volume.source
+        );
+    }
+    if mix.0.iter().all(|light| light.weight <= 0.0) {
+        tracing::warn!("no light shines: the picture is black");
+    }
+}
+
 fn on_device(
     scene: &Scene,
     planned: &Planned,
@@ -200,6 +216,7 @@ fn on_device(
     let clock = Stopwatch::start();
     let accumulators = renderer.march(scene, planned, &uploaded, args.size, progress)?;
     let march = clock.read();
+    warn_of_nothing(scene, planned, mix, accumulators.occupied[0]);
 
     let clock = Stopwatch::start();
     let matrices = matrices(scene, planned, mix);

@@ -97,15 +97,18 @@ pub struct Accumulators {
     pub(super) transmittance: StorageImage,
 }
 
+/// The shader's name and text.
+const SOURCE: (&str, &str) = ("shaders/march.wgsl", include_str!("../../shaders/march.wgsl"));
+
 /// Constants that both shaders know.
 pub(super) fn common(plan: &ScenePlan) -> Constants {
     Constants::new().u32("LAYERS", unsigned(plan.layers().max(1))).u32("LAYERS_USED", unsigned(plan.layers()))
 }
 
-/// The march shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
+/// What `plan` fixes in the march shader.
+fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants {
     let specular = plan.specular();
-    let constants = common(plan)
+    common(plan)
         .u32("LANES", unsigned(plan.lanes().max(1)))
         .u32("TABLE_LANES", unsigned(plan.table_lanes().max(1)))
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
@@ -126,8 +129,12 @@ pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Re
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
         .u32("GROUP_WIDTH", group[0])
-        .u32("GROUP_HEIGHT", group[1]);
-    compile(&[("shaders/march.wgsl", include_str!("../../shaders/march.wgsl"))], &constants)
+        .u32("GROUP_HEIGHT", group[1])
+}
+
+/// The march shader of `plan`.
+pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
+    compile(&[SOURCE], &constants(plan, one_exponent, group))
 }
 
 impl MarchUniform {
@@ -392,10 +399,8 @@ mod tests {
     use crate::plan::{Accumulate, PositionCounts, ShadingTerms};
     use crate::scene::Interpolation;
 
-    /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
-    #[test]
-    fn four_spectral_materials_march_with_the_shader_of_three_colours() {
-        let plan = |materials| ScenePlan {
+    fn plan_of(materials: usize) -> ScenePlan {
+        ScenePlan {
             accumulate: Accumulate::Weights { materials },
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
             shading: Some(ShadingTerms { diffuse: true, specular: None }),
@@ -404,9 +409,58 @@ mod tests {
             lookup: Lookup::Nearest,
             interpolation: Interpolation::Linear,
             skipping: true,
-        };
+        }
+    }
+
+    #[test]
+    fn march_uniform_lies_where_the_shader_reads_it() {
+        macro_rules! lies {
+            ($($field:ident),*) => {
+                vec![$((stringify!($field).to_owned(), std::mem::offset_of!(MarchUniform, $field))),*]
+            };
+        }
+        let ours = lies!(
+            base,
+            eye_distance,
+            base_u,
+            spread_u,
+            base_v,
+            spread_v,
+            direction,
+            step_length,
+            direction_u,
+            termination,
+            direction_v,
+            coordinate_scale,
+            low,
+            coordinate_offset,
+            high,
+            coordinate_last,
+            cell_scale,
+            pixel_width,
+            cell_offset,
+            pixel_height,
+            local_scale,
+            samples,
+            gradient_scale,
+            width,
+            cells,
+            height
+        );
+        let constants = constants(&plan_of(4), 0, Dispatching::default().group);
+        let theirs = crate::shader::struct_layout(&[SOURCE], &constants, "March").ok();
+        let fields = theirs.as_ref().map(|layout| {
+            layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
+        });
+        assert_eq!(fields, Some(ours), "names and offsets");
+        assert_eq!(theirs.map(|layout| layout.size as usize), Some(size_of::<MarchUniform>()), "size");
+    }
+
+    /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
+    #[test]
+    fn four_spectral_materials_march_with_the_shader_of_three_colours() {
         let words =
-            |materials| shader(&plan(materials), 0, Dispatching::default().group).map(|shader| shader.words).ok();
+            |materials| shader(&plan_of(materials), 0, Dispatching::default().group).map(|shader| shader.words).ok();
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");

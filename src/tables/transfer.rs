@@ -135,3 +135,42 @@ fn entries(scene: &Scene, [low, high]: [f64; 2]) -> usize {
     }
     entries
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::plan;
+    use crate::progress::Quiet;
+    use crate::scene::{SceneOptions, parse};
+
+    /// The opacity that a table of `entries` (or as many as it takes) has at voxels of value `value`.
+    fn opacity_at(value: f64, entries: &str) -> f64 {
+        let text = format!(
+            "version = 1\n[volume]\nphantom = \"slab\"\n[materials.m]\nreflectance = 0.5\n[transfer]\n{entries}\n\
+             [[transfer.intervals]]\nmaterial = \"m\"\nrange = [31000, 31001]\nopacity = 0.5\n"
+        );
+        let path = std::path::Path::new("");
+        let scene = parse("test", &text, path, &SceneOptions::default(), &Quiet);
+        let table = scene.map(|scene| TransferTable::new(&scene, &plan(&scene), [0.0, 65535.0]));
+        table.map_or(f64::NAN, |table| {
+            let place = value / 65535.0 * count(table.entries() - 1);
+            let (before, fraction) = (crate::number::whole(place), place.fract());
+            let at = |i: usize| f64::from(table.opacity[i.min(table.entries() - 1)]);
+            (at(before + 1) - at(before)).mul_add(fraction, at(before))
+        })
+    }
+
+    #[test]
+    fn an_interval_one_value_wide_survives_in_16_bit_data() {
+        for value in [31000.0, 31001.0] {
+            assert!((opacity_at(value, "") - 0.5).abs() <= 1e-6, "opacity at {value}: {}", opacity_at(value, ""));
+        }
+        for value in [30999.0, 31002.0] {
+            assert!(opacity_at(value, "").abs() <= 1e-6, "opacity at {value}: {}", opacity_at(value, ""));
+        }
+        // Fewer entries lose it: that is why they are counted by the narrowest feature.
+        for entries in ["entries = 1024", "entries = 4096"] {
+            assert!(opacity_at(31000.0, entries) < 0.25, "{entries}: {}", opacity_at(31000.0, entries));
+        }
+    }
+}
