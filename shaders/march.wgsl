@@ -227,7 +227,10 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
             light = unit(shading.lights[position].xyz - place * march.local_scale);
         }
     }
-    let facing = abs(dot(step.normal, light));
+    var facing = 0.0;
+    if (GRADIENT) {
+        facing = abs(dot(step.normal, light));
+    }
     for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
         source[lane] = step.weights[lane] * fma(shading.diffuse[lane], vec4f(facing), shading.ambient[lane]);
     }
@@ -266,7 +269,7 @@ fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     march = march_uniform;
-    if (GRADIENT) {
+    if (SHADED) {
         shading = shading_uniform;
     }
     let pixel = vec2u(id.x, id.y + band.first_row);

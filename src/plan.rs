@@ -12,7 +12,7 @@ pub struct ScenePlan {
     pub accumulate: Accumulate,
     /// Light positions that shading can tell apart: one accumulator each.
     pub positions: PositionCounts,
-    /// How the gradient enters; `None` while no material asks for it.
+    /// What tells light positions apart; `None` while every light arrives everywhere alike.
     pub shading: Option<ShadingTerms>,
     /// Whether labels decide over the transfer function.
     pub labels: bool,
@@ -51,7 +51,8 @@ pub struct PositionCounts {
     pub point: usize,
 }
 
-/// How the gradient of the data enters a picture.
+/// How shading goes beyond light from everywhere. Without a diffuse and a specular part only the materials' ambient shares
+/// are left of it, and no gradient is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShadingTerms {
     /// Some material has a diffuse part.
@@ -121,6 +122,12 @@ impl ScenePlan {
         self.positions.total() * self.lanes()
     }
 
+    /// Whether the gradient of the data is needed.
+    #[must_use]
+    pub fn gradient(&self) -> bool {
+        self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
+    }
+
     /// How highlights are computed, if there are any.
     #[must_use]
     pub fn specular(&self) -> Option<Specular> {
@@ -154,7 +161,7 @@ pub fn plan(scene: &Scene) -> Planned {
     let plan = ScenePlan {
         accumulate: Accumulate::Weights { materials: materials.len() },
         positions: counts,
-        shading: (diffuse || specular.is_some()).then_some(ShadingTerms { diffuse, specular }),
+        shading: directed.then_some(ShadingTerms { diffuse, specular }),
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
@@ -199,7 +206,7 @@ impl Planned {
                 names(self.positions.iter().map(|position| position.name.as_str()).collect())
             ),
         });
-        sentences.push(match plan.shading {
+        sentences.push(match plan.shading.filter(|_| plan.gradient()) {
             None => "Nothing is shaded by the gradient, so no gradient is computed or stored.".to_owned(),
             Some(terms) => format!(
                 "The gradient is stored beside each value, for {}.",

@@ -431,5 +431,5 @@ macro_rules! ladder {
 
 ladder! {
     unshaded_one unshaded_three diffuse_one diffuse_three specular_one specular_three xray labels background orthographic
-    inside negative cropped rotated nearest
+    inside negative cropped rotated nearest ambient_only
 }

@@ -12,7 +12,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("volume", &["progress"]),
     ("scene", &["spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "spectrum", "volume"]),
-    ("tables", &["plan", "scene", "spectrum", "volume", "number"]),
+    ("tables", &["plan", "scene", "spectrum", "volume", "number", "progress"]),
     ("reference", &["tables", "plan", "scene", "spectrum", "volume", "progress", "number"]),
     ("shader", &[]),
     ("vulkan", &[]),

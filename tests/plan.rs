@@ -24,6 +24,8 @@ fn least() -> ScenePlan {
     }
 }
 
+/// Directed light that only the materials' ambient shares meet.
+const FLAT: Option<ShadingTerms> = Some(ShadingTerms { diffuse: false, specular: None });
 const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None });
 
 fn directional() -> PositionCounts {
@@ -91,7 +93,8 @@ fn materials_without_a_diffuse_part_need_no_gradient() {
     let flat = changed("diffuse_three", |scene| {
         scene.materials.iter_mut().for_each(|material| material.diffuse = 0.0);
     });
-    assert_eq!(flat, ScenePlan { positions: headlight(), ..least() });
+    assert_eq!(flat, ScenePlan { positions: headlight(), shading: FLAT, ..least() });
+    assert!(!flat.gradient());
     let white = changed("diffuse_three", |scene| {
         scene.materials.iter_mut().for_each(|material| (material.ambient, material.diffuse) = (1.0, 0.0));
     });
@@ -177,7 +180,7 @@ fn a_material_that_nothing_shows_splits_no_position() {
         scene.transfer.terms.remove(1);
     });
     let two = Accumulate::Weights { materials: 2 };
-    assert_eq!(flat, ScenePlan { accumulate: two, positions: headlight(), ..least() });
+    assert_eq!(flat, ScenePlan { accumulate: two, positions: headlight(), shading: FLAT, ..least() });
 }
 
 /// The least plan that shows a scene and the fullest one with every feature switched on to no effect: one picture.

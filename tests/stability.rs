@@ -385,3 +385,62 @@ fn ending_rays_early_cannot_be_seen() {
 fn narrow(value: f64) -> f32 {
     value as f32
 }
+
+/// Some devices stop an invocation, silently, after 65,535 iterations of all its loops; lanes and positions count too.
+#[test]
+fn many_positions_and_many_materials_take_every_sample() {
+    let lights: String = (0..33)
+        .map(|i| {
+            format!(
+                "[lights.l{i}]\nspectrum = \"E\"\nkind = \"directional\"\ndirection = [{i}, 7, -30]\nintensity = 0.1\n"
+            )
+        })
+        .collect();
+    let materials: String = (0..129)
+        .map(|i| {
+            format!(
+                "[materials.m{i:03}]\nreflectance = 0.5\n[[transfer.intervals]]\nmaterial = \"m{i:03}\"\nrange = [{}, {}]\nopacity = 0.02\n",
+                500 * i,
+                500 * i + 600
+            )
+        })
+        .collect();
+    let one = "[materials.m]\nreflectance = 0.5\n[[transfer.intervals]]\nmaterial = \"m\"\nrange = [100, 60000]\nopacity = 0.02\n";
+    let key = "[lights.key]\nspectrum = \"E\"\n";
+    for (text, step) in [(format!("{one}{lights}"), 0.004), (format!("{materials}{key}"), 0.004)] {
+        let text = format!("[accuracy]\nstep = {step}\ntermination = 0\n{text}");
+        let rungs = Rungs::new(scenes::of(&text, scenes::balls()), [1, 1]);
+        with_renderer(|renderer| {
+            let (ours, expected) = (rungs.gpu(renderer), rungs.march(&rungs.stored::<f32>()));
+            let sum =
+                |accumulation: &Accumulation<f32>| accumulation.weights.iter().map(|&w| f64::from(w)).sum::<f64>();
+            let (ours, expected) = (sum(&ours), sum(&expected));
+            assert!((ours - expected).abs() <= 1e-3 * expected, "{ours} for {expected}");
+        });
+    }
+}
+
+/// Lengths count in the volume's own unit: a volume of any size is the same picture.
+#[test]
+fn a_volume_of_any_size_is_the_same_picture() {
+    let picture = |spacing: f64| {
+        let mut scene = scenes::named("unshaded_one");
+        let mut volume = (*scene.volume).clone();
+        volume.geometry.spacing *= spacing;
+        scene.volume = Arc::new(volume);
+        scene.accuracy.step_length *= spacing;
+        scene.transfer.opacity_length *= spacing;
+        Rungs::new(scene, [12, 9])
+    };
+    with_renderer(|renderer| {
+        let expected = picture(1.0).gpu(renderer);
+        for spacing in [1e-40, 1e-20, 1e20, 1e35] {
+            let error =
+                picture(spacing).gpu(renderer).weights.iter().zip(&expected.weights).fold(0.0_f32, |worst, (a, b)| {
+                    let error = (a - b).abs();
+                    if error <= worst { worst } else { error }
+                });
+            assert!(error <= 1e-4, "spacing {spacing:e}: {error}");
+        }
+    });
+}

@@ -48,7 +48,7 @@ impl<'a, R: Real> Frame<'a, R> {
             planned,
             rays,
             lights: lights.into_iter().map(|light| light.to_array().map(R::from_f64)).collect(),
-            step_length: R::from_f64(step_length),
+            step_length: R::from_f64(rays.step_length),
             termination: R::from_f64(scene.accuracy.termination),
             size,
         })

@@ -85,7 +85,7 @@ impl Samples<f64> for Exact<'_> {
         };
         step.weights.clone_from(&found.weights);
         step.opacity = found.opacity;
-        if self.planned.plan.shading.is_some() {
+        if self.planned.plan.gradient() {
             step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
         }
     }

@@ -17,9 +17,10 @@ use crate::vulkan::{Buffer, Filter, Format, HostUse, Resource, Sampler, StorageI
 const DISPATCH: Duration = Duration::from_millis(50);
 /// Samples that the first dispatch of a march takes, before its speed is known.
 const FIRST_SAMPLES: f64 = 2e7;
-/// Samples along a ray per dispatch: with the loops around them far below the 65,535 iterations that some devices
-/// silently stop an invocation at.
+/// Most samples along a ray per dispatch.
 pub(super) const SLICE: u32 = 16_384;
+/// Iterations of all its loops that an invocation may take: some devices stop it, silently, at 65,535.
+const ITERATIONS: usize = 65_000;
 
 /// How a march is cut into workgroups and dispatches. Every cut leaves the same bytes in the accumulators; what it moves
 /// is time.
@@ -117,7 +118,8 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .u32("HEADLIGHT", unsigned(plan.positions.headlight))
         .u32("DIRECTIONAL", unsigned(plan.positions.directional))
         .u32("POINT", unsigned(plan.positions.point))
-        .bool("GRADIENT", plan.shading.is_some())
+        .bool("SHADED", plan.shading.is_some())
+        .bool("GRADIENT", plan.gradient())
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", specular.is_some_and(|specular| specular.one_exponent))
         .u32("ONE_EXPONENT_VALUE", one_exponent)
@@ -149,7 +151,7 @@ impl MarchUniform {
             base_v: vector(rays.base_v),
             spread_v: rounded(rays.spread_v),
             direction: vector(rays.direction),
-            step_length: rounded(scene.accuracy.step_length),
+            step_length: rounded(rays.step_length),
             direction_u: vector(rays.direction_u),
             termination: rounded(scene.accuracy.termination),
             direction_v: vector(rays.direction_v),
@@ -253,7 +255,9 @@ impl Renderer {
         )?;
 
         let mut dispatches = 0;
-        let mut schedule = Schedule::new(extent, rays.samples, self.dispatching);
+        let slice = self.dispatching.slice.min(longest_slice(plan));
+        let dispatching = Dispatching { slice, ..self.dispatching };
+        let mut schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers());
         while let Some((band, rows)) = schedule.next() {
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
@@ -334,6 +338,15 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     bytes
 }
 
+/// Samples along a ray that one dispatch may take under `plan`, counted as if the compiler unrolled no loop: per sample the
+/// loops over cells and samples, over the lanes of the table (for values and labels), and over the positions with their
+/// lanes; and per dispatch those that load and store.
+fn longest_slice(plan: &ScenePlan) -> u32 {
+    let per_position = 1 + 2 * plan.table_lanes() + plan.lanes();
+    let per_sample = 3 + 2 * plan.table_lanes() + plan.positions.total() * per_position;
+    unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
+}
+
 /// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into [`DISPATCH`] at the
 /// speed of the last one.
 struct Schedule {
@@ -351,8 +364,8 @@ struct Schedule {
 }
 
 impl Schedule {
-    fn new(size: [u32; 2], samples: u32, dispatching: Dispatching) -> Self {
-        let budget = dispatching.samples.map_or(FIRST_SAMPLES, f64::from);
+    fn new(size: [u32; 2], samples: u32, dispatching: Dispatching, layers: usize) -> Self {
+        let budget = dispatching.samples.map_or(FIRST_SAMPLES / count(layers.max(1)), f64::from);
         Self { dispatching, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, taken: 0.0 }
     }
 

@@ -12,6 +12,8 @@ use crate::vulkan::{Buffer, Format, HostUse, Resource, StorageImage};
 
 /// Workgroups of a relight: long rows (VULKAN.md §4).
 const GROUP: [u32; 2] = [64, 1];
+/// Most layers whose colours an invocation copies; more would take seconds to compile.
+const FEW_LAYERS: usize = 16;
 /// Rows of the picture that an invocation relights.
 const ROWS: u32 = 8;
 
@@ -40,6 +42,7 @@ pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderE
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
         .bool("DISPLAY", target == Target::Display)
+        .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
         .u32("ROWS", ROWS)
         .u32("GROUP_WIDTH", GROUP[0])
         .u32("GROUP_HEIGHT", GROUP[1]);

@@ -2,6 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
+use super::rays::unit_length;
 use super::rounded;
 use crate::plan::{LANE, Planned};
 use crate::scene::{Display, Mix, Placement, Scene};
@@ -9,7 +10,7 @@ use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white, xy
 use crate::spectrum::{Reflectance, Spectrum};
 
 /// Vectors of the light positions, in the order of the plan, in the volume's own axes: unit vectors towards directional
-/// lights, places (world lengths from voxel 0's corner of the texture) of points, zero for the others.
+/// lights, places (in units of length, from the texture's corner) of points, zero for the others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionTable(pub Vec<DVec3>);
 
@@ -22,7 +23,9 @@ impl PositionTable {
         let vector = |placement: Placement| match placement {
             Placement::Ambient | Placement::Headlight => DVec3::ZERO,
             Placement::Directional(direction) => local_from_world * direction,
-            Placement::Point(world) => local_from_world * (world - geometry.origin) + geometry.spacing / 2.0,
+            Placement::Point(world) => {
+                (local_from_world * (world - geometry.origin) + geometry.spacing / 2.0) / unit_length(geometry)
+            }
         };
         Self(planned.positions.iter().map(|position| vector(position.placement)).collect())
     }

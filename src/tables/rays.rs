@@ -5,12 +5,14 @@ use glam::{DMat3, DVec3};
 use super::CELL;
 use crate::number::{count, unsigned, whole};
 use crate::scene::{Scene, View};
+use crate::volume::Geometry;
 
 /// Everything a pixel needs to make its ray, in the axes of the volume's texture (0 to 1 along each).
 ///
 /// With u and v the pixel's centre from −1 to 1 (right and up), its ray is
 /// `base + u·base_u + v·base_v + s·(direction + u·direction_u + v·direction_v)/√(1 + u²·spread_u + v²·spread_v)`,
-/// s in world units. Samples lie at s₀ + (n + ½)Δs, where s₀ is where the ray enters the box or leaves the eye.
+/// s in units of the smallest spacing, so that volumes of every size are within f32. Samples lie at s₀ + (n + ½)Δs, where
+/// s₀ is where the ray enters the box or leaves the eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayTable {
     /// See above: a point in or near the volume.
@@ -19,13 +21,13 @@ pub struct RayTable {
     pub base_u: DVec3,
     /// See above.
     pub base_v: DVec3,
-    /// Texture units per world unit along the middle ray.
+    /// Texture units per unit of length along the middle ray.
     pub direction: DVec3,
     /// See above.
     pub direction_u: DVec3,
     /// See above.
     pub direction_v: DVec3,
-    /// World distance along the middle ray from the eye to `base`.
+    /// Distance along the middle ray from the eye to `base`, in units of length.
     pub eye_distance: f64,
     /// tan² of half the horizontal field of view; 0 for parallel rays.
     pub spread_u: f64,
@@ -39,10 +41,18 @@ pub struct RayTable {
     pub cell_scale: DVec3,
     /// Cells from the texture's edge to voxel 0, negative.
     pub cell_offset: DVec3,
-    /// From texture axes to world lengths along the volume's own axes: shading happens there.
+    /// From texture axes to units of length along the volume's own axes: shading happens there.
     pub local_scale: DVec3,
+    /// Δs in units of length.
+    pub step_length: f64,
     /// Samples on the longest ray.
     pub samples: u32,
+}
+
+/// What lengths are counted in, in world units: the smallest spacing.
+#[must_use]
+pub(super) fn unit_length(geometry: &Geometry) -> f64 {
+    geometry.spacing.min_element()
 }
 
 /// Most samples a ray can count in f32 without skipping one.
@@ -83,22 +93,24 @@ impl RayTable {
         if samples > MOST_SAMPLES {
             return None;
         }
+        let unit = unit_length(geometry);
         let cell = count(CELL);
         Some(Self {
             base: point(view.eye + eye_distance * view.forward),
             base_u: linear * base_u,
             base_v: linear * base_v,
-            direction: linear * view.forward,
-            direction_u: linear * direction_u,
-            direction_v: linear * direction_v,
-            eye_distance,
+            direction: linear * view.forward * unit,
+            direction_u: linear * direction_u * unit,
+            direction_v: linear * direction_v * unit,
+            eye_distance: eye_distance / unit,
             spread_u,
             spread_v,
             low,
             high,
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),
-            local_scale: geometry.spacing * dims,
+            local_scale: geometry.spacing / unit * dims,
+            step_length: scene.accuracy.step_length / unit,
             samples: unsigned(whole(samples)),
         })
     }

@@ -89,7 +89,7 @@ impl Storage {
         }
         let span = (domain[1] - domain[0]) / slope.abs();
         let whole = !matches!(voxel_type, VoxelType::F32 | VoxelType::F64);
-        let gradient = plan.shading.is_some();
+        let gradient = plan.gradient();
         let narrow = whole && span <= UNORM16;
         let format = match (gradient, narrow) {
             (false, true) => VolumeFormat::R16Unorm,

@@ -32,6 +32,7 @@ pub const NAMES: &[&str] = &[
     "cropped",
     "rotated",
     "nearest",
+    "ambient_only",
 ];
 
 /// Three balls in one another: a shell, a middle and a core, by grey value.
@@ -207,6 +208,15 @@ pub fn named(name: &str) -> Scene {
             let mut scene = usual("", KEY);
             scene.accuracy.interpolation = relume::scene::Interpolation::Nearest;
             scene.transfer.lookup = relume::scene::Lookup::Nearest;
+            scene
+        }
+        "ambient_only" => {
+            // Nothing follows the gradient, and yet a directed light is told from one that shines from everywhere.
+            let sky = "[lights.sky]\nspectrum = \"A\"\nkind = \"ambient\"\nintensity = 0.3\n";
+            let mut scene = usual("", &[KEY, sky].concat());
+            for (material, ambient) in scene.materials.iter_mut().zip([0.5, 0.2, 0.9]) {
+                (material.ambient, material.diffuse) = (ambient, 0.0);
+            }
             scene
         }
         _ => panic!("there is no scene {name}"),
