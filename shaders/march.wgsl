@@ -248,6 +248,11 @@ fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: arra
     }
 }
 
+// The light that passes a step, rounded once: `T *= 1 − α` drifts over many equal steps.
+fn pass_by(transmittance: f32, opacity: f32) -> f32 {
+    return fma(-transmittance, opacity, transmittance);
+}
+
 // The samples from `first` up to `end`, until no light passes; returns the light that does.
 fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function, array<vec4f, LAYERS>>) -> f32 {
     var transmittance = passed;
@@ -257,8 +262,7 @@ fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function
         for (var position = 0u; position < POSITIONS_USED; position += 1u) {
             composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
         }
-        // Rounded once: `T *= 1 − α` drifts over many equal steps.
-        transmittance = fma(-transmittance, step.opacity, transmittance);
+        transmittance = pass_by(transmittance, step.opacity);
         if (transmittance < march.termination) {
             break;
         }

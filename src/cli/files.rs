@@ -148,13 +148,7 @@ pub(crate) fn write_spectra(
     accumulation: &Accumulation<f32>,
     preview: &[f32],
 ) -> Result<(), CliError> {
-    let mut light_at = vec![Spectrum::constant(0.0); positions];
-    let mut all = Spectrum::constant(0.0);
-    for light in &mix.0 {
-        let weighted = light.spectrum.spectrum().scaled(light.weight);
-        light_at[light.position] = &light_at[light.position] + &weighted;
-        all = &all + &weighted;
-    }
+    let (light_at, all) = mix.light_at(positions);
     let parts: Vec<Spectrum> =
         light_at.iter().flat_map(|light| components.iter().map(move |component| light * component)).collect();
     let behind = background.map(|surface| &all * surface.spectrum());

@@ -114,7 +114,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Relight(args) => relight::run(args),
         Command::Info(args) => info::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal, started),
-        Command::Shaders(args) => shaders::run(args),
+        Command::Shaders(args) => shaders::run(args, &terminal),
     };
     terminal.finish();
     match outcome {

@@ -5,7 +5,11 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use relume::output::write_atomically;
-use relume::render::default_variants;
+use relume::plan::plan;
+use relume::progress::Progress;
+use relume::render::shaders_of;
+use relume::scene::{Scene, SceneOptions, Shading, load_embedded, load_peer};
+use relume::shader::Shader;
 
 use super::{CliError, Report};
 
@@ -25,9 +29,24 @@ pub(crate) struct Args {
     folder: PathBuf,
 }
 
-pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
+/// The shaders of the embedded scene, and of the one that other renderers are set beside, shaded and not.
+fn variants(progress: &dyn Progress) -> Result<Vec<(String, Shader)>, CliError> {
+    let options = SceneOptions::default();
+    let peer = load_peer(&options, progress)?;
+    let unshaded = Scene { shading: Shading::None, ..peer.clone() };
+    let scenes = [("default", load_embedded(&options, progress)?), ("peer", peer), ("peer_unshaded", unshaded)];
+    let mut variants = Vec::new();
+    for (name, scene) in scenes {
+        for (stage, shader) in shaders_of(&scene, &plan(&scene))? {
+            variants.push((format!("{name}_{stage}"), shader));
+        }
+    }
+    Ok(variants)
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let mut names = Vec::new();
-    for (name, shader) in default_variants()? {
+    for (name, shader) in variants(progress)? {
         let path = args.folder.join(format!("{name}.spv"));
         let bytes: Vec<u8> = shader.words.iter().flat_map(|word| word.to_le_bytes()).collect();
         if args.write {

@@ -103,7 +103,7 @@ impl<'a, R: Real> Frame<'a, R> {
                 self.shade(position, &ray, place, &step, &mut source);
                 deposit(transmittance, position, &source);
             }
-            transmittance = (-transmittance).mul_add(step.opacity, transmittance);
+            transmittance = pass_by(transmittance, step.opacity);
             if transmittance < self.termination {
                 break;
             }
@@ -159,12 +159,15 @@ fn between<R: Real>(base: R, direction: R, low: R, high: R) -> [R; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Adds one premultiplied sample front to back, `A += T·s`, and returns the transmittance behind it, `T − T·α`, rounded
-/// once (`T *= 1 − α` drifts over many equal steps: COLOUR.md A7).
-pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], opacity: R, transmittance: R) -> R {
+/// Adds one premultiplied sample front to back, `A += T·s`.
+pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: R) {
     for (sum, &part) in accumulator.iter_mut().zip(source) {
         *sum = transmittance.mul_add(part, *sum);
     }
+}
+
+/// The light that passes a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps: COLOUR.md A7).
+pub fn pass_by<R: Real>(transmittance: R, opacity: R) -> R {
     (-transmittance).mul_add(opacity, transmittance)
 }
 
@@ -188,7 +191,7 @@ pub fn march<R: Real>(
         for (x, pixel) in row.chunks_exact_mut(kept + 1).enumerate() {
             let (sums, rest) = pixel.split_at_mut(kept);
             rest[0] = frame.march_pixel(samples, [x, y], |transmittance, position, source| {
-                composite(&mut sums[position * components..][..components], source, R::default(), transmittance);
+                composite(&mut sums[position * components..][..components], source, transmittance);
             });
         }
         row
@@ -220,14 +223,7 @@ pub fn full_spectrum(
     progress: &dyn Progress,
 ) -> Result<(Vec<Xyz>, Vec<f64>), ReferenceError> {
     let frame = Frame::<f64>::new(scene, planned, size)?;
-    let mut light_at = vec![[0.0; BANDS]; planned.positions.len()];
-    let mut all = [0.0; BANDS];
-    for light in &mix.0 {
-        for (band, sample) in light.spectrum.spectrum().samples().iter().enumerate() {
-            light_at[light.position][band] += light.weight * sample;
-            all[band] += light.weight * sample;
-        }
-    }
+    let (light_at, all) = mix.light_at(planned.positions.len());
     let reflectances: Vec<&[f64; BANDS]> =
         planned.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().samples()).collect();
     let rows = by_rows(size, progress, |y| {
@@ -242,12 +238,12 @@ pub fn full_spectrum(
                         .enumerate()
                         .map(|(c, &part)| part * reflectances.get(c).map_or(1.0, |reflectance| reflectance[band]))
                         .sum();
-                    *sum += transmittance * reflected * light_at[position][band];
+                    *sum += transmittance * reflected * light_at[position].samples()[band];
                 }
             });
             if let Some(background) = &scene.background {
                 for (band, sum) in spectrum.iter_mut().enumerate() {
-                    *sum += passed * all[band] * background.spectrum().samples()[band];
+                    *sum += passed * all.samples()[band] * background.spectrum().samples()[band];
                 }
             }
             row.push((xyz_of(&Spectrum::from_samples(spectrum)), passed));

@@ -5,7 +5,7 @@ mod real;
 mod relight;
 mod samples;
 
-pub use march::{composite, full_spectrum, march};
+pub use march::{composite, full_spectrum, march, pass_by};
 pub use real::Real;
 pub use relight::relight;
 pub use samples::{Exact, Samples, Step, Stored};

@@ -134,6 +134,14 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .u32("GROUP_HEIGHT", group[1])
 }
 
+/// The exponent of all highlights, where they have one: its value is a constant of the shader, and so of the pipeline's
+/// key.
+pub(super) fn one_exponent(scene: &Scene, planned: &Planned) -> Option<u32> {
+    planned.plan.specular().filter(|specular| specular.one_exponent)?;
+    let used = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
+    used.filter(|material| material.specular > 0.0).map(|material| material.exponent).max()
+}
+
 /// The march shader of `plan`.
 pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
     compile(&[SOURCE], &constants(plan, one_exponent, group))
@@ -227,10 +235,7 @@ impl Renderer {
         let weights = StorageImage::new(device, "accumulators", Format::Rgba32Float, extent, layers)?;
         let transmittance = StorageImage::new(device, "transmittance", Format::R32Float, extent, 1)?;
 
-        let exponent = planned.materials.iter().filter_map(|&m| scene.materials.get(m));
-        let exponent = exponent.filter(|material| material.specular > 0.0).map(|material| material.exponent).max();
-        // With one exponent for all, its value is a constant of the shader, and so of the pipeline's key.
-        let one_exponent = exponent.filter(|_| plan.specular().is_some_and(|specular| specular.one_exponent));
+        let one_exponent = one_exponent(scene, planned);
         let (pipeline, set) = self.bind(
             &Key::March(plan.clone(), one_exponent),
             || shader(plan, one_exponent.unwrap_or(0), self.dispatching.group),

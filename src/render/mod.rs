@@ -14,8 +14,9 @@ pub use march::{Accumulators, Dispatching, MarchUniform};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
-use crate::plan::ScenePlan;
-use crate::shader::ShaderError;
+use crate::plan::{Planned, ScenePlan};
+use crate::scene::Scene;
+use crate::shader::{Shader, ShaderError};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
 use crate::vulkan::{ComputePipeline, Device, Resource, ResourceSet, VulkanError};
@@ -131,7 +132,7 @@ impl Renderer {
     fn bind<'a>(
         &self,
         key: &Key,
-        compile: impl FnOnce() -> Result<crate::shader::Shader, ShaderError>,
+        compile: impl FnOnce() -> Result<Shader, ShaderError>,
         push_constant_bytes: u32,
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
@@ -167,36 +168,17 @@ impl Renderer {
     }
 }
 
-/// The shaders that are committed in `spirv/`, by name: those of the embedded scene and of the scene that other renderers
-/// are set beside.
+/// The shaders that render `scene` as planned, by stage: march, relight to the display, relight to linear values.
 ///
 /// # Errors
 ///
 /// [`ShaderError`] where one does not compile.
-pub fn default_variants() -> Result<Vec<(String, crate::shader::Shader)>, ShaderError> {
-    use crate::plan::{Accumulate, PositionCounts, ShadingTerms};
-    use crate::scene::{Interpolation, Lookup};
-
-    let unshaded = ScenePlan {
-        accumulate: Accumulate::Weights { materials: 4 },
-        positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
-        shading: None,
-        labels: false,
-        background: false,
-        lookup: Lookup::Linear,
-        interpolation: Interpolation::Linear,
-        skipping: true,
-    };
-    let diffuse = ScenePlan {
-        positions: PositionCounts { directional: 1, ..PositionCounts::default() },
-        shading: Some(ShadingTerms { diffuse: true, specular: None }),
-        ..unshaded.clone()
-    };
-    let group = Dispatching::default().group;
-    Ok(vec![
-        ("march_unshaded".to_owned(), march::shader(&unshaded, 0, group)?),
-        ("march_diffuse".to_owned(), march::shader(&diffuse, 0, group)?),
-        ("relight_display".to_owned(), relight::shader(&unshaded, relight::Target::Display)?),
-        ("relight_linear".to_owned(), relight::shader(&unshaded, relight::Target::Linear)?),
+pub fn shaders_of(scene: &Scene, planned: &Planned) -> Result<[(&'static str, Shader); 3], ShaderError> {
+    let plan = &planned.plan;
+    let exponent = march::one_exponent(scene, planned).unwrap_or(0);
+    Ok([
+        ("march", march::shader(plan, exponent, Dispatching::default().group)?),
+        ("relight_display", relight::shader(plan, relight::Target::Display)?),
+        ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])
 }

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use super::{Camera, Projection, Scene, SceneError, Shading};
-use crate::spectrum::{Light, SpectrumSource};
+use crate::spectrum::{Light, Spectrum, SpectrumSource};
 
 /// Where a light shines from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,6 +113,21 @@ pub struct MixLight {
 }
 
 impl Mix {
+    /// The sum of weight · spectrum at each of `positions` positions, and over all of them.
+    #[must_use]
+    pub fn light_at(&self, positions: usize) -> (Vec<Spectrum>, Spectrum) {
+        let nothing = Spectrum::constant(0.0);
+        let (mut at, mut all) = (vec![nothing.clone(); positions], nothing);
+        for light in &self.0 {
+            let weighted = light.spectrum.spectrum().scaled(light.weight);
+            if let Some(sum) = at.get_mut(light.position) {
+                *sum = &*sum + &weighted;
+            }
+            all = &all + &weighted;
+        }
+        (at, all)
+    }
+
     /// The mix that the scene states.
     #[must_use]
     pub fn of_scene(scene: &Scene) -> Self {

@@ -85,16 +85,7 @@ impl RelightMatrices {
         mix: &Mix,
         display: &Display,
     ) -> Self {
-        let nothing = Spectrum::constant(0.0);
-        let mut light_at: Vec<Spectrum> = vec![nothing.clone(); positions];
-        let mut all = nothing;
-        for light in &mix.0 {
-            let weighted = light.spectrum.spectrum().scaled(light.weight);
-            if let Some(sum) = light_at.get_mut(light.position) {
-                *sum = &*sum + &weighted;
-            }
-            all = &all + &weighted;
-        }
+        let (light_at, all) = mix.light_at(positions);
         let display_from_xyz = display_from_xyz(mix, display);
         let colour = |light: &Spectrum, surface: &Spectrum| display_from_xyz * xyz_vector(light, surface);
         Self {
@@ -132,8 +123,8 @@ fn xyz_vector(light: &Spectrum, surface: &Spectrum) -> DVec3 {
 /// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights where the display adapts.
 #[must_use]
 pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
-    let lights = mix.0.iter().map(|light| light.spectrum.spectrum().scaled(light.weight));
-    let white = xyz_of(&lights.fold(Spectrum::constant(0.0), |sum, light| &sum + &light));
+    let (_, light) = mix.light_at(0);
+    let white = xyz_of(&light);
     let adapted = if display.adapt && white.0[1] > 0.0 {
         let relative = Xyz(white.0.map(|component| component / white.0[1]));
         *LINEAR_SRGB_FROM_XYZ * bradford(relative, d65_white())
