@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use relume::number::readable;
 use relume::plan::{Planned, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
@@ -115,7 +116,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     line("spacing", &by(&geometry.spacing.to_array()));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
-    line("values", &format!("{} to {}, mean {}", statistics.min, statistics.max, statistics.mean));
+    line(
+        "values",
+        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), readable(statistics.mean)),
+    );
     line(
         "histogram",
         &format!(
@@ -124,7 +128,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         ),
     );
     for (index, value) in &sampled {
-        line("voxel", &format!("{},{},{} is {value}", index[0], index[1], index[2]));
+        line("voxel", &format!("{},{},{} is {}", index[0], index[1], index[2], readable(*value)));
     }
     for (key, value) in &volume.metadata {
         line("header", &format!("{key} = {value}"));

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::number::readable;
 use relume::output::write_ready_png;
 use relume::plan::{Planned, plan};
 use relume::progress::Progress;
@@ -155,7 +156,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
     if statistics.not_a_number > 0 {
         let count = statistics.not_a_number;
-        tracing::warn!("{count} voxels are not a number; they take the smallest value, {}", statistics.min);
+        tracing::warn!("{count} voxels are not a number; they take the smallest value, {}", readable(statistics.min));
     }
     if statistics.infinite > 0 {
         tracing::warn!("{} voxels are infinite; they take the ends of the range", statistics.infinite);
@@ -168,8 +169,8 @@ pub(crate) fn warn_of_storage(storage: &Storage, labels: Option<&LabelMap>) {
         tracing::warn!(
             "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
             storage.format,
-            storage.domain[0],
-            storage.domain[1],
+            readable(storage.domain[0]),
+            readable(storage.domain[1]),
             storage.loss
         );
     }

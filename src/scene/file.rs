@@ -15,7 +15,7 @@ use super::{
     Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
     Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
-use crate::number::count;
+use crate::number::{count, readable};
 use crate::progress::Progress;
 use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Volume, VolumeError};
@@ -343,9 +343,9 @@ impl Text<'_> {
         } else if *range == FINITE {
             "a finite number".to_owned()
         } else {
-            format!("a number from {} to {}", range.start(), range.end())
+            format!("a number from {} to {}", readable(*range.start()), readable(*range.end()))
         };
-        Err(self.invalid(value, format!("{key} = {number}; it is {allowed}")))
+        Err(self.invalid(value, format!("{key} = {}; it is {allowed}", readable(number))))
     }
 
     fn optional(
@@ -519,7 +519,11 @@ impl Text<'_> {
             if !(low.is_finite() && high.is_finite() && low <= high) {
                 return Err(self.invalid(
                     &interval.range,
-                    format!("range = [{low}, {high}]; it is two finite numbers, the lower one first"),
+                    format!(
+                        "range = [{}, {}]; it is two finite numbers, the lower one first",
+                        readable(low),
+                        readable(high)
+                    ),
                 ));
             }
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
@@ -560,13 +564,18 @@ impl Text<'_> {
         if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && UNIT.contains(&point.1))) {
             return Err(self.invalid(
                 opacity,
-                format!("the point [{}, {}] is not a value and an opacity from 0 to 1", point.0, point.1),
+                format!(
+                    "the point [{}, {}] is not a value and an opacity from 0 to 1",
+                    readable(point.0),
+                    readable(point.1)
+                ),
             ));
         }
+        let descends = |last: f64, next: f64| {
+            format!("the value {} comes after {}; values ascend", readable(next), readable(last))
+        };
         if let Some(pair) = points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
-            return Err(
-                self.invalid(opacity, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0))
-            );
+            return Err(self.invalid(opacity, descends(pair[0].0, pair[1].0)));
         }
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {

@@ -6,7 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::rounded;
-use crate::number::{count, whole};
+use crate::number::{count, readable, whole};
 use crate::plan::ScenePlan;
 use crate::scene::Labels;
 use crate::volume::{Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
@@ -362,6 +362,7 @@ impl LabelMap {
             let value = value.to_f64();
             let label = whole(value);
             if (count(label) - value).abs() > 0.0 || value.is_nan() || label >= row_of.len() {
+                let value = readable(value);
                 return Err(fail(format!("voxel {voxel} holds {value}; labels are whole numbers from 0 to 65535")));
             }
             rows.push(row_of[label].unwrap_or_else(|| {
