@@ -279,6 +279,7 @@ fn lights_that_are_not_there_are_refused() {
     folder.refused(2, &render(&["--light", "D66"]), &["--light D66", "did you mean \"D65\"?", "lamp, day"]);
     folder.refused(2, &render(&["--light", "D65@moon"]), &["no position \"moon\"", "lamp, day"]);
     folder.refused(2, &render(&["--light", "day=-1"]), &["-1"]);
+    folder.refused(2, &render(&["--light", "D65@day=1e308"]), &["1e308", "from 0 to 1000000000"]);
     folder.refused(2, &render(&["--light", "day=much"]), &["\"much\" is not a number"]);
     folder.refused(2, &render(&["--light", "=2"]), &["needs a name"]);
     folder.refused(2, &render(&["--light", "foliage"]), &["reflectance"]);

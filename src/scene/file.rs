@@ -10,7 +10,7 @@ use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use super::define::{byte_of, define, path_at, responsible};
-use super::lights::chain;
+use super::lights::{INTENSITY, chain};
 use super::{
     Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
     Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
@@ -628,7 +628,7 @@ impl Text<'_> {
             .map(|(name, stated)| {
                 let file = stated.get_ref();
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
-                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &(0.0..=1e9), 1.0)?;
+                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {
                     (LightKind::Ambient, None, None) => Placement::Ambient,
                     (LightKind::Headlight, None, None) => Placement::Headlight,
