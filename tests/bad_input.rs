@@ -107,6 +107,7 @@ fn every_range_is_stated_where_it_is_left() {
         ("volume.header_bytes=-1", "-1"),
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
+        ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
         ("version=2", "reads version 1"),
     ] {
         definition_refused(definition, &[range]);

@@ -288,6 +288,9 @@ struct DisplayFile {
     adapt: bool,
 }
 
+/// Rows of the label table beside row 0; a voxel's row is a byte.
+const MOST_LABELS: usize = 255;
+
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
@@ -602,8 +605,12 @@ impl Text<'_> {
         files: &BTreeMap<String, At<LabelFile>>,
         materials: &[Material],
     ) -> Result<Vec<LabelEntry>, SceneError> {
-        let mut entries = Vec::new();
+        let mut entries: Vec<LabelEntry> = Vec::new();
         for (key, value) in files {
+            if entries.len() == MOST_LABELS {
+                let message = format!("{} labels are declared; {MOST_LABELS} can be", files.len());
+                return Err(self.invalid(value, message));
+            }
             let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {
                 self.invalid(
                     value,
@@ -612,6 +619,9 @@ impl Text<'_> {
                     ),
                 )
             })?;
+            if entries.iter().any(|entry| entry.label == u32::from(label)) {
+                return Err(self.invalid(value, format!("labels.{key}: label {label} is declared twice")));
+            }
             let file = value.get_ref();
             let material = self.material(&file.material, materials)?;
             let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
