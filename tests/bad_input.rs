@@ -168,6 +168,24 @@ fn combinations_that_say_two_things_are_refused() {
     scene_refused("\n[materials.flesh]", nowhere, "5:1", &["the camera looks nowhere"]);
     let curves = "material = [[0, \"bone\"]]\nopacity = [[9, 0], [3, 1]]\n[lights.day]";
     scene_refused("[lights.day]", curves, "16:11", &["the value 3 comes after 9; values ascend"]);
+    for value in ["inf", "-inf", "nan"] {
+        let curves = format!("material = [[{value}, \"bone\"]]\nopacity = [[3, 0], [9, 1]]\n[lights.day]");
+        scene_refused("[lights.day]", &curves, "15:12", &["a material curve has finite values"]);
+    }
+}
+
+#[test]
+fn more_labels_than_a_texture_row_can_count_are_refused_where_they_stand() {
+    let labels: String = (1..=256).map(|n| format!("[labels.{n}]\nmaterial = \"flesh\"\nopacity = 1\n")).collect();
+    let folder = Folder::new().with("scene.toml", [SCENE, &labels].concat());
+    folder.refused(1, &render(&[]), &["scene.toml:", "256 labels are declared; 255 can be"]);
+}
+
+#[test]
+fn numbers_far_from_one_are_short_in_messages() {
+    let ramp = Folder::new().refused(2, &render(&["-D", "transfer.intervals.0.ramp=-1e-300"]), &["= -1e-300", "e308"]);
+    assert!(ramp.err.len() < 200, "{}", ramp.err);
+    definition_refused("transfer.intervals.0.range=[1e300,-1e300]", &["range = [1e300, -1e300]"]);
 }
 
 #[test]

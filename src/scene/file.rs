@@ -590,12 +590,11 @@ impl Text<'_> {
             }
             curve.push((*value, index));
         }
-        if let Some(pair) =
-            curve.windows(2).find(|pair| pair[0].0.is_nan() || pair[1].0.is_nan() || pair[0].0 >= pair[1].0)
-        {
-            return Err(
-                self.invalid(material, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0))
-            );
+        if let Some(point) = curve.iter().find(|point| !point.0.is_finite()) {
+            return Err(self.invalid(material, format!("the value {}; a material curve has finite values", point.0)));
+        }
+        if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+            return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
         Ok(Term { opacity: points, material: MaterialCurve(curve) })
     }
