@@ -164,6 +164,7 @@ fn combinations_that_say_two_things_are_refused() {
     definition_refused("transfer.material=[[0,\"bone\"]]", &["needs an `opacity` curve"]);
     definition_refused("crop={min=[0,0,0],max=[32,29,17]}", &["on axis x", "from 0 to 31"]);
     definition_refused("crop={min=[5,5,5],max=[4,6,6]}", &["the lower one first"]);
+    definition_refused("crop={min=[5,5,5],max=[6,6,5]}", &["on axis z", "from 0 to 17"]);
     let nowhere = "\n[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]\n[materials.flesh]";
     scene_refused("\n[materials.flesh]", nowhere, "5:1", &["the camera looks nowhere"]);
     let curves = "material = [[0, \"bone\"]]\nopacity = [[9, 0], [3, 1]]\n[lights.day]";

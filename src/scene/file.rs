@@ -701,9 +701,11 @@ impl Text<'_> {
         let CropFile { min, max } = crop.get_ref();
         let last = volume.geometry.dims.map(|n| count(n) - 1.0);
         for axis in 0..3 {
-            if !(0.0 <= min[axis] && min[axis] <= max[axis] && max[axis] <= last[axis]) {
+            // Only an axis of one voxel has no more than one index to show.
+            let apart = min[axis] < max[axis] || last[axis] <= 0.0;
+            if !(0.0 <= min[axis] && apart && min[axis] <= max[axis] && max[axis] <= last[axis]) {
                 let message = format!(
-                    "crop from {min:?} to {max:?}; on axis {} it is two voxel indices from 0 to {}, the lower one first",
+                    "crop from {min:?} to {max:?}; on axis {} it is two different voxel indices from 0 to {}, the lower one first",
                     ["x", "y", "z"][axis],
                     last[axis]
                 );
