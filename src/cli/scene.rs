@@ -58,16 +58,12 @@ pub(crate) struct RawArgs {
 impl RawArgs {
     /// The layout, where flags state one.
     pub(crate) fn layout(&self) -> Option<RawLayout> {
+        let plain = RawLayout::new(self.dims?, self.voxel_type?);
         Some(RawLayout {
-            file: None,
-            slices: None,
-            dims: self.dims?,
-            voxel_type: self.voxel_type?,
             byte_order: if self.big_endian { ByteOrder::Big } else { ByteOrder::Little },
             header_bytes: self.header_bytes,
-            spacing: self.spacing.unwrap_or([1.0; 3]),
-            origin: [0.0; 3],
-            direction: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            spacing: self.spacing.unwrap_or(plain.spacing),
+            ..plain
         })
     }
 }

@@ -748,9 +748,7 @@ impl Text<'_> {
             }
             (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
-        let is_file = options.volume.is_some() || file.phantom.is_none();
-        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
-        if let Some(blocks) = options.downsample.or(stated) {
+        if let Some(blocks) = file.blocks(options) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
         if let Some(spacing) = &file.spacing {
@@ -792,9 +790,7 @@ impl Text<'_> {
         };
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         let mut labels = volume::open(&path, progress).map_err(fail)?;
-        let is_file = options.volume.is_some() || file.phantom.is_none();
-        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
-        if let Some(blocks) = options.downsample.or(stated) {
+        if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
         if labels.geometry.dims != volume.geometry.dims {
@@ -819,19 +815,22 @@ impl VolumeFile {
         let Some(dims) = &self.dims else {
             return Err(text.invalid(name, "headerless voxels need `dims` beside their `type`"));
         };
+        let plain = RawLayout::new(*dims.get_ref(), voxel_type);
         Ok(Some(RawLayout {
-            file: None,
             slices: self.slices.clone(),
-            dims: *dims.get_ref(),
-            voxel_type,
             byte_order: self.byte_order,
             header_bytes: self.header_bytes,
-            spacing: self.spacing.as_ref().map_or([1.0; 3], |spacing| *spacing.get_ref()),
-            origin: self.origin.as_ref().map_or([0.0; 3], |origin| *origin.get_ref()),
-            direction: self
-                .direction
-                .as_ref()
-                .map_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], |direction| *direction.get_ref()),
+            spacing: self.spacing.as_ref().map_or(plain.spacing, |spacing| *spacing.get_ref()),
+            origin: self.origin.as_ref().map_or(plain.origin, |origin| *origin.get_ref()),
+            direction: self.direction.as_ref().map_or(plain.direction, |direction| *direction.get_ref()),
+            ..plain
         }))
+    }
+
+    /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.
+    fn blocks(&self, options: &SceneOptions) -> Option<[usize; 3]> {
+        let is_file = options.volume.is_some() || self.phantom.is_none();
+        let stated = self.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
+        options.downsample.or(stated)
     }
 }
