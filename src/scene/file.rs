@@ -420,8 +420,8 @@ impl Text<'_> {
             .transpose()?;
         let mut transfer = self.transfer(&file.transfer, &materials)?;
 
-        let volume = self.volume(&file.volume, base, options, progress)?;
-        let labels = self.label_volume(&file.volume, &volume, declared, base, options, progress)?;
+        let (volume, stored) = self.volume(&file.volume, base, options, progress)?;
+        let labels = self.label_volume(&file.volume, (&volume.source, &stored), declared, base, options, progress)?;
         let smallest = volume.geometry.spacing.min_element();
         transfer.opacity_length = opacity_length.unwrap_or(smallest);
         let accuracy = Accuracy {
@@ -715,13 +715,14 @@ impl Text<'_> {
         Ok([DVec3::from_array(*min), DVec3::from_array(*max)])
     }
 
+    /// The volume, and the grid it lies on before the scene moves it.
     fn volume(
         &self,
         file: &VolumeFile,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
-    ) -> Result<Volume, SceneError> {
+    ) -> Result<(Volume, Geometry), SceneError> {
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         for (key, value) in [("dims", &file.dims), ("downsample", &file.downsample)] {
             if let Some(value) = value.as_ref().filter(|value| value.get_ref().contains(&0)) {
@@ -751,6 +752,7 @@ impl Text<'_> {
         if let Some(blocks) = file.blocks(options) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
+        let stored = volume.geometry;
         if let Some(spacing) = &file.spacing {
             let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
             volume = changed.map_err(|error| self.invalid(spacing, error.to_string()))?;
@@ -772,13 +774,13 @@ impl Text<'_> {
             }
         };
         volume.geometry = geometry;
-        Ok(volume)
+        Ok((volume, stored))
     }
 
     fn label_volume(
         &self,
         file: &VolumeFile,
-        volume: &Volume,
+        (volume, stored): (&str, &Geometry),
         declared: Vec<LabelEntry>,
         base: &Path,
         options: &SceneOptions,
@@ -793,13 +795,19 @@ impl Text<'_> {
         if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
-        if labels.geometry.dims != volume.geometry.dims {
+        if labels.geometry.dims != stored.dims {
             return Err(SceneError::LabelGrid {
                 labels: labels.source,
                 theirs: labels.geometry.dims,
-                volume: volume.source.clone(),
-                ours: volume.geometry.dims,
+                volume: volume.to_owned(),
+                ours: stored.dims,
             });
+        }
+        if !labels.geometry.lies_on(stored) {
+            labels.notes.push(format!(
+                "{}: the labels have another spacing, origin or direction than the volume {volume}; they are shown voxel by voxel on its grid",
+                labels.source
+            ));
         }
         Ok(Some(Labels { volume: Arc::new(labels), declared }))
     }
