@@ -97,6 +97,12 @@ impl SceneArgs {
         for note in scene.volume.notes.iter().chain(labels) {
             tracing::warn!("{note}");
         }
+        if let (Some(path), Some([])) = (&self.labels, scene.labels.as_ref().map(|labels| &labels.declared[..])) {
+            tracing::warn!(
+                "--labels {}: the scene declares no labels ([labels.N]), so they are not used",
+                path.display()
+            );
+        }
         Ok(scene)
     }
 }
