@@ -273,6 +273,19 @@ fn flags_of_headerless_volumes_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn flags_that_info_has_no_use_for_are_refused() {
+    let folder = Folder::new().with("v.raw", [0; 64]).with("v.mhd", HEADER);
+    folder.refused(2, &["info", "v.mhd", "-D", "display.exposure=2"], &["-D", "v.mhd is a volume"]);
+    folder.refused(2, &["info", "v.mhd", "--labels", "v.mhd"], &["--labels", "v.mhd is a volume"]);
+    folder.refused(2, &["info", "v.mhd", "--light", "D65"], &["--light"]);
+    folder.refused(2, &["info", "scene.toml", "--voxel", "0,0,0"], &["--voxel", "scene.toml is a scene"]);
+    folder.refused(2, &["info", "--labels", "v.mhd"], &["--labels", "name a scene"]);
+    folder.refused(2, &["info", "--downsample", "2x2x2"], &["--downsample", "name a scene"]);
+    folder.refused(2, &["info", "--voxel", "0,0,0"], &["--voxel", "name a scene"]);
+    folder.refused(2, &["info", "--dims", "4x4x4", "--type", "uint8"], &["--dims", "name a scene"]);
+}
+
+#[test]
 fn volumes_of_nothing_finite_are_refused() {
     let voxels: Vec<u8> = [f32::NAN, f32::INFINITY].iter().flat_map(|value| value.to_le_bytes()).collect();
     let header = HEADER.replace("4 4 4", "2 1 1").replace("MET_UCHAR", "MET_FLOAT");
