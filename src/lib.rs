@@ -1,7 +1,7 @@
 //! Spectral volume rendering with post-illumination.
 
 pub mod measure;
-mod number;
+pub mod number;
 pub mod output;
 pub mod plan;
 pub mod progress;

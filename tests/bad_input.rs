@@ -107,6 +107,7 @@ fn every_range_is_stated_where_it_is_left() {
         ("volume.header_bytes=-1", "-1"),
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
+        ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
         ("version=2", "reads version 1"),
     ] {
         definition_refused(definition, &[range]);
@@ -163,10 +164,29 @@ fn combinations_that_say_two_things_are_refused() {
     definition_refused("transfer.material=[[0,\"bone\"]]", &["needs an `opacity` curve"]);
     definition_refused("crop={min=[0,0,0],max=[32,29,17]}", &["on axis x", "from 0 to 31"]);
     definition_refused("crop={min=[5,5,5],max=[4,6,6]}", &["the lower one first"]);
+    definition_refused("crop={min=[5,5,5],max=[6,6,5]}", &["on axis z", "from 0 to 17"]);
     let nowhere = "\n[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]\n[materials.flesh]";
     scene_refused("\n[materials.flesh]", nowhere, "5:1", &["the camera looks nowhere"]);
     let curves = "material = [[0, \"bone\"]]\nopacity = [[9, 0], [3, 1]]\n[lights.day]";
     scene_refused("[lights.day]", curves, "16:11", &["the value 3 comes after 9; values ascend"]);
+    for value in ["inf", "-inf", "nan"] {
+        let curves = format!("material = [[{value}, \"bone\"]]\nopacity = [[3, 0], [9, 1]]\n[lights.day]");
+        scene_refused("[lights.day]", &curves, "15:12", &["a material curve has finite values"]);
+    }
+}
+
+#[test]
+fn more_labels_than_a_texture_row_can_count_are_refused_where_they_stand() {
+    let labels: String = (1..=256).map(|n| format!("[labels.{n}]\nmaterial = \"flesh\"\nopacity = 1\n")).collect();
+    let folder = Folder::new().with("scene.toml", [SCENE, &labels].concat());
+    folder.refused(1, &render(&[]), &["scene.toml:", "256 labels are declared; 255 can be"]);
+}
+
+#[test]
+fn numbers_far_from_one_are_short_in_messages() {
+    let ramp = Folder::new().refused(2, &render(&["-D", "transfer.intervals.0.ramp=-1e-300"]), &["= -1e-300", "e308"]);
+    assert!(ramp.err.len() < 200, "{}", ramp.err);
+    definition_refused("transfer.intervals.0.range=[1e300,-1e300]", &["range = [1e300, -1e300]"]);
 }
 
 #[test]
@@ -253,6 +273,19 @@ fn flags_of_headerless_volumes_that_do_not_fit_are_refused() {
 }
 
 #[test]
+fn flags_that_info_has_no_use_for_are_refused() {
+    let folder = Folder::new().with("v.raw", [0; 64]).with("v.mhd", HEADER);
+    folder.refused(2, &["info", "v.mhd", "-D", "display.exposure=2"], &["-D", "v.mhd is a volume"]);
+    folder.refused(2, &["info", "v.mhd", "--labels", "v.mhd"], &["--labels", "v.mhd is a volume"]);
+    folder.refused(2, &["info", "v.mhd", "--light", "D65"], &["--light"]);
+    folder.refused(2, &["info", "scene.toml", "--voxel", "0,0,0"], &["--voxel", "scene.toml is a scene"]);
+    folder.refused(2, &["info", "--labels", "v.mhd"], &["--labels", "name a scene"]);
+    folder.refused(2, &["info", "--downsample", "2x2x2"], &["--downsample", "name a scene"]);
+    folder.refused(2, &["info", "--voxel", "0,0,0"], &["--voxel", "name a scene"]);
+    folder.refused(2, &["info", "--dims", "4x4x4", "--type", "uint8"], &["--dims", "name a scene"]);
+}
+
+#[test]
 fn volumes_of_nothing_finite_are_refused() {
     let voxels: Vec<u8> = [f32::NAN, f32::INFINITY].iter().flat_map(|value| value.to_le_bytes()).collect();
     let header = HEADER.replace("4 4 4", "2 1 1").replace("MET_UCHAR", "MET_FLOAT");
@@ -279,6 +312,7 @@ fn lights_that_are_not_there_are_refused() {
     folder.refused(2, &render(&["--light", "D66"]), &["--light D66", "did you mean \"D65\"?", "lamp, day"]);
     folder.refused(2, &render(&["--light", "D65@moon"]), &["no position \"moon\"", "lamp, day"]);
     folder.refused(2, &render(&["--light", "day=-1"]), &["-1"]);
+    folder.refused(2, &render(&["--light", "D65@day=1e308"]), &["1e308", "from 0 to 1000000000"]);
     folder.refused(2, &render(&["--light", "day=much"]), &["\"much\" is not a number"]);
     folder.refused(2, &render(&["--light", "=2"]), &["needs a name"]);
     folder.refused(2, &render(&["--light", "foliage"]), &["reflectance"]);

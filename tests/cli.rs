@@ -432,6 +432,80 @@ fn labels_show_as_what_the_scene_declares() {
     assert!(outcome.err.starts_with("warning: labels") && outcome.err.contains("7 ("), "{}", outcome.err);
 }
 
+/// What `render` with `more` warns of, on the device and by the reference.
+fn warnings(folder: &Folder, more: &[&str]) -> [String; 2] {
+    [&[][..], &["--reference"]]
+        .map(|how| folder.done(&[&["render", "scene.toml", "-o", "p.png", "--size", "8x8"], more, how].concat()).err)
+}
+
+#[test]
+fn labels_that_are_not_used_or_not_declared_are_reported() {
+    let labels = [7; 4096];
+    let folder = Folder::new().with("ball.raw", ball()).with("labels.raw", labels);
+    let folder = folder.with("labels.mhd", BALL_HEADER.replace("ball.raw", "labels.raw"));
+    let flags = [&BALL_FLAGS[..], &["--labels", "labels.mhd"]].concat();
+    for err in warnings(&folder, &flags) {
+        assert!(err.starts_with("warning: --labels labels.mhd: the scene declares no labels"), "{err}");
+        assert_eq!(err.lines().count(), 1, "{err}");
+    }
+    for err in warnings(&folder, &[&flags[..], &["-D", "labels.3={material=\"flesh\",opacity=1}"]].concat()) {
+        assert!(err.starts_with("warning: labels that the scene does not declare") && err.contains("7 ("), "{err}");
+    }
+    let declared = warnings(&folder, &["-D", "labels.3={material=\"flesh\",opacity=1}"]);
+    assert_eq!(declared, ["", ""], "labels that are not there are no matter");
+}
+
+#[test]
+fn what_leaves_a_picture_black_is_said_on_every_device() {
+    let folder = Folder::new();
+    for err in warnings(&folder, &["-D", "lights={}"]) {
+        assert!(err.contains("no light shines"), "{err}");
+    }
+    for err in warnings(&folder, &["-D", "transfer.intervals=[]"]) {
+        assert!(err.contains("the scene shows no material"), "{err}");
+    }
+}
+
+#[test]
+fn labels_that_lie_elsewhere_than_the_volume_are_reported() {
+    let folder = Folder::new().with("ball.raw", ball()).with("ball.mhd", BALL_HEADER);
+    let elsewhere = |geometry: &str| {
+        let header = BALL_HEADER.replace("ElementData", &format!("{geometry}\nElementData"));
+        std::fs::write(folder.path("labels.mhd"), header).unwrap();
+        let flags = ["--volume", "ball.mhd", "--labels", "labels.mhd", "-D", "volume.spacing=[3,3,3]"];
+        warnings(&folder, &[&flags[..], &["-D", "labels.200={material=\"flesh\",opacity=1}"]].concat())
+    };
+    for same in ["ElementSpacing = 1 1 1.0005", "Offset = 0.0005 0 0", "TransformMatrix = 1 0.0005 0 -0.0005 1 0 0 0 1"]
+    {
+        assert_eq!(elsewhere(same), ["", ""], "{same}");
+    }
+    for other in ["ElementSpacing = 1 1 1.01", "Offset = 0.5 0 0", "TransformMatrix = -1 0 0 0 -1 0 0 0 1"] {
+        for err in elsewhere(other) {
+            assert!(err.starts_with("warning: ") && err.contains("labels.mhd") && err.contains("ball.mhd"), "{err}");
+            assert_eq!(err.lines().count(), 1, "{err}");
+        }
+    }
+}
+
+#[test]
+fn values_at_the_ends_of_f64_are_shown_and_warnings_stay_short() {
+    let bytes =
+        |values: [f64; 2]| -> Vec<u8> { (0..512).flat_map(|i| values[usize::from(i % 8 > 3)].to_le_bytes()).collect() };
+    let header = "NDims = 3\nDimSize = 8 8 8\nElementType = MET_DOUBLE\nElementDataFile = v.raw\n";
+    let folder = Folder::new().with("v.mhd", header);
+    for values in [[-1.7e308, 1.7e308], [1.7e308, 1.7e308], [f64::MAX, f64::MAX], [0.0, 1e300]] {
+        std::fs::write(folder.path("v.raw"), bytes(values)).unwrap();
+        let shown = "transfer.intervals=[{material=\"bone\",range=[1e299,1.7976931348623157e308],opacity=0.9}]";
+        for shading in ["shading=none", "shading=gradient"] {
+            let flags = ["--volume", "v.mhd", "-D", shown, "-D", shading];
+            let picture = rendered(&folder, &flags);
+            assert!(picture.iter().any(|&value| value > 0.1), "{values:?}, {shading}: black");
+            let [err, _] = warnings(&folder, &flags);
+            assert!(!err.contains("inf") && err.len() < 200, "{values:?}: {err}");
+        }
+    }
+}
+
 #[test]
 fn spectral_pictures_have_the_layout_of_fichet_and_others() {
     let folder = Folder::new();

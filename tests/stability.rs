@@ -6,11 +6,12 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
+use relume::plan::plan;
 use relume::reference::relight;
 use relume::scene::{Aim, Projection, Scene};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
-use relume::tables::Accumulation;
+use relume::tables::{Accumulation, Storage};
 use relume::volume::{Geometry, Volume, Voxels};
 use support::bounds::{of_places, places};
 use support::rungs::{Rungs, with_renderer};
@@ -287,6 +288,25 @@ fn what_is_not_a_number_in_the_data_counts_as_the_smallest() {
             assert!(broken == mended, "{name}, {rung}");
         }
     }
+}
+
+#[test]
+fn the_loss_that_is_stated_covers_what_64_bits_lose() {
+    let volume = |voxels| Volume::new("whole", voxels, Geometry::unit("whole", [64, 1, 1]).unwrap()).unwrap();
+    let loss = |voxels| {
+        let mut scene = scenes::named("unshaded_one");
+        scene.volume = Arc::new(volume(voxels));
+        let statistics = scene.volume.statistics().unwrap();
+        Storage::new(&plan(&scene).plan, &scene.volume, &statistics).loss
+    };
+    // From 2^62 on f64 are 1024 apart: all 64 values become the first, and the last moves by 63.
+    let offset = 1_i64 << 62;
+    assert_eq!(loss(Voxels::I64((offset..offset + 64).collect())).to_bits(), 63.0_f64.to_bits());
+    // Those that an f64 can say lose nothing, and neither does one value, however large.
+    assert_eq!(loss(Voxels::I64((0..64).map(|i| offset + 1024 * i).collect())).to_bits(), 0.0_f64.to_bits());
+    assert_eq!(loss(Voxels::U32(vec![4_000_000_000; 64])).to_bits(), 0.0_f64.to_bits());
+    // u64: 2048 apart, and the largest is 2^64 − 1.
+    assert_eq!(loss(Voxels::U64(vec![u64::MAX; 64])).to_bits(), 1.0_f64.to_bits());
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use relume::number::readable;
 use relume::plan::{Planned, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
@@ -34,8 +35,12 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     match (&args.scene.scene, &args.scene.volume) {
-        (None, None) if args.scene.define.is_empty() => of_devices(),
+        (None, None) if args.scene.define.is_empty() => {
+            args.refuse(&["--labels", "--downsample", "--dims", "--voxel"], "name a scene or a volume for it")?;
+            of_devices()
+        }
         (Some(path), None) if !is_scene(path) => {
+            args.refuse(&["-D", "--labels"], &format!("{} is a volume; it is for scenes", path.display()))?;
             let volume = match args.scene.raw.layout() {
                 Some(layout) => {
                     let file = Some(path.to_string_lossy().into_owned());
@@ -50,9 +55,28 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             of_volume(&volume, &args.voxel)
         }
         (None, Some(_)) => of_volume(&args.scene.load(progress)?.volume, &args.voxel),
-        _ => {
+        (path, _) => {
+            let path = path.as_ref().map_or("the default scene".into(), |path| path.display().to_string());
+            args.refuse(&["--voxel"], &format!("{path} is a scene; it is for volumes"))?;
             let scene = args.scene.load(progress)?;
             Ok(of_scene(&scene, &plan(&scene)))
+        }
+    }
+}
+
+impl Args {
+    /// Refuses each of `flags` that is given.
+    fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
+        let given = [
+            ("-D", !self.scene.define.is_empty()),
+            ("--labels", self.scene.labels.is_some()),
+            ("--downsample", self.scene.downsample.is_some()),
+            ("--dims", self.scene.raw.layout().is_some()),
+            ("--voxel", !self.voxel.is_empty()),
+        ];
+        match given.iter().find(|(flag, given)| *given && flags.contains(flag)) {
+            Some((flag, _)) => Err(CliError::Usage(format!("{flag} does nothing here: {why}"))),
+            None => Ok(()),
         }
     }
 }
@@ -115,7 +139,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     line("spacing", &by(&geometry.spacing.to_array()));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
-    line("values", &format!("{} to {}, mean {}", statistics.min, statistics.max, statistics.mean));
+    line(
+        "values",
+        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), readable(statistics.mean)),
+    );
     line(
         "histogram",
         &format!(
@@ -124,7 +151,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         ),
     );
     for (index, value) in &sampled {
-        line("voxel", &format!("{},{},{} is {value}", index[0], index[1], index[2]));
+        line("voxel", &format!("{},{},{} is {}", index[0], index[1], index[2], readable(*value)));
     }
     for (key, value) in &volume.metadata {
         line("header", &format!("{key} = {value}"));

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::number::readable;
 use relume::output::write_ready_png;
 use relume::plan::{Planned, plan};
 use relume::progress::Progress;
@@ -155,24 +156,28 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
     if statistics.not_a_number > 0 {
         let count = statistics.not_a_number;
-        tracing::warn!("{count} voxels are not a number; they take the smallest value, {}", statistics.min);
+        tracing::warn!("{count} voxels are not a number; they take the smallest value, {}", readable(statistics.min));
     }
     if statistics.infinite > 0 {
         tracing::warn!("{} voxels are infinite; they take the ends of the range", statistics.infinite);
     }
 }
 
-/// Says what storing gives up, and which labels nobody declared.
-pub(crate) fn warn_of_storage(storage: &Storage, labels: Option<&LabelMap>) {
+/// Says what storing gives up.
+fn warn_of_storage(storage: &Storage) {
     if storage.loss > 0.0 {
         tracing::warn!(
             "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
             storage.format,
-            storage.domain[0],
-            storage.domain[1],
+            readable(storage.domain[0]),
+            readable(storage.domain[1]),
             storage.loss
         );
     }
+}
+
+/// Says which labels nobody declared.
+fn warn_of_undeclared(labels: Option<&LabelMap>) {
     if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
         let listed: Vec<String> =
             labels.undeclared.iter().map(|(label, count)| format!("{label} ({count} voxels)")).collect();
@@ -180,11 +185,11 @@ pub(crate) fn warn_of_storage(storage: &Storage, labels: Option<&LabelMap>) {
     }
 }
 
-/// Says why a picture is black.
-fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: usize) {
+/// Says why a picture is black; `occupied` says how many cells hold something, where that is known.
+fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option<usize>) {
     if planned.materials.is_empty() {
         tracing::warn!("the scene shows no material: give its transfer function intervals with an opacity above 0");
-    } else if occupied == 0 {
+    } else if occupied == Some(0) {
         tracing::warn!(
             "nothing in {} is visible: its transfer function is 0 over all its values (see `relume info {}`)",
             scene.volume.source,
@@ -211,12 +216,13 @@ fn on_device(
     let opened = clock.read();
     let clock = Stopwatch::start();
     let uploaded = renderer.upload(scene, planned, statistics, progress)?;
-    warn_of_storage(&uploaded.storage, uploaded.labels.as_ref());
+    warn_of_storage(&uploaded.storage);
+    warn_of_undeclared(uploaded.labels.as_ref());
     let upload = clock.read();
     let clock = Stopwatch::start();
     let accumulators = renderer.march(scene, planned, &uploaded, args.size, progress)?;
     let march = clock.read();
-    warn_of_nothing(scene, planned, mix, accumulators.occupied[0]);
+    warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
 
     let clock = Stopwatch::start();
     let matrices = matrices(scene, planned, mix);
@@ -294,6 +300,8 @@ fn on_cpu(
     let clock = Stopwatch::start();
     let storage = Storage::new(&planned.plan, &scene.volume, statistics);
     let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
+    warn_of_undeclared(labels.as_ref());
+    warn_of_nothing(scene, planned, mix, None);
     let exact = Exact::new(scene, planned, storage, labels.as_ref());
     let mut linear = None;
     if wanted.linear {

@@ -58,16 +58,12 @@ pub(crate) struct RawArgs {
 impl RawArgs {
     /// The layout, where flags state one.
     pub(crate) fn layout(&self) -> Option<RawLayout> {
+        let plain = RawLayout::new(self.dims?, self.voxel_type?);
         Some(RawLayout {
-            file: None,
-            slices: None,
-            dims: self.dims?,
-            voxel_type: self.voxel_type?,
             byte_order: if self.big_endian { ByteOrder::Big } else { ByteOrder::Little },
             header_bytes: self.header_bytes,
-            spacing: self.spacing.unwrap_or([1.0; 3]),
-            origin: [0.0; 3],
-            direction: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            spacing: self.spacing.unwrap_or(plain.spacing),
+            ..plain
         })
     }
 }
@@ -100,6 +96,12 @@ impl SceneArgs {
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
         for note in scene.volume.notes.iter().chain(labels) {
             tracing::warn!("{note}");
+        }
+        if let (Some(path), Some([])) = (&self.labels, scene.labels.as_ref().map(|labels| &labels.declared[..])) {
+            tracing::warn!(
+                "--labels {}: the scene declares no labels ([labels.N]), so they are not used",
+                path.display()
+            );
         }
         Ok(scene)
     }

@@ -72,16 +72,6 @@ pub struct View {
 }
 
 impl Camera {
-    /// Looks at the whole volume from the front, slightly above.
-    #[must_use]
-    pub fn standard() -> Self {
-        Self {
-            projection: Projection::Perspective { fov_degrees: 30.0 },
-            aim: Aim::Orbit { azimuth: -20.0, elevation: 15.0, fill: 0.95, front: DVec3::NEG_Z },
-            up: DVec3::NEG_Y,
-        }
-    }
-
     /// The frame of this camera before the volume of `geometry`, for a picture `width / height = aspect`. `None` where
     /// the camera looks nowhere: its target is its eye, or its up direction is the one it looks in.
     #[must_use]

@@ -10,12 +10,12 @@ use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use super::define::{byte_of, define, path_at, responsible};
-use super::lights::chain;
+use super::lights::{INTENSITY, chain};
 use super::{
     Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
     Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
-use crate::number::count;
+use crate::number::{count, readable};
 use crate::progress::Progress;
 use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Volume, VolumeError};
@@ -288,6 +288,9 @@ struct DisplayFile {
     adapt: bool,
 }
 
+/// Rows of the label table beside row 0; a voxel's row is a byte.
+const MOST_LABELS: usize = 255;
+
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
@@ -343,9 +346,9 @@ impl Text<'_> {
         } else if *range == FINITE {
             "a finite number".to_owned()
         } else {
-            format!("a number from {} to {}", range.start(), range.end())
+            format!("a number from {} to {}", readable(*range.start()), readable(*range.end()))
         };
-        Err(self.invalid(value, format!("{key} = {number}; it is {allowed}")))
+        Err(self.invalid(value, format!("{key} = {}; it is {allowed}", readable(number))))
     }
 
     fn optional(
@@ -417,8 +420,8 @@ impl Text<'_> {
             .transpose()?;
         let mut transfer = self.transfer(&file.transfer, &materials)?;
 
-        let volume = self.volume(&file.volume, base, options, progress)?;
-        let labels = self.label_volume(&file.volume, &volume, declared, base, options, progress)?;
+        let (volume, stored) = self.volume(&file.volume, base, options, progress)?;
+        let labels = self.label_volume(&file.volume, (&volume.source, &stored), declared, base, options, progress)?;
         let smallest = volume.geometry.spacing.min_element();
         transfer.opacity_length = opacity_length.unwrap_or(smallest);
         let accuracy = Accuracy {
@@ -519,7 +522,11 @@ impl Text<'_> {
             if !(low.is_finite() && high.is_finite() && low <= high) {
                 return Err(self.invalid(
                     &interval.range,
-                    format!("range = [{low}, {high}]; it is two finite numbers, the lower one first"),
+                    format!(
+                        "range = [{}, {}]; it is two finite numbers, the lower one first",
+                        readable(low),
+                        readable(high)
+                    ),
                 ));
             }
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
@@ -560,13 +567,18 @@ impl Text<'_> {
         if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && UNIT.contains(&point.1))) {
             return Err(self.invalid(
                 opacity,
-                format!("the point [{}, {}] is not a value and an opacity from 0 to 1", point.0, point.1),
+                format!(
+                    "the point [{}, {}] is not a value and an opacity from 0 to 1",
+                    readable(point.0),
+                    readable(point.1)
+                ),
             ));
         }
+        let descends = |last: f64, next: f64| {
+            format!("the value {} comes after {}; values ascend", readable(next), readable(last))
+        };
         if let Some(pair) = points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
-            return Err(
-                self.invalid(opacity, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0))
-            );
+            return Err(self.invalid(opacity, descends(pair[0].0, pair[1].0)));
         }
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {
@@ -578,12 +590,11 @@ impl Text<'_> {
             }
             curve.push((*value, index));
         }
-        if let Some(pair) =
-            curve.windows(2).find(|pair| pair[0].0.is_nan() || pair[1].0.is_nan() || pair[0].0 >= pair[1].0)
-        {
-            return Err(
-                self.invalid(material, format!("the value {} comes after {}; values ascend", pair[1].0, pair[0].0))
-            );
+        if let Some(point) = curve.iter().find(|point| !point.0.is_finite()) {
+            return Err(self.invalid(material, format!("the value {}; a material curve has finite values", point.0)));
+        }
+        if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+            return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
         Ok(Term { opacity: points, material: MaterialCurve(curve) })
     }
@@ -593,8 +604,12 @@ impl Text<'_> {
         files: &BTreeMap<String, At<LabelFile>>,
         materials: &[Material],
     ) -> Result<Vec<LabelEntry>, SceneError> {
-        let mut entries = Vec::new();
+        let mut entries: Vec<LabelEntry> = Vec::new();
         for (key, value) in files {
+            if entries.len() == MOST_LABELS {
+                let message = format!("{} labels are declared; {MOST_LABELS} can be", files.len());
+                return Err(self.invalid(value, message));
+            }
             let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {
                 self.invalid(
                     value,
@@ -603,6 +618,9 @@ impl Text<'_> {
                     ),
                 )
             })?;
+            if entries.iter().any(|entry| entry.label == u32::from(label)) {
+                return Err(self.invalid(value, format!("labels.{key}: label {label} is declared twice")));
+            }
             let file = value.get_ref();
             let material = self.material(&file.material, materials)?;
             let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
@@ -619,7 +637,7 @@ impl Text<'_> {
             .map(|(name, stated)| {
                 let file = stated.get_ref();
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
-                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &(0.0..=1e9), 1.0)?;
+                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {
                     (LightKind::Ambient, None, None) => Placement::Ambient,
                     (LightKind::Headlight, None, None) => Placement::Headlight,
@@ -683,9 +701,11 @@ impl Text<'_> {
         let CropFile { min, max } = crop.get_ref();
         let last = volume.geometry.dims.map(|n| count(n) - 1.0);
         for axis in 0..3 {
-            if !(0.0 <= min[axis] && min[axis] <= max[axis] && max[axis] <= last[axis]) {
+            // Only an axis of one voxel has no more than one index to show.
+            let apart = min[axis] < max[axis] || last[axis] <= 0.0;
+            if !(0.0 <= min[axis] && apart && min[axis] <= max[axis] && max[axis] <= last[axis]) {
                 let message = format!(
-                    "crop from {min:?} to {max:?}; on axis {} it is two voxel indices from 0 to {}, the lower one first",
+                    "crop from {min:?} to {max:?}; on axis {} it is two different voxel indices from 0 to {}, the lower one first",
                     ["x", "y", "z"][axis],
                     last[axis]
                 );
@@ -695,13 +715,14 @@ impl Text<'_> {
         Ok([DVec3::from_array(*min), DVec3::from_array(*max)])
     }
 
+    /// The volume, and the grid it lies on before the scene moves it.
     fn volume(
         &self,
         file: &VolumeFile,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
-    ) -> Result<Volume, SceneError> {
+    ) -> Result<(Volume, Geometry), SceneError> {
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         for (key, value) in [("dims", &file.dims), ("downsample", &file.downsample)] {
             if let Some(value) = value.as_ref().filter(|value| value.get_ref().contains(&0)) {
@@ -728,11 +749,10 @@ impl Text<'_> {
             }
             (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
-        let is_file = options.volume.is_some() || file.phantom.is_none();
-        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
-        if let Some(blocks) = options.downsample.or(stated) {
+        if let Some(blocks) = file.blocks(options) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
+        let stored = volume.geometry;
         if let Some(spacing) = &file.spacing {
             let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
             volume = changed.map_err(|error| self.invalid(spacing, error.to_string()))?;
@@ -754,13 +774,13 @@ impl Text<'_> {
             }
         };
         volume.geometry = geometry;
-        Ok(volume)
+        Ok((volume, stored))
     }
 
     fn label_volume(
         &self,
         file: &VolumeFile,
-        volume: &Volume,
+        (volume, stored): (&str, &Geometry),
         declared: Vec<LabelEntry>,
         base: &Path,
         options: &SceneOptions,
@@ -772,18 +792,22 @@ impl Text<'_> {
         };
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         let mut labels = volume::open(&path, progress).map_err(fail)?;
-        let is_file = options.volume.is_some() || file.phantom.is_none();
-        let stated = file.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
-        if let Some(blocks) = options.downsample.or(stated) {
+        if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
-        if labels.geometry.dims != volume.geometry.dims {
+        if labels.geometry.dims != stored.dims {
             return Err(SceneError::LabelGrid {
                 labels: labels.source,
                 theirs: labels.geometry.dims,
-                volume: volume.source.clone(),
-                ours: volume.geometry.dims,
+                volume: volume.to_owned(),
+                ours: stored.dims,
             });
+        }
+        if !labels.geometry.lies_on(stored) {
+            labels.notes.push(format!(
+                "{}: the labels have another spacing, origin or direction than the volume {volume}; they are shown voxel by voxel on its grid",
+                labels.source
+            ));
         }
         Ok(Some(Labels { volume: Arc::new(labels), declared }))
     }
@@ -799,19 +823,22 @@ impl VolumeFile {
         let Some(dims) = &self.dims else {
             return Err(text.invalid(name, "headerless voxels need `dims` beside their `type`"));
         };
+        let plain = RawLayout::new(*dims.get_ref(), voxel_type);
         Ok(Some(RawLayout {
-            file: None,
             slices: self.slices.clone(),
-            dims: *dims.get_ref(),
-            voxel_type,
             byte_order: self.byte_order,
             header_bytes: self.header_bytes,
-            spacing: self.spacing.as_ref().map_or([1.0; 3], |spacing| *spacing.get_ref()),
-            origin: self.origin.as_ref().map_or([0.0; 3], |origin| *origin.get_ref()),
-            direction: self
-                .direction
-                .as_ref()
-                .map_or([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], |direction| *direction.get_ref()),
+            spacing: self.spacing.as_ref().map_or(plain.spacing, |spacing| *spacing.get_ref()),
+            origin: self.origin.as_ref().map_or(plain.origin, |origin| *origin.get_ref()),
+            direction: self.direction.as_ref().map_or(plain.direction, |direction| *direction.get_ref()),
+            ..plain
         }))
+    }
+
+    /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.
+    fn blocks(&self, options: &SceneOptions) -> Option<[usize; 3]> {
+        let is_file = options.volume.is_some() || self.phantom.is_none();
+        let stated = self.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
+        options.downsample.or(stated)
     }
 }

@@ -1,12 +1,17 @@
 //! Light positions, and the mixes of spectra that shine from them.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::str::FromStr;
 
 use glam::DVec3;
 
 use super::{Camera, Projection, Scene, SceneError, Shading};
+use crate::number::readable;
 use crate::spectrum::{Light, Spectrum, SpectrumSource};
+
+/// What the spectrum of a light can be multiplied by.
+pub(super) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
 
 /// Where a light shines from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -224,8 +229,9 @@ impl FromStr for LightRequest {
             Some((rest, weight)) => {
                 let number: f64 =
                     weight.trim().parse().map_err(|_| format!("the weight {weight:?} is not a number"))?;
-                if !(number.is_finite() && number >= 0.0) {
-                    return Err(format!("the weight {weight} is not between 0 and infinity"));
+                if !INTENSITY.contains(&number) {
+                    let [least, most] = [INTENSITY.start(), INTENSITY.end()];
+                    return Err(format!("the weight {weight} is not a number from {least} to {most}"));
                 }
                 (rest, number)
             }
@@ -248,7 +254,7 @@ impl std::fmt::Display for LightRequest {
             write!(f, "@{position}")?;
         }
         if (self.weight - 1.0).abs() > 0.0 {
-            write!(f, "={}", self.weight)?;
+            write!(f, "={}", readable(self.weight))?;
         }
         Ok(())
     }

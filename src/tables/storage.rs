@@ -6,7 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::rounded;
-use crate::number::{count, whole};
+use crate::number::{count, readable, whole};
 use crate::plan::ScenePlan;
 use crate::scene::Labels;
 use crate::volume::{Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
@@ -80,13 +80,11 @@ impl Storage {
             VoxelType::I8 => Some([-128.0, 127.0]),
             _ => None,
         };
-        let mut domain = typed.map_or([statistics.min, statistics.max], |ends| {
+        let domain = typed.map_or([statistics.min, statistics.max], |ends| {
             let ends = ends.map(|stored: f64| stored.mul_add(slope, intercept));
             [ends[0].min(ends[1]), ends[0].max(ends[1])]
         });
-        if domain[0] >= domain[1] {
-            domain[1] = domain[0] + domain[0].abs().max(1.0);
-        }
+        let (domain, cut) = finite_domain(domain);
         let span = (domain[1] - domain[0]) / slope.abs();
         let whole = !matches!(voxel_type, VoxelType::F32 | VoxelType::F64);
         let gradient = plan.gradient();
@@ -101,9 +99,11 @@ impl Storage {
             VolumeFormat::R16Unorm => whole_codes(UNORM16, span, slope),
             VolumeFormat::Rgba16Snorm => whole_codes(2.0 * SNORM16, span, slope),
             // f32 of a number from 0 to 1 is within 2^-25 of it; 24-bit integers and f32 data may still be exact, but
-            // the normalisation rounds.
+            // the normalisation rounds. One value alone is an end of the domain.
+            VolumeFormat::R32Float | VolumeFormat::Rgba32Float if statistics.min >= statistics.max => (1.0, 0.0),
             VolumeFormat::R32Float | VolumeFormat::Rgba32Float => (1.0, (domain[1] - domain[0]) * 2.0_f64.powi(-25)),
         };
+        let loss = loss + cut + rounded_off(volume) * slope.abs();
         let mut storage = Self {
             format,
             domain,
@@ -215,6 +215,36 @@ impl Storage {
             }),
         }
     }
+}
+
+/// The ends of the domain, finite and as far apart as an f64 can say, and how far that moves the ends of the data.
+/// Data of one value get a domain that begins with it, or ends with it where there is nothing beyond.
+fn finite_domain(data: [f64; 2]) -> ([f64; 2], f64) {
+    const HALF: f64 = f64::MAX / 2.0;
+    let [low, high] = data.map(|end| end.clamp(f64::MIN, f64::MAX));
+    if low >= high {
+        let width = low.abs().max(1.0);
+        return (if low > HALF { [low - width, low] } else { [low, low + width] }, 0.0);
+    }
+    if (high - low).is_finite() {
+        return ([low, high], 0.0);
+    }
+    // Clamping each end to half the range leaves a span that is finite, and nothing of 1e307 or less is moved.
+    let domain = [low.max(-HALF), high.min(HALF)];
+    (domain, (domain[0] - low).max(high - domain[1]))
+}
+
+/// Most that stored integers of 64 bits lie beside the f64 that stands for them.
+#[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "whole, and few digits are enough")]
+fn rounded_off(volume: &Volume) -> f64 {
+    if !matches!(volume.voxels.voxel_type(), VoxelType::U64 | VoxelType::I64) {
+        return 0.0;
+    }
+    let off = |exact: i128, rounded: f64| exact.abs_diff(rounded as i128);
+    with_voxels!(&volume.voxels, stored => {
+        let off = stored.par_iter().filter_map(|value| Some(off(value.to_whole()?, value.to_f64())));
+        off.max().unwrap_or(0) as f64
+    })
 }
 
 /// The nearest code from 0 to 65535. Not `round`, which is a call on processors of the base level.
@@ -362,6 +392,7 @@ impl LabelMap {
             let value = value.to_f64();
             let label = whole(value);
             if (count(label) - value).abs() > 0.0 || value.is_nan() || label >= row_of.len() {
+                let value = readable(value);
                 return Err(fail(format!("voxel {voxel} holds {value}; labels are whole numbers from 0 to 65535")));
             }
             rows.push(row_of[label].unwrap_or_else(|| {

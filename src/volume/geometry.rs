@@ -76,6 +76,18 @@ impl Geometry {
         Self::new(source, dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)
     }
 
+    /// Whether its voxels lie where those of `other` do: spacings within a thousandth of each other, directions within
+    /// 1e-3, origins within a thousandth of a voxel and a millionth of their distance from 0, as headers are rounded.
+    #[must_use]
+    pub fn lies_on(&self, other: &Self) -> bool {
+        let spacing = self.spacing.max(other.spacing);
+        let origin = 1e-3 * spacing.max_element() + 1e-6 * self.origin.length();
+        self.dims == other.dims
+            && (self.spacing - other.spacing).abs().cmple(1e-3 * spacing).all()
+            && self.origin.distance(other.origin) <= origin
+            && self.direction.abs_diff_eq(other.direction, 1e-3)
+    }
+
     /// How many voxels the grid has.
     #[must_use]
     pub fn voxels(&self) -> usize {
