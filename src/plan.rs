@@ -122,6 +122,12 @@ impl ScenePlan {
         self.positions.total() * self.lanes()
     }
 
+    /// Bytes a pixel keeps on a device.
+    #[must_use]
+    pub fn pixel_bytes(&self) -> u64 {
+        (self.layers() * LANE * size_of::<f32>() + size_of::<f32>()) as u64
+    }
+
     /// Whether the gradient of the data is needed.
     #[must_use]
     pub fn gradient(&self) -> bool {

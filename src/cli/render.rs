@@ -14,7 +14,7 @@ use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
 use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, components, display_from_xyz};
 use relume::volume::Statistics;
-use relume::vulkan::{Device, DeviceChoice, Format, Validation};
+use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Bits, PictureKind, picture_kind};
 use super::scene::{LightArgs, SceneArgs, size};
@@ -212,7 +212,7 @@ fn on_device(
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
-    check_size(args.size, planned, renderer.device())?;
+    renderer.check_picture(&planned.plan, args.size, 0)?;
     let opened = clock.read();
     let clock = Stopwatch::start();
     let uploaded = renderer.upload(scene, planned, statistics, progress)?;
@@ -235,8 +235,8 @@ fn on_device(
         details: json!({
             "dispatches": accumulators.dispatches,
             "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
-            "volume_bytes": uploaded.storage.bytes(scene.volume.geometry.dims),
-            "pixel_bytes": pixel_bytes(planned),
+            "volume_bytes": uploaded.bytes(),
+            "pixel_bytes": planned.plan.pixel_bytes(),
         }),
     };
     if wanted.display {
@@ -255,31 +255,6 @@ fn on_device(
     let relight = clock.read();
     marched.times = vec![("device", opened), ("upload", upload), ("march", march), ("relight", relight)];
     Ok(marched)
-}
-
-/// Refuses a picture that the device cannot hold, before the volume travels there.
-fn check_size([width, height]: [usize; 2], planned: &Planned, device: &Device) -> Result<(), CliError> {
-    let (limits, name) = (device.limits(), &device.info().name);
-    let [widest, highest] = limits.max_extent_2d(Format::Rgba32Float);
-    if width as u64 > u64::from(widest) || height as u64 > u64::from(highest) {
-        return Err(CliError::Failed(format!(
-            "a picture of {width}×{height} pixels is too large for {name}, which makes at most {widest}×{highest}: take a smaller --size, or --reference"
-        )));
-    }
-    let needed = (width * height * pixel_bytes(planned)) as u64;
-    if needed > limits.device_heap_bytes {
-        return Err(CliError::Failed(format!(
-            "a picture of {width}×{height} pixels needs {} MB here, and {name} has {}: take a smaller --size, or fewer light positions",
-            needed.div_ceil(1 << 20),
-            limits.device_heap_bytes >> 20
-        )));
-    }
-    Ok(())
-}
-
-/// Bytes of a pixel's accumulators.
-fn pixel_bytes(planned: &Planned) -> usize {
-    planned.plan.layers() * 16 + 4
 }
 
 /// What relighting multiplies by.

@@ -198,6 +198,7 @@ impl Renderer {
     ) -> Result<Accumulators, RenderError> {
         let plan = &planned.plan;
         let device = &self.device;
+        self.check_picture(plan, size, uploaded.bytes())?;
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;

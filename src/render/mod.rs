@@ -19,7 +19,7 @@ use crate::scene::Scene;
 use crate::shader::{Shader, ShaderError};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
-use crate::vulkan::{ComputePipeline, Device, Resource, ResourceSet, VulkanError};
+use crate::vulkan::{ComputePipeline, Device, Format, Resource, ResourceSet, VulkanError};
 
 /// Why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
@@ -67,6 +67,34 @@ pub enum RenderError {
         needed_mb: u64,
         /// Texture format.
         format: VolumeFormat,
+        /// The device.
+        device: String,
+        /// Its memory.
+        heap_mb: u64,
+    },
+    /// A picture has more pixels along a side, or more layers, than the device has.
+    #[error(
+        "a picture of {}×{} pixels with {} vectors each is too large for {device}, which makes at most {}×{} with {}: take a smaller --size, fewer light positions, or --reference", asked[0], asked[1], asked[2], limit[0], limit[1], limit[2]
+    )]
+    PictureSize {
+        /// Pixels across and down, and layers.
+        asked: [usize; 3],
+        /// The device.
+        device: String,
+        /// What it makes.
+        limit: [u32; 3],
+    },
+    /// A picture and its volume do not fit into the device's memory together.
+    #[error(
+        "a picture of {}×{} pixels needs {needed_mb} MB here, beside {volume_mb} MB of volume, and {device} has {heap_mb}: take a smaller --size, fewer light positions, or --downsample", size[0], size[1]
+    )]
+    PictureMemory {
+        /// Pixels across and down.
+        size: [usize; 2],
+        /// What the accumulators and the relit picture take.
+        needed_mb: u64,
+        /// What the volume takes.
+        volume_mb: u64,
         /// The device.
         device: String,
         /// Its memory.
@@ -125,6 +153,35 @@ impl Renderer {
     #[must_use]
     pub fn device(&self) -> &Device {
         &self.device
+    }
+
+    /// Refuses a picture of `size` that the device cannot hold beside a volume of `volume_bytes`. [`Self::march`] asks this
+    /// too; asking before [`Self::upload`] saves the upload.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::PictureSize`], [`RenderError::PictureMemory`].
+    pub fn check_picture(&self, plan: &ScenePlan, size: [usize; 2], volume_bytes: u64) -> Result<(), RenderError> {
+        let (limits, device) = (self.device.limits(), &self.device.info().name);
+        let format = Format::Rgba32Float;
+        let [widest, highest] = limits.max_extent_2d(format);
+        let limit = [widest, highest, limits.max_layers(format)];
+        let asked = [size[0], size[1], plan.layers()];
+        if asked.iter().zip(limit).any(|(&asked, limit)| asked as u64 > u64::from(limit)) {
+            return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
+        }
+        // Accumulators, and a relit picture in f32.
+        let needed = (size[0] * size[1]) as u64 * (plan.pixel_bytes() + 16);
+        if needed + volume_bytes > limits.device_heap_bytes {
+            return Err(RenderError::PictureMemory {
+                size,
+                needed_mb: needed.div_ceil(1 << 20),
+                volume_mb: volume_bytes.div_ceil(1 << 20),
+                device: device.clone(),
+                heap_mb: limits.device_heap_bytes >> 20,
+            });
+        }
+        Ok(())
     }
 
     /// The pipeline for `key`, and `named` resources bound to it. A pipeline is made once; what its plan does not use is

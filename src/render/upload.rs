@@ -24,6 +24,17 @@ pub struct Uploaded {
     pub(super) label_image: Option<Image3d>,
 }
 
+impl Uploaded {
+    /// Bytes of its textures on the device.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        let [width, height, depth] = self.volume.extent().map(u64::from);
+        let texels = width * height * depth;
+        let per_texel = [Some(&self.volume), self.label_image.as_ref()];
+        per_texel.into_iter().flatten().map(|image| texels * u64::from(image.format().texel_bytes())).sum()
+    }
+}
+
 impl From<VolumeFormat> for Format {
     fn from(format: VolumeFormat) -> Self {
         match format {
@@ -51,7 +62,7 @@ impl Renderer {
         let storage = Storage::new(&planned.plan, &scene.volume, statistics);
         let dims = scene.volume.geometry.dims;
         let format = Format::from(storage.format);
-        self.check(&storage, dims, planned.plan.interpolation)?;
+        self.check(planned, &storage, dims)?;
         let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
         let labels = match &scene.labels {
             Some(labels) if planned.plan.labels => Some(LabelMap::new(labels)?),
@@ -71,17 +82,19 @@ impl Renderer {
     }
 
     /// Refuses what the device cannot hold or filter.
-    fn check(&self, storage: &Storage, dims: [usize; 3], interpolation: Interpolation) -> Result<(), RenderError> {
+    fn check(&self, planned: &Planned, storage: &Storage, dims: [usize; 3]) -> Result<(), RenderError> {
         let (limits, format) = (self.device.limits(), Format::from(storage.format));
         let device = self.device.info().name.clone();
         let limit = limits.max_extent_3d(format);
         if dims.iter().zip(limit).any(|(&n, limit)| n as u64 > u64::from(limit)) {
             return Err(RenderError::TooLarge { dims, device, limit });
         }
-        if interpolation == Interpolation::Linear && !limits.linear_filter(format) {
+        if planned.plan.interpolation == Interpolation::Linear && !limits.linear_filter(format) {
             return Err(RenderError::Filter { format: storage.format, device });
         }
-        let (needed, heap) = (storage.bytes(dims), limits.device_heap_bytes.min(limits.max_allocation_bytes));
+        let label_bytes = if planned.plan.labels { dims.iter().map(|&n| n as u64).product() } else { 0 };
+        let needed = storage.bytes(dims).saturating_add(label_bytes);
+        let heap = limits.device_heap_bytes.min(limits.max_allocation_bytes);
         if needed > heap {
             let (needed_mb, heap_mb) = (needed.div_ceil(1 << 20), heap >> 20);
             return Err(RenderError::Memory { needed_mb, format: storage.format, device, heap_mb });
