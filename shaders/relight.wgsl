@@ -15,12 +15,6 @@ struct Relight {
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
 
-var<private> colours: array<array<vec4f, 3>, LAYERS>;
-
-fn shine(colours: array<vec4f, 3>, weights: vec4f) -> vec3f {
-    return vec3f(dot(colours[0], weights), dot(colours[1], weights), dot(colours[2], weights));
-}
-
 // The transfer curve of IEC 61966-2-1.
 fn encode(colour: vec3f) -> vec3f {
     let clipped = clamp(colour, vec3f(), vec3f(1.0));
@@ -31,6 +25,7 @@ fn encode(colour: vec3f) -> vec3f {
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
     // Uniforms are read once for a column of pixels: on a CPU each read costs as much as a multiplication of all lanes.
+    var colours: array<array<vec4f, 3>, LAYERS>;
     if (FEW_LAYERS) {
         colours = relight.colours;
     }
@@ -44,11 +39,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         var colour = vec3f();
         for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
             let weights = textureLoad(accumulators, pixel, layer);
+            var shine: array<vec4f, 3>;
             if (FEW_LAYERS) {
-                colour += shine(colours[layer], weights);
+                shine = colours[layer];
             } else {
-                colour += shine(relight.colours[layer], weights);
+                shine = relight.colours[layer];
             }
+            colour += vec3f(dot(shine[0], weights), dot(shine[1], weights), dot(shine[2], weights));
         }
         if (DISPLAY) {
             if (BACKGROUND) {
