@@ -13,7 +13,7 @@ use relume::tables::{Accumulation, Cells, RelightMatrices, Storage, TransferTabl
 
 fn host(criterion: &mut Criterion) {
     let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene");
-    let planned = plan(&scene);
+    let planned = plan(&scene, &Quiet).unwrap();
     let statistics = scene.volume.statistics().expect("the phantom has values");
     let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
     let table = TransferTable::new(&scene, &planned, storage.domain);

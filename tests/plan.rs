@@ -40,7 +40,7 @@ fn headlight() -> PositionCounts {
 fn changed(name: &str, change: impl FnOnce(&mut Scene)) -> ScenePlan {
     let mut scene = scenes::named(name);
     change(&mut scene);
-    plan(&scene).plan
+    plan(&scene, &Quiet).unwrap().plan
 }
 
 #[test]

@@ -297,7 +297,7 @@ fn the_loss_that_is_stated_covers_what_64_bits_lose() {
         let mut scene = scenes::named("unshaded_one");
         scene.volume = Arc::new(volume(voxels));
         let statistics = scene.volume.statistics().unwrap();
-        Storage::new(&plan(&scene).plan, &scene.volume, &statistics).loss
+        Storage::new(&plan(&scene, &Quiet).unwrap().plan, &scene.volume, &statistics).loss
     };
     // From 2^62 on f64 are 1024 apart: all 64 values become the first, and the last moves by 63.
     let offset = 1_i64 << 62;

@@ -163,7 +163,7 @@ fn measure(
         Workload::PeerEightMaterials => double_materials(&mut scene),
         Workload::Peer | Workload::Default => {}
     }
-    let planned = plan(&scene);
+    let planned = plan(&scene, progress)?;
     let statistics = scene.volume.statistics()?;
     let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
     let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));

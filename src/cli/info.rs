@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use relume::number::readable;
-use relume::plan::{Planned, plan};
+use relume::plan::{Accumulate, Planned, plan, Transmittance};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::volume::{self, Volume};
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let path = path.as_ref().map_or("the default scene".into(), |path| path.display().to_string());
             args.refuse(&["--voxel"], &format!("{path} is a scene; it is for volumes"))?;
             let scene = args.scene.load(progress)?;
-            Ok(of_scene(&scene, &plan(&scene)))
+            Ok(of_scene(&scene, &plan(&scene, progress)?))
         }
     }
 }
@@ -266,7 +266,14 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
     let names: Vec<&str> =
         planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.as_str()).collect();
     json!({
-        "accumulate": "weights",
+        "accumulate": match plan.accumulate {
+            Accumulate::Weights { .. } => "weights",
+            Accumulate::Spectral { .. } => "spectral",
+        },
+        "transmittance": match plan.transmittance {
+            Transmittance::Grey => "grey",
+            Transmittance::Coloured => "coloured",
+        },
         "components": plan.components(),
         "lanes": plan.lanes(),
         "positions": planned.positions.iter().map(|position| position.name.clone()).collect::<Vec<_>>(),

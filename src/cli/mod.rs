@@ -14,6 +14,8 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use relume::output::OutputError;
+use relume::model::ModelError;
+use relume::plan::PlanError;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;
 use relume::scene::SceneError;
@@ -71,6 +73,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Vulkan(#[from] VulkanError),
     #[error(transparent)]
+    Plan(#[from] PlanError),
+    #[error(transparent)]
     Reference(#[from] ReferenceError),
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -97,6 +101,7 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
         CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Plan(PlanError::Model(ModelError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
         | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,

@@ -49,8 +49,8 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     let positions = saved.positions.len();
     let matrices = RelightMatrices::new(&saved.components, positions, saved.background.as_ref(), &mix, &saved.display);
     let colours = reference::relight(&saved.accumulation, &matrices);
-    let passed = saved.accumulation.transmittance.iter().copied().map(f64::from);
-    let rgba = files::rgba(&colours, passed);
+    let opacity = reference::opacity(&saved.accumulation, &matrices);
+    let rgba = files::rgba(colours.into_iter().zip(opacity));
     let relit = clock.read();
 
     let clock = Stopwatch::start();

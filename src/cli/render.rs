@@ -7,12 +7,12 @@ use serde_json::json;
 use relume::measure::{Stopwatch, Timing, peak_mb};
 use relume::number::readable;
 use relume::output::write_ready_png;
-use relume::plan::{Planned, plan};
+use relume::plan::{Planned, plan, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
-use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, components, display_from_xyz};
+use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
 use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
@@ -94,7 +94,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let scene = args.scene.load(progress)?;
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
-    let planned = plan(&scene);
+    let planned = plan(&scene, progress)?;
+    let wants_surfaces = args.spectral.is_some() || args.accumulators.is_some();
+    let surfaces = if wants_surfaces { files::surfaces(&scene, &planned)? } else { Vec::new() };
     let loaded = clock.read();
     let positions: Vec<String> = planned.positions.iter().map(|position| position.name.clone()).collect();
     let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
@@ -123,12 +125,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
     }
     if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, &marched.accumulation, &marched.linear) {
-        let spectra = components(&scene, &planned);
         let (positions, background) = (planned.positions.len(), scene.background.as_ref());
-        files::write_spectra(path, &spectra, positions, background, &mix, accumulation, linear)?;
+        files::write_spectra(path, &surfaces, positions, background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        files::to_file(&scene, &planned, accumulation).write(path)?;
+        files::to_file(&scene, &planned, &surfaces, accumulation).write(path)?;
     }
     let written = clock.read();
 
@@ -259,8 +260,8 @@ fn on_device(
 
 /// What relighting multiplies by.
 pub(crate) fn matrices(scene: &Scene, planned: &Planned, mix: &Mix) -> RelightMatrices {
-    let spectra = components(scene, planned);
-    RelightMatrices::new(&spectra, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
+    let components = Components::new(scene, planned);
+    RelightMatrices::new(&components, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
 }
 
 fn on_cpu(
@@ -277,17 +278,17 @@ fn on_cpu(
     let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
     warn_of_undeclared(labels.as_ref());
     warn_of_nothing(scene, planned, mix, None);
-    let exact = Exact::new(scene, planned, storage, labels.as_ref());
     let mut linear = None;
     if wanted.linear {
-        let (xyz, passed) = reference::full_spectrum(scene, planned, &exact, mix, size, progress)?;
-        let display = display_from_xyz(mix, &scene.display);
-        let colours: Vec<_> = xyz.iter().map(|xyz| display * glam::DVec3::from_array(xyz.0)).collect();
-        linear = Some(files::rgba(&colours, passed.into_iter()));
+        let truth = plan_full_spectrum(scene);
+        let exact = Exact::new(scene, &truth, storage.clone(), labels.as_ref());
+        let pixels = reference::render(scene, &truth, &exact, &matrices(scene, &truth, mix), size, progress)?;
+        linear = Some(files::rgba(pixels.into_iter()));
     }
     #[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
     let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
     let accumulation = if wanted.accumulation {
+        let exact = Exact::new(scene, planned, storage, labels.as_ref());
         let march = reference::march::<f64>(scene, planned, &exact, size, progress)?;
         Some(Accumulation { size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) })
     } else {

@@ -12,10 +12,11 @@ use toml::{Spanned, Table, Value};
 use super::define::{byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain};
 use super::{
-    Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
+    AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
     Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
 use crate::number::{count, readable};
+use crate::model::{MOST_DIMENSIONS, ModelKind};
 use crate::progress::Progress;
 use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Volume, VolumeError};
@@ -178,6 +179,7 @@ struct VolumeFile {
 #[serde(deny_unknown_fields)]
 struct MaterialFile {
     reflectance: At<SpectrumSource>,
+    absorption: Option<At<SpectrumSource>>,
     ambient: Option<At<f64>>,
     diffuse: Option<At<f64>>,
     specular: Option<At<f64>>,
@@ -198,6 +200,7 @@ struct TransferFile {
     #[serde(default)]
     intervals: Vec<IntervalFile>,
     opacity: Option<At<Vec<[f64; 2]>>>,
+    absorption: Option<At<Vec<[f64; 2]>>>,
     material: Option<At<Vec<(f64, String)>>>,
 }
 
@@ -208,6 +211,7 @@ struct IntervalFile {
     range: At<[f64; 2]>,
     ramp: Option<At<f64>>,
     opacity: At<f64>,
+    absorption: Option<At<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -216,6 +220,7 @@ struct LabelFile {
     name: Option<String>,
     material: At<String>,
     opacity: At<f64>,
+    absorption: Option<At<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -278,6 +283,12 @@ struct AccuracyFile {
     skipping: Option<bool>,
     #[serde(default)]
     interpolation: Interpolation,
+    #[serde(default)]
+    accumulate: AccumulateAs,
+    #[serde(default)]
+    model: ModelKind,
+    tolerance: Option<At<f64>>,
+    k: Option<At<usize>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -286,6 +297,18 @@ struct DisplayFile {
     exposure: Option<At<f64>>,
     #[serde(default)]
     adapt: bool,
+}
+
+/// Optical depths per opacity length.
+const DEPTH: RangeInclusive<f64> = 0.0..=OPAQUE_DEPTH;
+
+fn descends(last: f64, next: f64) -> String {
+    format!("the value {} comes after {}; values ascend", readable(next), readable(last))
+}
+
+/// Why a material cannot absorb.
+fn without_absorption(key: &str, material: &str) -> String {
+    format!("{key}: the material {material} absorbs nothing; write `absorption = …`, a spectrum, into [materials.{material}]")
 }
 
 /// Rows of the label table beside row 0; a voxel's row is a byte.
@@ -411,6 +434,15 @@ impl Text<'_> {
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
         let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-3)?;
+        let tolerance = self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), 1.0)?;
+        let dimension = match &file.accuracy.k {
+            None => None,
+            Some(k) if (1..=MOST_DIMENSIONS).contains(k.get_ref()) => Some(*k.get_ref()),
+            Some(k) => {
+                let message = format!("k = {}; it is a whole number from 1 to {MOST_DIMENSIONS}", k.get_ref());
+                return Err(self.invalid(k, message));
+            }
+        };
         let exposure = self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), 1.0)?;
         let opacity_length = file
             .transfer
@@ -429,6 +461,10 @@ impl Text<'_> {
             termination,
             skipping: file.accuracy.skipping.unwrap_or(true),
             interpolation: file.accuracy.interpolation,
+            accumulate: file.accuracy.accumulate,
+            model: file.accuracy.model,
+            tolerance,
+            dimension,
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {
@@ -480,6 +516,14 @@ impl Text<'_> {
                 Ok(Material {
                     name: name.clone(),
                     reflectance: self.spectrum(key, &file.reflectance, |source| source.reflectance(base))?,
+                    absorption: file
+                        .absorption
+                        .as_ref()
+                        .map(|stated| {
+                            let key = format!("materials.{name}.absorption");
+                            self.spectrum(key, stated, |source| source.absorption(base))
+                        })
+                        .transpose()?,
                     ambient: share("ambient", file.ambient.as_ref(), 0.2)?,
                     diffuse: share("diffuse", file.diffuse.as_ref(), 0.8)?,
                     specular: share("specular", file.specular.as_ref(), 0.0)?,
@@ -500,6 +544,16 @@ impl Text<'_> {
             let names: Vec<_> = materials.iter().map(|material| material.name.as_str()).collect();
             format!("there is no material {name:?}; there are: {}", names.join(", "))
         })
+    }
+
+    /// Optical depth per opacity length where `material` absorbs most.
+    fn absorption(&self, key: &str, value: Option<&At<f64>>, material: &Material) -> Result<f64, SceneError> {
+        let Some(value) = value else { return Ok(0.0) };
+        let depth = self.number(key, value, &DEPTH)?;
+        if depth > 0.0 && material.absorption.is_none() {
+            return Err(self.invalid(value, without_absorption(key, &material.name)));
+        }
+        Ok(depth)
     }
 
     fn opacity(&self, key: &str, value: &At<f64>, material: &Material) -> Result<f64, SceneError> {
@@ -531,11 +585,14 @@ impl Text<'_> {
             }
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
             let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
-            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity));
+            let absorption = self.absorption("absorption", interval.absorption.as_ref(), &materials[material])?;
+            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity, absorption));
         }
         match (&file.opacity, &file.material) {
             (None, None) => {}
-            (Some(opacity), Some(material)) => terms.push(self.curves(opacity, material, materials)?),
+            (Some(opacity), Some(material)) => {
+                terms.push(self.curves(opacity, file.absorption.as_ref(), material, materials)?);
+            }
             (Some(alone), None) => {
                 return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it"));
             }
@@ -554,31 +611,40 @@ impl Text<'_> {
         Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
     }
 
+    /// The points of a curve of the transfer function, whose heights are in `range`.
+    fn curve(
+        &self,
+        what: &str,
+        stated: &At<Vec<[f64; 2]>>,
+        range: &RangeInclusive<f64>,
+    ) -> Result<Vec<(f64, f64)>, SceneError> {
+        let points: Vec<(f64, f64)> = stated.get_ref().iter().map(|&[value, height]| (value, height)).collect();
+        if points.is_empty() {
+            return Err(self.invalid(stated, "a curve has at least one point"));
+        }
+        if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && range.contains(&point.1))) {
+            let [value, height, most] = [point.0, point.1, *range.end()].map(readable);
+            let message = format!("the point [{value}, {height}] is not a value and {what} from 0 to {most}");
+            return Err(self.invalid(stated, message));
+        }
+        match points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
+            Some(pair) => Err(self.invalid(stated, descends(pair[0].0, pair[1].0))),
+            None => Ok(points),
+        }
+    }
+
     fn curves(
         &self,
         opacity: &At<Vec<[f64; 2]>>,
+        absorption: Option<&At<Vec<[f64; 2]>>>,
         material: &At<Vec<(f64, String)>>,
         materials: &[Material],
     ) -> Result<Term, SceneError> {
-        let points: Vec<(f64, f64)> = opacity.get_ref().iter().map(|&[value, opacity]| (value, opacity)).collect();
-        if points.is_empty() || material.get_ref().is_empty() {
-            return Err(self.invalid(opacity, "a curve has at least one point"));
-        }
-        if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && UNIT.contains(&point.1))) {
-            return Err(self.invalid(
-                opacity,
-                format!(
-                    "the point [{}, {}] is not a value and an opacity from 0 to 1",
-                    readable(point.0),
-                    readable(point.1)
-                ),
-            ));
-        }
-        let descends = |last: f64, next: f64| {
-            format!("the value {} comes after {}; values ascend", readable(next), readable(last))
-        };
-        if let Some(pair) = points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
-            return Err(self.invalid(opacity, descends(pair[0].0, pair[1].0)));
+        let points = self.curve("an opacity", opacity, &UNIT)?;
+        let depths = absorption.map(|stated| self.curve("an optical depth", stated, &DEPTH)).transpose()?;
+        let depths = depths.unwrap_or_default();
+        if material.get_ref().is_empty() {
+            return Err(self.invalid(material, "a curve has at least one point"));
         }
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {
@@ -590,13 +656,19 @@ impl Text<'_> {
             }
             curve.push((*value, index));
         }
+        if let Some(stated) = absorption.filter(|_| depths.iter().any(|point| point.1 > 0.0))
+            && curve.iter().all(|&(_, index)| materials[index].absorption.is_none())
+        {
+            let names: Vec<&str> = material.get_ref().iter().map(|(_, name)| name.as_str()).collect();
+            return Err(self.invalid(stated, without_absorption("absorption", &names.join(", "))));
+        }
         if let Some(point) = curve.iter().find(|point| !point.0.is_finite()) {
             return Err(self.invalid(material, format!("the value {}; a material curve has finite values", point.0)));
         }
         if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
-        Ok(Term { opacity: points, material: MaterialCurve(curve) })
+        Ok(Term { opacity: points, absorption: depths, material: MaterialCurve(curve) })
     }
 
     fn label_entries(
@@ -624,8 +696,10 @@ impl Text<'_> {
             let file = value.get_ref();
             let material = self.material(&file.material, materials)?;
             let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
+            let absorption = format!("labels.{key}.absorption");
+            let absorption = self.absorption(&absorption, file.absorption.as_ref(), &materials[material])?;
             let name = file.name.clone().unwrap_or_else(|| key.clone());
-            entries.push(LabelEntry { label: u32::from(label), name, material, opacity });
+            entries.push(LabelEntry { label: u32::from(label), name, material, opacity, absorption });
         }
         entries.sort_by_key(|entry| entry.label);
         Ok(entries)
