@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use crate::model::{self, ColourModel, Ingredients, ModelError};
 use crate::progress::Progress;
-use crate::scene::{
-    AccumulateAs, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions,
-};
+use crate::scene::{AccumulateAs, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions};
 use crate::spectrum::Spectrum;
 
 /// Numbers in a shader's vector; accumulators and tables come in these.
@@ -264,7 +262,8 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
         let coloured = scene.materials.iter().enumerate().filter(|&(m, material)| {
-            scene.absorbs(m) && material.absorption.as_ref().is_some_and(|absorption| !is_constant(absorption.spectrum()))
+            scene.absorbs(m)
+                && material.absorption.as_ref().is_some_and(|absorption| !is_constant(absorption.spectrum()))
         });
         let materials: Vec<&str> = coloured.map(|(_, material)| material.name.as_str()).collect();
         return Err(PlanError::NotGrey { materials: materials.join(", ") });
@@ -280,15 +279,8 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
     };
     match scene.accuracy.accumulate {
         AccumulateAs::Weights => Ok(weights),
-        AccumulateAs::Spectral => fit(scene.accuracy.dimension),
-        AccumulateAs::Auto if !exact => fit(scene.accuracy.dimension),
-        // Weights are exact and no wider than any k-vector.
-        AccumulateAs::Auto if weights.plan.lanes() <= 1 => Ok(weights),
-        AccumulateAs::Auto => match fit(scene.accuracy.dimension) {
-            Ok(spectral) if spectral.plan.lanes() < weights.plan.lanes() => Ok(spectral),
-            Err(PlanError::Model(ModelError::Cancelled)) => Err(ModelError::Cancelled.into()),
-            _ => Ok(weights),
-        },
+        AccumulateAs::Auto if exact => Ok(weights),
+        AccumulateAs::Auto | AccumulateAs::Spectral => fit(scene.accuracy.dimension),
     }
 }
 
@@ -446,15 +438,21 @@ impl Planned {
                 names(materials),
                 match plan.transmittance {
                     Transmittance::Grey => "All wavelengths pass alike.",
-                    Transmittance::Coloured => "What passes changes its colour on the way, as through stained glass, so each of them fades by itself.",
+                    Transmittance::Coloured =>
+                        "What passes changes its colour on the way, as through stained glass, so each of them fades by itself.",
                 },
             ),
         }];
         if let Some(model) = &self.model {
-            for (name, error) in model.errors() {
+            let errors = model.lights().iter().map(|(name, _, matrix)| {
+                let error = matrix.worst();
+                format!("{:.2} and {:.2} under {name}", error.mean, error.max)
+            });
+            let errors: Vec<String> = errors.collect();
+            if !errors.is_empty() {
                 sentences.push(format!(
-                    "Under {name} colours are off by ΔE00 {:.2} on average and {:.2} at most (1 is about what an eye can see).",
-                    error.mean, error.max
+                    "That leaves colours off by a mean and a largest difference ΔE00 of {} (1 is about what an eye can see).",
+                    errors.join(", ")
                 ));
             }
         }

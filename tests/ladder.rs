@@ -12,7 +12,7 @@ use relume::render::Renderer;
 use relume::scene::Lookup;
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
-use relume::tables::{Accumulation, RelightMatrices};
+use relume::tables::{Accumulation, Components, RelightMatrices};
 use relume::vulkan::DeviceKind;
 use support::bounds::{longest, of_places, of_tables, places};
 use support::device::open;
@@ -86,10 +86,6 @@ fn colours(actual: &[DVec3], expected: &[DVec3], bound: &[DVec3], undecided: &[b
         }
     }
     worst
-}
-
-fn vectors(colours: &[Xyz]) -> Vec<DVec3> {
-    colours.iter().map(|xyz| DVec3::from_array(xyz.0)).collect()
 }
 
 /// A picture of linear RGB with a bound for each sample.
@@ -236,7 +232,9 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
         })
     };
     let lit = |light: &Spectrum, surface: &Spectrum| DVec3::from_array(xyz_of(&(light * &absolute(surface))).0);
-    let components = relume::tables::components(&rungs.scene, &rungs.planned);
+    let Components::Surfaces(components) = Components::new(&rungs.scene, &rungs.planned) else {
+        panic!("the scenes of the ladder are planned by weights");
+    };
     let black = Spectrum::constant(0.0);
     RelightMatrices {
         colours: (0..rungs.planned.positions.len())
@@ -245,7 +243,11 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
                 components.iter().map(move |surface| lit(&light, surface)).collect::<Vec<_>>()
             })
             .collect(),
-        background: lit(&light_at(None), rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum())),
+        background: vec![lit(
+            &light_at(None),
+            rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum()),
+        )],
+        passing: vec![1.0],
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use relume::number::readable;
-use relume::plan::{Accumulate, Planned, plan, Transmittance};
+use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::volume::{self, Volume};

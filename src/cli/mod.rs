@@ -13,8 +13,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use relume::output::OutputError;
 use relume::model::ModelError;
+use relume::output::OutputError;
 use relume::plan::PlanError;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;

@@ -6,10 +6,11 @@ use std::str::FromStr;
 use serde::{Deserialize, Serialize};
 
 /// How the few numbers of a model stand for a spectrum.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum ModelKind {
     /// Its samples at wavelengths chosen for the scene, with a matrix fitted to each light: the default.
+    #[default]
     Nodes,
     /// Its coefficients in the sharpened factor model (Bergner et al. 2002, section 5.1; Drew and Finlayson 2003).
     Sharpened(Order),

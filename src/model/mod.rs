@@ -20,6 +20,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::progress::Progress;
+use crate::spectrum::colour::OBSERVER;
 use crate::spectrum::{BANDS, Light, Spectrum, standard, wavelength_nm};
 
 pub use chain::ChainClass;
@@ -245,6 +246,13 @@ fn one_band(band: usize) -> Spectrum {
 }
 
 impl ColourModel {
+    /// Every band of the grid: nothing is left out, and nothing is fitted. What other models are measured against.
+    pub fn full_spectrum() -> Self {
+        let projection = (0..BANDS).map(one_band).collect();
+        let (cloud, vectors, lights) = (Vec::new(), Vec::new(), Vec::new());
+        Self { kind: ModelKind::Nodes, projection, cloud, vectors, lights }
+    }
+
     /// A model of stored parts; with it, new lights are fitted as with the model that the parts were taken from.
     ///
     /// `projection` has a row per coefficient; `cloud` holds the spectra of [`Self::cloud`], and `vectors` their
@@ -461,6 +469,12 @@ impl ColourModel {
     }
 
     fn fitted(&self, light: &Light) -> LightMatrix {
+        if self.dimension() == BANDS {
+            let power = light.spectrum().samples();
+            let colour = |band: usize| OBSERVER.each_ref().map(|matching| matching.samples()[band] * power[band]);
+            let xyz = (0..BANDS).map(colour).collect();
+            return LightMatrix { xyz, error: ErrorSummary::default(), unseen: None };
+        }
         let target = Target::new(&self.cloud, light);
         let xyz = match self.kind {
             ModelKind::Nodes | ModelKind::Bands => {

@@ -154,9 +154,7 @@ impl<'a, R: Real> Frame<'a, R> {
     fn reflect(&self, step: &Step<R>, facing: R, source: &mut [R]) {
         let plan = &self.planned.plan;
         let parts = plan.parts();
-        let shade = |material: &Material| {
-            R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient))
-        };
+        let shade = |material: &Material| R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient));
         match plan.accumulate {
             Accumulate::Weights { .. } => {
                 for ((part, &weight), material) in source.iter_mut().zip(&step.source).zip(self.used()) {

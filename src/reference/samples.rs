@@ -80,8 +80,7 @@ impl Samples<f64> for Exact<'_> {
         let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, dims)]);
         let [low, high] = self.storage.domain;
         let value = (high - low).mul_add(normalised, low);
-        let found =
-            if row > 0 { self.label_steps[usize::from(row)].clone() } else { self.steps.of_value(value) };
+        let found = if row > 0 { self.label_steps[usize::from(row)].clone() } else { self.steps.of_value(value) };
         step.source.clone_from(&found.source);
         step.opacity.clone_from(&found.opacity);
         step.opacity.truncate(self.planned.plan.passed());

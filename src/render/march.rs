@@ -130,13 +130,13 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 /// What `plan` fixes in the march shader.
 fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
-    let (materials, shares, exponents) = match plan.accumulate {
-        Accumulate::Weights { materials } => (materials, Shares::Own, 0),
-        Accumulate::Spectral { shares, exponents, .. } => (0, shares, exponents),
+    let (materials, dimension, shares, exponents) = match plan.accumulate {
+        Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
+        Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
     };
     common(plan)
         .u32("LANES", unsigned(plan.lanes().max(1)))
-        .u32("COMPONENTS", unsigned(plan.components()))
+        .u32("COMPONENTS", unsigned(dimension))
         .u32("TABLE_LANES", unsigned(parts.lanes.max(1)))
         .u32("SHADING_LANES", unsigned(plan.shading_lanes()))
         .u32("UNSHADED", unsigned(parts.unshaded))

@@ -119,11 +119,7 @@ impl Relight<'_> {
     /// [`RenderError`].
     pub fn run(&self, matrices: &RelightMatrices) -> Result<(), RenderError> {
         let size = self.accumulators.size.map(unsigned);
-        let head = RelightUniform {
-            width: size[0],
-            height: size[1],
-            padding: [0; 2],
-        };
+        let head = RelightUniform { width: size[0], height: size[1], padding: [0; 2] };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
         let passing = matrices.passing_lanes();
         self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&passing))?;

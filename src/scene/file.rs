@@ -12,11 +12,11 @@ use toml::{Spanned, Table, Value};
 use super::define::{byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain};
 use super::{
-    AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
-    Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
+    AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
+    OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
+use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
-use crate::model::{MOST_DIMENSIONS, ModelKind};
 use crate::progress::Progress;
 use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Volume, VolumeError};
@@ -308,7 +308,9 @@ fn descends(last: f64, next: f64) -> String {
 
 /// Why a material cannot absorb.
 fn without_absorption(key: &str, material: &str) -> String {
-    format!("{key}: the material {material} absorbs nothing; write `absorption = …`, a spectrum, into [materials.{material}]")
+    format!(
+        "{key}: the material {material} absorbs nothing; write `absorption = …`, a spectrum, into [materials.{material}]"
+    )
 }
 
 /// Rows of the label table beside row 0; a voxel's row is a byte.
@@ -437,9 +439,9 @@ impl Text<'_> {
         let tolerance = self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), 1.0)?;
         let dimension = match &file.accuracy.k {
             None => None,
-            Some(k) if (1..=MOST_DIMENSIONS).contains(k.get_ref()) => Some(*k.get_ref()),
+            Some(k) if (1..=LARGEST_DIMENSION).contains(k.get_ref()) => Some(*k.get_ref()),
             Some(k) => {
-                let message = format!("k = {}; it is a whole number from 1 to {MOST_DIMENSIONS}", k.get_ref());
+                let message = format!("k = {}; it is a whole number from 1 to {LARGEST_DIMENSION}", k.get_ref());
                 return Err(self.invalid(k, message));
             }
         };

@@ -72,9 +72,10 @@ impl Scene {
         let in_transfer = self.transfer.terms.iter().any(|term| {
             height(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
         });
-        let in_labels = self.labels.as_ref().is_some_and(|labels| {
-            labels.declared.iter().any(|entry| entry.material == index && of_label(entry) > 0.0)
-        });
+        let in_labels = self
+            .labels
+            .as_ref()
+            .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && of_label(entry) > 0.0));
         in_transfer || in_labels
     }
 }
@@ -185,7 +186,7 @@ pub struct Accuracy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AccumulateAs {
-    /// Weights where they are exact and no wider, else k-vectors.
+    /// Weights where they are exact, else the numbers of a colour model.
     #[default]
     Auto,
     /// One weight per material: exact, where all that absorbs is grey.

@@ -80,7 +80,8 @@ impl Transfer {
     /// The values at which the function bends or jumps, ascending.
     #[must_use]
     pub fn bends(&self) -> Vec<f64> {
-        let heights = self.terms.iter().flat_map(|term| term.opacity.iter().chain(&term.absorption)).map(|point| point.0);
+        let heights =
+            self.terms.iter().flat_map(|term| term.opacity.iter().chain(&term.absorption)).map(|point| point.0);
         let material = self.terms.iter().flat_map(|term| term.material.0.iter().map(|point| point.0));
         let mut bends: Vec<f64> = heights.chain(material).collect();
         bends.sort_by(f64::total_cmp);

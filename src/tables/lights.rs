@@ -159,7 +159,8 @@ impl RelightMatrices {
                 let surface = background.map_or_else(|| vec![0.0; count], |it| model.coefficients(it.spectrum()));
                 let behind = everywhere.iter().zip(surface).map(|(&colour, part)| part * colour).collect();
                 let luminance: f64 = everywhere.iter().map(|colour| colour.y).sum();
-                let share = |colour: &DVec3| if luminance > 0.0 { colour.y / luminance } else { 1.0 / count_f64(count) };
+                let share =
+                    |colour: &DVec3| if luminance > 0.0 { colour.y / luminance } else { 1.0 / count_f64(count) };
                 (behind, everywhere.iter().map(share).collect())
             }
             _ => {

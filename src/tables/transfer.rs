@@ -1,9 +1,11 @@
 //! The transfer function as a table over the data's range, for one step length.
 
 use super::{Storage, rounded};
+use crate::model::{Amplification, ColourModel, ModelKind, Order};
 use crate::number::count;
 use crate::plan::{Accumulate, LANE, Planned, Shares, Transmittance};
 use crate::scene::{Lookup, Material, Medium, Scene, depth_from_opacity};
+use crate::spectrum::Spectrum;
 
 /// The least entries a linear table has.
 const FEWEST: usize = 1024;
@@ -103,6 +105,8 @@ pub struct Steps<'a> {
     absorptions: Vec<Vec<f64>>,
     /// Exponents of the highlights that have a part of their own.
     exponents: Vec<u32>,
+    /// The model, where it projects the transmittance of each step (the paper's order).
+    by_step: Option<&'a ColourModel>,
 }
 
 impl<'a> Steps<'a> {
@@ -127,6 +131,10 @@ impl<'a> Steps<'a> {
             reflectances: scene.materials.iter().map(coefficients).collect(),
             absorptions: scene.materials.iter().map(absorptions).collect(),
             exponents: planned.exponents(scene),
+            by_step: model.filter(|model| {
+                model.kind() == ModelKind::Sharpened(Order::Step)
+                    && planned.plan.transmittance == Transmittance::Coloured
+            }),
         }
     }
 
@@ -155,24 +163,39 @@ impl<'a> Steps<'a> {
 
     /// What a step does in `medium`.
     fn of_medium(&self, medium: &Medium) -> Step {
-        let (scene, plan) = (self.scene, &self.planned.plan);
+        let scene = self.scene;
         let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let scattering: f64 = occluding.map(|(_, depth)| depth).sum();
-        let mut depths = vec![scattering; plan.passed()];
-        for (&depth, shape) in medium.absorption.iter().zip(&self.absorptions) {
-            for (sum, part) in depths.iter_mut().zip(shape) {
-                *sum += depth * part;
-            }
-        }
-        let mut opacity: Vec<f64> = depths.iter().map(|depth| -(-depth * steps).exp_m1()).collect();
+        let depths = self.depths(medium, scattering, steps);
+        let mut opacity: Vec<f64> = depths.iter().map(|depth| -(-depth).exp_m1()).collect();
         let gain = |component: usize| {
             let component = component.min(depths.len() - 1);
-            if depths[component] > 0.0 { opacity[component] / depths[component] } else { steps }
+            if depths[component] > 0.0 { steps * (opacity[component] / depths[component]) } else { steps }
         };
         let source = self.source(medium, gain);
         opacity.resize(opacity_numbers(self.planned), 0.0);
         Step { source, opacity }
+    }
+
+    /// The optical depth of each number of what passes across a step of `steps` opacity lengths.
+    fn depths(&self, medium: &Medium, scattering: f64, steps: f64) -> Vec<f64> {
+        if let Some(model) = self.by_step {
+            let mut depth = Spectrum::constant(scattering);
+            for (&height, material) in medium.absorption.iter().zip(&self.scene.materials) {
+                if let Some(shape) = &material.absorption {
+                    depth = &depth + &shape.spectrum().scaled(height);
+                }
+            }
+            return model.step_depths(&depth.scaled(steps), Amplification::Held);
+        }
+        let mut depths = vec![scattering; self.planned.plan.passed()];
+        for (&height, shape) in medium.absorption.iter().zip(&self.absorptions) {
+            for (sum, part) in depths.iter_mut().zip(shape) {
+                *sum += height * part;
+            }
+        }
+        depths.into_iter().map(|depth| depth * steps).collect()
     }
 
     /// What a step gains, where `gain(c)` is what a unit of scattering gives component c.
@@ -201,7 +224,9 @@ impl<'a> Steps<'a> {
                     source[first * LANE + c] += share * depth * gain(c) * reflected;
                 }
             }
-            if let Some(highlight) = self.exponents.iter().position(|&e| material.specular > 0.0 && e == material.exponent) {
+            if let Some(highlight) =
+                self.exponents.iter().position(|&e| material.specular > 0.0 && e == material.exponent)
+            {
                 let white = material.specular * depth;
                 match plan.transmittance {
                     Transmittance::Grey => source[parts.highlights * LANE + highlight] += white * gain(0),
