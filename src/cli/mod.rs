@@ -1,6 +1,7 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
 mod bench;
+mod bench_model;
 mod files;
 mod info;
 mod relight;
@@ -13,6 +14,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use relume::measure::ModelTableError;
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::plan::PlanError;
@@ -55,7 +57,7 @@ enum Command {
     Relight(relight::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure marching and relighting, as a table or as JSON.
+    /// Measure marching, relighting and colour models, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -78,6 +80,8 @@ pub(crate) enum CliError {
     Reference(#[from] ReferenceError),
     #[error(transparent)]
     Output(#[from] OutputError),
+    #[error(transparent)]
+    Model(#[from] ModelTableError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
     #[error("{0}")]
@@ -102,6 +106,7 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
         CliError::Reference(ReferenceError::Cancelled)
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
+        | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
         | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,

@@ -20,6 +20,9 @@ struct Step {
     absorbed: Vec<(usize, f64)>,
 }
 
+/// The optical depth per component of so much of these absorptions.
+type Depths<'a> = dyn Fn(&[(usize, f64)]) -> Vec<f64> + 'a;
+
 /// Kinds of chains; letters are those of the published tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChainClass {
@@ -27,10 +30,10 @@ pub enum ChainClass {
     Reflections,
     /// Two (two thirds) or three reflections (b). No renderer here makes them; the published tables have them.
     Bounces,
-    /// One reflection seen through an absorber (c), half of them through two, whose optical depths together are
-    /// log-uniform from 0.05 to the largest.
+    /// One reflection seen through one absorber or two, half of them deep: optical depths are log-uniform from 0.05 to
+    /// the largest, or uniform in the upper three quarters. What two deep absorbers leave is hardest to carry.
     Absorbed,
-    /// One reflection seen through a single absorber: what the published tables call c.
+    /// One reflection seen through one absorber of log-uniform optical depth: what the published tables call c.
     SinglyAbsorbed,
     /// Rays of this many steps through grey media of total optical depth 0.3 to 20 (d0).
     GreyRays(usize),
@@ -67,10 +70,15 @@ impl Chain {
                 Self { steps: Vec::new(), behind: Some(behind) }
             }
             ChainClass::Absorbed | ChainClass::SinglyAbsorbed => {
-                let smallest = 0.05_f64.min(supply.largest_depth);
-                let depth = random.between_magnitudes(smallest, supply.largest_depth);
+                let any = class == ChainClass::Absorbed;
+                let largest = supply.largest_depth;
+                let depth = if any && random.unit() < 0.5 {
+                    random.between(0.25 * largest, largest)
+                } else {
+                    random.between_magnitudes(0.05_f64.min(largest), largest)
+                };
                 let one = random.index(supply.absorptions);
-                let absorbed = if class == ChainClass::Absorbed && random.unit() < 0.5 {
+                let absorbed = if any && random.unit() < 0.5 {
                     let share = random.unit();
                     vec![(one, depth * share), (random.index(supply.absorptions), depth * (1.0 - share))]
                 } else {
@@ -105,7 +113,7 @@ impl Chain {
         &self,
         dimension: usize,
         sources: &[Vec<f64>],
-        depths: &dyn Fn(&[(usize, f64)]) -> Vec<f64>,
+        depths: &Depths<'_>,
     ) -> Vec<f64> {
         let mut light = vec![0.0; dimension];
         let mut transmittance = vec![1.0; dimension];

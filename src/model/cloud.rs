@@ -22,28 +22,14 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// The chains that the renderer can make of `ingredients`: single reflections and grey rays; with coloured
-    /// absorption, reflections behind it and rays through it. `size` is 1 for a fit, 2 for its validation.
-    ///
-    /// # Errors
-    ///
-    /// [`ModelError::Sample`] for a spectrum that is not finite, or an absorption that is negative somewhere.
-    pub fn new(ingredients: &Ingredients, seed: u64, size: usize) -> Result<Self, ModelError> {
-        const STEPS: usize = 24;
-        let coloured = is_coloured(ingredients);
-        let grey = [(ChainClass::GreyRays(STEPS), if coloured { 60 } else { 150 } * size)];
-        let through = [(ChainClass::Absorbed, 300 * size), (ChainClass::ColouredRays(STEPS), 150 * size)];
-        let classes = grey.into_iter().chain(through.into_iter().filter(|_| coloured));
-        Self::of(ingredients, &classes.collect::<Vec<_>>(), seed)
-    }
-
     /// Every source once, and so many random chains of each class. Classes that need absorptions are left out where
     /// there are none.
     ///
     /// # Errors
     ///
-    /// Those of [`Self::new`].
-    pub fn of(ingredients: &Ingredients, classes: &[(ChainClass, usize)], seed: u64) -> Result<Self, ModelError> {
+    /// [`ModelError::Sample`] for a spectrum that is not finite, or an absorption that is negative somewhere;
+    /// [`ModelError::NotFinite`] when light overflows.
+    pub fn new(ingredients: &Ingredients, classes: &[(ChainClass, usize)], seed: u64) -> Result<Self, ModelError> {
         check(ingredients)?;
         let mut sources = sorted(&ingredients.reflectances);
         if ingredients.highlights || sources.is_empty() && ingredients.background.is_none() {

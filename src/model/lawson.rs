@@ -22,14 +22,14 @@ pub(super) struct Fitted {
 /// Fits `W` to `target` on `vectors` (one k-vector per colour) by least squares in ΔE00, reweighted such that large
 /// errors weigh more (Lawson 1961); the best of the iterations is kept.
 ///
-/// Each iteration corrects the matrix of the one before it, so that the ridge leaves no bias: of colours that k
+/// `forms` are [`Target::forms`]. Each iteration corrects the matrix of the one before it, so that the ridge leaves no bias: of colours that k
 /// coefficients can hold exactly, the errors vanish.
-pub(super) fn fit(vectors: &[Vec<f64>], dimension: usize, target: &Target) -> Fitted {
+pub(super) fn fit(vectors: &[Vec<f64>], dimension: usize, target: &Target, forms: &[[f64; 6]]) -> Fitted {
     let mut weights = vec![1.0; vectors.len()];
     let mut matrix = vec![[0.0; 3]; dimension];
     let mut best: Option<(f64, Vec<[f64; 3]>, ErrorSummary)> = None;
     for _ in 0..ITERATIONS {
-        let Some(change) = correction(vectors, &matrix, &weights, target) else { break };
+        let Some(change) = correction(vectors, &matrix, &weights, target, forms) else { break };
         for (column, change) in matrix.iter_mut().zip(change) {
             for axis in 0..3 {
                 column[axis] += change[axis];
@@ -63,13 +63,19 @@ pub(super) fn fit(vectors: &[Vec<f64>], dimension: usize, target: &Target) -> Fi
 }
 
 /// What to add to `matrix` for the least weighted sum of squared differences; `None` where that is not finite.
-fn correction(vectors: &[Vec<f64>], matrix: &[[f64; 3]], weights: &[f64], target: &Target) -> Option<Vec<[f64; 3]>> {
+fn correction(
+    vectors: &[Vec<f64>],
+    matrix: &[[f64; 3]],
+    weights: &[f64],
+    target: &Target,
+    forms: &[[f64; 6]],
+) -> Option<Vec<[f64; 3]>> {
     let dimension = matrix.len();
     // Blocks (p, q), q ≤ p, of the six numbers of a symmetric 3×3.
     let mut blocks = vec![[0.0; 6]; dimension * (dimension + 1) / 2];
     let mut right = vec![[0.0; 3]; dimension];
     for (index, vector) in vectors.iter().enumerate() {
-        let form = target.form[index].map(|part| part * weights[index]);
+        let form = forms[index].map(|part| part * weights[index]);
         let model = colour(matrix, vector);
         let missing = std::array::from_fn(|axis| target.xyz[index][axis] - model[axis]);
         let pull = applied(&form, missing);

@@ -35,9 +35,14 @@ use target::Target;
 /// The largest dimension of a model.
 pub const LARGEST_DIMENSION: usize = 16;
 
-/// The seed of the cloud that models are fitted on.
+/// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
+const FIT: [(ChainClass, usize); 3] =
+    [(ChainClass::GreyRays(24), 100), (ChainClass::Absorbed, 400), (ChainClass::ColouredRays(24), 150)];
 const FIT_SEED: u64 = 1;
-/// The seed of the cloud that automatic dimensions are checked on.
+/// What automatic dimensions are checked on. Most of it is behind absorbers, where a rare pair of them can be far worse
+/// than all others.
+const VALIDATION: [(ChainClass, usize); 3] =
+    [(ChainClass::GreyRays(24), 200), (ChainClass::Absorbed, 3000), (ChainClass::ColouredRays(24), 300)];
 const VALIDATION_SEED: u64 = 2;
 /// The share of a tolerance that an automatic dimension uses up: what it was not checked on differs a little more.
 const MARGIN: f64 = 0.75;
@@ -115,12 +120,12 @@ pub fn fit(
     dimension: usize,
     progress: &dyn Progress,
 ) -> Result<ColourModel, ModelError> {
-    fit_cloud(&Cloud::new(ingredients, FIT_SEED, 1)?, &ingredients.lights, kind, dimension, progress)
+    fit_cloud(&Cloud::new(ingredients, &FIT, FIT_SEED)?, &ingredients.lights, kind, dimension, progress)
 }
 
 /// The model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
 ///
-/// Kept means: over the cloud of the fit and over another one, twice as large, whose spectra were not used in the fit,
+/// Kept means: over the cloud of the fit and over another, larger one, whose spectra were not used in the fit,
 /// the largest ΔE00 is at most 0.75 of the tolerance and the mean at most a fifth of that.
 ///
 /// # Errors
@@ -133,11 +138,11 @@ pub fn fit_automatic(
     tolerance: f64,
     progress: &dyn Progress,
 ) -> Result<ColourModel, ModelError> {
-    if !(tolerance > 0.0) {
+    if tolerance.is_nan() || tolerance <= 0.0 {
         return Err(ModelError::NotATolerance { tolerance });
     }
-    let cloud = Cloud::new(ingredients, FIT_SEED, 1)?;
-    let unseen = Cloud::new(ingredients, VALIDATION_SEED, 2)?;
+    let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
+    let unseen = Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)?;
     let keeps = |error: &ErrorSummary| needed_tolerance(error) <= tolerance;
     // The tolerance that would have been kept, the dimension that keeps it, and its largest error.
     let mut nearest: Option<(f64, usize, f64)> = None;
@@ -478,7 +483,7 @@ impl ColourModel {
         let target = Target::new(&self.cloud, light);
         let xyz = match self.kind {
             ModelKind::Nodes | ModelKind::Bands => {
-                let fitted = lawson::fit(&self.vectors, self.dimension(), &target);
+                let fitted = lawson::fit(&self.vectors, self.dimension(), &target, &target.forms());
                 return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
             }
             ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
@@ -505,7 +510,7 @@ impl ColourModel {
         }
         let rounding = |part: f64| (part.abs() * 0.5_f64.powi(11)).max(0.5_f64.powi(25));
         let of_light = |(_, light, matrix): &(String, Light, LightMatrix)| {
-            let target = Target::new(&self.cloud, light);
+            let forms = Target::new(&self.cloud, light).forms();
             let of_colour = |(vector, form): (&Vec<f64>, &[f64; 6])| {
                 let pairs = vector.iter().zip(&matrix.xyz);
                 let along = |column: [f64; 3]| {
@@ -514,7 +519,7 @@ impl ColourModel {
                 };
                 pairs.map(|(&part, &column)| rounding(part) * along(column)).sum::<f64>()
             };
-            self.vectors.iter().zip(&target.form).map(of_colour).fold(0.0, f64::max)
+            self.vectors.iter().zip(&forms).map(of_colour).fold(0.0, f64::max)
         };
         self.lights.par_iter().map(of_light).reduce(|| 0.0, f64::max)
     }

@@ -33,13 +33,14 @@ pub(super) fn select(
     let mut best: Option<(f64, Vec<usize>)> = None;
     let samples = DMatrix::from_fn(BANDS, spectra.len(), |band, index| spectra[index].samples()[band]);
     let transposed = samples.transpose();
+    let forms: Vec<Vec<[f64; 6]>> = targets.par_iter().map(Target::forms).collect();
     for round in 0..ROUNDS {
         progress.report("fitting the colour model", round, ROUNDS);
         if progress.cancelled() {
             return Err(ModelError::Cancelled);
         }
-        let candidates: Vec<Candidates> = (targets.par_iter().zip(&weights))
-            .map(|(target, weights)| Candidates::new(&samples, &transposed, target, weights))
+        let candidates: Vec<Candidates> = (targets.par_iter().zip(&forms).zip(&weights))
+            .map(|((target, forms), weights)| Candidates::new(&samples, &transposed, target, forms, weights))
             .collect();
         if chosen.is_empty() {
             chosen = greedy(&candidates, dimension);
@@ -48,8 +49,9 @@ pub(super) fn select(
         let mut bands = chosen.clone();
         bands.sort_unstable();
         let vectors = sampled(spectra, &bands);
-        let fits: Vec<lawson::Fitted> =
-            targets.par_iter().map(|target| lawson::fit(&vectors, dimension, target)).collect();
+        let fits: Vec<lawson::Fitted> = (targets.par_iter().zip(&forms))
+            .map(|(target, forms)| lawson::fit(&vectors, dimension, target, forms))
+            .collect();
         let score = fits.iter().map(|fit| fit.error.score()).sum();
         if best.as_ref().is_none_or(|(least, _)| score < *least) {
             best = Some((score, bands));
@@ -80,13 +82,19 @@ struct Candidates {
 
 impl Candidates {
     /// `samples` has a column per spectrum.
-    fn new(samples: &DMatrix<f64>, transposed: &DMatrix<f64>, target: &Target, weights: &[f64]) -> Self {
+    fn new(
+        samples: &DMatrix<f64>,
+        transposed: &DMatrix<f64>,
+        target: &Target,
+        forms: &[[f64; 6]],
+        weights: &[f64],
+    ) -> Self {
         const PLACES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         let mut system = vec![0.0; SIZE * SIZE];
         for (part, (a, b)) in PLACES.into_iter().enumerate() {
             let mut weighted = samples.clone();
             for (index, mut column) in weighted.column_iter_mut().enumerate() {
-                column *= weights[index] * target.form[index][part];
+                column *= weights[index] * forms[index][part];
             }
             let product = weighted * transposed;
             for p in 0..BANDS {
@@ -99,7 +107,7 @@ impl Candidates {
         let mut right = vec![0.0; SIZE];
         let mut total = 0.0;
         for (index, column) in samples.column_iter().enumerate() {
-            let pull = applied(&target.form[index], target.xyz[index]).map(|part| part * weights[index]);
+            let pull = applied(&forms[index], target.xyz[index]).map(|part| part * weights[index]);
             total += (0..3).map(|axis| pull[axis] * target.xyz[index][axis]).sum::<f64>();
             for (right, sample) in right.as_chunks_mut::<3>().0.iter_mut().zip(column.iter()) {
                 for axis in 0..3 {

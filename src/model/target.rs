@@ -44,19 +44,22 @@ impl ErrorSummary {
 pub(super) struct Target {
     pub(super) xyz: Vec<[f64; 3]>,
     lab: Vec<Lab>,
-    /// The quadratic form of ΔE00² at each colour: 00, 01, 02, 11, 12, 22.
-    pub(super) form: Vec<[f64; 6]>,
 }
 
 impl Target {
     pub(super) fn new(spectra: &[Spectrum], light: &Light) -> Self {
         let xyz: Vec<[f64; 3]> = spectra.iter().map(|spectrum| xyz_of(&(light.spectrum() * spectrum)).0).collect();
         let lab = xyz.iter().map(|&xyz| lab(xyz)).collect();
-        let form = xyz.iter().map(|&xyz| {
+        Self { xyz, lab }
+    }
+
+    /// The quadratic form of ΔE00² at each colour: its entries 00, 01, 02, 11, 12, 22.
+    pub(super) fn forms(&self) -> Vec<[f64; 6]> {
+        let form = |&xyz: &[f64; 3]| {
             let form = quadratic_form(Xyz(xyz)).to_cols_array();
             [form[0], form[1], form[2], form[4], form[5], form[8]]
-        });
-        Self { form: form.collect(), xyz, lab }
+        };
+        self.xyz.iter().map(form).collect()
     }
 
     /// ΔE00 of `model`'s colour number `index`.
