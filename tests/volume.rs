@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DMat3, DVec3};
 use relume::progress::{Progress, Quiet};
-use relume::volume::{self, ByteOrder, Geometry, RawLayout, Statistics, Volume, VolumeError, VoxelType, Voxels};
+use relume::volume::{
+    self, ByteOrder, Geometry, RawLayout, Selection, Statistics, Volume, VolumeError, VoxelType, Voxels,
+};
 use sha2::{Digest, Sha256};
 
 /// The folder of real volumes, where the checkout has one.
@@ -43,7 +45,13 @@ fn unit(dims: [usize; 3], voxels: Voxels) -> Volume {
 /// How a shared file is opened, other than by its name.
 fn open_shared(folder: &Path, name: &str) -> Volume {
     let raw = |file: &str, layout: RawLayout| {
-        volume::open_raw(&RawLayout { file: Some(file.to_owned()), ..layout }, &folder.join(name), &Quiet).unwrap()
+        volume::open_raw(
+            &RawLayout { file: Some(file.to_owned()), ..layout },
+            &folder.join(name),
+            &Selection::default(),
+            &Quiet,
+        )
+        .unwrap()
     };
     match name {
         "ct/cranium" => raw(
@@ -59,7 +67,7 @@ fn open_shared(folder: &Path, name: &str) -> Volume {
                 ..RawLayout::new([256, 256, 113], VoxelType::U16)
             },
         ),
-        _ => volume::open(&folder.join(name), &Quiet).unwrap(),
+        _ => volume::open(&folder.join(name), &Selection::default(), &Quiet).unwrap(),
     }
 }
 
@@ -79,7 +87,7 @@ fn every_shared_file_reads_as_an_independent_reader_found_it() {
             continue;
         }
         if expected["expect"] != "load" {
-            assert!(volume::open(&folder.join(name), &Quiet).is_err(), "{name} is malformed");
+            assert!(volume::open(&folder.join(name), &Selection::default(), &Quiet).is_err(), "{name} is malformed");
             continue;
         }
         let volume = open_shared(&folder, name);
@@ -134,7 +142,7 @@ fn every_shared_file_reads_as_an_independent_reader_found_it() {
 #[test]
 fn the_frog_tissue_has_every_voxel_and_a_note_about_its_header() {
     let Some(folder) = shared() else { return };
-    let tissue = volume::open(&folder.join("frog/frogtissue.mhd"), &Quiet).unwrap();
+    let tissue = volume::open(&folder.join("frog/frogtissue.mhd"), &Selection::default(), &Quiet).unwrap();
     let Voxels::U8(labels) = &tissue.voxels else { panic!("labels are bytes") };
     assert_eq!(labels.iter().filter(|&&label| label == 13).count(), 440_722, "skeleton");
     assert!(
@@ -147,7 +155,7 @@ fn the_frog_tissue_has_every_voxel_and_a_note_about_its_header() {
 #[test]
 fn the_frog_averages_as_numpy_averages_it() {
     let Some(folder) = shared() else { return };
-    let frog = volume::open(&folder.join("frog/frog.mhd"), &Quiet).unwrap();
+    let frog = volume::open(&folder.join("frog/frog.mhd"), &Selection::default(), &Quiet).unwrap();
     let half = frog.downsample([2, 2, 1]).unwrap();
     assert_eq!(half.geometry.dims, [250, 235, 136]);
     assert_eq!(half.geometry.spacing, DVec3::new(2.0, 2.0, 1.5));
@@ -170,7 +178,7 @@ fn a_raw_file_is_read_by_the_sidecar_beside_it() {
         let text = "dims = [3, 2, 1]\ntype = 'ushort'\nbyte_order = 'big'\nheader_bytes = 2\nspacing = [1, 2, 3]\n\
                     origin = [4, 5, 6]\ndirection = [0, 1, 0, 1, 0, 0, 0, 0, 1]";
         std::fs::write(folder.path().join(sidecar), text).unwrap();
-        let volume = volume::open(&folder.path().join("a.raw"), &Quiet).unwrap();
+        let volume = volume::open(&folder.path().join("a.raw"), &Selection::default(), &Quiet).unwrap();
         assert_eq!(volume.voxels, Voxels::U16(vec![1, 2, 3, 260, 5, 6]));
         assert_eq!(volume.geometry.spacing, DVec3::new(1.0, 2.0, 3.0));
         assert_eq!(volume.geometry.world_from_index(DVec3::X), DVec3::new(4.0, 6.0, 6.0), "x runs along the world's y");
@@ -183,11 +191,14 @@ fn a_sidecar_opens_the_file_or_the_slices_it_names() {
     std::fs::write(folder.path().join("s10"), [3, 4]).unwrap();
     let sidecar = folder.path().join("v.toml");
     std::fs::write(&sidecar, "[volume]\nfile = 's%02d'\nslices = [8, 10, 2]\ndims = [2, 1, 2]\ntype = 'int8'").unwrap();
-    assert_eq!(volume::open(&sidecar, &Quiet).unwrap().voxels, Voxels::I8(vec![1, 2, 3, 4]));
+    assert_eq!(volume::open(&sidecar, &Selection::default(), &Quiet).unwrap().voxels, Voxels::I8(vec![1, 2, 3, 4]));
     std::fs::write(&sidecar, "file = 's%02d'\nslices = [10, 8, -2]\ndims = [2, 1, 2]\ntype = 'int8'").unwrap();
-    assert_eq!(volume::open(&sidecar, &Quiet).unwrap().voxels, Voxels::I8(vec![3, 4, 1, 2]));
+    assert_eq!(volume::open(&sidecar, &Selection::default(), &Quiet).unwrap().voxels, Voxels::I8(vec![3, 4, 1, 2]));
     std::fs::write(folder.path().join("s10.toml"), "dims = [2, 1, 1]\ntype = 'uint8'").unwrap();
-    assert_eq!(volume::open(&folder.path().join("s10.toml"), &Quiet).unwrap().voxels, Voxels::U8(vec![3, 4]));
+    assert_eq!(
+        volume::open(&folder.path().join("s10.toml"), &Selection::default(), &Quiet).unwrap().voxels,
+        Voxels::U8(vec![3, 4])
+    );
 }
 
 #[test]
@@ -196,9 +207,9 @@ fn bad_raw_files_are_refused_with_the_numbers() {
     let path = folder.path().join("a.raw");
     let refused = |toml: &str| {
         std::fs::write(folder.path().join("a.toml"), toml).unwrap();
-        volume::open(&path, &Quiet).unwrap_err()
+        volume::open(&path, &Selection::default(), &Quiet).unwrap_err()
     };
-    let error = volume::open(&path, &Quiet).unwrap_err();
+    let error = volume::open(&path, &Selection::default(), &Quiet).unwrap_err();
     let message = whole_message(&error);
     assert!(matches!(error, VolumeError::NoLayout { .. }), "{message}");
     assert!(["dims", "type", "header_bytes", "a.raw.toml"].iter().all(|word| message.contains(word)), "{message}");
@@ -239,10 +250,10 @@ fn bad_raw_files_are_refused_with_the_numbers() {
 
     let sidecar = folder.path().join("b.toml");
     std::fs::write(&sidecar, "dims = [5, 1, 3]\ntype = 'uint8'\nfile = 'slice%d'\nslices = [1, 2]").unwrap();
-    let error = volume::open(&sidecar, &Quiet).unwrap_err();
+    let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
     assert!(error.to_string().contains("2 slices") && error.to_string().contains('3'), "{error}");
     std::fs::write(&sidecar, "dims = [5, 1, 4000000000]\ntype = 'uint8'\nfile = 'slice%d'").unwrap();
-    let error = volume::open(&sidecar, &Quiet).unwrap_err();
+    let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
     assert!(matches!(&error, VolumeError::Open { path, .. } if path.ends_with("slice1")), "{error}");
 }
 
@@ -250,18 +261,18 @@ fn bad_raw_files_are_refused_with_the_numbers() {
 fn more_bytes_than_needed_are_noted() {
     let folder = folder_with("a.raw", &[0; 5]);
     std::fs::write(folder.path().join("a.toml"), "dims = [3, 1, 1]\ntype = 'uint8'").unwrap();
-    let notes = volume::open(&folder.path().join("a.raw"), &Quiet).unwrap().notes;
+    let notes = volume::open(&folder.path().join("a.raw"), &Selection::default(), &Quiet).unwrap().notes;
     assert!(matches!(&notes[..], [note] if note.contains('5') && note.contains('3')), "{notes:?}");
 }
 
 #[test]
 fn unknown_and_missing_files_are_named() {
     let folder = folder_with("a.xyz", b"hello");
-    let error = volume::open(&folder.path().join("a.xyz"), &Quiet).unwrap_err();
+    let error = volume::open(&folder.path().join("a.xyz"), &Selection::default(), &Quiet).unwrap_err();
     assert!(matches!(error, VolumeError::UnknownFormat { .. }), "{error}");
     assert!(error.to_string().contains("a.xyz") && error.to_string().contains("MetaImage (.mhd, .mha)"), "{error}");
     for missing in ["none.mhd", "none.raw", "none.toml", "none"] {
-        let error = volume::open(&folder.path().join(missing), &Quiet).unwrap_err();
+        let error = volume::open(&folder.path().join(missing), &Selection::default(), &Quiet).unwrap_err();
         assert!(matches!(error, VolumeError::Open { .. }) && error.to_string().contains(missing), "{error}");
     }
 }
@@ -290,7 +301,7 @@ fn reading_reports_bytes_and_can_be_cancelled() {
     std::fs::write(folder.path().join("a.toml"), "dims = [1024, 1024, 5]\ntype = 'uint16'").unwrap();
     let read = |stop_after| {
         let listener = Listener { stop_after, done: AtomicU64::new(0), total: AtomicU64::new(0) };
-        (volume::open(&folder.path().join("a.raw"), &listener), listener)
+        (volume::open(&folder.path().join("a.raw"), &Selection::default(), &listener), listener)
     };
     let (volume, listener) = read(u64::MAX);
     assert_eq!(volume.unwrap().voxels, Voxels::U16(vec![0x0707; 5 << 20]));

@@ -8,10 +8,12 @@ use std::str::FromStr;
 
 use glam::{DMat3, DVec3};
 
-use super::data::{self, Data, DataFile, Encoding, Start};
+use super::data::{self, Data, DataFile};
 use super::pattern::{self, Pattern};
 use super::raw::ByteOrder;
-use super::{Geometry, Volume, VolumeError, VoxelType};
+use super::select::Pick;
+use super::stream::{self, Encoding, Start};
+use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
 /// Headers are short; a file without `ElementDataFile` in so many bytes is not a `MetaImage`.
@@ -31,16 +33,18 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 }
 
 /// Reads a `MetaImage`.
-pub(super) fn read(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let header = Header::read(path)?;
     let mut notes = Vec::new();
     let axes = header.axes()?;
     let geometry = header.geometry(&axes, &mut notes)?;
-    let data = header.data(&axes)?;
+    let components = header.components()?;
+    let data = header.data(&axes, components, selection)?;
     let (slope, intercept) = header.scale()?;
     let voxels = data.read(progress, &mut notes)?;
     let mut volume = Volume::new(&path.display().to_string(), voxels, geometry)?;
     (volume.slope, volume.intercept) = (slope, intercept);
+    volume.components = components;
     volume.metadata = header.uninterpreted();
     notes.extend(header.repeated());
     volume.notes = notes;
@@ -106,7 +110,7 @@ impl<'a> Header<'a> {
     /// Reads as far as `ElementDataFile`, which is always last, and the list of files behind it if there is one.
     fn read(path: &'a Path) -> Result<Self, VolumeError> {
         let failed = |source| VolumeError::Read { path: path.to_owned(), source };
-        let mut stream = BufReader::new(data::open(path)?).take(LONGEST_HEADER);
+        let mut stream = BufReader::new(stream::open(path)?).take(LONGEST_HEADER);
         let mut header = Self { path, fields: Vec::new(), list: Vec::new(), bytes: 0 };
         let mut line = Vec::new();
         for number in 1.. {
@@ -198,7 +202,7 @@ impl<'a> Header<'a> {
         if axes.len() < lengths.len() {
             return Err(VolumeError::Dims { source_name: source_name(), dims: dims() });
         }
-        if axes.iter().skip(3).any(|&n| n > 1) {
+        if axes.iter().skip(4).any(|&n| n > 1) {
             return Err(VolumeError::TooManyAxes { source_name: source_name(), dims: dims() });
         }
         Ok(axes)
@@ -279,12 +283,29 @@ impl<'a> Header<'a> {
         })
     }
 
-    fn data(&self, axes: &[usize]) -> Result<Data, VolumeError> {
-        let channels = self.number::<u64>(&key::CHANNELS, "a whole number")?.unwrap_or(1);
-        if channels != 1 {
-            let source_name = self.path.display().to_string();
-            return Err(VolumeError::Components { source_name, components: channels });
+    /// Numbers per voxel; they lie together.
+    fn components(&self) -> Result<usize, VolumeError> {
+        let channels = self.number::<usize>(&key::CHANNELS, "a whole number")?.unwrap_or(1);
+        match self.find(&key::CHANNELS) {
+            Some(field) if channels == 0 => Err(self.wrong(field, "no number per voxel".to_owned())),
+            _ => Ok(channels),
         }
+    }
+
+    fn data(&self, axes: &[usize], components: usize, selection: &Selection) -> Result<Data, VolumeError> {
+        let source_name = self.path.display().to_string();
+        // The fourth axis is time.
+        let times = axes.get(3).copied().unwrap_or(1);
+        selection.no_array(&source_name)?;
+        let component = selection.component(&source_name, components, "")?;
+        let time = selection.time(&source_name, times)?;
+        // Counted with the components, which are the first axis.
+        let all: Vec<usize> = std::iter::once(components).chain(axes.iter().copied()).collect();
+        data::check_size(&source_name, &all)?;
+        let picks = vec![
+            Pick { stride: 1, length: components, index: component },
+            Pick { stride: all.iter().take(4).product(), length: times, index: time },
+        ];
         let voxel_type = self.voxel_type()?;
         let big = self.flag(&key::BIG_ENDIAN, false)?;
         let encoding = match (self.flag(&key::BINARY, true)?, self.flag(&key::COMPRESSED, false)?) {
@@ -299,26 +320,26 @@ impl<'a> Header<'a> {
         let file = self.require(&key::FILE)?;
         let local = file.value.eq_ignore_ascii_case("LOCAL");
         let start = match self.number::<i64>(&key::HEADER_BYTES, "a whole number")? {
-            None | Some(0) => Start::At(if local { self.bytes } else { 0 }),
-            Some(-1) if encoding == Encoding::Raw => Start::Tail,
+            None | Some(0) => Start::at(if local { self.bytes } else { 0 }),
+            Some(-1) if encoding == Encoding::Raw => Start::TAIL,
             Some(bytes) => {
                 let problem = "HeaderSize should be a number of bytes, or -1 where uncompressed voxels end the file";
-                Start::At(u64::try_from(bytes).map_err(|_| {
+                Start::at(u64::try_from(bytes).map_err(|_| {
                     self.wrong(self.find(&key::HEADER_BYTES).unwrap_or(file), format!("{problem}, not {bytes}"))
                 })?)
             }
         };
         let byte_order = if big { ByteOrder::Big } else { ByteOrder::Little };
-        Ok(Data { files: self.files(file, local, axes)?, start, encoding, voxel_type, byte_order })
+        Ok(Data { files: self.files(file, local, &all)?, start, encoding, voxel_type, byte_order, picks })
     }
 
-    /// The files of voxels that `ElementDataFile` means.
-    fn files(&self, field: &Field, local: bool, axes: &[usize]) -> Result<Vec<DataFile>, VolumeError> {
-        let folder = self.path.parent().unwrap_or(Path::new(""));
-        let all: usize = axes.iter().product();
+    /// The files of voxels that `ElementDataFile` means; of the axes of the numbers in them, the first is the component.
+    fn files(&self, field: &Field, local: bool, all_axes: &[usize]) -> Result<Vec<DataFile>, VolumeError> {
+        let (components, axes) = (all_axes[0], &all_axes[1..]);
+        let all: usize = all_axes.iter().product();
         let words: Vec<&str> = field.value.split_whitespace().collect();
         if local {
-            return Ok(vec![DataFile { path: self.path.to_owned(), voxels: all }]);
+            return Ok(vec![DataFile { path: self.path.to_owned(), numbers: all }]);
         }
         if words.first() == Some(&"LIST") {
             // Each file has so many axes: one fewer than the volume, unless the second word says otherwise.
@@ -327,18 +348,20 @@ impl<'a> Header<'a> {
             if words.len() > 1 && given.is_none() {
                 return Err(self.wrong(field, format!("LIST should name 1 to {} axes, not {}", axes.len(), words[1])));
             }
-            let (voxels, wanted) = (axes[..in_file].iter().product(), axes[in_file..].iter().product::<usize>());
+            let numbers = components * axes[..in_file].iter().product::<usize>();
+            let wanted = axes[in_file..].iter().product::<usize>();
             if self.list.len() != wanted {
                 return Err(
                     self.wrong(field, format!("LIST has {} files, but DimSize makes it {wanted}", self.list.len()))
                 );
             }
-            return Ok(self.list.iter().map(|name| DataFile { path: folder.join(name.trim()), voxels }).collect());
+            let file = |name: &String| Ok(DataFile { path: data::beside(self.path, name.trim())?, numbers });
+            return self.list.iter().map(file).collect();
         }
         let numbers = words.iter().rev().take_while(|word| word.parse::<i64>().is_ok()).count().min(3);
         let name = words[..words.len() - numbers].join(" ");
         if !name.contains('%') {
-            return Ok(vec![DataFile { path: folder.join(&field.value), voxels: all }]);
+            return Ok(vec![DataFile { path: data::beside(self.path, &field.value)?, numbers: all }]);
         }
         // One file for each step along the last axis.
         let slices = axes.last().copied().unwrap_or(1);
@@ -349,7 +372,7 @@ impl<'a> Header<'a> {
         let step = range.get(2).copied().unwrap_or(1);
         let pattern = Pattern::parse(&name).map_err(|problem| self.wrong(field, problem))?;
         let numbers = pattern::numbers([first, last, step], slices).map_err(|problem| self.wrong(field, problem))?;
-        numbers.map(|number| DataFile::found(folder.join(pattern.name(number)), all / slices)).collect()
+        numbers.map(|number| DataFile::found(data::beside(self.path, &pattern.name(number))?, all / slices)).collect()
     }
 
     /// The pairs that nothing here understands.
