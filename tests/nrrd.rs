@@ -1,6 +1,5 @@
 //! NRRD files: the shared real ones, and small ones made here of every type, encoding, layout and space, and hostile ones.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::float_cmp, reason = "exact in binary")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
 #[path = "support/volumes.rs"]
@@ -392,6 +391,9 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
     files.refused(&["2 components", "complex"]);
     let volume = files.select(&Selection { component: Some(1), time: Some(1), array: None }).unwrap();
     assert_eq!(volume.voxels, Voxels::U8(vec![8, 10, 12]));
+    let stub = ["dimension: 5", "sizes: 2 6 1 1 1", "kinds: vector space space space stub"];
+    let volume = Files::new(&header(&stub), &TWELVE).select(&Selection { component: Some(1), ..Selection::default() });
+    assert_eq!(volume.unwrap().components, 2, "an axis of one place is none");
     let many = ["dimension: 5", "sizes: 3 1 1 2 2"];
     let error = refused(&many, &TWELVE, &["3×1×1×2×2"]);
     assert!(matches!(error, VolumeError::TooManyAxes { .. }), "{error}");

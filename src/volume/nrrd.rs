@@ -34,32 +34,24 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let geometry = header.geometry(&axes)?;
     data::check_size(&source_name, &lengths)?;
     selection.no_array(&source_name)?;
-    let mut picks = Vec::new();
-    let mut components = 1;
-    let mut stride = 1;
-    for axis in &axes {
-        let index = match &axis.role {
-            Role::Space => None,
-            Role::Time => Some(selection.time(&source_name, axis.length)?),
-            Role::Component => {
-                components = axis.length;
-                Some(selection.component(&source_name, axis.length, &axis.kind)?)
-            }
-        };
-        picks.extend(index.map(|index| Pick { stride, length: axis.length, index }));
-        stride *= axis.length;
-    }
-    // Axes that are not there have one place.
-    if !axes.iter().any(|axis| axis.role == Role::Time) {
-        selection.time(&source_name, 1)?;
-    }
-    if !axes.iter().any(|axis| axis.role == Role::Component) {
-        selection.component(&source_name, 1, "")?;
-    }
+    // An axis that is not there has one place, and one of one place needs no choice.
+    let long = |role| (0..axes.len()).find(|&axis| axes[axis].role == role && axes[axis].length > 1);
+    let length = |axis: Option<usize>| axis.map_or(1, |axis| lengths[axis]);
+    let (component, time) = (long(Role::Component), long(Role::Time));
+    let kind = component.map_or("", |axis| &axes[axis].kind);
+    let chosen = [
+        (component, selection.component(&source_name, length(component), kind)?),
+        (time, selection.time(&source_name, length(time))?),
+    ];
+    let pick = |(axis, index): (Option<usize>, usize)| {
+        let axis = axis?;
+        Some(Pick { stride: lengths[..axis].iter().product(), length: lengths[axis], index })
+    };
+    let picks = chosen.into_iter().filter_map(pick).collect();
     let mut notes = Vec::new();
     let voxels = header.data(&lengths, picks)?.read(progress, &mut notes)?;
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
-    volume.components = components;
+    volume.components = length(component);
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     volume.metadata.extend(header.pairs);
     notes.extend(header.fields.repeated());
@@ -139,6 +131,9 @@ const TYPES: [(VoxelType, &[&str]); 10] = [
     (VoxelType::F64, &["double"]),
 ];
 
+/// The entries of a vector of the file, where it states one.
+type Vector = Option<Vec<f64>>;
+
 /// What an axis of the file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
@@ -152,7 +147,7 @@ struct Axis {
     role: Role,
     kind: String,
     /// World units from sample to sample, where the file says.
-    direction: Option<Vec<f64>>,
+    direction: Vector,
 }
 
 struct Header<'a> {
@@ -236,7 +231,7 @@ impl<'a> Header<'a> {
     }
 
     /// The vectors of a field that may be missing: each `(x,y,z)` of the same length, or `none`; NaN is none too.
-    fn vectors(&self, names: &[&str]) -> Result<Option<(&Field, Vec<Option<Vec<f64>>>)>, VolumeError> {
+    fn vectors(&self, names: &[&str]) -> Result<Option<(&Field, Vec<Vector>)>, VolumeError> {
         let Some(field) = self.fields.find(names) else { return Ok(None) };
         let wrong = || self.fields.should_be(field, "vectors like (1,0,0), or none");
         let mut vectors = Vec::new();
@@ -325,7 +320,7 @@ impl<'a> Header<'a> {
 
     fn geometry(&self, axes: &[Axis]) -> Result<Geometry, VolumeError> {
         let spatial: Vec<usize> = (0..axes.len()).filter(|&axis| axes[axis].role == Role::Space).collect();
-        let (dimension, turn) = self.space()?;
+        let (_, turn) = self.space()?;
         let mut dims = [1; 3];
         let mut spacing = DVec3::ONE;
         let mut origin = DVec3::ZERO;
@@ -345,18 +340,14 @@ impl<'a> Header<'a> {
                 spacing[i] = stated;
             }
         }
-        // A slice or a line that lies anywhere in space: the other axes are at right angles to it.
-        if dimension.is_none_or(|dimension| dimension >= 3) && oriented == spatial.len() {
-            let [x, y, _] = direction.to_cols_array_2d().map(DVec3::from_array);
-            match oriented {
-                1 if axes[spatial[0]].direction.as_ref().is_some_and(|vector| vector.len() >= 3) && x.is_finite() => {
-                    let (second, third) = x.any_orthonormal_pair();
-                    direction = DMat3::from_cols(x, second, third);
-                }
-                2 if axes[spatial[0]].direction.as_ref().is_some_and(|vector| vector.len() >= 3) => {
-                    direction = DMat3::from_cols(x, y, x.cross(y).normalize());
-                }
-                _ => {}
+        // A slice or a line may lie anywhere in space: the other axes are at right angles to it.
+        let first = spatial.first().and_then(|&axis| axes[axis].direction.as_ref());
+        if first.is_some_and(|vector| vector.len() >= 3) && oriented == spatial.len() {
+            let DMat3 { x_axis, y_axis, .. } = direction;
+            if oriented == 1 {
+                (direction.y_axis, direction.z_axis) = x_axis.any_orthonormal_pair();
+            } else if oriented == 2 {
+                direction.z_axis = x_axis.cross(y_axis).normalize();
             }
         }
         match self.vectors(&key::ORIGIN)? {
