@@ -10,7 +10,7 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use glam::{DMat3, DVec3};
 use relume::progress::Quiet;
-use relume::volume::{self, Volume, VolumeError, Voxels};
+use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
 use tempfile::TempDir;
 
 /// A header of three axes, 3×2×2 voxels, with `lines` in place of what they set.
@@ -48,8 +48,13 @@ impl Files {
     }
 
     fn open(&self) -> Result<Volume, VolumeError> {
-        volume::open(&self.0.path().join("v.mhd"), &Quiet)
+        volume::open(&self.0.path().join("v.mhd"), &Selection::default(), &Quiet)
     }
+}
+
+fn select(lines: &[&str], data: &[u8], component: Option<usize>, time: Option<usize>) -> Result<Volume, VolumeError> {
+    let files = Files::new(&header(lines), data);
+    volume::open(&files.0.path().join("v.mhd"), &Selection { component, time, array: None }, &Quiet)
 }
 
 fn open(lines: &[&str], data: &[u8]) -> Result<Volume, VolumeError> {
@@ -126,7 +131,7 @@ fn keys_are_read_in_any_case_and_unknown_ones_are_kept() {
 fn a_file_without_a_known_extension_is_recognised_by_its_beginning() {
     let files = Files::new("", &TWELVE);
     files.with("scan", header(&[]).as_bytes());
-    assert!(volume::open(&files.0.path().join("scan"), &Quiet).is_ok(), "it begins with NDims");
+    assert!(volume::open(&files.0.path().join("scan"), &Selection::default(), &Quiet).is_ok(), "it begins with NDims");
 }
 
 #[test]
@@ -162,7 +167,7 @@ fn two_axes_are_a_slice_and_four_are_a_volume_if_the_fourth_is_one() {
     assert_eq!(volume.geometry.dims, [3, 2, 2]);
     assert_eq!(volume.geometry.direction, DMat3::from_cols(DVec3::Y, DVec3::X, DVec3::Z));
 
-    let error = refused(&["NDims = 4", "DimSize = 3 2 1 2"], &TWELVE, &["3×2×1×2", "three axes"]);
+    let error = refused(&["NDims = 5", "DimSize = 3 2 1 1 2"], &TWELVE, &["3×2×1×1×2", "three axes and time"]);
     assert!(matches!(error, VolumeError::TooManyAxes { .. }), "{error}");
 }
 
@@ -347,13 +352,50 @@ fn missing_keys_are_named() {
 
 #[test]
 fn what_is_no_scalar_image_is_refused() {
-    let error = refused(&["ElementNumberOfChannels = 3"], &TWELVE, &["3 components", "not supported yet"]);
-    assert!(matches!(error, VolumeError::Components { components: 3, .. }), "{error}");
     refused(&["ObjectType = Mesh"], &TWELVE, &["Mesh"]);
     refused(&["ElementType = MET_STRING"], &TWELVE, &["line 3", "MET_STRING", "MET_UCHAR"]);
     refused(&["CompressedData = maybe"], &TWELVE, &["maybe"]);
     let error = Files::new("NDims = 3\nwhat is this\n", &[]).open().map(|volume| volume.voxels).unwrap_err();
     assert!(error.to_string().contains("line 2") && error.to_string().contains("what is this"), "{error}");
+}
+
+#[test]
+fn a_component_and_a_time_step_are_read_alone() {
+    // Voxel (x, t) has the components 10·(x + 3t) and one more.
+    let numbers: Vec<u8> = (0..6).flat_map(|n| [10 * n, 10 * n + 1]).collect();
+    let lines = ["NDims = 4", "DimSize = 3 1 1 2", "ElementNumberOfChannels = 2"];
+    for (packed, data) in [("CompressedData = False", numbers.clone()), ("CompressedData = True", zlib(&numbers))] {
+        let lines = [&lines[..], &[packed]].concat();
+        for (component, time, expected) in [(0, 0, [0, 10, 20]), (1, 0, [1, 11, 21]), (1, 1, [31, 41, 51])] {
+            let volume = select(&lines, &data, Some(component), Some(time)).unwrap();
+            assert_eq!((volume.voxels, volume.components), (Voxels::U8(expected.to_vec()), 2), "{packed}");
+        }
+    }
+    let error = refused(&lines, &numbers, &["2 components per voxel", "--component N, from 0 to 1"]);
+    assert!(matches!(error, VolumeError::Choose { .. }), "{error}");
+    for (component, time, words) in [(0, None, "2 time steps"), (2, Some(0), "--component 2"), (0, Some(7), "--time 7")]
+    {
+        let error = select(&lines, &numbers, Some(component), time).map(|volume| volume.voxels).unwrap_err();
+        assert!(error.to_string().contains(words), "{error}");
+    }
+    assert!(select(&[], &TWELVE, Some(0), Some(0)).is_ok(), "all there is");
+    refused(&["ElementNumberOfChannels = 0"], &TWELVE, &["line", "no number"]);
+}
+
+#[test]
+fn data_outside_the_headers_folder_are_not_read() {
+    let files = Files::new("", &TWELVE);
+    std::fs::create_dir(files.0.path().join("sub")).unwrap();
+    files.with("sub/v.raw", &TWELVE);
+    let absolute = files.0.path().join("v.raw").display().to_string();
+    for name in ["../v.raw", "sub/../../v.raw", &absolute, "LIST\n../v.raw\n../v.raw", "../v%d"] {
+        let error = refused(&[&format!("ElementDataFile = {name}")], &TWELVE, &["v.mhd", "own folder"]);
+        assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
+    }
+    for name in ["sub/v.raw", "./v.raw"] {
+        files.with("v.mhd", header(&[&format!("ElementDataFile = {name}")]).as_bytes());
+        assert!(files.open().is_ok(), "{name} is inside");
+    }
 }
 
 #[test]

@@ -3,27 +3,18 @@
 #![expect(clippy::float_cmp, reason = "exact in binary")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
-use std::path::{Path, PathBuf};
+#[path = "support/volumes.rs"]
+mod volumes;
+
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DMat3, DVec3};
 use relume::progress::{Progress, Quiet};
-use relume::volume::{self, ByteOrder, Geometry, RawLayout, Statistics, Volume, VolumeError, VoxelType, Voxels};
-use sha2::{Digest, Sha256};
-
-/// The folder of real volumes, where the checkout has one.
-fn shared() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/volumes");
-    if folder.exists() {
-        return Some(folder);
-    }
-    eprintln!("shared data not present: {} is missing, this test ran on nothing", folder.display());
-    None
-}
-
-fn hex(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
-}
+use relume::volume::{
+    self, ByteOrder, Geometry, RawLayout, Selection, Statistics, Volume, VolumeError, VoxelType, Voxels,
+};
+use volumes::{hex, shared};
 
 /// What is wrong, with all its causes.
 fn whole_message(error: &VolumeError) -> String {
@@ -41,9 +32,10 @@ fn unit(dims: [usize; 3], voxels: Voxels) -> Volume {
 }
 
 /// How a shared file is opened, other than by its name.
-fn open_shared(folder: &Path, name: &str) -> Volume {
+fn open_shared(folder: &Path, name: &str, selection: &Selection) -> Result<Volume, VolumeError> {
     let raw = |file: &str, layout: RawLayout| {
-        volume::open_raw(&RawLayout { file: Some(file.to_owned()), ..layout }, &folder.join(name), &Quiet).unwrap()
+        let layout = RawLayout { file: Some(file.to_owned()), ..layout };
+        volume::open_raw(&layout, &folder.join(name), selection, &Quiet)
     };
     match name {
         "ct/cranium" => raw(
@@ -59,82 +51,23 @@ fn open_shared(folder: &Path, name: &str) -> Volume {
                 ..RawLayout::new([256, 256, 113], VoxelType::U16)
             },
         ),
-        _ => volume::open(&folder.join(name), &Quiet).unwrap(),
+        _ => volume::open(&folder.join(name), selection, &Quiet),
     }
-}
-
-fn numbers(json: &serde_json::Value) -> Vec<f64> {
-    json.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
 }
 
 #[test]
-fn every_shared_file_reads_as_an_independent_reader_found_it() {
+fn every_shared_metaimage_and_raw_volume_reads_as_an_independent_reader_found_it() {
     let Some(folder) = shared() else { return };
-    let json: serde_json::Value =
-        serde_json::from_str(&std::fs::read_to_string(folder.join("expected.json")).unwrap()).unwrap();
-    let mut checked = 0;
-    for (name, expected) in json["files"].as_object().unwrap() {
-        let ours = name.ends_with(".mhd") || name.ends_with(".mha") || name == "ct/cranium" || name == "ct/cthead";
-        if !ours {
-            continue;
-        }
-        if expected["expect"] != "load" {
-            assert!(volume::open(&folder.join(name), &Quiet).is_err(), "{name} is malformed");
-            continue;
-        }
-        let volume = open_shared(&folder, name);
-        let Geometry { dims, spacing, origin, direction } = volume.geometry;
-        let flat = expected["dims"].as_array().unwrap().len() == 2;
-        let three = |json: &serde_json::Value, third: f64| {
-            let mut numbers = numbers(json);
-            if flat {
-                numbers.push(third);
-            }
-            numbers
-        };
-        let close = |ours: f64, theirs: f64| (ours - theirs).abs() <= 1e-14 * theirs.abs();
-        let all_close = |ours: &[f64], theirs: &[f64]| ours.iter().zip(theirs).all(|(&a, &b)| close(a, b));
-        let dims: Vec<f64> = dims.iter().map(|&n| f64::from(u32::try_from(n).unwrap())).collect();
-        assert_eq!(dims, three(&expected["dims"], 1.0), "{name}");
-        assert_eq!(volume.voxels.type_name(), expected["dtype"].as_str().unwrap(), "{name}");
-        assert!(all_close(&spacing.to_array(), &three(&expected["spacing"], 1.0)), "{name}: {spacing}");
-        if expected["origin"].is_array() {
-            assert!(all_close(&origin.to_array(), &three(&expected["origin"], 0.0)), "{name}: {origin}");
-        }
-        if expected["direction"].is_array() && !flat {
-            // Row by row there, column by column here.
-            let rows = direction.transpose().to_cols_array();
-            assert!(all_close(&rows, &numbers(&expected["direction"])), "{name}: {direction}");
-        }
-        assert_eq!(hex(volume.voxels.bytes()), expected["decoded_sha256"].as_str().unwrap(), "{name}");
-        let statistics = volume.statistics().unwrap();
-        let stored = |key: &str| expected["stored"][key].as_f64().unwrap();
-        assert_eq!([statistics.min, statistics.max], [stored("min"), stored("max")], "{name}");
-        assert!((statistics.mean - stored("mean")).abs() <= 1e-12 * stored("mean").abs(), "{name}");
-        if expected["histogram"].is_object() {
-            let counts: Vec<u64> =
-                expected["histogram"]["counts"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).collect();
-            assert_eq!(statistics.histogram[..], counts[..], "{name}");
-        }
-        for sample in expected["samples"].as_array().unwrap() {
-            let mut index: Vec<usize> = sample["ijk"]
-                .as_array()
-                .unwrap()
-                .iter()
-                .map(|n| usize::try_from(n.as_u64().unwrap()).unwrap())
-                .collect();
-            index.resize(3, 0);
-            assert_eq!(volume.value([index[0], index[1], index[2]]), sample["stored"].as_f64(), "{name} at {index:?}");
-        }
-        checked += 1;
-    }
+    let ours =
+        |name: &str| name.ends_with(".mhd") || name.ends_with(".mha") || name == "ct/cranium" || name == "ct/cthead";
+    let checked = volumes::check_all(&folder, ours, |name, selection| open_shared(&folder, name, selection));
     assert!(checked >= 13, "the shared folder has at least 13 such files, {checked} were checked");
 }
 
 #[test]
 fn the_frog_tissue_has_every_voxel_and_a_note_about_its_header() {
     let Some(folder) = shared() else { return };
-    let tissue = volume::open(&folder.join("frog/frogtissue.mhd"), &Quiet).unwrap();
+    let tissue = volume::open(&folder.join("frog/frogtissue.mhd"), &Selection::default(), &Quiet).unwrap();
     let Voxels::U8(labels) = &tissue.voxels else { panic!("labels are bytes") };
     assert_eq!(labels.iter().filter(|&&label| label == 13).count(), 440_722, "skeleton");
     assert!(
@@ -147,7 +80,7 @@ fn the_frog_tissue_has_every_voxel_and_a_note_about_its_header() {
 #[test]
 fn the_frog_averages_as_numpy_averages_it() {
     let Some(folder) = shared() else { return };
-    let frog = volume::open(&folder.join("frog/frog.mhd"), &Quiet).unwrap();
+    let frog = volume::open(&folder.join("frog/frog.mhd"), &Selection::default(), &Quiet).unwrap();
     let half = frog.downsample([2, 2, 1]).unwrap();
     assert_eq!(half.geometry.dims, [250, 235, 136]);
     assert_eq!(half.geometry.spacing, DVec3::new(2.0, 2.0, 1.5));
@@ -170,7 +103,7 @@ fn a_raw_file_is_read_by_the_sidecar_beside_it() {
         let text = "dims = [3, 2, 1]\ntype = 'ushort'\nbyte_order = 'big'\nheader_bytes = 2\nspacing = [1, 2, 3]\n\
                     origin = [4, 5, 6]\ndirection = [0, 1, 0, 1, 0, 0, 0, 0, 1]";
         std::fs::write(folder.path().join(sidecar), text).unwrap();
-        let volume = volume::open(&folder.path().join("a.raw"), &Quiet).unwrap();
+        let volume = volume::open(&folder.path().join("a.raw"), &Selection::default(), &Quiet).unwrap();
         assert_eq!(volume.voxels, Voxels::U16(vec![1, 2, 3, 260, 5, 6]));
         assert_eq!(volume.geometry.spacing, DVec3::new(1.0, 2.0, 3.0));
         assert_eq!(volume.geometry.world_from_index(DVec3::X), DVec3::new(4.0, 6.0, 6.0), "x runs along the world's y");
@@ -183,11 +116,29 @@ fn a_sidecar_opens_the_file_or_the_slices_it_names() {
     std::fs::write(folder.path().join("s10"), [3, 4]).unwrap();
     let sidecar = folder.path().join("v.toml");
     std::fs::write(&sidecar, "[volume]\nfile = 's%02d'\nslices = [8, 10, 2]\ndims = [2, 1, 2]\ntype = 'int8'").unwrap();
-    assert_eq!(volume::open(&sidecar, &Quiet).unwrap().voxels, Voxels::I8(vec![1, 2, 3, 4]));
+    assert_eq!(volume::open(&sidecar, &Selection::default(), &Quiet).unwrap().voxels, Voxels::I8(vec![1, 2, 3, 4]));
     std::fs::write(&sidecar, "file = 's%02d'\nslices = [10, 8, -2]\ndims = [2, 1, 2]\ntype = 'int8'").unwrap();
-    assert_eq!(volume::open(&sidecar, &Quiet).unwrap().voxels, Voxels::I8(vec![3, 4, 1, 2]));
+    assert_eq!(volume::open(&sidecar, &Selection::default(), &Quiet).unwrap().voxels, Voxels::I8(vec![3, 4, 1, 2]));
     std::fs::write(folder.path().join("s10.toml"), "dims = [2, 1, 1]\ntype = 'uint8'").unwrap();
-    assert_eq!(volume::open(&folder.path().join("s10.toml"), &Quiet).unwrap().voxels, Voxels::U8(vec![3, 4]));
+    assert_eq!(
+        volume::open(&folder.path().join("s10.toml"), &Selection::default(), &Quiet).unwrap().voxels,
+        Voxels::U8(vec![3, 4])
+    );
+}
+
+#[test]
+fn a_sidecar_names_no_file_outside_its_folder() {
+    let folder = folder_with("a.raw", &[1, 2]);
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    let sidecar = folder.path().join("sub/v.toml");
+    for file in ["../a.raw", "../s%d", &folder.path().join("a.raw").display().to_string()] {
+        std::fs::write(&sidecar, format!("file = '{file}'\ndims = [2, 1, 1]\ntype = 'uint8'")).unwrap();
+        let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
+        assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
+    }
+    // Who names the file on the command line may name any.
+    let layout = RawLayout { file: Some("../a.raw".to_owned()), ..RawLayout::new([2, 1, 1], VoxelType::U8) };
+    assert!(volume::open_raw(&layout, &folder.path().join("sub"), &Selection::default(), &Quiet).is_ok(), "named");
 }
 
 #[test]
@@ -196,9 +147,9 @@ fn bad_raw_files_are_refused_with_the_numbers() {
     let path = folder.path().join("a.raw");
     let refused = |toml: &str| {
         std::fs::write(folder.path().join("a.toml"), toml).unwrap();
-        volume::open(&path, &Quiet).unwrap_err()
+        volume::open(&path, &Selection::default(), &Quiet).unwrap_err()
     };
-    let error = volume::open(&path, &Quiet).unwrap_err();
+    let error = volume::open(&path, &Selection::default(), &Quiet).unwrap_err();
     let message = whole_message(&error);
     assert!(matches!(error, VolumeError::NoLayout { .. }), "{message}");
     assert!(["dims", "type", "header_bytes", "a.raw.toml"].iter().all(|word| message.contains(word)), "{message}");
@@ -239,10 +190,10 @@ fn bad_raw_files_are_refused_with_the_numbers() {
 
     let sidecar = folder.path().join("b.toml");
     std::fs::write(&sidecar, "dims = [5, 1, 3]\ntype = 'uint8'\nfile = 'slice%d'\nslices = [1, 2]").unwrap();
-    let error = volume::open(&sidecar, &Quiet).unwrap_err();
+    let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
     assert!(error.to_string().contains("2 slices") && error.to_string().contains('3'), "{error}");
     std::fs::write(&sidecar, "dims = [5, 1, 4000000000]\ntype = 'uint8'\nfile = 'slice%d'").unwrap();
-    let error = volume::open(&sidecar, &Quiet).unwrap_err();
+    let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
     assert!(matches!(&error, VolumeError::Open { path, .. } if path.ends_with("slice1")), "{error}");
 }
 
@@ -250,18 +201,18 @@ fn bad_raw_files_are_refused_with_the_numbers() {
 fn more_bytes_than_needed_are_noted() {
     let folder = folder_with("a.raw", &[0; 5]);
     std::fs::write(folder.path().join("a.toml"), "dims = [3, 1, 1]\ntype = 'uint8'").unwrap();
-    let notes = volume::open(&folder.path().join("a.raw"), &Quiet).unwrap().notes;
+    let notes = volume::open(&folder.path().join("a.raw"), &Selection::default(), &Quiet).unwrap().notes;
     assert!(matches!(&notes[..], [note] if note.contains('5') && note.contains('3')), "{notes:?}");
 }
 
 #[test]
 fn unknown_and_missing_files_are_named() {
     let folder = folder_with("a.xyz", b"hello");
-    let error = volume::open(&folder.path().join("a.xyz"), &Quiet).unwrap_err();
+    let error = volume::open(&folder.path().join("a.xyz"), &Selection::default(), &Quiet).unwrap_err();
     assert!(matches!(error, VolumeError::UnknownFormat { .. }), "{error}");
     assert!(error.to_string().contains("a.xyz") && error.to_string().contains("MetaImage (.mhd, .mha)"), "{error}");
     for missing in ["none.mhd", "none.raw", "none.toml", "none"] {
-        let error = volume::open(&folder.path().join(missing), &Quiet).unwrap_err();
+        let error = volume::open(&folder.path().join(missing), &Selection::default(), &Quiet).unwrap_err();
         assert!(matches!(error, VolumeError::Open { .. }) && error.to_string().contains(missing), "{error}");
     }
 }
@@ -290,7 +241,7 @@ fn reading_reports_bytes_and_can_be_cancelled() {
     std::fs::write(folder.path().join("a.toml"), "dims = [1024, 1024, 5]\ntype = 'uint16'").unwrap();
     let read = |stop_after| {
         let listener = Listener { stop_after, done: AtomicU64::new(0), total: AtomicU64::new(0) };
-        (volume::open(&folder.path().join("a.raw"), &listener), listener)
+        (volume::open(&folder.path().join("a.raw"), &Selection::default(), &listener), listener)
     };
     let (volume, listener) = read(u64::MAX);
     assert_eq!(volume.unwrap().voxels, Voxels::U16(vec![0x0707; 5 << 20]));

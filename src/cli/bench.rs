@@ -16,7 +16,7 @@ use relume::scene::{self, Aim, Material, Mix, Placement, Scene, SceneLight, Scen
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
 use super::render::matrices;
-use super::scene::size;
+use super::scene::{SelectionArgs, size};
 use super::{CliError, Report, bench_model};
 
 const EXAMPLES: &str = "\
@@ -37,6 +37,8 @@ pub(crate) struct Args {
     /// The real frog for `peer`, in place of its phantom.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
+    #[command(flatten)]
+    selection: SelectionArgs,
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
@@ -175,7 +177,8 @@ fn measure(
     let mut scene = match workload {
         Workload::Default | Workload::Model => scene::load_embedded(&SceneOptions::default(), progress)?,
         Workload::Peer | Workload::PeerFourLights | Workload::PeerEightMaterials => {
-            let options = SceneOptions { volume: args.volume.clone(), ..SceneOptions::default() };
+            let (volume, selection) = (args.volume.clone(), args.selection.selection());
+            let options = SceneOptions { volume, selection, ..SceneOptions::default() };
             scene::load_peer(&options, progress)?
         }
     };

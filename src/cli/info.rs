@@ -36,17 +36,20 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() => {
-            args.refuse(&["--labels", "--downsample", "--dims", "--voxel"], "name a scene or a volume for it")?;
+            let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
+            args.refuse(&all, "name a scene or a volume for it")?;
             of_devices()
         }
         (Some(path), None) if !is_scene(path) => {
             args.refuse(&["-D", "--labels"], &format!("{} is a volume; it is for scenes", path.display()))?;
+            let selection = args.scene.selection.selection();
             let volume = match args.scene.raw.layout() {
                 Some(layout) => {
                     let file = Some(path.to_string_lossy().into_owned());
-                    volume::open_raw(&volume::RawLayout { file, ..layout }, std::path::Path::new(""), progress)?
+                    let layout = volume::RawLayout { file, ..layout };
+                    volume::open_raw(&layout, std::path::Path::new(""), &selection, progress)?
                 }
-                None => volume::open(path, progress)?,
+                None => volume::open(path, &selection, progress)?,
             };
             let volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
@@ -67,7 +70,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 impl Args {
     /// Refuses each of `flags` that is given.
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
+        let selection = self.scene.selection.selection();
         let given = [
+            ("--component", selection.component.is_some()),
+            ("--time", selection.time.is_some()),
+            ("--array", selection.array.is_some()),
             ("-D", !self.scene.define.is_empty()),
             ("--labels", self.scene.labels.is_some()),
             ("--downsample", self.scene.downsample.is_some()),
@@ -136,6 +143,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         let _ = writeln!(text, "  {name:<10} {value}");
     };
     line("voxels", &format!("{} of {}", by(&geometry.dims), volume.voxels.type_name()));
+    if volume.components > 1 {
+        line("components", &format!("one of {} is read", volume.components));
+    }
     line("spacing", &by(&geometry.spacing.to_array()));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));

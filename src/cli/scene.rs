@@ -6,7 +6,7 @@ use clap::Args;
 
 use relume::progress::Progress;
 use relume::scene::{self, LightRequest, Mix, Scene, SceneOptions};
-use relume::volume::{ByteOrder, RawLayout, VoxelType};
+use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 
 use super::CliError;
 
@@ -15,7 +15,7 @@ use super::CliError;
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the scene that is part of the program.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's: .mhd, .mha, .raw (see below), or .toml that describes a .raw.
+    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .raw (see below), or .toml that describes a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
     /// Labels on the same grid as the volume, in place of the scene's. The scene's [labels] say what they show as.
@@ -29,7 +29,32 @@ pub(crate) struct SceneArgs {
     #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     pub(crate) define: Vec<String>,
     #[command(flatten)]
+    pub(crate) selection: SelectionArgs,
+    #[command(flatten)]
     pub(crate) raw: RawArgs,
+}
+
+/// Where `--help` explains what to choose.
+const SEVERAL: &str = "Volumes with several numbers per voxel, time steps or arrays";
+
+/// What to read of a file that holds several volumes.
+#[derive(Debug, Args)]
+pub(crate) struct SelectionArgs {
+    /// Read this component of every voxel, counted from 0: a colour channel, a vector's or a tensor's entry.
+    #[arg(long, help_heading = SEVERAL, value_name = "N")]
+    component: Option<usize>,
+    /// Read this time step, counted from 0.
+    #[arg(long, help_heading = SEVERAL, value_name = "N")]
+    time: Option<usize>,
+    /// Read the array of this name.
+    #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
+    array: Option<String>,
+}
+
+impl SelectionArgs {
+    pub(crate) fn selection(&self) -> Selection {
+        Selection { component: self.component, time: self.time, array: self.array.clone() }
+    }
 }
 
 /// Where `--help` explains headerless volumes. `next_help_heading` would also take in all that follows.
@@ -85,6 +110,7 @@ impl SceneArgs {
         let options = SceneOptions {
             volume: self.volume.clone(),
             raw: self.raw.layout(),
+            selection: self.selection.selection(),
             labels: self.labels.clone(),
             downsample: self.downsample,
             definitions: self.define.clone(),

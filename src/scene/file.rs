@@ -19,7 +19,7 @@ use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
 use crate::progress::Progress;
 use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
-use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Volume, VolumeError};
+use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
 
 /// The scene shown when none is named.
 const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
@@ -33,6 +33,8 @@ pub struct SceneOptions {
     pub volume: Option<PathBuf>,
     /// How to read it where its file does not say.
     pub raw: Option<RawLayout>,
+    /// What to read of it where its file holds several, before what the scene says.
+    pub selection: Selection,
     /// In place of the scene's labels.
     pub labels: Option<PathBuf>,
     /// In place of the scene's `downsample`.
@@ -173,6 +175,9 @@ struct VolumeFile {
     #[serde(default)]
     header_bytes: u64,
     slices: Option<Vec<i64>>,
+    component: Option<usize>,
+    time: Option<usize>,
+    array: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -809,18 +814,20 @@ impl Text<'_> {
         let path = options.volume.clone().or_else(|| file.file.as_ref().map(|path| base.join(path)));
         let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
         let layout = options.raw.clone().or(stated);
+        let selection = file.selection(options);
         let mut volume = match (path, &file.phantom) {
             (Some(path), _) => match layout {
                 Some(layout) => {
                     let file = Some(path.to_string_lossy().into_owned());
-                    volume::open_raw(&RawLayout { file, ..layout }, Path::new(""), progress)
+                    volume::open_raw(&RawLayout { file, ..layout }, Path::new(""), &selection, progress)
                 }
-                None => volume::open(&path, progress),
+                None => volume::open(&path, &selection, progress),
             }
             .map_err(fail)?,
             (None, Some(phantom)) => {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
+                selection.only(phantom.get_ref()).map_err(fail)?;
                 Volume::phantom(kind, file.dims.as_ref().map(|dims| *dims.get_ref())).map_err(fail)?
             }
             (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
@@ -867,7 +874,7 @@ impl Text<'_> {
             return Ok(None);
         };
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
-        let mut labels = volume::open(&path, progress).map_err(fail)?;
+        let mut labels = volume::open(&path, &Selection::default(), progress).map_err(fail)?;
         if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
@@ -909,6 +916,12 @@ impl VolumeFile {
             direction: self.direction.as_ref().map_or(plain.direction, |direction| *direction.get_ref()),
             ..plain
         }))
+    }
+
+    /// What to read of a file that holds several volumes.
+    fn selection(&self, options: &SceneOptions) -> Selection {
+        let stated = Selection { component: self.component, time: self.time, array: self.array.clone() };
+        if options.volume.is_some() { options.selection.clone() } else { options.selection.or(&stated) }
     }
 
     /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.

@@ -1,56 +1,54 @@
-//! Bytes of data files become voxels, slab by slab.
+//! Numbers of data files become voxels, slab by slab.
 
-use std::fs::File;
-use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
-use std::path::{Path, PathBuf};
-
-use flate2::bufread::ZlibDecoder;
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
 
 use super::raw::ByteOrder;
+use super::select::{Pick, next_run};
+use super::stream::{self, Encoding, Skip, Start, count, read_fully};
 use super::{VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::Progress;
 
 /// Bytes decoded between two looks at the listener.
 const SLAB_BYTES: usize = 1 << 22;
 
-/// Deflate packs at most 1032 bytes into one (258 bytes into a match of two bits).
-const DEFLATE_LIMIT: u64 = 1032;
-
-/// Where the voxels of a file begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Start {
-    /// So many bytes after the beginning.
-    At(u64),
-    /// Where just the voxels are left.
-    Tail,
-}
-
-/// How voxels are written down.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
-    /// As they lie in memory, in some byte order.
-    Raw,
-    /// The same, as one zlib stream; `said` is the number of compressed bytes the header claims.
-    Zlib { said: Option<u64> },
-    /// As numbers between white space or commas.
-    Text,
-}
-
-/// A file and how many voxels it holds.
+/// A file and how many numbers it holds.
 #[derive(Clone, Debug)]
 pub(super) struct DataFile {
     pub(super) path: PathBuf,
-    pub(super) voxels: usize,
+    pub(super) numbers: usize,
 }
 
 impl DataFile {
     /// A file that is there: long lists of files that are not must end at the first.
-    pub(super) fn found(path: PathBuf, voxels: usize) -> Result<Self, VolumeError> {
+    pub(super) fn found(path: PathBuf, numbers: usize) -> Result<Self, VolumeError> {
         match std::fs::metadata(&path) {
-            Ok(_) => Ok(Self { path, voxels }),
+            Ok(_) => Ok(Self { path, numbers }),
             Err(source) => Err(VolumeError::Open { path, source }),
         }
     }
+}
+
+/// The file `name` that `header` says the voxels are in, which must lie in its folder or below: a header may come from
+/// anywhere, and must not choose which files of this machine are read.
+pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> {
+    let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
+    if Path::new(name).components().all(inside) {
+        Ok(header.parent().unwrap_or(Path::new("")).join(name))
+    } else {
+        Err(VolumeError::Outside { header: header.to_owned(), name: name.to_owned() })
+    }
+}
+
+/// Refuses axes that together have more numbers than can be addressed.
+pub(super) fn check_size(source: &str, axes: &[usize]) -> Result<(), VolumeError> {
+    // Eight bytes a number must be addressable, whatever the type.
+    let bytes = axes.iter().try_fold(8_usize, |product, &n| product.checked_mul(n));
+    if !axes.contains(&0) && bytes.is_some_and(|bytes| isize::try_from(bytes).is_ok()) {
+        return Ok(());
+    }
+    let dims: Vec<String> = axes.iter().map(ToString::to_string).collect();
+    Err(VolumeError::Dims { source_name: source.to_owned(), dims: dims.join("×") })
 }
 
 /// All that it takes to read voxels; the files follow one another.
@@ -61,6 +59,8 @@ pub(super) struct Data {
     pub(super) encoding: Encoding,
     pub(super) voxel_type: VoxelType,
     pub(super) byte_order: ByteOrder,
+    /// Which of the numbers are voxels; of disjoint axes, all of them where there is none.
+    pub(super) picks: Vec<Pick>,
 }
 
 impl Data {
@@ -84,100 +84,125 @@ impl Data {
 
     fn read_as<T: Voxel>(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
         let starts = self.files.iter().map(|file| self.start_of(file, notes)).collect::<Result<Vec<_>, _>>()?;
+        let picks: Vec<Pick> = self.picks.iter().copied().filter(|pick| pick.length > 1).collect();
+        let numbers: usize = self.files.iter().map(|file| file.numbers).sum();
         let mut slabs = Slabs::<T> {
             voxels: Vec::new(),
-            all: self.files.iter().map(|file| file.voxels).sum(),
+            all: picks.iter().fold(numbers, |numbers, pick| numbers / pick.length),
+            picks,
+            at: 0,
+            numbers,
+            buffer: Vec::new(),
             swap: self.byte_order != ByteOrder::NATIVE,
             progress,
         };
         for (file, start) in self.files.iter().zip(starts) {
-            let path = &file.path;
-            let mut stream = BufReader::with_capacity(1 << 16, open(path)?);
-            stream.seek(SeekFrom::Start(start)).map_err(|source| VolumeError::Read { path: path.clone(), source })?;
-            match self.encoding {
-                Encoding::Raw => {
-                    slabs.fill(file, &mut stream, |source, _| VolumeError::Read { path: path.clone(), source })?;
-                }
-                Encoding::Zlib { said } => inflate(&mut slabs, file, stream, said, notes)?,
-                Encoding::Text => slabs.parse(file, stream, notes)?,
+            if slabs.wants(file) {
+                self.read_file(&mut slabs, file, start, notes)?;
+            } else {
+                slabs.at += file.numbers;
             }
         }
         Ok(T::into_voxels(slabs.voxels))
     }
 
-    /// The first byte of the voxels of `file`, which is long enough to hold them.
+    fn read_file<T: Voxel>(
+        &self,
+        slabs: &mut Slabs<'_, T>,
+        file: &DataFile,
+        start: u64,
+        notes: &mut Vec<String>,
+    ) -> Result<(), VolumeError> {
+        let path = &file.path;
+        let expected = count(file.numbers) * count(size_of::<T>());
+        if self.encoding == Encoding::Text {
+            let mut stream = stream::at(path, start)?;
+            let whole = slabs.parse(file, &mut stream)?;
+            let mut more = || stream::next_word(&mut stream).map_err(|source| stream::failed(path, source));
+            if whole && more()?.is_some() {
+                notes.push(format!("{}: more than the {} numbers the header makes it", path.display(), file.numbers));
+            }
+            return Ok(());
+        }
+        let damaged = |source, decoded| match self.encoding.name() {
+            Some(encoding) => VolumeError::Inflate { path: path.clone(), encoding, decoded, source },
+            None => stream::failed(path, source),
+        };
+        let skipped = match (self.start.skip, self.encoding.packing()) {
+            (_, None) => 0,
+            (Skip::Bytes(bytes), Some(_)) => bytes,
+            (Skip::Tail, Some(_)) => {
+                // Where the end is only decoding tells; the second time it is known.
+                let mut all = stream::decoded(path, start, self.encoding)?;
+                let length = slabs.pass_over(file, &mut all, u64::MAX, damaged)?;
+                length.checked_sub(expected).ok_or_else(|| VolumeError::Short {
+                    path: path.clone(),
+                    found: length,
+                    expected,
+                })?
+            }
+        };
+        let mut stream = stream::decoded(path, start, self.encoding)?;
+        slabs.pass_over(file, &mut stream, skipped, damaged)?;
+        let whole = slabs.fill(file, &mut stream, damaged)?;
+        if !whole || self.encoding.packing().is_none() {
+            return Ok(());
+        }
+        // One byte more: there should be none, and getting there checks the checksum.
+        if read_fully(&mut stream, &mut [0]).map_err(|source| damaged(source, expected))? > 0 {
+            notes.push(format!(
+                "{}: inflates to more than the {expected} bytes the header makes it; the rest is left",
+                path.display()
+            ));
+        } else if let (Encoding::Zlib { said: Some(said) }, Some(read)) = (self.encoding, stream.read_in())
+            && said != read
+        {
+            notes.push(format!(
+                "{}: the header says {said} compressed bytes, there are {read}; all of them were read",
+                path.display(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// The first byte of the numbers of `file` as they are encoded; the file is long enough to hold them.
     fn start_of(&self, file: &DataFile, notes: &mut Vec<String>) -> Result<u64, VolumeError> {
         let path = &file.path;
-        let metadata = open(path)?.metadata().map_err(|source| VolumeError::Read { path: path.clone(), source })?;
-        if !metadata.is_file() {
-            return Err(VolumeError::Open { path: path.clone(), source: io::Error::other("this is not a file") });
-        }
-        let length = metadata.len();
-        let expected = count(file.voxels) * count(self.voxel_type.bytes());
-        let start = match self.start {
-            Start::At(start) => start.min(length),
-            Start::Tail => length.saturating_sub(expected),
+        let (begin, length) = stream::after_lines(path, self.start)?;
+        let expected = count(file.numbers) * count(self.voxel_type.bytes());
+        let (skipped, start) = match (self.start.skip, self.encoding.packing()) {
+            (Skip::Bytes(bytes), None) => (0, begin.saturating_add(bytes).min(length)),
+            (Skip::Tail, None) => (0, length.saturating_sub(expected)),
+            (Skip::Bytes(bytes), Some(_)) => (bytes, begin),
+            (Skip::Tail, Some(_)) => (0, begin),
         };
         let found = length - start;
-        match self.encoding {
-            Encoding::Raw if found < expected => Err(VolumeError::Short { path: path.clone(), found, expected }),
-            Encoding::Raw if found > expected => {
+        match (self.encoding, self.encoding.packing()) {
+            (Encoding::Raw, _) if found < expected => Err(VolumeError::Short { path: path.clone(), found, expected }),
+            (Encoding::Raw, _) if found > expected => {
                 notes.push(format!(
                     "{}: {found} bytes of voxels, of which the header needs the first {expected}",
                     path.display()
                 ));
                 Ok(start)
             }
-            Encoding::Zlib { .. } if found.saturating_mul(DEFLATE_LIMIT) < expected => {
-                Err(VolumeError::Incredible { path: path.clone(), compressed: found, expected })
+            (Encoding::Hex, _) if found / 2 < expected => {
+                Err(VolumeError::Short { path: path.clone(), found: found / 2, expected })
             }
             // A number and what parts it from the next take two bytes; the last needs no parting.
-            Encoding::Text if found.div_ceil(2) < count(file.voxels) => Err(VolumeError::ShortText {
+            (Encoding::Text, _) if found.div_ceil(2) < count(file.numbers) => Err(VolumeError::ShortText {
                 path: path.clone(),
                 found: usize::try_from(found.div_ceil(2)).unwrap_or(usize::MAX),
-                expected: file.voxels,
+                expected: file.numbers,
             }),
+            (_, Some(limit)) if found.saturating_mul(limit) < expected.saturating_add(skipped) => {
+                let expected = expected.saturating_add(skipped);
+                let encoding = self.encoding.name().unwrap_or_default();
+                Err(VolumeError::Incredible { path: path.clone(), compressed: found, expected, encoding, limit })
+            }
             _ => Ok(start),
         }
     }
-}
-
-/// Opens a file of voxels.
-pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
-    File::open(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })
-}
-
-/// A number of things in memory as a number of bytes of a file; memory is never larger than 2⁶⁴.
-fn count(number: usize) -> u64 {
-    u64::try_from(number).unwrap_or(u64::MAX)
-}
-
-fn inflate<T: Voxel>(
-    slabs: &mut Slabs<'_, T>,
-    file: &DataFile,
-    stream: BufReader<File>,
-    said: Option<u64>,
-    notes: &mut Vec<String>,
-) -> Result<(), VolumeError> {
-    let path = &file.path;
-    let damaged = |source, decoded| VolumeError::Inflate { path: path.clone(), decoded, source };
-    let mut decoder = ZlibDecoder::new(stream);
-    slabs.fill(file, &mut decoder, damaged)?;
-    // One byte more: there should be none, and getting there checks the checksum.
-    let decoded = count(file.voxels) * count(size_of::<T>());
-    if read_fully(&mut decoder, &mut [0]).map_err(|source| damaged(source, decoded))? > 0 {
-        notes.push(format!(
-            "{}: inflates to more than the {decoded} bytes the header makes it; the rest is left",
-            path.display()
-        ));
-    } else if let Some(said) = said.filter(|&said| said != decoder.total_in()) {
-        notes.push(format!(
-            "{}: the header says {said} compressed bytes, there are {}; all of them were read",
-            path.display(),
-            decoder.total_in()
-        ));
-    }
-    Ok(())
 }
 
 /// The voxels so far, and how to come by more.
@@ -185,69 +210,121 @@ struct Slabs<'a, T> {
     voxels: Vec<T>,
     /// How many there will be.
     all: usize,
+    /// Which of the numbers they are.
+    picks: Vec<Pick>,
+    /// Numbers of all files so far, and altogether.
+    at: usize,
+    numbers: usize,
+    /// Numbers of which some are voxels.
+    buffer: Vec<T>,
     swap: bool,
     progress: &'a dyn Progress,
 }
 
 impl<T: Voxel> Slabs<'_, T> {
+    /// Whether a voxel is in `file`, the next one.
+    fn wants(&self, file: &DataFile) -> bool {
+        next_run(&self.picks, self.at).0 < self.at + file.numbers
+    }
+
+    /// Appends the voxels of `file`; `decode` makes the numbers from so many on. Whether all of them were needed.
+    fn take(
+        &mut self,
+        file: &DataFile,
+        mut decode: impl FnMut(&mut [T], usize) -> Result<(), VolumeError>,
+    ) -> Result<bool, VolumeError> {
+        let (first, end) = (self.at, self.at + file.numbers);
+        while self.at < end && self.voxels.len() < self.all {
+            let length = (end - self.at).min(SLAB_BYTES / size_of::<T>());
+            let there = self.voxels.len();
+            self.make_room(file, length.min(self.all - there))?;
+            if self.picks.is_empty() {
+                self.voxels.resize(there + length, T::zeroed());
+                decode(&mut self.voxels[there..], self.at - first)?;
+            } else {
+                self.buffer.resize(length, T::zeroed());
+                decode(&mut self.buffer, self.at - first)?;
+                let (mut start, mut run) = next_run(&self.picks, self.at);
+                while start < self.at + length {
+                    let stop = start.saturating_add(run).min(self.at + length);
+                    self.voxels.extend_from_slice(&self.buffer[start - self.at..stop - self.at]);
+                    (start, run) = next_run(&self.picks, stop);
+                }
+            }
+            self.at += length;
+            self.report(file)?;
+        }
+        let whole = self.at == end;
+        self.at = end;
+        Ok(whole)
+    }
+
     /// Appends the voxels of `file` from `stream`; `failed` makes the error, given the bytes decoded until then.
     fn fill(
         &mut self,
         file: &DataFile,
         stream: &mut dyn Read,
         failed: impl Fn(io::Error, u64) -> VolumeError,
-    ) -> Result<(), VolumeError> {
-        let first = self.voxels.len();
-        let end = first + file.voxels;
-        while self.voxels.len() < end {
-            let start = self.voxels.len();
-            let length = (end - start).min(SLAB_BYTES / size_of::<T>());
-            self.make_room(file, length)?;
-            self.voxels.resize(start + length, T::zeroed());
-            let slab = &mut self.voxels[start..];
-            let decoded = |bytes: usize| count((start - first) * size_of::<T>() + bytes);
-            let got =
-                read_fully(stream, bytemuck::cast_slice_mut(slab)).map_err(|source| failed(source, decoded(0)))?;
-            if got < length * size_of::<T>() {
-                let expected = count(file.voxels) * count(size_of::<T>());
-                return Err(VolumeError::Short { path: file.path.clone(), found: decoded(got), expected });
+    ) -> Result<bool, VolumeError> {
+        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
+        let swap = self.swap;
+        self.take(file, |slab, first| {
+            let wanted = size_of_val(slab);
+            let got = read_fully(stream, bytemuck::cast_slice_mut(slab)).map_err(|e| failed(e, bytes(first)))?;
+            if got < wanted {
+                let found = bytes(first) + count(got);
+                return Err(VolumeError::Short { path: file.path.clone(), found, expected: bytes(file.numbers) });
             }
-            if self.swap {
+            if swap {
                 slab.iter_mut().for_each(|voxel| *voxel = voxel.with_bytes_swapped());
             }
-            self.report(file)?;
-        }
-        Ok(())
+            Ok(())
+        })
     }
 
     /// Appends the voxels of `file`, written as text.
-    fn parse(
-        &mut self,
-        file: &DataFile,
-        mut stream: BufReader<File>,
-        notes: &mut Vec<String>,
-    ) -> Result<(), VolumeError> {
-        let failed = |source| VolumeError::Read { path: file.path.clone(), source };
-        for index in 0..file.voxels {
-            let Some(text) = next_word(&mut stream).map_err(failed)? else {
-                return Err(VolumeError::ShortText { path: file.path.clone(), found: index, expected: file.voxels });
-            };
-            let voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
-                path: file.path.clone(),
-                index,
-                text: text.clone(),
-                voxel_type: T::TYPE.name(),
-            })?;
-            if index % SLAB_BYTES == 0 {
-                self.make_room(file, (file.voxels - index).min(SLAB_BYTES))?;
-                self.report(file)?;
+    fn parse(&mut self, file: &DataFile, stream: &mut dyn io::BufRead) -> Result<bool, VolumeError> {
+        self.take(file, |slab, first| {
+            for (voxel, index) in slab.iter_mut().zip(first..) {
+                let word = stream::next_word(stream).map_err(|source| stream::failed(&file.path, source))?;
+                let Some(text) = word else {
+                    return Err(VolumeError::ShortText {
+                        path: file.path.clone(),
+                        found: index,
+                        expected: file.numbers,
+                    });
+                };
+                *voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
+                    path: file.path.clone(),
+                    index,
+                    text: text.clone(),
+                    voxel_type: T::TYPE.name(),
+                })?;
             }
-            self.voxels.push(voxel);
+            Ok(())
+        })
+    }
+
+    /// Leaves out `bytes` of `stream`, or what there is of them; how many that were.
+    fn pass_over(
+        &self,
+        file: &DataFile,
+        stream: &mut dyn Read,
+        bytes: u64,
+        failed: impl Fn(io::Error, u64) -> VolumeError,
+    ) -> Result<u64, VolumeError> {
+        let mut scratch = vec![0; SLAB_BYTES.min(usize::try_from(bytes).unwrap_or(SLAB_BYTES))];
+        let mut passed = 0;
+        while passed < bytes {
+            let wanted = usize::try_from(bytes - passed).unwrap_or(SLAB_BYTES).min(SLAB_BYTES);
+            let got = read_fully(stream, &mut scratch[..wanted]).map_err(|source| failed(source, 0))?;
+            passed += count(got);
+            self.report(file)?;
+            if got < wanted {
+                break;
+            }
         }
-        if next_word(&mut stream).map_err(failed)?.is_some() {
-            notes.push(format!("{}: more than the {} numbers the header makes it", file.path.display(), file.voxels));
-        }
-        self.report(file)
+        Ok(passed)
     }
 
     /// Makes room for `more` voxels; the room doubles as voxels arrive, and is never more than all of them need.
@@ -265,57 +342,11 @@ impl<T: Voxel> Slabs<'_, T> {
 
     fn report(&self, file: &DataFile) -> Result<(), VolumeError> {
         let name = file.path.file_name().unwrap_or(file.path.as_os_str()).to_string_lossy();
-        let bytes = |voxels: usize| count(voxels) * count(size_of::<T>());
-        self.progress.report(&format!("reading {name}"), bytes(self.voxels.len()), bytes(self.all));
+        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
+        self.progress.report(&format!("reading {name}"), bytes(self.at), bytes(self.numbers));
         if self.progress.cancelled() {
             return Err(VolumeError::Cancelled { source_name: file.path.display().to_string() });
         }
         Ok(())
     }
-}
-
-/// Fills `bytes` as far as `stream` goes, and says how far that was.
-fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<usize> {
-    let mut filled = 0;
-    while filled < bytes.len() {
-        match stream.read(&mut bytes[filled..]) {
-            Ok(0) => break,
-            Ok(read) => filled += read,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            // A zlib stream that stops in the middle.
-            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => break,
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(filled)
-}
-
-/// The longest word that can be a number; longer ones are cut, and then are none.
-const LONGEST_WORD: usize = 400;
-
-/// The next run of bytes between white space or commas; `None` at the end.
-fn next_word(stream: &mut BufReader<File>) -> io::Result<Option<String>> {
-    let mut word = Vec::new();
-    loop {
-        let buffer = stream.fill_buf()?;
-        if buffer.is_empty() {
-            break;
-        }
-        let (mut used, mut ended) = (0, false);
-        for &byte in buffer {
-            used += 1;
-            if !(byte.is_ascii_whitespace() || byte == b',') {
-                word.push(byte);
-            }
-            ended = !word.is_empty() && (byte.is_ascii_whitespace() || byte == b',') || word.len() == LONGEST_WORD;
-            if ended {
-                break;
-            }
-        }
-        stream.consume(used);
-        if ended {
-            break;
-        }
-    }
-    Ok((!word.is_empty()).then(|| String::from_utf8_lossy(&word).into_owned()))
 }

@@ -94,8 +94,10 @@ pub enum VolumeError {
         /// The dimensions as given.
         dims: String,
     },
-    /// The volume has more than three axes.
-    #[error("{source_name}: {dims} voxels in more than three axes; only the first three may be longer than one voxel")]
+    /// The volume has more than three axes and time.
+    #[error(
+        "{source_name}: {dims} voxels in more than three axes and time; further axes may not be longer than one voxel"
+    )]
     TooManyAxes {
         /// The file.
         source_name: String,
@@ -136,15 +138,37 @@ pub enum VolumeError {
         /// What it may be.
         limit: f64,
     },
-    /// Several numbers per voxel.
-    #[error(
-        "{source_name}: {components} components per voxel; choosing one is not supported yet, so store one component alone"
-    )]
-    Components {
+    /// The file holds several scalar volumes, and none is chosen.
+    #[error("{source_name}: {there}; choose with {way_out}")]
+    Choose {
         /// The file.
         source_name: String,
-        /// How many.
-        components: u64,
+        /// What it holds.
+        there: String,
+        /// The flag that chooses, and what it may say.
+        way_out: String,
+    },
+    /// What is chosen is not in the file.
+    #[error("{source_name}: {asked} is not there; the file holds {there}")]
+    NoSuch {
+        /// The file.
+        source_name: String,
+        /// The choice, as a flag.
+        asked: String,
+        /// What the file holds.
+        there: String,
+    },
+    /// A header names a file outside its folder.
+    #[error(
+        "{}: the header names {name:?}, which is not inside its own folder, and reading it could disclose any file; \
+         name the data yourself, or bring them into the header's folder",
+        header.display()
+    )]
+    Outside {
+        /// The header.
+        header: PathBuf,
+        /// The file of voxels as the header names it.
+        name: String,
     },
     /// There are fewer bytes than the header makes it.
     #[error("{}: {found} bytes of voxels, but the header makes it {expected}", path.display())]
@@ -158,8 +182,8 @@ pub enum VolumeError {
     },
     /// Compressed data are too few to hold what the header says.
     #[error(
-        "{}: {compressed} compressed bytes cannot hold {expected} bytes of voxels, as the header makes it (zlib packs at \
-         most 1032 into one)",
+        "{}: {compressed} compressed bytes cannot hold {expected} bytes of voxels, as the header makes it ({encoding} \
+         packs at most {limit} into one)",
         path.display()
     )]
     Incredible {
@@ -169,12 +193,18 @@ pub enum VolumeError {
         compressed: u64,
         /// Bytes needed.
         expected: u64,
+        /// How they are compressed.
+        encoding: &'static str,
+        /// How many bytes that packs into one at most.
+        limit: u64,
     },
     /// Compressed data are damaged.
-    #[error("{}: damaged zlib data; only the first {decoded} bytes of voxels are known to be sound", path.display())]
+    #[error("{}: damaged {encoding} data; only the first {decoded} bytes of voxels are known to be sound", path.display())]
     Inflate {
         /// The file of voxels.
         path: PathBuf,
+        /// How they are compressed.
+        encoding: &'static str,
         /// Bytes of voxels well before the damage.
         decoded: u64,
         /// What the decoder said.

@@ -2,15 +2,19 @@
 
 mod data;
 mod error;
+mod fields;
 mod geometry;
 mod metaimage;
+mod nrrd;
 mod open;
 mod pattern;
 pub mod phantom;
 
 mod raw;
 mod resample;
+mod select;
 mod statistics;
+mod stream;
 mod voxels;
 
 pub use error::VolumeError;
@@ -19,6 +23,7 @@ pub use open::{open, open_raw};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
+pub use select::Selection;
 pub use statistics::{BINS, Statistics};
 pub(crate) use voxels::with_voxels;
 pub use voxels::{Voxel, VoxelType, Voxels};
@@ -34,7 +39,7 @@ pub struct Volume {
     pub slope: f64,
     /// See `slope`.
     pub intercept: f64,
-    /// Numbers per voxel in the file; 1, until a component can be chosen.
+    /// Numbers per voxel in the file, of which one was read.
     pub components: usize,
     /// The file as it was asked for, or the name of the phantom.
     pub source: String,

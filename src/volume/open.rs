@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{RawLayout, Volume, VolumeError, data, metaimage, raw};
+use super::{RawLayout, Selection, Volume, VolumeError, metaimage, nrrd, raw, stream};
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -13,12 +13,13 @@ struct Format {
     extensions: &'static [&'static str],
     /// Whether a file that begins so is of this format; asked where the extension says nothing.
     recognises: fn(&[u8]) -> bool,
-    read: fn(&Path, &dyn Progress) -> Result<Volume, VolumeError>,
+    read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
 }
 
 /// A new reader is a new line.
-const FORMATS: [Format; 3] = [
+const FORMATS: [Format; 4] = [
     Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
+    Format { name: "NRRD", extensions: &["nrrd", "nhdr"], recognises: nrrd::recognises, read: nrrd::read },
     Format {
         name: "raw with a sidecar",
         extensions: &["raw", "dat", "bin"],
@@ -33,22 +34,23 @@ const BEGINNING: u64 = 4096;
 
 /// Reads the volume in a file, whose format is known by its extension, else by how the file begins.
 ///
-/// Memory is bounded by the volume and one slab of 4 MiB; `progress` counts decoded bytes.
+/// Of a file that holds several, `selection` says which; memory is bounded by that one and a slab of 4 MiB; `progress` counts decoded bytes.
 ///
 /// # Errors
 ///
-/// [`VolumeError::UnknownFormat`] where no reader knows the file, [`VolumeError::Cancelled`] when `progress` asks to
+/// [`VolumeError::UnknownFormat`] where no reader knows the file, [`VolumeError::Choose`] where it holds several volumes
+/// and `selection` does not say which, [`VolumeError::NoSuch`] where what it says is not there, [`VolumeError::Cancelled`] when `progress` asks to
 /// stop, and whatever is wrong with the file.
-pub fn open(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
-        return (format.read)(path, progress);
+        return (format.read)(path, selection, progress);
     }
     let mut beginning = Vec::new();
-    let read = data::open(path)?.take(BEGINNING).read_to_end(&mut beginning);
+    let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut beginning);
     read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
-        Some(format) => (format.read)(path, progress),
+        Some(format) => (format.read)(path, selection, progress),
         None => {
             let known = FORMATS.map(|format| format!("{} (.{})", format.name, format.extensions.join(", .")));
             Err(VolumeError::UnknownFormat { path: path.to_owned(), known: known.join(", ") })
@@ -61,6 +63,11 @@ pub fn open(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError>
 /// # Errors
 ///
 /// As [`open`]; [`VolumeError::Layout`] where the layout contradicts itself.
-pub fn open_raw(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    raw::read(layout, base, progress)
+pub fn open_raw(
+    layout: &RawLayout,
+    base: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
+    raw::read(layout, base, selection, progress)
 }

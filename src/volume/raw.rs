@@ -1,14 +1,19 @@
 //! Headerless voxels, whose layout somebody has to state.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Deserializer, de::Error as _};
 
-use super::data::{Data, DataFile, Encoding, Start};
+use super::data::{self, Data, DataFile};
 use super::pattern::{self, Pattern};
-use super::{Geometry, Volume, VolumeError, VoxelType};
+use super::stream::{self, Encoding, Start};
+use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
+
+/// A layout is a few lines; what is longer is none.
+const LONGEST_SIDECAR: u64 = 1 << 20;
 
 /// Which byte of a number comes first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -102,15 +107,16 @@ impl RawLayout {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Open`], and [`VolumeError::Sidecar`] with line and column where it is no layout.
+    /// [`VolumeError::Open`], [`VolumeError::Read`], and [`VolumeError::Sidecar`] with line and column where it is no layout.
     pub fn from_sidecar(path: &Path) -> Result<Self, VolumeError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Wrapped {
             volume: RawLayout,
         }
-        let text =
-            std::fs::read_to_string(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })?;
+        let mut text = String::new();
+        let read = stream::open(path)?.take(LONGEST_SIDECAR).read_to_string(&mut text);
+        read.map_err(|source| stream::failed(path, source))?;
         let wrong = |source| VolumeError::Sidecar { path: path.to_owned(), source: Box::new(source) };
         let table: toml::Table = toml::from_str(&text).map_err(wrong)?;
         let layout = if table.contains_key("volume") {
@@ -123,13 +129,19 @@ impl RawLayout {
 }
 
 /// Reads what `layout` describes; its `file` is relative to the folder `base`.
-pub(super) fn read(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+pub(super) fn read(
+    layout: &RawLayout,
+    base: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
     let Some(file) = &layout.file else {
         let problem = "the layout does not say which file the voxels are in; add the key file".to_owned();
         return Err(VolumeError::Layout { source_name: base.display().to_string(), problem });
     };
     let source_name = base.join(file).display().to_string();
     let wrong = |problem| VolumeError::Layout { source_name: source_name.clone(), problem };
+    selection.only(&source_name)?;
     let geometry = Geometry::new(
         &source_name,
         layout.dims,
@@ -153,14 +165,15 @@ pub(super) fn read(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> 
         let numbers = pattern::numbers(range, nz).map_err(wrong)?;
         numbers.map(|number| DataFile::found(base.join(pattern.name(number)), nx * ny)).collect::<Result<_, _>>()?
     } else {
-        vec![DataFile { path: base.join(file), voxels: geometry.voxels() }]
+        vec![DataFile { path: base.join(file), numbers: geometry.voxels() }]
     };
     let data = Data {
         files,
-        start: Start::At(layout.header_bytes),
+        start: Start::at(layout.header_bytes),
         encoding: Encoding::Raw,
         voxel_type: layout.voxel_type,
         byte_order: layout.byte_order,
+        picks: Vec::new(),
     };
     let mut notes = Vec::new();
     let voxels = data.read(progress, &mut notes)?;
@@ -170,20 +183,27 @@ pub(super) fn read(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> 
 }
 
 /// Reads what the sidecar `path` describes; without a key `file`, `NAME.toml` describes `NAME`.
-pub(super) fn read_sidecar(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+pub(super) fn read_sidecar(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let mut layout = RawLayout::from_sidecar(path)?;
+    if let Some(file) = &layout.file {
+        data::beside(path, file)?;
+    }
     layout.file = layout.file.or_else(|| Some(path.file_stem()?.to_string_lossy().into_owned()));
-    read(&layout, path.parent().unwrap_or(Path::new("")), progress)
+    read(&layout, path.parent().unwrap_or(Path::new("")), selection, progress)
 }
 
 /// Reads a file of headerless voxels by the sidecar beside it, `NAME.raw.toml` or `NAME.toml`.
-pub(super) fn read_beside_sidecar(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+pub(super) fn read_beside_sidecar(
+    path: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
     let mut appended = path.as_os_str().to_owned();
     appended.push(".toml");
     let sidecars = [PathBuf::from(appended), path.with_extension("toml")];
     let Some(sidecar) = sidecars.iter().find(|sidecar| sidecar.exists()) else {
         // A file that is not there needs no sidecar.
-        super::data::open(path)?;
+        stream::open(path)?;
         let [sidecar, _] = sidecars;
         return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar });
     };
@@ -194,5 +214,5 @@ pub(super) fn read_beside_sidecar(path: &Path, progress: &dyn Progress) -> Resul
         return Err(VolumeError::Layout { source_name: sidecar.display().to_string(), problem });
     }
     layout.file = Some(name);
-    read(&layout, path.parent().unwrap_or(Path::new("")), progress)
+    read(&layout, path.parent().unwrap_or(Path::new("")), selection, progress)
 }

@@ -1,0 +1,172 @@
+//! What to read of a file that holds more than one scalar volume.
+
+use super::VolumeError;
+
+/// Which of the volumes in a file is meant; nothing need be said about a file that holds one.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// The number of a voxel's component, from 0.
+    pub component: Option<usize>,
+    /// The time step, from 0.
+    pub time: Option<usize>,
+    /// The name of an array.
+    pub array: Option<String>,
+}
+
+impl Selection {
+    /// What is chosen here, and where nothing is, what `otherwise` chooses.
+    #[must_use]
+    pub fn or(&self, otherwise: &Self) -> Self {
+        Self {
+            component: self.component.or(otherwise.component),
+            time: self.time.or(otherwise.time),
+            array: self.array.clone().or_else(|| otherwise.array.clone()),
+        }
+    }
+
+    /// Which of `there` components of the file `source` to read; `kind` says what they are, if the file does.
+    pub(super) fn component(&self, source: &str, there: usize, kind: &str) -> Result<usize, VolumeError> {
+        let kind = if kind.is_empty() { String::new() } else { format!(" ({kind})") };
+        choose(source, self.component, there, "component", &format!("component{} per voxel{kind}", plural(there)))
+    }
+
+    /// Which of `there` time steps of the file `source` to read.
+    pub(super) fn time(&self, source: &str, there: usize) -> Result<usize, VolumeError> {
+        choose(source, self.time, there, "time", &format!("time step{}", plural(there)))
+    }
+
+    /// Which of the arrays `names` of the file `source` to read.
+    #[cfg_attr(not(test), expect(dead_code, reason = "for formats whose files name their arrays"))]
+    pub(super) fn array(&self, source: &str, names: &[&str]) -> Result<usize, VolumeError> {
+        let there = || format!("the arrays {}", names.join(", "));
+        match (&self.array, names) {
+            (None, [_]) => Ok(0),
+            (None, _) => Err(VolumeError::Choose {
+                source_name: source.to_owned(),
+                there: there(),
+                way_out: "--array NAME".to_owned(),
+            }),
+            (Some(name), _) => names.iter().position(|there| there == name).ok_or_else(|| VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: format!("--array {name}"),
+                there: there(),
+            }),
+        }
+    }
+
+    /// Refuses an array of the file `source`, whose format names none.
+    pub(super) fn no_array(&self, source: &str) -> Result<(), VolumeError> {
+        match &self.array {
+            None => Ok(()),
+            Some(name) => Err(VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: format!("--array {name}"),
+                there: "one array without a name".to_owned(),
+            }),
+        }
+    }
+
+    /// Refuses to choose from `source`, which holds one scalar volume, anything but that.
+    pub(crate) fn only(&self, source: &str) -> Result<(), VolumeError> {
+        self.component(source, 1, "")?;
+        self.time(source, 1)?;
+        self.no_array(source)
+    }
+}
+
+fn plural(there: usize) -> &'static str {
+    if there == 1 { "" } else { "s" }
+}
+
+fn choose(source: &str, asked: Option<usize>, there: usize, flag: &str, what: &str) -> Result<usize, VolumeError> {
+    let there_is = || format!("{there} {what}");
+    match asked {
+        None if there == 1 => Ok(0),
+        None => Err(VolumeError::Choose {
+            source_name: source.to_owned(),
+            there: there_is(),
+            way_out: format!("--{flag} N, from 0 to {}", there.saturating_sub(1)),
+        }),
+        Some(index) if index < there => Ok(index),
+        Some(index) => Err(VolumeError::NoSuch {
+            source_name: source.to_owned(),
+            asked: format!("--{flag} {index}"),
+            there: there_is(),
+        }),
+    }
+}
+
+/// Of an axis of a file's numbers, the one place that is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Pick {
+    /// Numbers from one place of the axis to the next: the product of the axes before it.
+    pub(super) stride: usize,
+    /// The axis's length.
+    pub(super) length: usize,
+    /// The place that is read.
+    pub(super) index: usize,
+}
+
+impl Pick {
+    /// How far from number `at` of the file the next number is that is read; 0 if that is `at` itself.
+    fn gap(&self, at: usize) -> usize {
+        let (place, within) = (at / self.stride % self.length, at % self.stride);
+        match (self.index + self.length - place) % self.length {
+            0 => 0,
+            steps => steps * self.stride - within,
+        }
+    }
+}
+
+/// The first run of numbers at or after `at` that all of `picks` read: where it begins, and how long it is.
+pub(super) fn next_run(picks: &[Pick], mut at: usize) -> (usize, usize) {
+    while let Some(gap) = picks.iter().map(|pick| pick.gap(at)).find(|&gap| gap > 0) {
+        at += gap;
+    }
+    (at, picks.iter().map(|pick| pick.stride - at % pick.stride).min().unwrap_or(usize::MAX))
+}
+
+#[cfg(test)]
+mod tests {
+    #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+    use super::*;
+
+    #[test]
+    fn runs_are_the_numbers_whose_every_picked_axis_is_at_its_place() {
+        // Axes of 3, 4, 2 and 5 numbers, two of them picked: whatever order they lie in.
+        let lengths = [3_usize, 4, 2, 5];
+        for (first, second) in [(0, 3), (0, 1), (1, 2), (3, 0), (2, 3)] {
+            let pick = |axis: usize| Pick { stride: lengths[..axis].iter().product(), length: lengths[axis], index: 1 };
+            let picks = [pick(first), pick(second)];
+            let all = lengths.iter().product();
+            let place = |at: usize, axis: usize| at / lengths[..axis].iter().product::<usize>() % lengths[axis];
+            let expected: Vec<usize> = (0..all).filter(|&at| place(at, first) == 1 && place(at, second) == 1).collect();
+            let (mut found, mut at) = (Vec::new(), 0);
+            while let (start, run) = next_run(&picks, at)
+                && start < all
+            {
+                found.extend(start..start + run);
+                at = start + run;
+            }
+            assert_eq!(found, expected, "axes {first} and {second}");
+        }
+    }
+
+    #[test]
+    fn a_choice_is_asked_for_and_held_against_what_there_is() {
+        let none = Selection::default();
+        let message = none.component("f", 3, "RGB-color").unwrap_err().to_string();
+        assert_eq!(message, "f: 3 components per voxel (RGB-color); choose with --component N, from 0 to 2");
+        let message = none.array("f", &["ct", "pet"]).unwrap_err().to_string();
+        assert!(message.contains("ct, pet") && message.contains("--array NAME"), "{message}");
+        assert_eq!((none.time("f", 1).unwrap(), none.array("f", &["ct"]).unwrap()), (0, 0));
+
+        let chosen = Selection { component: Some(2), time: Some(4), array: Some("pet".to_owned()) };
+        assert_eq!(chosen.component("f", 3, "").unwrap(), 2);
+        assert_eq!(chosen.array("f", &["ct", "pet"]).unwrap(), 1);
+        let message = chosen.time("f", 4).unwrap_err().to_string();
+        assert!(message.contains("--time 4") && message.contains("4 time steps"), "{message}");
+        assert!(chosen.only("f").is_err(), "component 2 of one");
+        assert!(Selection { component: Some(0), time: Some(0), array: None }.only("f").is_ok(), "all there is");
+    }
+}
