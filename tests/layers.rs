@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 /// Which modules each module may use. What is not here may use nothing.
 const ARROWS: &[(&str, &[&str])] = &[
+    ("memory", &[]),
     ("number", &[]),
     ("progress", &[]),
     ("spectrum", &[]),
-    ("volume", &["progress"]),
+    ("volume", &["memory", "progress"]),
     ("scene", &["spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "spectrum", "volume"]),
     ("tables", &["plan", "scene", "spectrum", "volume", "number", "progress"]),
@@ -23,6 +24,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "cli",
         &[
             "measure",
+            "memory",
             "output",
             "render",
             "reference",

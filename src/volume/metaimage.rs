@@ -41,6 +41,8 @@ pub(super) fn read(path: &Path, progress: &dyn Progress) -> Result<Volume, Volum
     let voxels = data.read(progress, &mut notes)?;
     let mut volume = Volume::new(&path.display().to_string(), voxels, geometry)?;
     (volume.slope, volume.intercept) = (slope, intercept);
+    volume.files = data.paths();
+    volume.files.push(path.to_owned());
     volume.metadata = header.uninterpreted();
     notes.extend(header.repeated());
     volume.notes = notes;

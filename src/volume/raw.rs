@@ -165,6 +165,7 @@ pub(super) fn read(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> 
     let mut notes = Vec::new();
     let voxels = data.read(progress, &mut notes)?;
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    volume.files = data.paths();
     volume.notes = notes;
     Ok(volume)
 }
@@ -173,7 +174,7 @@ pub(super) fn read(layout: &RawLayout, base: &Path, progress: &dyn Progress) -> 
 pub(super) fn read_sidecar(path: &Path, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let mut layout = RawLayout::from_sidecar(path)?;
     layout.file = layout.file.or_else(|| Some(path.file_stem()?.to_string_lossy().into_owned()));
-    read(&layout, path.parent().unwrap_or(Path::new("")), progress)
+    read_by(path, &layout, progress)
 }
 
 /// Reads a file of headerless voxels by the sidecar beside it, `NAME.raw.toml` or `NAME.toml`.
@@ -194,5 +195,12 @@ pub(super) fn read_beside_sidecar(path: &Path, progress: &dyn Progress) -> Resul
         return Err(VolumeError::Layout { source_name: sidecar.display().to_string(), problem });
     }
     layout.file = Some(name);
-    read(&layout, path.parent().unwrap_or(Path::new("")), progress)
+    read_by(sidecar, &layout, progress)
+}
+
+/// Reads what `layout` of the sidecar `path` describes.
+fn read_by(path: &Path, layout: &RawLayout, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let mut volume = read(layout, path.parent().unwrap_or(Path::new("")), progress)?;
+    volume.files.push(path.to_owned());
+    Ok(volume)
 }
