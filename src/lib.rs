@@ -1,6 +1,7 @@
 //! Spectral volume rendering with post-illumination.
 
 pub mod measure;
+pub mod memory;
 pub mod model;
 pub mod number;
 pub mod output;

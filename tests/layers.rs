@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 
 /// Which modules each module may use. What is not here may use nothing.
 const ARROWS: &[(&str, &[&str])] = &[
+    ("memory", &[]),
     ("number", &[]),
     ("progress", &[]),
     ("spectrum", &[]),
-    ("volume", &["progress"]),
+    ("volume", &["memory", "progress"]),
     ("model", &["spectrum", "progress", "number"]),
     ("scene", &["model", "spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "model", "spectrum", "volume", "progress", "number"]),
@@ -24,6 +25,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         "cli",
         &[
             "measure",
+            "memory",
             "output",
             "render",
             "reference",

@@ -39,7 +39,9 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         files::picture_kind(path)?;
     }
     let outputs: Vec<&PathBuf> = args.output.iter().collect();
-    files::check_outputs(&outputs, &[&args.accumulators])?;
+    let lights = args.lights.files();
+    let inputs = lights.iter().chain([&args.accumulators]).map(PathBuf::as_path);
+    files::check_outputs(&outputs, &inputs.collect::<Vec<_>>())?;
     let clock = Stopwatch::start();
     let saved = files::from_file(&args.accumulators)?;
     let read = clock.read();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::memory;
 use relume::number::readable;
 use relume::output::write_ready_png;
 use relume::plan::{Planned, plan, plan_full_spectrum};
@@ -81,6 +82,12 @@ struct Wanted {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
+    for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
+        if let Some(path) = path.as_ref().filter(|path| picture_kind(path).ok() != Some(PictureKind::Exr)) {
+            let name = path.display();
+            return Err(CliError::Usage(format!("{flag} {name}: this will be OpenEXR; end its name in .exr")));
+        }
+    }
     let mut outputs: Vec<&PathBuf> = args.output.iter().collect();
     outputs.extend(args.accumulators.iter().chain(&args.spectral));
     if outputs.is_empty() {
@@ -89,9 +96,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
+    check_memory(args)?;
 
     let clock = Stopwatch::start();
     let scene = args.scene.load(progress)?;
+    let lights = args.lights.files();
+    let inputs: Vec<&Path> = scene.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, &inputs)?;
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
     let planned = plan(&scene, progress)?;
@@ -153,6 +164,20 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     Ok(Report { text, json })
 }
 
+/// Refuses a picture that this computer cannot hold.
+fn check_memory(args: &Args) -> Result<(), CliError> {
+    // Linear RGBA in f32; the reference has XYZ, colours and what passes in f64 beside it.
+    let pixel_bytes = if args.reference { 72 } else { 16 };
+    let [width, height] = args.size;
+    let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
+    match memory::available_bytes() {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
+            "a picture of {width}×{height} takes {bytes} bytes, and {available} are free: make it smaller with --size"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Says what of the data cannot be shown as it is.
 pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
     if statistics.not_a_number > 0 {
@@ -180,8 +205,16 @@ fn warn_of_storage(storage: &Storage) {
 /// Says which labels nobody declared.
 fn warn_of_undeclared(labels: Option<&LabelMap>) {
     if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
-        let listed: Vec<String> =
-            labels.undeclared.iter().map(|(label, count)| format!("{label} ({count} voxels)")).collect();
+        const LISTED: usize = 8;
+        let one = |(label, count): (&u32, &u64)| match count {
+            1 => format!("{label} (1 voxel)"),
+            _ => format!("{label} ({count} voxels)"),
+        };
+        let mut listed: Vec<String> = labels.undeclared.iter().take(LISTED).map(one).collect();
+        match labels.undeclared.len().saturating_sub(LISTED) {
+            0 => {}
+            more => listed.push(format!("and {more} more")),
+        }
         tracing::warn!("labels that the scene does not declare follow the transfer function: {}", listed.join(", "));
     }
 }

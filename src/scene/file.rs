@@ -10,7 +10,7 @@ use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use super::define::{byte_of, define, path_at, responsible};
-use super::lights::{INTENSITY, chain};
+use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
     AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
     OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
@@ -18,7 +18,7 @@ use super::{
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
 use crate::progress::Progress;
-use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
+use crate::spectrum::{Reflectance, SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
 
 /// The scene shown when none is named.
@@ -51,6 +51,13 @@ pub struct SceneOptions {
 pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let length = std::fs::metadata(path).map_err(read)?.len();
+    let volume = || SceneError::Invalid {
+        at: path.display().to_string(),
+        message: format!("this is a volume, not a scene: use --volume {}", path.display()),
+    };
+    if volume::is_volume(path, &[]) {
+        return Err(volume());
+    }
     if length > LONGEST_SCENE {
         let message = format!(
             "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume"
@@ -58,6 +65,9 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
         return Err(SceneError::Invalid { at: path.display().to_string(), message });
     }
     let bytes = std::fs::read(path).map_err(read)?;
+    if volume::is_volume(path, &bytes) {
+        return Err(volume());
+    }
     let text = String::from_utf8(bytes).map_err(|error| SceneError::Invalid {
         at: path.display().to_string(),
         message: format!(
@@ -325,6 +335,18 @@ const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
+/// Says which reflectance gives back more light than it gets.
+fn warn_above_one(key: &str, reflectance: &Reflectance) {
+    let most = reflectance.spectrum().samples().iter().copied().fold(0.0, f64::max);
+    // Colours of reflectance 1 are computed, and round.
+    if most > 1.0 + 1e-6 {
+        let most = readable(most);
+        tracing::warn!(
+            "{key} is up to {most}, and no surface reflects more than 1; is it in percent? then divide by 100"
+        );
+    }
+}
+
 /// `name:line:column` of a byte of `text`.
 fn place(name: &str, text: &str, byte: usize) -> String {
     let before = text.get(..byte).unwrap_or(text);
@@ -342,6 +364,19 @@ fn with_suggestion(message: &str) -> String {
     }
 }
 
+/// The message about a field that is missing in what `definition` began, with the names that the text does have.
+fn with_names(original: &str, definition: &str, message: String) -> String {
+    let mut keys = definition.split(['=', '.']).map(str::trim);
+    let (Some(first), Some(name)) = (keys.next(), keys.next()) else { return message };
+    match original.parse::<Table>().ok().as_ref().and_then(|table| table.get(first)?.as_table()) {
+        Some(there) if message.starts_with("missing field") && !there.contains_key(name) => {
+            let names: Vec<&str> = there.keys().map(String::as_str).collect();
+            format!("there is no {first}.{name}, only {}; a new one: {message}", names.join(", "))
+        }
+        _ => message,
+    }
+}
+
 impl Text<'_> {
     fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
         toml::from_str(self.text)
@@ -355,7 +390,10 @@ impl Text<'_> {
             Some((original, definitions)) => {
                 let path = path_at(self.text, byte);
                 match (responsible(definitions, &path), byte_of(original, &path)) {
-                    (Some(definition), _) => SceneError::Define { definition: definition.clone(), message },
+                    (Some(definition), _) => {
+                        let message = with_names(original, definition, message);
+                        SceneError::Define { definition: definition.clone(), message }
+                    }
                     (None, byte) => SceneError::Invalid { at: place(&self.name, original, byte.unwrap_or(0)), message },
                 }
             }
@@ -433,7 +471,11 @@ impl Text<'_> {
         let materials = self.materials(&file.materials, base)?;
         let background = match &file.background {
             None => None,
-            Some(source) => Some(self.spectrum("background".into(), source, |source| source.reflectance(base))?),
+            Some(source) => {
+                let surface = self.spectrum("background".into(), source, |source| source.reflectance(base))?;
+                warn_above_one("background", &surface);
+                Some(surface)
+            }
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let lights = self.lights(&file.lights, base)?;
@@ -479,7 +521,12 @@ impl Text<'_> {
                 "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
+        let reflectances = file.materials.values().map(|material| &material.reflectance).chain(&file.background);
+        let spectra = reflectances.chain(file.lights.values().map(|light| &light.get_ref().spectrum));
+        let mut inputs: Vec<PathBuf> = spectra.filter_map(|source| source.get_ref().file(base)).collect();
+        inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
         Ok(Scene {
+            inputs,
             source: match self.changed {
                 Some((_, definitions)) => format!("{} with -D {}", self.name, definitions.join(" -D ")),
                 None => self.name.clone(),
@@ -520,9 +567,11 @@ impl Text<'_> {
                     )?,
                 };
                 let key = format!("materials.{name}.reflectance");
+                let reflectance = self.spectrum(key.clone(), &file.reflectance, |source| source.reflectance(base))?;
+                warn_above_one(&key, &reflectance);
                 Ok(Material {
                     name: name.clone(),
-                    reflectance: self.spectrum(key, &file.reflectance, |source| source.reflectance(base))?,
+                    reflectance,
                     absorption: file
                         .absorption
                         .as_ref()
@@ -718,6 +767,7 @@ impl Text<'_> {
             .map(|(name, stated)| {
                 let file = stated.get_ref();
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
+                warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
                 let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {
                     (LightKind::Ambient, None, None) => Placement::Ambient,

@@ -25,6 +25,8 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
+    /// The files that were read for it, but for the scene file itself: of the volume, the labels and the spectra.
+    pub inputs: Vec<PathBuf>,
     /// The grey values.
     pub volume: Arc<Volume>,
     /// Labels on the same grid, where the scene has them.
@@ -235,7 +237,7 @@ pub enum SceneError {
         source: SpectrumError,
     },
     /// The scene's volume or its labels cannot be had.
-    #[error("the scene {scene} has no volume to show")]
+    #[error("{scene} has no volume to show")]
     Volume {
         /// The scene.
         scene: String,
@@ -243,7 +245,7 @@ pub enum SceneError {
         source: VolumeError,
     },
     /// No volume is named, neither in the scene nor beside it.
-    #[error("the scene {scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
+    #[error("{scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
     NoVolume {
         /// The scene.
         scene: String,
