@@ -109,12 +109,7 @@ impl Chain {
     ///
     /// `sources` holds the components of each source, `depths` gives the optical depth per component of a step's
     /// absorptions. One step is exact for a medium that is the same throughout.
-    pub(crate) fn walk(
-        &self,
-        dimension: usize,
-        sources: &[Vec<f64>],
-        depths: &Depths<'_>,
-    ) -> Vec<f64> {
+    pub(crate) fn walk(&self, dimension: usize, sources: &[Vec<f64>], depths: &Depths<'_>) -> Vec<f64> {
         let mut light = vec![0.0; dimension];
         let mut transmittance = vec![1.0; dimension];
         for step in &self.steps {
