@@ -266,6 +266,24 @@ fn bench_measures_with_the_promised_keys() {
 }
 
 #[test]
+fn bench_measures_colour_models_without_a_device() {
+    let folder = Folder::new();
+    let json = folder.done(&["bench", "model", "--scenes", "1", "--json"]).json();
+    assert!(json["rows"].is_null(), "nothing is marched");
+    for row in json["models"].as_array().unwrap() {
+        for key in ["model", "unclamped", "lights", "materials", "k", "scenes", "classes", "fit_ms", "new_light_ms"] {
+            assert!(!row[key].is_null(), "{key}");
+        }
+        for part in ["mean", "p95", "max"] {
+            assert!(row["all"][part].as_f64().unwrap() >= 0.0, "{row}");
+        }
+    }
+    let tolerances: Vec<_> = json["automatic"].as_array().unwrap().iter().map(|row| &row["tolerance"]).collect();
+    assert_eq!(tolerances, [2.0, 1.0, 0.5]);
+    assert_eq!(json["automatic_summary"].as_array().unwrap().len(), 3);
+}
+
+#[test]
 fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     let folder = Folder::new();
     folder.done(&["shaders", "--write", "--folder", "."]);

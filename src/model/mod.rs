@@ -143,34 +143,39 @@ pub fn fit_automatic(
     }
     let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
     let unseen = Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)?;
-    let keeps = |error: &ErrorSummary| needed_tolerance(error) <= tolerance;
-    // The tolerance that would have been kept, the dimension that keeps it, and its largest error.
-    let mut nearest: Option<(f64, usize, f64)> = None;
     let (least, largest) = if kind == ModelKind::Rgb { (3, 3) } else { (1, LARGEST_DIMENSION) };
+    let mut nearest = (f64::INFINITY, largest);
     for dimension in least..=largest {
         let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * MARGIN * tolerance };
         let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, hopeless, progress)?;
-        let fits = model.lights.iter().all(|(.., matrix)| keeps(&matrix.error));
-        if fits || dimension == largest {
+        let needed = needed_tolerance(&model.worst());
+        if needed <= tolerance {
             model.check_on(&unseen);
+            if needed_tolerance(&model.worst()) <= tolerance {
+                return Ok(model);
+            }
         }
-        let worst = model.lights.iter().map(|(.., matrix)| matrix.worst());
-        let worst = worst.fold(ErrorSummary::default(), ErrorSummary::worst);
-        if fits && keeps(&worst) {
-            return Ok(model);
-        }
-        let needed = needed_tolerance(&worst);
-        if nearest.is_none_or(|(least, ..)| needed < least) {
-            nearest = Some((needed, dimension, worst.max));
+        if needed < nearest.0 {
+            nearest = (needed, dimension);
         }
     }
-    let (kept, dimension, reached) = nearest.unwrap_or((f64::INFINITY, largest, f64::INFINITY));
+    let dimension = nearest.1;
+    let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, f64::INFINITY, progress)?;
+    model.check_on(&unseen);
+    let worst = model.worst();
     let way_out = match kind {
         ModelKind::Nodes => ", and rendering all bands has no such error",
         _ => ", and the model nodes may keep yours",
     };
-    let kept = (kept * 1000.0).ceil() / 1000.0;
-    Err(ModelError::Tolerance { kind, tolerance, largest, dimension, reached, kept, way_out: way_out.to_owned() })
+    Err(ModelError::Tolerance {
+        kind,
+        tolerance,
+        largest,
+        dimension,
+        reached: worst.max,
+        kept: (needed_tolerance(&worst) * 1000.0).ceil() / 1000.0,
+        way_out: way_out.to_owned(),
+    })
 }
 
 /// The least tolerance that errors like these keep.
