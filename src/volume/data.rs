@@ -6,11 +6,12 @@ use std::path::{Component, Path, PathBuf};
 use super::raw::ByteOrder;
 use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
+use super::voxels::with_type;
 use super::{VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::Progress;
 
 /// Bytes decoded between two looks at the listener.
-const SLAB_BYTES: usize = 1 << 22;
+pub(super) const SLAB_BYTES: usize = 1 << 22;
 
 /// A file and how many numbers it holds.
 #[derive(Clone, Debug)]
@@ -68,18 +69,7 @@ impl Data {
     ///
     /// No more memory is taken than the lengths of the files justify, and none before all of them have been looked at.
     pub(super) fn read(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
-        match self.voxel_type {
-            VoxelType::U8 => self.read_as::<u8>(progress, notes),
-            VoxelType::I8 => self.read_as::<i8>(progress, notes),
-            VoxelType::U16 => self.read_as::<u16>(progress, notes),
-            VoxelType::I16 => self.read_as::<i16>(progress, notes),
-            VoxelType::U32 => self.read_as::<u32>(progress, notes),
-            VoxelType::I32 => self.read_as::<i32>(progress, notes),
-            VoxelType::U64 => self.read_as::<u64>(progress, notes),
-            VoxelType::I64 => self.read_as::<i64>(progress, notes),
-            VoxelType::F32 => self.read_as::<f32>(progress, notes),
-            VoxelType::F64 => self.read_as::<f64>(progress, notes),
-        }
+        with_type!(self.voxel_type, T => self.read_as::<T>(progress, notes))
     }
 
     fn read_as<T: Voxel>(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
@@ -341,12 +331,25 @@ impl<T: Voxel> Slabs<'_, T> {
     }
 
     fn report(&self, file: &DataFile) -> Result<(), VolumeError> {
-        let name = file.path.file_name().unwrap_or(file.path.as_os_str()).to_string_lossy();
         let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
-        self.progress.report(&format!("reading {name}"), bytes(self.at), bytes(self.numbers));
-        if self.progress.cancelled() {
-            return Err(VolumeError::Cancelled { source_name: file.path.display().to_string() });
-        }
-        Ok(())
+        report(&file.path, bytes(self.at), bytes(self.numbers), self.progress)
     }
+}
+
+/// So many zeros, of which the system makes memory when they are first written to.
+pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Result<Vec<T>, VolumeError> {
+    bytemuck::try_zeroed_vec(length).map_err(|()| VolumeError::Memory {
+        source_name: path.display().to_string(),
+        bytes: count(length).saturating_mul(count(size_of::<T>())),
+    })
+}
+
+/// Says that so many of all bytes of `path` are read; the error that ends the reading if that is wanted.
+pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    progress.report(&format!("reading {name}"), done, all);
+    if progress.cancelled() {
+        return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
+    }
+    Ok(())
 }

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{RawLayout, Selection, Volume, VolumeError, metaimage, raw, stream};
+use super::{RawLayout, Selection, Volume, VolumeError, metaimage, raw, stream, vti};
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -17,8 +17,9 @@ struct Format {
 }
 
 /// A new reader is a new line.
-const FORMATS: [Format; 3] = [
+const FORMATS: [Format; 4] = [
     Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
+    Format { name: "VTK XML image data", extensions: &["vti"], recognises: vti::recognises, read: vti::read },
     Format {
         name: "raw with a sidecar",
         extensions: &["raw", "dat", "bin"],

@@ -10,7 +10,7 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use super::VolumeError;
 
 /// Deflate packs at most 1032 bytes into one (258 bytes into a match of two bits).
-const DEFLATE_LIMIT: u64 = 1032;
+pub(super) const DEFLATE_LIMIT: u64 = 1032;
 
 /// A block of bzip2 is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
 const BZIP2_LIMIT: u64 = 1 << 21;

@@ -4,6 +4,7 @@
 pub mod bounds;
 pub mod device;
 pub mod golden;
+pub mod message;
 pub mod program;
 pub mod rungs;
 pub mod scenes;

@@ -1,0 +1,340 @@
+//! VTK XML image data, `.vti`: tags that describe a grid and its arrays, and values between or behind them.
+//!
+//! Tags and meanings as in `vtkXMLImageDataReader` and `vtkXMLDataParser` (VTK 9).
+
+mod bytes;
+mod grid;
+mod header;
+
+use std::io::{BufRead, Read};
+use std::path::Path;
+
+use self::bytes::{Base64, Blocks, UntilTag, Words};
+use self::grid::Block;
+use self::header::{Array, Header, Place, Section};
+use super::data::{self, SLAB_BYTES};
+use super::raw::ByteOrder;
+use super::stream::{self, count, read_fully};
+use super::voxels::with_type;
+use super::{Selection, Volume, VolumeError, Voxel, Voxels};
+use crate::progress::{Progress, Quiet};
+
+/// Neighbouring pieces share points: along each axis, pieces of one cell have nearly twice as many as there are.
+const MOST_SHARED: usize = 8;
+
+/// Field data of more numbers than this are not shown.
+const MOST_SHOWN: usize = 16;
+
+/// Whether a file that begins with these bytes is VTK XML.
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    String::from_utf8_lossy(beginning).contains("<VTKFile")
+}
+
+/// Reads one component of one array of VTK XML image data.
+///
+/// No more memory is taken than the lengths of the values in the file justify, none before all pieces have been looked at,
+/// and never more than the volume, one block of compressed values, and for several pieces a bit per voxel.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let source = path.display().to_string();
+    let header = Header::read(path, progress)?;
+    selection.time(&source, 1)?;
+    let chosen = choose(&header, selection, &source)?;
+    let voxel_type = chosen.voxel_type().ok_or_else(|| header.wrong(format!("{} are no numbers", chosen.type_name)))?;
+    let what = format!("the {voxel_type} array {} of {}", chosen.name, chosen.section.name());
+    let component = selection.component(&source, chosen.components, &what)?;
+    let geometry = header.frame.geometry(&source, chosen.section)?;
+    let whole = header.frame.block(chosen.section, &header.frame.extent);
+    let parts = parts(&header, chosen)?;
+    check_cover(&header, &parts, &whole)?;
+    let voxels = with_type!(voxel_type, T => read_parts::<T>(&header, &parts, &whole, component, progress))?;
+
+    let mut volume = Volume::new(&source, voxels, geometry)?;
+    volume.components = chosen.components;
+    volume.metadata = metadata(&header, chosen);
+    if chosen.section == Section::CellData {
+        volume.notes.push(format!(
+            "{source}: {} are values of cells; each is a voxel at the centre of its cell, half a spacing from the corners",
+            chosen.name
+        ));
+    }
+    Ok(volume)
+}
+
+/// The arrays of numbers at points and cells.
+fn candidates(header: &Header) -> Vec<&Array> {
+    let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::PointData, &piece.extent).is_empty());
+    let arrays = pieces.take(1).flat_map(|piece| &piece.arrays);
+    arrays.filter(|array| array.section != Section::FieldData && array.voxel_type().is_some()).collect()
+}
+
+/// The array that is chosen, else the one that is active, else the only one.
+fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<&'a Array, VolumeError> {
+    let candidates = candidates(header);
+    if candidates.is_empty() {
+        return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
+    }
+    if selection.array.is_none() {
+        let scalars = header.pieces.iter().find_map(|piece| piece.scalars.as_ref());
+        let active = |array: &&Array| array.section == Section::PointData && Some(&array.name) == scalars;
+        if let Some(active) = candidates.iter().copied().find(active) {
+            return Ok(active);
+        }
+    }
+    // An array of points and one of cells may have the same name.
+    let labels: Vec<String> = candidates
+        .iter()
+        .map(|array| match candidates.iter().filter(|other| other.name == array.name).count() {
+            1 => array.name.clone(),
+            _ => format!("{}/{}", array.section.name(), array.name),
+        })
+        .collect();
+    let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+    selection.array(source, &labels).map(|index| candidates[index])
+}
+
+/// What one piece has of an array.
+struct Part<'a> {
+    array: &'a Array,
+    block: Block,
+}
+
+/// What every piece has of the array `chosen`; pieces without points have none.
+fn parts<'a>(header: &'a Header, chosen: &Array) -> Result<Vec<Part<'a>>, VolumeError> {
+    let blocks = header.pieces.iter().map(|piece| (piece, header.frame.block(chosen.section, &piece.extent)));
+    blocks
+        .filter(|(_, block)| !block.is_empty())
+        .map(|(piece, block)| {
+            let same = |array: &&Array| array.section == chosen.section && array.name == chosen.name;
+            let array = piece.arrays.iter().find(same).ok_or_else(|| {
+                header.wrong(format!("a piece lacks the array {:?}, which another one has", chosen.name))
+            })?;
+            if (array.voxel_type(), array.components) != (chosen.voxel_type(), chosen.components) {
+                return Err(header.wrong(format!("the array {:?} differs in type between pieces", chosen.name)));
+            }
+            Ok(Part { array, block })
+        })
+        .collect()
+}
+
+/// Refuses parts that lie outside the whole, leave some of it out, or repeat it for ever.
+fn check_cover(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
+    let all = whole.voxels().unwrap_or(usize::MAX);
+    let outside = || header.wrong("a Piece lies outside the WholeExtent".to_owned());
+    let sum = parts.iter().try_fold(0_usize, |sum, part| sum.checked_add(part.block.voxels()?));
+    if parts.iter().any(|part| part.block.runs(whole).is_none()) {
+        return Err(outside());
+    }
+    if sum.is_none_or(|sum| sum / MOST_SHARED > all) {
+        return Err(header.wrong("its pieces lie on top of each other".to_owned()));
+    }
+    let mut left_out = all.saturating_sub(sum.unwrap_or(0));
+    if parts.len() > 1 && left_out == 0 {
+        let mut covered = data::zeroed::<u64>(&header.path, all.div_ceil(64))?;
+        for (start, length) in parts.iter().filter_map(|part| part.block.runs(whole)).flatten() {
+            for voxel in start..start + length {
+                covered[voxel / 64] |= 1 << (voxel % 64);
+            }
+        }
+        left_out = all - covered.iter().map(|word| word.count_ones() as usize).sum::<usize>();
+    }
+    if left_out > 0 {
+        return Err(header.wrong(format!("its pieces leave out {left_out} of {all} voxels")));
+    }
+    Ok(())
+}
+
+/// Reads one component of all parts of an array.
+fn read_parts<T: Voxel>(
+    header: &Header,
+    parts: &[Part<'_>],
+    whole: &Block,
+    component: usize,
+    progress: &dyn Progress,
+) -> Result<Voxels, VolumeError> {
+    // All of them are looked at before there is memory for any.
+    for part in parts {
+        Values::open::<T>(header, part)?;
+    }
+    let mut voxels = data::zeroed::<T>(&header.path, whole.voxels().unwrap_or(usize::MAX))?;
+    let all = parts.iter().map(|part| count(part.block.voxels().unwrap_or(0))).sum::<u64>() * count(size_of::<T>());
+    let mut done = 0;
+    let mut tuples = Vec::new();
+    for part in parts {
+        let mut values = Values::open::<T>(header, part)?;
+        let components = part.array.components;
+        for (start, length) in part.block.runs(whole).into_iter().flatten() {
+            let slab = (SLAB_BYTES / size_of::<T>() / components).max(1);
+            for slab in voxels[start..start + length].chunks_mut(slab) {
+                if components == 1 {
+                    values.fill(slab)?;
+                } else {
+                    tuples.resize(slab.len() * components, T::zeroed());
+                    values.fill(&mut tuples)?;
+                    for (voxel, tuple) in slab.iter_mut().zip(tuples.chunks_exact(components)) {
+                        *voxel = tuple[component];
+                    }
+                }
+                done += count(size_of_val(slab));
+                data::report(&header.path, done, all, progress)?;
+            }
+        }
+    }
+    Ok(T::into_voxels(voxels))
+}
+
+/// The values of a part of an array, one after the other.
+struct Values<'a> {
+    header: &'a Header,
+    array: &'a Array,
+    stream: Stream,
+    /// Numbers read, and how many there should be.
+    at: usize,
+    numbers: usize,
+}
+
+enum Stream {
+    Bytes(Box<dyn Read>),
+    Text(Box<dyn BufRead>),
+}
+
+impl<'a> Values<'a> {
+    /// Goes to the first value; there are bytes enough for all of them.
+    fn open<T: Voxel>(header: &'a Header, part: &Part<'a>) -> Result<Self, VolumeError> {
+        let array = part.array;
+        let path = &header.path;
+        let numbers = part.block.voxels().and_then(|voxels| voxels.checked_mul(array.components));
+        let numbers = numbers.filter(|numbers| numbers.checked_mul(size_of::<T>()).is_some());
+        let numbers = numbers.ok_or_else(|| header.wrong(format!("the array {:?} is too large", array.name)))?;
+        let expected = count(numbers) * count(size_of::<T>());
+        let (start, base64) = match (array.place, header.appended) {
+            (Place::Text(at), _) => (at, false),
+            (Place::Base64(at), _) => (at, true),
+            (Place::Appended(offset), Some(appended)) => (appended.start.saturating_add(offset), appended.base64),
+            (Place::Appended(_), None) => {
+                return Err(header.wrong(format!("the array {:?} is appended, but nothing is", array.name)));
+            }
+        };
+        let file = stream::open(path)?;
+        let length = file.metadata().map_err(|source| stream::failed(path, source))?.len();
+        let there = length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
+            header.wrong(format!("the values of {:?} begin at byte {start}, but the file has {length}", array.name))
+        })?;
+        let text = stream::at(path, start)?;
+        let stream = if matches!(array.place, Place::Text(_)) {
+            // A number and what parts it from the next take two bytes; the last needs no parting.
+            if there.div_ceil(2) < count(numbers) {
+                let found = usize::try_from(there.div_ceil(2)).unwrap_or(usize::MAX);
+                return Err(VolumeError::ShortText { path: path.clone(), found, expected: numbers });
+            }
+            Stream::Text(Box::new(UntilTag(text)))
+        } else {
+            let unpacked = if base64 {
+                unpacked(header, Base64::new(UntilTag(text)), expected, there / 4 * 3 + 3)
+            } else {
+                unpacked(header, text, expected, there)
+            };
+            let failed =
+                |source| VolumeError::VtiArray { path: path.clone(), array: array.name.clone(), decoded: 0, source };
+            Stream::Bytes(unpacked.map_err(failed)?)
+        };
+        Ok(Self { header, array, stream, at: 0, numbers })
+    }
+
+    /// The next numbers.
+    fn fill<T: Voxel>(&mut self, slab: &mut [T]) -> Result<(), VolumeError> {
+        let path = &self.header.path;
+        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
+        match &mut self.stream {
+            Stream::Bytes(stream) => {
+                let wanted = size_of_val(slab);
+                let decoded = bytes(self.at);
+                let array = || self.array.name.clone();
+                let got = read_fully(stream, bytemuck::cast_slice_mut(slab))
+                    .map_err(|source| VolumeError::VtiArray { path: path.clone(), array: array(), decoded, source })?;
+                if got < wanted {
+                    let (found, expected) = (decoded + count(got), bytes(self.numbers));
+                    return Err(VolumeError::Short { path: path.clone(), found, expected });
+                }
+                if self.header.byte_order != ByteOrder::NATIVE {
+                    slab.iter_mut().for_each(|value| *value = value.with_bytes_swapped());
+                }
+            }
+            Stream::Text(stream) => {
+                for (value, index) in slab.iter_mut().zip(self.at..) {
+                    let word = stream::next_word(stream).map_err(|source| stream::failed(path, source))?;
+                    let Some(text) = word else {
+                        return Err(VolumeError::ShortText {
+                            path: path.clone(),
+                            found: index,
+                            expected: self.numbers,
+                        });
+                    };
+                    *value = T::parse(&text).ok_or_else(|| VolumeError::Text {
+                        path: path.clone(),
+                        index,
+                        text: text.clone(),
+                        voxel_type: T::TYPE.name(),
+                    })?;
+                }
+            }
+        }
+        self.at += slab.len();
+        Ok(())
+    }
+}
+
+/// The bytes of values, of which there are `expected`, out of at most `there` as they are stored.
+fn unpacked<R: Read + 'static>(
+    header: &Header,
+    mut stored: R,
+    expected: u64,
+    there: u64,
+) -> std::io::Result<Box<dyn Read>> {
+    let words = Words { wide: header.wide, byte_order: header.byte_order };
+    if let Some(compressor) = header.compressor {
+        return Ok(Box::new(Blocks::new(stored, compressor, words, expected, there)?));
+    }
+    let said = words.next(&mut stored)?;
+    if said != expected {
+        return Err(bytes::wrong(format!("it says to have {said} bytes, but its extent makes it {expected}")));
+    }
+    if there < expected {
+        return Err(bytes::wrong(format!("it needs {expected} bytes, but the file has {there}")));
+    }
+    Ok(Box::new(stored))
+}
+
+/// What else the file says: which arrays there are, which of them was read, and short field data.
+fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
+    let list = |section: Section| {
+        let arrays = candidates(header).into_iter().filter(|array| array.section == section);
+        let described = arrays.map(|array| match array.components {
+            1 => format!("{} ({})", array.name, array.type_name),
+            components => format!("{} ({components} × {})", array.name, array.type_name),
+        });
+        described.collect::<Vec<_>>().join(", ")
+    };
+    let mut metadata = vec![("array".to_owned(), format!("{} of {}", chosen.name, chosen.section.name()))];
+    for section in [Section::PointData, Section::CellData] {
+        let arrays = list(section);
+        if !arrays.is_empty() {
+            metadata.push((section.name().to_owned(), arrays));
+        }
+    }
+    for array in &header.fields {
+        let numbers = array.tuples.and_then(|tuples| tuples.checked_mul(array.components));
+        let numbers = numbers.filter(|numbers| (1..=MOST_SHOWN).contains(numbers));
+        if let (Some(numbers), Some(voxel_type)) = (numbers, array.voxel_type()) {
+            let row = Block::row(numbers);
+            let scalar = Array { components: 1, ..array.clone() };
+            let parts = [Part { array: &scalar, block: row }];
+            // What is no part of the image is not worth an error.
+            if let Ok(values) = with_type!(voxel_type, T => read_parts::<T>(header, &parts, &row, 0, &Quiet)) {
+                let values = (0..values.len()).filter_map(|index| values.value(index));
+                let values: Vec<String> = values.map(crate::number::readable).collect();
+                metadata.push((array.name.clone(), values.join(" ")));
+            }
+        }
+    }
+    metadata
+}
