@@ -93,10 +93,12 @@ pub(super) struct Words {
 }
 
 impl Words {
-    fn bytes(self) -> u64 {
+    /// Bytes of a word.
+    pub(super) fn bytes(self) -> u64 {
         if self.wide { 8 } else { 4 }
     }
 
+    /// The next word of `stream`.
     pub(super) fn next(self, stream: &mut impl Read) -> io::Result<u64> {
         let mut bytes = [0; 8];
         let word = if self.wide { &mut bytes[..] } else { &mut bytes[..4] };

@@ -298,6 +298,7 @@ fn unpacked<R: Read + 'static>(
     if said != expected {
         return Err(bytes::wrong(format!("it says to have {said} bytes, but its extent makes it {expected}")));
     }
+    let there = there.saturating_sub(words.bytes());
     if there < expected {
         return Err(bytes::wrong(format!("it needs {expected} bytes, but the file has {there}")));
     }
