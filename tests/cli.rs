@@ -167,6 +167,27 @@ fn info_of_a_volume_has_the_promised_keys() {
 }
 
 #[test]
+fn a_component_is_chosen_by_flag_or_by_the_scene() {
+    let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 3 2 2 2\nkinds: RGB-color space space space\n\
+                  encoding: raw\n\n";
+    let numbers: Vec<u8> = (0..24).collect();
+    let folder = Folder::new()
+        .with("rgb.nrrd", [header.as_bytes(), &numbers].concat())
+        .with("rgb.toml", "version = 1\n[volume]\nfile = \"rgb.nrrd\"\ncomponent = 2\n");
+    folder.refused(1, &["info", "rgb.nrrd"], &["3 components per voxel (rgb-color)", "--component N, from 0 to 2"]);
+    folder.refused(1, &["info", "rgb.nrrd", "--component", "3"], &["--component 3", "3 components"]);
+    folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--time", "1"], &["--time 1", "1 time step"]);
+    folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--array", "ct"], &["--array ct"]);
+    folder.refused(2, &["info", "--component", "0"], &["--component does nothing here"]);
+    let outcome = folder.done(&["info", "rgb.nrrd", "--component", "1", "--json"]).json();
+    assert_eq!((&outcome["min"], &outcome["max"], &outcome["components"]), (&1.0.into(), &22.0.into(), &3.into()));
+    assert!(folder.done(&["info", "rgb.nrrd", "--component", "1"]).out.contains("one of 3"));
+    folder.done(&["info", "rgb.toml"]);
+    folder.done(&["info", "rgb.toml", "-D", "volume.component=0"]);
+    folder.refused(1, &["info", "rgb.toml", "--component", "3"], &["--component 3"]);
+}
+
+#[test]
 fn info_of_a_headerless_volume_takes_its_layout_from_flags() {
     let big: Vec<u8> = [9; 3].into_iter().chain((0..16_i16).flat_map(i16::to_be_bytes)).collect();
     let folder = Folder::new().with("ramp.raw", big);

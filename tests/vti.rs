@@ -1,7 +1,9 @@
 //! VTK XML image data: files that VTK wrote (`tests/tools/make_vti.py`), changed here where they should be refused.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
-mod support;
+#[path = "support/volumes.rs"]
+mod volumes;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,7 +13,7 @@ use relume::progress::{Progress, Quiet};
 use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
 use tempfile::TempDir;
 
-use support::message::whole_message;
+use volumes::{shared, whole_message};
 
 const POINTS: usize = 5 * 4 * 3;
 const CELLS: usize = 4 * 3 * 2;
@@ -90,6 +92,16 @@ fn ramp(kind: &str, number: usize) -> Voxels {
         "Float64" => values!(f64, F64, 0.125, -118.0, number),
         _ => unreachable!("{kind}"),
     }
+}
+
+#[test]
+fn every_shared_file_reads_as_vtk_reads_it() {
+    let Some(folder) = shared() else { return };
+    // A folder of vtk.js is called .vti too.
+    let ours = |name: &str| name.ends_with(".vti") && name != "vtkjs/headsq.vti";
+    let checked =
+        volumes::check_all(&folder, ours, |name, selection| volume::open(&folder.join(name), selection, &Quiet));
+    assert!(checked >= 5, "the shared folder has at least 5 such files, {checked} were checked");
 }
 
 #[test]

@@ -143,6 +143,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         let _ = writeln!(text, "  {name:<10} {value}");
     };
     line("voxels", &format!("{} of {}", by(&geometry.dims), volume.voxels.type_name()));
+    if volume.components > 1 {
+        line("components", &format!("one of {} is read", volume.components));
+    }
     line("spacing", &by(&geometry.spacing.to_array()));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));

@@ -2,8 +2,10 @@
 
 mod data;
 mod error;
+mod fields;
 mod geometry;
 mod metaimage;
+mod nrrd;
 mod open;
 mod pattern;
 pub mod phantom;

@@ -51,14 +51,20 @@ impl Pattern {
     }
 }
 
-/// `count` numbers from `first` to `last` in steps of `step`, or the sentence that says why they are not `count`.
-pub(super) fn numbers([first, last, step]: [i64; 3], count: usize) -> Result<impl Iterator<Item = i64>, String> {
+/// How many numbers there are from `first` to `last` in steps of `step`; none where the steps lead away.
+pub(super) fn count([first, last, step]: [i64; 3]) -> usize {
     let steps = if step == 0 { None } else { last.checked_sub(first).and_then(|span| span.checked_div(step)) };
-    let given = steps.filter(|&steps| steps >= 0).and_then(|steps| usize::try_from(steps).ok()).map_or(0, |n| n + 1);
-    if given == count {
-        Ok((0..).take(count).map(move |index: i64| first + index * step))
+    let away = step < 0 && last > first || step > 0 && last < first;
+    steps.filter(|_| !away).and_then(|steps| usize::try_from(steps).ok()).map_or(0, |steps| steps.saturating_add(1))
+}
+
+/// `wanted` numbers from `first` to `last` in steps of `step`, or the sentence that says why they are not `wanted`.
+pub(super) fn numbers([first, last, step]: [i64; 3], wanted: usize) -> Result<impl Iterator<Item = i64>, String> {
+    let given = count([first, last, step]);
+    if given == wanted {
+        Ok((0..).take(wanted).map(move |index: i64| first + index * step))
     } else {
-        Err(format!("files {first} to {last} in steps of {step} are {given} slices, but there should be {count}"))
+        Err(format!("files {first} to {last} in steps of {step} are {given} slices, but there should be {wanted}"))
     }
 }
 

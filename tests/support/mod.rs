@@ -4,7 +4,6 @@
 pub mod bounds;
 pub mod device;
 pub mod golden;
-pub mod message;
 pub mod program;
 pub mod rungs;
 pub mod scenes;

@@ -127,7 +127,7 @@ impl<R: BufRead> Read for UntilTag<R> {
 impl<R: BufRead> BufRead for UntilTag<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         let buffer = self.0.fill_buf()?;
-        let end = buffer.iter().position(|&byte| byte == b'<').unwrap_or(buffer.len());
+        let end = memchr::memchr(b'<', buffer).unwrap_or(buffer.len());
         Ok(&buffer[..end])
     }
 
@@ -169,15 +169,15 @@ impl<R: BufRead> Base64<R> {
             if buffer.is_empty() {
                 break;
             }
-            let mut used = 0;
-            for &byte in buffer {
+            let wanted = &buffer[..buffer.len().min(CHARACTERS - self.characters.len())];
+            let plain = wanted.iter().take_while(|&&byte| !byte.is_ascii_whitespace() && byte != b'=').count();
+            self.characters.extend_from_slice(&wanted[..plain]);
+            let mut used = plain;
+            if let Some(&byte) = wanted.get(plain) {
                 used += 1;
-                if !byte.is_ascii_whitespace() {
+                if byte == b'=' {
                     self.characters.push(byte);
-                    padded = byte == b'=' && self.characters.len().is_multiple_of(4);
-                    if padded || self.characters.len() == CHARACTERS {
-                        break;
-                    }
+                    padded = self.characters.len().is_multiple_of(4);
                 }
             }
             self.text.consume(used);

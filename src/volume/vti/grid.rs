@@ -42,7 +42,7 @@ impl Frame {
         let dims = [0, 1, 2].map(|axis| {
             // An image that is flat along an axis has one layer of cells there, not none.
             let flat = self.extent.first[axis] == self.extent.last[axis];
-            let between = i64::from(section == Section::CellData && !flat);
+            let between = i64::from(section == Section::Cells && !flat);
             usize::try_from(extent.last[axis] - extent.first[axis] + 1 - between).unwrap_or(0)
         });
         Block { first: extent.first, dims }
@@ -52,7 +52,7 @@ impl Frame {
     pub(super) fn geometry(&self, source: &str, section: Section) -> Result<Geometry, VolumeError> {
         let Self { extent, origin, spacing, direction } = *self;
         let first = [0, 1, 2].map(|axis| {
-            let centred = section == Section::CellData && extent.first[axis] != extent.last[axis];
+            let centred = section == Section::Cells && extent.first[axis] != extent.last[axis];
             #[expect(clippy::cast_precision_loss, reason = "of 32 bits")]
             let first = extent.first[axis] as f64;
             first + if centred { 0.5 } else { 0.0 }
@@ -86,12 +86,11 @@ impl Block {
 
     /// Where it begins in `whole`, if all of it lies there.
     fn start_in(&self, whole: &Self) -> Option<[usize; 3]> {
-        let mut start = [0; 3];
-        for axis in 0..3 {
-            start[axis] = usize::try_from(self.first[axis] - whole.first[axis]).ok()?;
-            (start[axis].checked_add(self.dims[axis])? <= whole.dims[axis]).then_some(())?;
-        }
-        Some(start)
+        let start = [0, 1, 2].map(|axis| usize::try_from(self.first[axis] - whole.first[axis]).unwrap_or(usize::MAX));
+        let inside = |axis: usize| {
+            start[axis].checked_add(self.dims[axis]).is_some_and(|end| end <= whole.dims[axis])
+        };
+        [0, 1, 2].into_iter().all(inside).then_some(start)
     }
 
     /// The first voxel and the number of each run that is in one piece in `whole`, in order; `None` where the block

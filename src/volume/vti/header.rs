@@ -29,20 +29,20 @@ const MOST_COMPONENTS: usize = 1 << 16;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Section {
     /// The corners of the grid.
-    PointData,
+    Points,
     /// What lies between the corners.
-    CellData,
+    Cells,
     /// The data set as a whole.
-    FieldData,
+    Fields,
 }
 
 impl Section {
     /// VTK's name of it.
     pub(super) fn name(self) -> &'static str {
         match self {
-            Self::PointData => "PointData",
-            Self::CellData => "CellData",
-            Self::FieldData => "FieldData",
+            Self::Points => "PointData",
+            Self::Cells => "CellData",
+            Self::Fields => "FieldData",
         }
     }
 }
@@ -175,7 +175,7 @@ impl Markup {
     /// Steps over text in the buffer; `false` when a tag or the end has come.
     fn skip_some_text(&mut self) -> io::Result<bool> {
         let buffer = self.stream.fill_buf()?;
-        let tag = buffer.iter().position(|&byte| byte == b'<');
+        let tag = memchr::memchr(b'<', buffer);
         let text = tag.unwrap_or(buffer.len());
         let more = tag.is_none() && text > 0;
         self.limit += count(text);
@@ -266,20 +266,20 @@ impl Builder<'_> {
                 self.count()?;
             }
             "PointData" => {
-                self.section = Some(Section::PointData);
+                self.section = Some(Section::Points);
                 let scalars = self.attribute(tag, "Scalars")?;
                 if let Some(piece) = self.pieces.last_mut().filter(|_| self.in_piece) {
                     piece.scalars = scalars;
                 }
             }
-            "CellData" => self.section = Some(Section::CellData),
-            "FieldData" => self.section = Some(Section::FieldData),
+            "CellData" => self.section = Some(Section::Cells),
+            "FieldData" => self.section = Some(Section::Fields),
             "DataArray" | "Array" => {
                 let Some(section) = self.section else { return Ok(()) };
                 let array = self.array(tag, section, at)?;
                 match self.pieces.last_mut() {
                     Some(piece) if self.in_piece => piece.arrays.push(array),
-                    _ if section == Section::FieldData => self.fields.push(array),
+                    _ if section == Section::Fields => self.fields.push(array),
                     _ => return Err(self.wrong(format!("the array {:?} is in no Piece", array.name))),
                 }
                 self.count()?;

@@ -51,7 +51,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let mut volume = Volume::new(&source, voxels, geometry)?;
     volume.components = chosen.components;
     volume.metadata = metadata(&header, chosen);
-    if chosen.section == Section::CellData {
+    if chosen.section == Section::Cells {
         volume.notes.push(format!(
             "{source}: {} are values of cells; each is a voxel at the centre of its cell, half a spacing from the corners",
             chosen.name
@@ -62,9 +62,9 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
 
 /// The arrays of numbers at points and cells.
 fn candidates(header: &Header) -> Vec<&Array> {
-    let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::PointData, &piece.extent).is_empty());
+    let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::Points, &piece.extent).is_empty());
     let arrays = pieces.take(1).flat_map(|piece| &piece.arrays);
-    arrays.filter(|array| array.section != Section::FieldData && array.voxel_type().is_some()).collect()
+    arrays.filter(|array| array.section != Section::Fields && array.voxel_type().is_some()).collect()
 }
 
 /// The array that is chosen, else the one that is active, else the only one.
@@ -75,7 +75,7 @@ fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result
     }
     if selection.array.is_none() {
         let scalars = header.pieces.iter().find_map(|piece| piece.scalars.as_ref());
-        let active = |array: &&Array| array.section == Section::PointData && Some(&array.name) == scalars;
+        let active = |array: &&Array| array.section == Section::Points && Some(&array.name) == scalars;
         if let Some(active) = candidates.iter().copied().find(active) {
             return Ok(active);
         }
@@ -316,7 +316,7 @@ fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
         described.collect::<Vec<_>>().join(", ")
     };
     let mut metadata = vec![("array".to_owned(), format!("{} of {}", chosen.name, chosen.section.name()))];
-    for section in [Section::PointData, Section::CellData] {
+    for section in [Section::Points, Section::Cells] {
         let arrays = list(section);
         if !arrays.is_empty() {
             metadata.push((section.name().to_owned(), arrays));

@@ -1,0 +1,159 @@
+//! The lines of a text header: fields of a name and a value.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::str::FromStr;
+
+use super::VolumeError;
+use super::stream;
+
+/// Headers are short; what goes on for so many bytes is none.
+const LONGEST: u64 = 4 << 20;
+
+/// A list of files that is longer than this is a mistake.
+const LONGEST_LIST: u64 = 32 << 20;
+
+/// One `name = value`.
+pub(super) struct Field {
+    pub(super) line: usize,
+    pub(super) key: String,
+    pub(super) value: String,
+}
+
+/// The fields of a header.
+pub(super) struct Fields<'a> {
+    pub(super) path: &'a Path,
+    /// What stands between a name and its value.
+    pub(super) sign: &'static str,
+    pub(super) all: Vec<Field>,
+}
+
+impl Fields<'_> {
+    /// The field that counts: of the first name that occurs, the last line.
+    pub(super) fn find(&self, names: &[&str]) -> Option<&Field> {
+        names.iter().find_map(|name| self.all.iter().rev().find(|field| field.key.eq_ignore_ascii_case(name)))
+    }
+
+    pub(super) fn require(&self, names: &[&'static str; 1]) -> Result<&Field, VolumeError> {
+        self.find(names).ok_or_else(|| VolumeError::MissingKey { path: self.path.to_owned(), key: names[0] })
+    }
+
+    pub(super) fn wrong(&self, field: &Field, problem: impl Into<String>) -> VolumeError {
+        VolumeError::Header { path: self.path.to_owned(), line: field.line, problem: problem.into() }
+    }
+
+    /// The error of a field that should be `what`.
+    pub(super) fn should_be(&self, field: &Field, what: &str) -> VolumeError {
+        self.wrong(field, format!("{}{}{} should be {what}", field.key, self.sign, field.value))
+    }
+
+    /// The numbers of a field.
+    pub(super) fn numbers<T: FromStr>(&self, field: &Field, what: &str) -> Result<Vec<T>, VolumeError> {
+        let parsed = field.value.split_whitespace().map(str::parse).collect::<Result<Vec<T>, _>>();
+        parsed.map_err(|_| self.should_be(field, what))
+    }
+
+    /// The one number of a field that may be missing.
+    pub(super) fn number<T: FromStr + Copy>(&self, names: &[&str], what: &str) -> Result<Option<T>, VolumeError> {
+        let Some(field) = self.find(names) else { return Ok(None) };
+        match self.numbers(field, what)?[..] {
+            [number] => Ok(Some(number)),
+            _ => Err(self.should_be(field, what)),
+        }
+    }
+
+    /// The lengths of all axes in the field `sizes`, as many as the field `number` says.
+    pub(super) fn axes(
+        &self,
+        number: &[&'static str; 1],
+        sizes: &[&'static str; 1],
+    ) -> Result<Vec<usize>, VolumeError> {
+        let field = self.require(sizes)?;
+        let lengths: Vec<i128> = self.numbers(field, "whole numbers")?;
+        let stated = self.require(number)?;
+        if self.number::<usize>(number, "a whole number")? != Some(lengths.len()) || lengths.is_empty() {
+            return Err(self.wrong(
+                field,
+                format!(
+                    "{}{sign}{} has {} numbers, but {}{sign}{}",
+                    field.key,
+                    field.value,
+                    lengths.len(),
+                    number[0],
+                    stated.value,
+                    sign = self.sign
+                ),
+            ));
+        }
+        let axes: Vec<usize> = lengths.iter().filter_map(|&n| usize::try_from(n).ok().filter(|&n| n > 0)).collect();
+        if axes.len() == lengths.len() {
+            return Ok(axes);
+        }
+        let dims = field.value.split_whitespace().collect::<Vec<_>>().join("×");
+        Err(VolumeError::Dims { source_name: self.path.display().to_string(), dims })
+    }
+
+    /// The pairs of names that are not in `known`.
+    pub(super) fn uninterpreted(&self, known: &[&[&str]]) -> Vec<(String, String)> {
+        let is_known =
+            |name: &str| known.iter().any(|names| names.iter().any(|known| known.eq_ignore_ascii_case(name)));
+        let unknown = self.all.iter().filter(|field| !is_known(&field.key));
+        unknown.map(|field| (field.key.clone(), field.value.clone())).collect()
+    }
+
+    /// A sentence for each field that is given twice.
+    pub(super) fn repeated(&self) -> impl Iterator<Item = String> {
+        let again = self.all.iter().enumerate().filter(|(index, field)| {
+            self.all[..*index].iter().any(|earlier| earlier.key.eq_ignore_ascii_case(&field.key))
+        });
+        again.map(|(_, field)| {
+            format!("{}, line {}: {} is given again; the last counts", self.path.display(), field.line, field.key)
+        })
+    }
+}
+
+/// The lines of a header, one after the other.
+pub(super) struct Lines<'a> {
+    path: &'a Path,
+    stream: std::io::Take<BufReader<std::fs::File>>,
+    line: Vec<u8>,
+    /// The number of the last line, from 1.
+    pub(super) number: usize,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn of(path: &'a Path) -> Result<Self, VolumeError> {
+        let stream = BufReader::new(stream::open(path)?).take(LONGEST);
+        Ok(Self { path, stream, line: Vec::new(), number: 0 })
+    }
+
+    /// The next line without its end; `None` behind the last.
+    pub(super) fn next(&mut self) -> Result<Option<String>, VolumeError> {
+        self.line.clear();
+        let read = self.stream.read_until(b'\n', &mut self.line);
+        if read.map_err(|source| stream::failed(self.path, source))? == 0 {
+            return Ok(None);
+        }
+        self.number += 1;
+        Ok(Some(String::from_utf8_lossy(&self.line).trim_end().to_owned()))
+    }
+
+    /// The error of a line that is not as `form`.
+    pub(super) fn wrong(&self, line: &str, form: &str) -> VolumeError {
+        let start: String = line.trim().chars().take(40).collect();
+        let problem = format!("{start:?} is not {form}");
+        VolumeError::Header { path: self.path.to_owned(), line: self.number, problem }
+    }
+
+    /// Bytes up to the end of the last line.
+    pub(super) fn bytes(&self) -> u64 {
+        LONGEST - self.stream.limit()
+    }
+
+    /// All other lines that are not blank: a list of files.
+    pub(super) fn list(self) -> Result<Vec<String>, VolumeError> {
+        let lines = self.stream.into_inner().take(LONGEST_LIST).lines().collect::<Result<Vec<_>, _>>();
+        let lines = lines.map_err(|source| stream::failed(self.path, source))?;
+        Ok(lines.iter().map(|line| line.trim().to_owned()).filter(|line| !line.is_empty()).collect())
+    }
+}

@@ -1,0 +1,479 @@
+//! NRRD, `.nrrd` and `.nhdr`: a header of `field: description` lines, and samples behind it or in other files.
+//!
+//! Fields and meanings as in the definition of the format (<http://teem.sourceforge.net/nrrd/format.html>); where it
+//! leaves a choice, as ITK's reader chooses. No crate of the registry reads the format.
+//!
+//! The world is left-posterior-superior, and the two other anatomical spaces are turned to it. All others are kept as
+//! they are, left-handed ones too. An origin is the middle of the first sample, whatever the centering; only
+//! `axis mins` are edges of cells, and lie half a spacing before it unless the centering is `node`.
+
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+
+use super::data::{self, Data, DataFile};
+use super::fields::{Field, Fields, Lines};
+use super::pattern::{self, Pattern};
+use super::raw::ByteOrder;
+use super::select::Pick;
+use super::stream::{Encoding, Skip, Start};
+use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
+use crate::progress::Progress;
+
+/// Whether a file that begins with these bytes is an NRRD.
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    beginning.starts_with(b"NRRD0")
+}
+
+/// Reads an NRRD.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let header = Header::read(path)?;
+    let source_name = path.display().to_string();
+    let lengths = header.fields.axes(&key::DIMENSION, &key::SIZES)?;
+    let axes = header.axes(&lengths)?;
+    let geometry = header.geometry(&axes)?;
+    data::check_size(&source_name, &lengths)?;
+    selection.no_array(&source_name)?;
+    // An axis that is not there has one place, and one of one place needs no choice.
+    let long = |role| (0..axes.len()).find(|&axis| axes[axis].role == role && axes[axis].length > 1);
+    let length = |axis: Option<usize>| axis.map_or(1, |axis| lengths[axis]);
+    let (component, time) = (long(Role::Component), long(Role::Time));
+    let kind = component.map_or("", |axis| &axes[axis].kind);
+    let chosen = [
+        (component, selection.component(&source_name, length(component), kind)?),
+        (time, selection.time(&source_name, length(time))?),
+    ];
+    let pick = |(axis, index): (Option<usize>, usize)| {
+        let axis = axis?;
+        Some(Pick { stride: lengths[..axis].iter().product(), length: lengths[axis], index })
+    };
+    let picks = chosen.into_iter().filter_map(pick).collect();
+    let mut notes = Vec::new();
+    let voxels = header.data(&lengths, picks)?.read(progress, &mut notes)?;
+    let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    volume.components = length(component);
+    volume.metadata = header.fields.uninterpreted(&key::ALL);
+    volume.metadata.extend(header.pairs);
+    notes.extend(header.fields.repeated());
+    volume.notes = notes;
+    Ok(volume)
+}
+
+/// The fields that are interpreted, in lower case and without white space, which readers ignore.
+mod key {
+    pub(super) const DIMENSION: [&str; 1] = ["dimension"];
+    pub(super) const SIZES: [&str; 1] = ["sizes"];
+    pub(super) const TYPE: [&str; 1] = ["type"];
+    pub(super) const ENCODING: [&str; 1] = ["encoding"];
+    pub(super) const ENDIAN: [&str; 1] = ["endian"];
+    pub(super) const FILE: [&str; 1] = ["datafile"];
+    pub(super) const LINES: [&str; 1] = ["lineskip"];
+    pub(super) const BYTES: [&str; 1] = ["byteskip"];
+    pub(super) const SPACE: [&str; 1] = ["space"];
+    pub(super) const SPACE_DIMENSION: [&str; 1] = ["spacedimension"];
+    pub(super) const DIRECTIONS: [&str; 1] = ["spacedirections"];
+    pub(super) const ORIGIN: [&str; 1] = ["spaceorigin"];
+    pub(super) const SPACINGS: [&str; 1] = ["spacings"];
+    pub(super) const MINS: [&str; 1] = ["axismins"];
+    pub(super) const CENTERINGS: [&str; 2] = ["centerings", "centers"];
+    pub(super) const KINDS: [&str; 1] = ["kinds"];
+
+    pub(super) const ALL: [&[&str]; 16] = [
+        &DIMENSION,
+        &SIZES,
+        &TYPE,
+        &ENCODING,
+        &ENDIAN,
+        &FILE,
+        &LINES,
+        &BYTES,
+        &SPACE,
+        &SPACE_DIMENSION,
+        &DIRECTIONS,
+        &ORIGIN,
+        &SPACINGS,
+        &MINS,
+        &CENTERINGS,
+        &KINDS,
+    ];
+}
+
+/// Spaces: their names, how many axes they have, and what turns them to left-posterior-superior, where they say.
+const SPACES: [(&str, &str, usize, DVec3); 12] = [
+    ("right-anterior-superior", "ras", 3, DVec3::new(-1.0, -1.0, 1.0)),
+    ("left-anterior-superior", "las", 3, DVec3::new(1.0, -1.0, 1.0)),
+    ("left-posterior-superior", "lps", 3, DVec3::ONE),
+    ("right-anterior-superior-time", "rast", 4, DVec3::new(-1.0, -1.0, 1.0)),
+    ("left-anterior-superior-time", "last", 4, DVec3::new(1.0, -1.0, 1.0)),
+    ("left-posterior-superior-time", "lpst", 4, DVec3::ONE),
+    ("scanner-xyz", "scanner-xyz", 3, DVec3::ONE),
+    ("scanner-xyz-time", "scanner-xyz-time", 4, DVec3::ONE),
+    ("3d-right-handed", "3d-right-handed", 3, DVec3::ONE),
+    ("3d-right-handed-time", "3d-right-handed-time", 4, DVec3::ONE),
+    ("3d-left-handed", "3d-left-handed", 3, DVec3::ONE),
+    ("3d-left-handed-time", "3d-left-handed-time", 4, DVec3::ONE),
+];
+
+/// Names of each type of sample; `char` alone is none, because its sign is not known.
+const TYPES: [(VoxelType, &[&str]); 10] = [
+    (VoxelType::I8, &["signed char", "int8", "int8_t"]),
+    (VoxelType::U8, &["uchar", "unsigned char", "uint8", "uint8_t"]),
+    (VoxelType::I16, &["short", "short int", "signed short", "signed short int", "int16", "int16_t"]),
+    (VoxelType::U16, &["ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"]),
+    (VoxelType::I32, &["int", "signed int", "int32", "int32_t"]),
+    (VoxelType::U32, &["uint", "unsigned int", "uint32", "uint32_t"]),
+    (
+        VoxelType::I64,
+        &["longlong", "long long", "long long int", "signed long long", "signed long long int", "int64", "int64_t"],
+    ),
+    (VoxelType::U64, &["ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"]),
+    (VoxelType::F32, &["float"]),
+    (VoxelType::F64, &["double"]),
+];
+
+/// The entries of a vector of the file, where it states one.
+type Vector = Option<Vec<f64>>;
+
+/// What an axis of the file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    Space,
+    Time,
+    Component,
+}
+
+struct Axis {
+    length: usize,
+    role: Role,
+    kind: String,
+    /// World units from sample to sample, where the file says.
+    direction: Vector,
+}
+
+struct Header<'a> {
+    fields: Fields<'a>,
+    /// `key:=value`, as it stands.
+    pairs: Vec<(String, String)>,
+    /// Lines behind `data file: LIST`.
+    list: Vec<String>,
+    /// Bytes up to the samples of an attached header.
+    bytes: u64,
+}
+
+impl<'a> Header<'a> {
+    /// Reads as far as the blank line, the end of the file, or the list of files.
+    fn read(path: &'a Path) -> Result<Self, VolumeError> {
+        let mut lines = Lines::of(path)?;
+        let magic = lines.next()?.unwrap_or_default();
+        if !matches!(magic.strip_prefix("NRRD000").and_then(|version| version.parse().ok()), Some(1..=9_u8)) {
+            return Err(lines.wrong(&magic, "NRRD0001 or a later version"));
+        }
+        let mut header = Self {
+            fields: Fields { path, sign: ": ", all: Vec::new() },
+            pairs: Vec::new(),
+            list: Vec::new(),
+            bytes: 0,
+        };
+        while let Some(text) = lines.next()? {
+            if text.is_empty() {
+                break;
+            }
+            if text.starts_with('#') {
+                continue;
+            }
+            let (key, value) = text.split_once(':').ok_or_else(|| lines.wrong(&text, "field: description"))?;
+            if let Some(value) = value.strip_prefix('=') {
+                header.pairs.push((key.to_owned(), value.to_owned()));
+                continue;
+            }
+            let name: String = key.split_whitespace().collect::<String>().to_ascii_lowercase();
+            // Those that nothing interprets are shown as they stand.
+            let known = key::ALL.iter().any(|names| names.contains(&name.as_str()));
+            let key = if known { name } else { key.trim().to_owned() };
+            let field = Field { line: lines.number, key, value: value.trim().to_owned() };
+            let list = field.key == key::FILE[0] && field.value.split_whitespace().next() == Some("LIST");
+            header.fields.all.push(field);
+            if list {
+                header.list = lines.list()?;
+                return Ok(header);
+            }
+        }
+        header.bytes = lines.bytes();
+        Ok(header)
+    }
+
+    fn source(&self) -> String {
+        self.fields.path.display().to_string()
+    }
+
+    /// A word for each axis.
+    fn words(&self, names: &[&str], axes: usize) -> Result<Option<Vec<String>>, VolumeError> {
+        let Some(field) = self.fields.find(names) else { return Ok(None) };
+        let words: Vec<String> = field.value.split_whitespace().map(str::to_ascii_lowercase).collect();
+        if words.len() == axes {
+            return Ok(Some(words));
+        }
+        Err(self.count(field, words.len(), axes))
+    }
+
+    /// A number for each axis; NaN is none.
+    fn numbers(&self, names: &[&str], axes: usize) -> Result<Vec<Option<f64>>, VolumeError> {
+        let Some(field) = self.fields.find(names) else { return Ok(vec![None; axes]) };
+        let numbers: Vec<f64> = self.fields.numbers(field, "numbers")?;
+        if numbers.len() == axes {
+            return Ok(numbers.into_iter().map(|number| (!number.is_nan()).then_some(number)).collect());
+        }
+        Err(self.count(field, numbers.len(), axes))
+    }
+
+    fn count(&self, field: &Field, there: usize, wanted: usize) -> VolumeError {
+        self.fields.wrong(field, format!("{} has {there} entries, but there should be {wanted}", field.key))
+    }
+
+    /// The vectors of a field that may be missing: each `(x,y,z)` of the same length, or `none`; NaN is none too.
+    fn vectors(&self, names: &[&str]) -> Result<Option<(&Field, Vec<Vector>)>, VolumeError> {
+        let Some(field) = self.fields.find(names) else { return Ok(None) };
+        let wrong = || self.fields.should_be(field, "vectors like (1,0,0), or none");
+        let mut vectors = Vec::new();
+        let mut rest = field.value.trim_start();
+        while !rest.is_empty() {
+            let after = if let Some(opened) = rest.strip_prefix('(') {
+                let (inside, after) = opened.split_once(')').ok_or_else(wrong)?;
+                let numbers: Result<Vec<f64>, _> = inside.split(',').map(|number| number.trim().parse()).collect();
+                let numbers = numbers.map_err(|_| wrong())?;
+                vectors.push((!numbers.iter().any(|number| number.is_nan())).then_some(numbers));
+                after
+            } else {
+                let (word, after) = rest.split_at(rest.find(char::is_whitespace).unwrap_or(rest.len()));
+                if !word.eq_ignore_ascii_case("none") {
+                    return Err(wrong());
+                }
+                vectors.push(None);
+                after
+            };
+            rest = after.trim_start();
+        }
+        let dimension = self.space()?.0;
+        let wanted = dimension.or_else(|| vectors.iter().flatten().map(Vec::len).next());
+        match vectors.iter().flatten().find(|vector| Some(vector.len()) != wanted || !(1..=4).contains(&vector.len())) {
+            None => Ok(Some((field, vectors))),
+            Some(vector) => Err(self.fields.wrong(
+                field,
+                format!("a vector of {} numbers in a space of {} axes", vector.len(), wanted.unwrap_or_default()),
+            )),
+        }
+    }
+
+    /// How many axes the space has, where the header says, and what turns it to left-posterior-superior.
+    fn space(&self) -> Result<(Option<usize>, DVec3), VolumeError> {
+        let Some(field) = self.fields.find(&key::SPACE) else {
+            return Ok((self.fields.number(&key::SPACE_DIMENSION, "a whole number")?, DVec3::ONE));
+        };
+        let name = field.value.to_ascii_lowercase();
+        match SPACES.iter().find(|(long, short, ..)| *long == name || *short == name) {
+            Some(&(_, _, dimension, turn)) => Ok((Some(dimension), turn)),
+            None => {
+                let known = SPACES.map(|(long, ..)| long).join(", ");
+                Err(self.fields.should_be(field, &format!("one of {known}")))
+            }
+        }
+    }
+
+    /// All axes, the fastest first; at most three are of space, one of time, and one of components.
+    fn axes(&self, lengths: &[usize]) -> Result<Vec<Axis>, VolumeError> {
+        let count = lengths.len();
+        let kinds = self.words(&key::KINDS, count)?.unwrap_or_else(|| vec![String::new(); count]);
+        let directions = match self.vectors(&key::DIRECTIONS)? {
+            Some((_, vectors)) if vectors.len() == count => Some(vectors),
+            Some((field, vectors)) => return Err(self.count(field, vectors.len(), count)),
+            None => None,
+        };
+        let mut spatial = 0;
+        let mut axes = Vec::new();
+        for (index, (&length, kind)) in lengths.iter().zip(kinds).enumerate() {
+            let direction = directions.as_ref().map(|vectors| vectors[index].clone());
+            let unstated = matches!(kind.as_str(), "" | "???" | "none");
+            let role = match (kind.as_str(), &direction) {
+                ("time", _) => Role::Time,
+                // The fourth axis of a space of four is time.
+                (_, Some(Some(vector))) if vector.len() == 4 && vector[..3].iter().all(|&entry| entry == 0.0) => {
+                    Role::Time
+                }
+                ("domain" | "space", Some(None)) => Role::Time,
+                _ if unstated && direction == Some(None) => Role::Component,
+                ("domain" | "space", _) => Role::Space,
+                _ if unstated => Role::Space,
+                _ => Role::Component,
+            };
+            let role = if role == Role::Space && spatial == 3 { Role::Time } else { role };
+            spatial += usize::from(role == Role::Space);
+            let kind = if unstated { String::new() } else { kind };
+            axes.push(Axis { length, role, kind, direction: direction.flatten() });
+        }
+        let several = |role| axes.iter().filter(|axis| axis.role == role && axis.length > 1).count() > 1;
+        if several(Role::Time) || several(Role::Component) {
+            let dims: Vec<String> = lengths.iter().map(ToString::to_string).collect();
+            return Err(VolumeError::TooManyAxes { source_name: self.source(), dims: dims.join("×") });
+        }
+        Ok(axes)
+    }
+
+    fn geometry(&self, axes: &[Axis]) -> Result<Geometry, VolumeError> {
+        let spatial: Vec<usize> = (0..axes.len()).filter(|&axis| axes[axis].role == Role::Space).collect();
+        let (_, turn) = self.space()?;
+        let mut dims = [1; 3];
+        let mut spacing = DVec3::ONE;
+        let mut origin = DVec3::ZERO;
+        let mut direction = DMat3::IDENTITY;
+        let spacings = self.numbers(&key::SPACINGS, axes.len())?;
+        let mins = self.numbers(&key::MINS, axes.len())?;
+        let centerings = self.words(&key::CENTERINGS, axes.len())?;
+        let mut oriented = 0;
+        for (i, &axis) in spatial.iter().enumerate() {
+            dims[i] = axes[axis].length;
+            if let Some(vector) = &axes[axis].direction {
+                let world = three(vector) * turn;
+                spacing[i] = world.length();
+                *direction.col_mut(i) = world / spacing[i];
+                oriented += 1;
+            } else if let Some(stated) = spacings[axis] {
+                spacing[i] = stated;
+            }
+        }
+        // A slice or a line may lie anywhere in space: the other axes are at right angles to it.
+        let first = spatial.first().and_then(|&axis| axes[axis].direction.as_ref());
+        if first.is_some_and(|vector| vector.len() >= 3) && oriented == spatial.len() {
+            let DMat3 { x_axis, y_axis, .. } = direction;
+            if oriented == 1 {
+                (direction.y_axis, direction.z_axis) = x_axis.any_orthonormal_pair();
+            } else if oriented == 2 {
+                direction.z_axis = x_axis.cross(y_axis).normalize();
+            }
+        }
+        match self.vectors(&key::ORIGIN)? {
+            Some((_, vectors)) if vectors.len() == 1 => {
+                origin = vectors[0].as_deref().map_or(DVec3::ZERO, |vector| three(vector) * turn);
+            }
+            Some((field, vectors)) => return Err(self.count(field, vectors.len(), 1)),
+            None => {
+                let edges = |axis: usize| Some((mins[axis]?, spacings[axis]?));
+                if spatial.iter().all(|&axis| edges(axis).is_some()) {
+                    for (i, &axis) in spatial.iter().enumerate() {
+                        let node = centerings.as_ref().is_some_and(|words| words[axis] == "node");
+                        let (min, step) = edges(axis).unwrap_or_default();
+                        origin[i] = if node { min } else { min + step / 2.0 };
+                    }
+                }
+            }
+        }
+        Geometry::new(&self.source(), dims, spacing, origin, direction)
+    }
+
+    fn voxel_type(&self) -> Result<VoxelType, VolumeError> {
+        let field = self.fields.require(&key::TYPE)?;
+        let name = field.value.to_ascii_lowercase();
+        let name = name.split_whitespace().collect::<Vec<_>>().join(" ");
+        if name == "block" {
+            return Err(self.fields.wrong(field, "type: block is bytes of a meaning that the file does not state"));
+        }
+        let found = TYPES.iter().find(|(_, names)| names.contains(&name.as_str()));
+        found.map(|&(voxel_type, _)| voxel_type).ok_or_else(|| {
+            let known = TYPES.map(|(_, names)| names.join(", ")).join(", ");
+            self.fields.should_be(field, &format!("one of {known}"))
+        })
+    }
+
+    fn data(&self, lengths: &[usize], picks: Vec<Pick>) -> Result<Data, VolumeError> {
+        let voxel_type = self.voxel_type()?;
+        let field = self.fields.require(&key::ENCODING)?;
+        let encoding = match field.value.to_ascii_lowercase().as_str() {
+            "raw" => Encoding::Raw,
+            "gz" | "gzip" => Encoding::Gzip,
+            "bz2" | "bzip2" => Encoding::Bzip2,
+            "txt" | "text" | "ascii" => Encoding::Text,
+            "hex" => Encoding::Hex,
+            _ => return Err(self.fields.should_be(field, "one of raw, gzip, gz, bzip2, bz2, ascii, text, txt, hex")),
+        };
+        let byte_order = match self.fields.find(&key::ENDIAN) {
+            Some(field) => match field.value.to_ascii_lowercase().as_str() {
+                "little" => ByteOrder::Little,
+                "big" => ByteOrder::Big,
+                _ => return Err(self.fields.should_be(field, "little or big")),
+            },
+            None if voxel_type.bytes() == 1 || encoding == Encoding::Text => ByteOrder::NATIVE,
+            None => return Err(VolumeError::MissingKey { path: self.fields.path.to_owned(), key: key::ENDIAN[0] }),
+        };
+        let lines = self.fields.number::<u64>(&key::LINES, "a whole number")?.unwrap_or(0);
+        let skip = match (self.fields.number::<i64>(&key::BYTES, "a whole number")?, self.fields.find(&key::BYTES)) {
+            (Some(-1), Some(field)) if matches!(encoding, Encoding::Text | Encoding::Hex) => {
+                return Err(self.fields.wrong(field, "byte skip: -1 is not defined for samples written as text"));
+            }
+            (Some(-1), _) => Skip::Tail,
+            (Some(bytes), Some(field)) => Skip::Bytes(u64::try_from(bytes).map_err(|_| {
+                self.fields.should_be(field, "a number of bytes, or -1 where the samples end the data")
+            })?),
+            _ => Skip::Bytes(0),
+        };
+        let files = match self.fields.find(&key::FILE) {
+            None => vec![DataFile { path: self.fields.path.to_owned(), numbers: lengths.iter().product() }],
+            Some(field) => self.files(field, lengths)?,
+        };
+        let start = Start { at: self.fields.find(&key::FILE).map_or(self.bytes, |_| 0), lines, skip };
+        Ok(Data { files, start, encoding, voxel_type, byte_order, picks })
+    }
+
+    /// The files that `data file` means: one, `LIST [axes]`, or `pattern first last step [axes]`.
+    fn files(&self, field: &Field, lengths: &[usize]) -> Result<Vec<DataFile>, VolumeError> {
+        let path = |name: &str| data::beside(self.fields.path, name);
+        let words: Vec<&str> = field.value.split_whitespace().collect();
+        let integer = |word: &&str| word.parse::<i64>().ok();
+        if words.first() == Some(&"LIST") {
+            let numbers = self.in_each(field, words.get(1).copied(), self.list.len(), lengths)?;
+            return self.list.iter().map(|name| Ok(DataFile { path: path(name)?, numbers })).collect();
+        }
+        let trailing = words.iter().rev().map_while(integer).count();
+        let name = words[..words.len() - trailing.min(4)].join(" ");
+        if trailing < 3 || !name.contains('%') {
+            return Ok(vec![DataFile { path: path(&field.value)?, numbers: lengths.iter().product() }]);
+        }
+        let given: Vec<i64> = words[words.len() - trailing.min(4)..].iter().filter_map(integer).collect();
+        let range = [given[0], given[1], given[2]];
+        let count = pattern::count(range);
+        let axes = words.get(words.len() - trailing.min(4) + 3).copied();
+        let numbers = self.in_each(field, axes, count, lengths)?;
+        let pattern = Pattern::parse(&name).map_err(|problem| self.fields.wrong(field, problem))?;
+        let names = pattern::numbers(range, count).map_err(|problem| self.fields.wrong(field, problem))?;
+        names.map(|number| DataFile::found(path(&pattern.name(number))?, numbers)).collect()
+    }
+
+    /// How many numbers each of `files` files has, of as many axes as `stated`: one fewer than all if it is not.
+    fn in_each(
+        &self,
+        field: &Field,
+        stated: Option<&str>,
+        files: usize,
+        lengths: &[usize],
+    ) -> Result<usize, VolumeError> {
+        let all = lengths.len();
+        let axes = match stated {
+            None => all - 1,
+            Some(word) => word.parse().ok().filter(|axes| (1..=all).contains(axes)).ok_or_else(|| {
+                self.fields.wrong(field, format!("each file should have 1 to {all} axes, not {word}"))
+            })?,
+        };
+        let slowest = lengths.last().copied().unwrap_or(1);
+        // Files of all axes are slabs, equally thick.
+        let wanted = if axes < all { lengths[axes..].iter().product() } else { slowest };
+        let fits = if axes < all { files == wanted } else { files > 0 && slowest.is_multiple_of(files) };
+        if fits {
+            return Ok(lengths.iter().product::<usize>() / files);
+        }
+        let should = if axes < all { format!("{wanted}") } else { format!("a divisor of {wanted}") };
+        Err(self.fields.wrong(field, format!("{files} files, but sizes makes it {should}")))
+    }
+}
+
+/// The first three entries of a vector, 0 where it has fewer.
+fn three(vector: &[f64]) -> DVec3 {
+    DVec3::from_array([0, 1, 2].map(|i| vector.get(i).copied().unwrap_or(0.0)))
+}

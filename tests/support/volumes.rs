@@ -1,0 +1,150 @@
+//! Real volumes of the shared folder, set beside what independent readers found in them.
+#![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+use relume::volume::{Geometry, Selection, Volume, VolumeError};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+/// The folder of real volumes, where the checkout has one.
+pub fn shared() -> Option<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/volumes");
+    if folder.exists() {
+        return Some(folder);
+    }
+    eprintln!("shared data not present: {} is missing, this test ran on nothing", folder.display());
+    None
+}
+
+pub fn hex(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// What is wrong, with all its causes.
+pub fn whole_message(error: &VolumeError) -> String {
+    let mut message = error.to_string();
+    let mut source = std::error::Error::source(error);
+    while let Some(cause) = source {
+        message = format!("{message}: {cause}");
+        source = cause.source();
+    }
+    message
+}
+
+/// Reads every file that is `ours` and holds it against `expected.json`; how many there were.
+pub fn check_all(
+    folder: &Path,
+    ours: impl Fn(&str) -> bool,
+    open: impl Fn(&str, &Selection) -> Result<Volume, VolumeError>,
+) -> usize {
+    let json: Value = serde_json::from_str(&std::fs::read_to_string(folder.join("expected.json")).unwrap()).unwrap();
+    let files: Vec<_> = json["files"].as_object().unwrap().iter().filter(|(name, _)| ours(name)).collect();
+    for (name, expected) in &files {
+        if expected["expect"] == "load" {
+            check(name, expected, |selection| open(name, selection));
+        } else {
+            let error = open(name, &Selection::default()).map(|volume| volume.voxels).unwrap_err();
+            assert!(!error.to_string().contains('\n'), "{name}: one sentence, not {error}");
+        }
+    }
+    files.len()
+}
+
+/// Holds one file, all its time steps and components, against what was found in it.
+fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<Volume, VolumeError>) {
+    let dims: Vec<usize> = numbers(&expected["dims"]).iter().map(|&n| format!("{n}").parse().unwrap()).collect();
+    let times = dims.get(3).copied().unwrap_or(1);
+    let components = expected["components"].as_u64().and_then(|n| usize::try_from(n).ok()).unwrap_or(1);
+    if times * components > 1 {
+        let error = open(&Selection::default()).map(|volume| volume.voxels).unwrap_err();
+        let flag = if components > 1 { "--component" } else { "--time" };
+        assert!(error.to_string().contains(flag), "{name}: {error} should say what chooses");
+    }
+    let several = |there: usize, index| (there > 1).then_some(index);
+    let part = |time, component| {
+        let selection =
+            Selection { component: several(components, component), time: several(times, time), array: None };
+        open(&selection).unwrap_or_else(|error| panic!("{name}: {error}"))
+    };
+    let volumes: Vec<Vec<Volume>> =
+        (0..times).map(|time| (0..components).map(|component| part(time, component)).collect()).collect();
+    let mut grid = dims;
+    grid.resize(3, 1);
+    for volume in volumes.iter().flatten() {
+        assert_eq!((&volume.geometry.dims[..], volume.components), (&grid[..], components), "{name}");
+        assert_eq!(volume.voxels.type_name(), expected["dtype"].as_str().unwrap(), "{name}");
+        check_geometry(name, expected, &volume.geometry);
+    }
+    let mut bytes = Vec::new();
+    for parts in &volumes {
+        let size = parts[0].voxels.bytes().len() / parts[0].voxels.len();
+        for index in 0..parts[0].voxels.len() {
+            parts.iter().for_each(|part| bytes.extend(&part.voxels.bytes()[index * size..(index + 1) * size]));
+        }
+    }
+    assert_eq!(hex(&bytes), expected["decoded_sha256"].as_str().unwrap(), "{name}");
+    let many = |json: &Value| json.as_f64().map_or_else(|| numbers(json), |number| vec![number]);
+    for component in 0..components {
+        let stored = |key: &str| many(&expected["stored"][key])[component];
+        let all: Vec<_> = volumes.iter().map(|parts| parts[component].statistics().unwrap()).collect();
+        let min = all.iter().map(|one| one.min).fold(f64::INFINITY, f64::min);
+        let max = all.iter().map(|one| one.max).fold(f64::NEG_INFINITY, f64::max);
+        assert!(same(min, stored("min")) && same(max, stored("max")), "{name}: {min} to {max}");
+        let mean = all.iter().map(|one| one.mean / f64::from(u32::try_from(times).unwrap())).sum::<f64>();
+        // As Σ|x| is rounded, of which no voxel has more than the largest.
+        let size = min.abs().max(max.abs());
+        assert!((mean - stored("mean")).abs() <= 1e-12 * size, "{name}: {mean}");
+        if let (Some(counts), [one]) = (expected["histogram"]["counts"].as_array(), &all[..])
+            && components == 1
+        {
+            let counts: Vec<u64> = counts.iter().map(|n| n.as_u64().unwrap()).collect();
+            assert_eq!(one.histogram[..], counts[..], "{name}");
+        }
+    }
+    for sample in expected["samples"].as_array().unwrap() {
+        let mut index: Vec<usize> = numbers(&sample["ijk"]).iter().map(|&n| format!("{n}").parse().unwrap()).collect();
+        index.resize(4, 0);
+        for (component, &stored) in many(&sample["stored"]).iter().enumerate() {
+            let value = volumes[index[3]][component].value([index[0], index[1], index[2]]);
+            assert!(same(value.unwrap(), stored), "{name} at {index:?}: {value:?}");
+        }
+    }
+}
+
+fn check_geometry(name: &str, expected: &Value, geometry: &Geometry) {
+    let Geometry { spacing, origin, direction, .. } = *geometry;
+    let close = |ours: f64, theirs: f64| (ours - theirs).abs() <= 1e-14 * theirs.abs().max(1e-3);
+    let all_close = |ours: &[f64], theirs: &[f64]| ours.iter().zip(theirs).all(|(&a, &b)| close(a, b));
+    // Frames that name right and anterior have the world's first two axes the other way round.
+    let frame = expected["frame"].as_str().unwrap_or_default();
+    let turn = |word: &str| if frame.contains(word) { -1.0 } else { 1.0 };
+    let turn = DVec3::new(turn("right-"), turn("anterior-"), 1.0);
+    if expected["spacing"].is_array() {
+        assert!(all_close(&spacing.to_array(), &numbers(&expected["spacing"])), "{name}: {spacing}");
+    }
+    if expected["origin"].is_array() {
+        assert!(all_close(&(origin * turn).to_array(), &numbers(&expected["origin"])), "{name}: {origin}");
+    }
+    if expected["direction"].is_array() && numbers(&expected["direction"]).len() == 9 {
+        // Row by row there, column by column here.
+        let rows = direction.transpose().to_cols_array();
+        assert!(all_close(&rows, &numbers(&expected["direction"])), "{name}: {direction}");
+    }
+    let vectors = expected["space_directions"].as_array().into_iter().flatten().filter(|vector| vector.is_array());
+    for (axis, vector) in vectors.enumerate() {
+        let ours = DMat3::from_diagonal(turn) * direction.col(axis) * spacing[axis];
+        assert!(all_close(&ours.to_array(), &numbers(vector)), "{name}: axis {axis} is {ours}");
+    }
+}
+
+/// Equal, but for the last bit, which is lost in reading JSON.
+fn same(ours: f64, theirs: f64) -> bool {
+    (ours - theirs).abs() <= f64::EPSILON * theirs.abs()
+}
+
+/// The numbers of a list; those that are not stated are left out.
+fn numbers(json: &Value) -> Vec<f64> {
+    json.as_array().unwrap().iter().filter_map(Value::as_f64).collect()
+}
