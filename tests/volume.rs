@@ -116,6 +116,21 @@ fn a_sidecar_opens_the_file_or_the_slices_it_names() {
 }
 
 #[test]
+fn a_sidecar_names_no_file_outside_its_folder() {
+    let folder = folder_with("a.raw", &[1, 2]);
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    let sidecar = folder.path().join("sub/v.toml");
+    for file in ["../a.raw", "../s%d", &folder.path().join("a.raw").display().to_string()] {
+        std::fs::write(&sidecar, format!("file = '{file}'\ndims = [2, 1, 1]\ntype = 'uint8'")).unwrap();
+        let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
+        assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
+    }
+    // Who names the file on the command line may name any.
+    let layout = RawLayout { file: Some("../a.raw".to_owned()), ..RawLayout::new([2, 1, 1], VoxelType::U8) };
+    assert!(volume::open_raw(&layout, &folder.path().join("sub"), &Selection::default(), &Quiet).is_ok(), "named");
+}
+
+#[test]
 fn bad_raw_files_are_refused_with_the_numbers() {
     let folder = folder_with("a.raw", &[0; 5]);
     let path = folder.path().join("a.raw");

@@ -1,5 +1,6 @@
 //! Headerless voxels, whose layout somebody has to state.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
@@ -10,6 +11,9 @@ use super::pattern::{self, Pattern};
 use super::stream::{self, Encoding, Start};
 use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
+
+/// A layout is a few lines; what is longer is none.
+const LONGEST_SIDECAR: u64 = 1 << 20;
 
 /// Which byte of a number comes first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -103,15 +107,16 @@ impl RawLayout {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Open`], and [`VolumeError::Sidecar`] with line and column where it is no layout.
+    /// [`VolumeError::Open`], [`VolumeError::Read`], and [`VolumeError::Sidecar`] with line and column where it is no layout.
     pub fn from_sidecar(path: &Path) -> Result<Self, VolumeError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Wrapped {
             volume: RawLayout,
         }
-        let text =
-            std::fs::read_to_string(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })?;
+        let mut text = String::new();
+        let read = stream::open(path)?.take(LONGEST_SIDECAR).read_to_string(&mut text);
+        read.map_err(|source| stream::failed(path, source))?;
         let wrong = |source| VolumeError::Sidecar { path: path.to_owned(), source: Box::new(source) };
         let table: toml::Table = toml::from_str(&text).map_err(wrong)?;
         let layout = if table.contains_key("volume") {
