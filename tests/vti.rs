@@ -172,7 +172,8 @@ fn pieces_are_put_together() {
         assert_eq!(points.geometry, choose("turned", None, None).unwrap().geometry, "{name}");
         assert_eq!(choose(name, Some("cells"), None).unwrap().voxels, ramp("Float32", CELLS), "{name}");
     }
-    refused(&changed("pieces", "Piece Extent=\"2 3 -1", "Piece Extent=\"2 3  0"), &["leave out 3 of 60 voxels"]);
+    refused(&changed("pieces", "Piece Extent=\"2 3 -1", "Piece Extent=\"2 3  0"), &["18 bytes of its extent"]);
+    refused(&changed("pieces", "\"3 6 0 2 3 5\" ", "\"3 6 -1 1 3 5\""), &["leave out 9 of 60 voxels"]);
     refused(&changed("pieces", "WholeExtent=\"2 6", "WholeExtent=\"2 7"), &["leave out 12 of 72 voxels"]);
     refused(&changed("pieces", "WholeExtent=\"2 6", "WholeExtent=\"2 5"), &["outside the WholeExtent"]);
     refused(&changed("pieces", "type=\"UInt8\"", "type=\"Int8\" "), &["\"ct\"", "differs in type"]);
@@ -256,6 +257,7 @@ fn tags_that_make_no_image_are_refused() {
     refused(b"", &["no <VTKFile>"]);
     refused(b"<VTKFile type='ImageData'/>", &["no <ImageData>"]);
     refused(b"NDims = 3", &["no <VTKFile>"]);
+    refused(b"what & where</VTKFile>", &["no sound XML"]);
     refused(&[0x1f, 0x8b, 8, 0, 0xff, 0xfe], &["v.vti"]);
     refused(&[b"\xff\xfe<".as_slice(), &bytes("cells")].concat(), &["v.vti"]);
     let latin = changed("binary_zlib_little_32", "Name=\"ct\"", "Name=\"@\"");
@@ -300,6 +302,28 @@ fn zlib(bytes: &[u8]) -> Vec<u8> {
 }
 
 const ZLIB: &str = "vtkZLibDataCompressor";
+
+#[test]
+fn pieces_that_are_all_the_same_bytes_hold_no_more_than_the_file_can() {
+    // Mostly zeros, and some that cannot be compressed.
+    let noise: Vec<u8> = (0_u64..3200).map(|n| (n.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 56) as u8).collect();
+    let block = zlib(&[noise.clone(), vec![0; (1 << 20) - noise.len()]].concat());
+    let words = [1, 1 << 20, 0, word(&block)];
+    let one = String::from_utf8(appended((1 << 20) - 1, ZLIB, &[], &[])).unwrap();
+    let piece = &one[one.find("<Piece").unwrap()..one.find("</ImageData").unwrap()];
+    let piece = |k: usize| piece.replace("0 0 0 0\"", &format!("0 0 {k} {k}\""));
+    let file = |pieces: usize| {
+        let whole = one.replacen("0 0 0 0\"", &format!("0 0 0 {}\"", pieces - 1), 1);
+        let (start, end) = (whole.find("<Piece").unwrap(), whole.find("</ImageData").unwrap());
+        let pieces: String = (0..pieces).map(piece).collect();
+        let mut file = format!("{}{pieces}{}", &whole[..start], &whole[end..]).into_bytes();
+        file.extend(words.iter().flat_map(|word| word.to_le_bytes()));
+        file.extend_from_slice(&block);
+        file
+    };
+    assert_eq!(open(&file(2)).unwrap().voxels.len(), 2 << 20);
+    refused(&file(1000), &["cannot hold 1048576000 bytes"]);
+}
 
 /// A length as a word before values.
 fn word(bytes: &[u8]) -> u32 {

@@ -41,7 +41,7 @@ impl Compressor {
     }
 
     /// The most bytes one byte can become.
-    fn limit(self) -> u64 {
+    pub(super) fn limit(self) -> u64 {
         match self {
             Self::Zlib => DEFLATE_LIMIT,
             // A byte of a length adds up to 255.

@@ -87,9 +87,7 @@ impl Block {
     /// Where it begins in `whole`, if all of it lies there.
     fn start_in(&self, whole: &Self) -> Option<[usize; 3]> {
         let start = [0, 1, 2].map(|axis| usize::try_from(self.first[axis] - whole.first[axis]).unwrap_or(usize::MAX));
-        let inside = |axis: usize| {
-            start[axis].checked_add(self.dims[axis]).is_some_and(|end| end <= whole.dims[axis])
-        };
+        let inside = |axis: usize| start[axis].checked_add(self.dims[axis]).is_some_and(|end| end <= whole.dims[axis]);
         [0, 1, 2].into_iter().all(inside).then_some(start)
     }
 

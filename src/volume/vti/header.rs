@@ -98,6 +98,8 @@ pub(super) struct Appended {
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) path: PathBuf,
+    /// Bytes of the file.
+    pub(super) length: u64,
     pub(super) byte_order: ByteOrder,
     /// Whether a word before values has eight bytes, not four.
     pub(super) wide: bool,
@@ -113,7 +115,8 @@ impl Header {
     pub(super) fn read(path: &Path, progress: &dyn Progress) -> Result<Self, VolumeError> {
         let wrong = |problem: String| VolumeError::Vti { path: path.to_owned(), problem };
         let failed = |source| stream::failed(path, source);
-        let stream = BufReader::with_capacity(1 << 16, stream::open(path)?);
+        let stream = stream::at(path, 0)?;
+        let length = stream.get_ref().metadata().map_err(failed)?.len();
         let mut xml = Reader::from_reader(Markup { stream, at: 0, limit: LONGEST_MARKUP });
         let mut builder = Builder {
             path,
@@ -129,6 +132,12 @@ impl Header {
         };
         let mut buffer = Vec::new();
         loop {
+            // The reader never sees text: it would hold all of it.
+            while xml.get_mut().skip_some_text().map_err(failed)? {
+                if progress.cancelled() {
+                    return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
+                }
+            }
             buffer.clear();
             let event = xml.read_event_into(&mut buffer).map_err(|error| match error {
                 quick_xml::Error::Io(error) => failed(io::Error::new(error.kind(), error.to_string())),
@@ -143,18 +152,13 @@ impl Header {
                 }
                 Event::End(tag) => builder.close(tag.name().as_ref()),
                 Event::DocType(_) => return Err(wrong("a document type has no place in a VTK file".to_owned())),
-                Event::Eof => return builder.finish(None),
+                Event::Eof => return builder.finish(length, None),
                 _ => {}
             }
             if let Some(base64) = builder.base64 {
                 let start = xml.get_mut().past_underscore().map_err(failed)?;
                 let start = start.ok_or_else(|| wrong("AppendedData does not begin with _".to_owned()))?;
-                return builder.finish(Some(Appended { base64, start }));
-            }
-            while xml.get_mut().skip_some_text().map_err(failed)? {
-                if progress.cancelled() {
-                    return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
-                }
+                return builder.finish(length, Some(Appended { base64, start }));
             }
         }
     }
@@ -423,7 +427,7 @@ impl Builder<'_> {
         text.trim().parse().map_err(|_| self.wrong(format!("{name} {} should be {what}", shortened(text))))
     }
 
-    fn finish(self, appended: Option<Appended>) -> Result<Header, VolumeError> {
+    fn finish(self, length: u64, appended: Option<Appended>) -> Result<Header, VolumeError> {
         if appended.is_none() && self.depth > 0 {
             return Err(self.wrong("ends in the middle, before all tags are closed".to_owned()));
         }
@@ -434,7 +438,7 @@ impl Builder<'_> {
             return Err(self.wrong("there is no <ImageData> in it".to_owned()));
         };
         let (path, fields, pieces) = (self.path.to_owned(), self.fields, self.pieces);
-        Ok(Header { path, byte_order, wide, compressor, frame, fields, pieces, appended })
+        Ok(Header { path, length, byte_order, wide, compressor, frame, fields, pieces, appended })
     }
 }
 

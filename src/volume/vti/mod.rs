@@ -6,21 +6,25 @@ mod bytes;
 mod grid;
 mod header;
 
+use std::collections::HashSet;
 use std::io::{BufRead, Read};
 use std::path::Path;
 
-use self::bytes::{Base64, Blocks, UntilTag, Words};
+use self::bytes::{Base64, Blocks, Compressor, UntilTag, Words};
 use self::grid::Block;
 use self::header::{Array, Header, Place, Section};
 use super::data::{self, SLAB_BYTES};
 use super::raw::ByteOrder;
 use super::stream::{self, count, read_fully};
-use super::voxels::with_type;
+use super::voxels::{with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, Voxels};
 use crate::progress::{Progress, Quiet};
 
 /// Neighbouring pieces share points: along each axis, pieces of one cell have nearly twice as many as there are.
 const MOST_SHARED: usize = 8;
+
+/// A digit and what parts it from the next are two bytes in the file, and at most eight in memory.
+const PLAIN_LIMIT: u64 = 4;
 
 /// Field data of more numbers than this are not shown.
 const MOST_SHOWN: usize = 16;
@@ -45,7 +49,6 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let geometry = header.frame.geometry(&source, chosen.section)?;
     let whole = header.frame.block(chosen.section, &header.frame.extent);
     let parts = parts(&header, chosen)?;
-    check_cover(&header, &parts, &whole)?;
     let voxels = with_type!(voxel_type, T => read_parts::<T>(&header, &parts, &whole, component, progress))?;
 
     let mut volume = Volume::new(&source, voxels, geometry)?;
@@ -81,13 +84,15 @@ fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result
         }
     }
     // An array of points and one of cells may have the same name.
-    let labels: Vec<String> = candidates
-        .iter()
-        .map(|array| match candidates.iter().filter(|other| other.name == array.name).count() {
-            1 => array.name.clone(),
-            _ => format!("{}/{}", array.section.name(), array.name),
-        })
-        .collect();
+    let names = |section| -> HashSet<&str> {
+        candidates.iter().filter(|array| array.section == section).map(|array| array.name.as_str()).collect()
+    };
+    let (points, cells) = (names(Section::Points), names(Section::Cells));
+    let label = |array: &&Array| match array.name.as_str() {
+        name if points.contains(name) && cells.contains(name) => format!("{}/{name}", array.section.name()),
+        name => name.to_owned(),
+    };
+    let labels: Vec<String> = candidates.iter().map(label).collect();
     let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
     selection.array(source, &labels).map(|index| candidates[index])
 }
@@ -116,18 +121,34 @@ fn parts<'a>(header: &'a Header, chosen: &Array) -> Result<Vec<Part<'a>>, Volume
         .collect()
 }
 
-/// Refuses parts that lie outside the whole, leave some of it out, or repeat it for ever.
-fn check_cover(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
-    let all = whole.voxels().unwrap_or(usize::MAX);
-    let outside = || header.wrong("a Piece lies outside the WholeExtent".to_owned());
-    let sum = parts.iter().try_fold(0_usize, |sum, part| sum.checked_add(part.block.voxels()?));
+/// Refuses parts that lie outside the whole, repeat it for ever, or are more than the file can hold.
+fn check_parts<T: Voxel>(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
     if parts.iter().any(|part| part.block.runs(whole).is_none()) {
-        return Err(outside());
+        return Err(header.wrong("a Piece lies outside the WholeExtent".to_owned()));
     }
-    if sum.is_none_or(|sum| sum / MOST_SHARED > all) {
+    let all = whole.voxels().unwrap_or(usize::MAX);
+    let sum = parts.iter().try_fold(0_usize, |sum, part| sum.checked_add(part.block.voxels()?));
+    let Some(sum) = sum.filter(|sum| sum / MOST_SHARED <= all) else {
         return Err(header.wrong("its pieces lie on top of each other".to_owned()));
+    };
+    for part in parts {
+        Values::open::<T>(header, part)?;
     }
-    let mut left_out = all.saturating_sub(sum.unwrap_or(0));
+    // Each of them fits by itself, but all could be the same bytes of the file.
+    let limit = header.compressor.map_or(PLAIN_LIMIT, Compressor::limit);
+    let bytes = count(sum).saturating_mul(count(size_of::<T>()));
+    if bytes > header.length.saturating_mul(limit) {
+        let length = header.length;
+        return Err(header.wrong(format!("a file of {length} bytes cannot hold {bytes} bytes of values")));
+    }
+    Ok(())
+}
+
+/// Refuses parts that leave out some of the whole; they are known to lie in it.
+fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
+    let all = whole.voxels().unwrap_or(usize::MAX);
+    let sum: usize = parts.iter().filter_map(|part| part.block.voxels()).sum();
+    let mut left_out = all.saturating_sub(sum);
     if parts.len() > 1 && left_out == 0 {
         let mut covered = data::zeroed::<u64>(&header.path, all.div_ceil(64))?;
         for (start, length) in parts.iter().filter_map(|part| part.block.runs(whole)).flatten() {
@@ -152,12 +173,11 @@ fn read_parts<T: Voxel>(
     progress: &dyn Progress,
 ) -> Result<Voxels, VolumeError> {
     // All of them are looked at before there is memory for any.
-    for part in parts {
-        Values::open::<T>(header, part)?;
-    }
+    check_parts::<T>(header, parts, whole)?;
+    check_gaps(header, parts, whole)?;
     let mut voxels = data::zeroed::<T>(&header.path, whole.voxels().unwrap_or(usize::MAX))?;
     let all = parts.iter().map(|part| count(part.block.voxels().unwrap_or(0))).sum::<u64>() * count(size_of::<T>());
-    let mut done = 0;
+    let (mut done, mut reported) = (0, 0);
     let mut tuples = Vec::new();
     for part in parts {
         let mut values = Values::open::<T>(header, part)?;
@@ -175,7 +195,10 @@ fn read_parts<T: Voxel>(
                     }
                 }
                 done += count(size_of_val(slab));
-                data::report(&header.path, done, all, progress)?;
+                if done == all || done - reported >= count(SLAB_BYTES) {
+                    data::report(&header.path, done, all, progress)?;
+                    reported = done;
+                }
             }
         }
     }
@@ -214,8 +237,7 @@ impl<'a> Values<'a> {
                 return Err(header.wrong(format!("the array {:?} is appended, but nothing is", array.name)));
             }
         };
-        let file = stream::open(path)?;
-        let length = file.metadata().map_err(|source| stream::failed(path, source))?.len();
+        let length = header.length;
         let there = length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
             header.wrong(format!("the values of {:?} begin at byte {start}, but the file has {length}", array.name))
         })?;
@@ -331,8 +353,8 @@ fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
             let parts = [Part { array: &scalar, block: row }];
             // What is no part of the image is not worth an error.
             if let Ok(values) = with_type!(voxel_type, T => read_parts::<T>(header, &parts, &row, 0, &Quiet)) {
-                let values = (0..values.len()).filter_map(|index| values.value(index));
-                let values: Vec<String> = values.map(crate::number::readable).collect();
+                let values: Vec<String> =
+                    with_voxels!(&values, stored => stored.iter().map(|value| format!("{value:?}")).collect());
                 metadata.push((array.name.clone(), values.join(" ")));
             }
         }
