@@ -9,11 +9,11 @@ use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::reference::relight;
 use relume::scene::{Mix, SceneOptions, load_peer};
-use relume::tables::{Accumulation, Cells, RelightMatrices, Storage, TransferTable, components};
+use relume::tables::{Accumulation, Cells, Components, RelightMatrices, Storage, TransferTable};
 
 fn host(criterion: &mut Criterion) {
     let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene");
-    let planned = plan(&scene);
+    let planned = plan(&scene, &Quiet).expect("weights need no fit");
     let statistics = scene.volume.statistics().expect("the phantom has values");
     let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
     let table = TransferTable::new(&scene, &planned, storage.domain);
@@ -28,7 +28,7 @@ fn host(criterion: &mut Criterion) {
         bencher.iter(|| TransferTable::new(&scene, &planned, black_box(storage.domain)));
     });
 
-    let (size, spectra, mix) = ([400, 400], components(&scene, &planned), Mix::of_scene(&scene));
+    let (size, spectra, mix) = ([400, 400], Components::new(&scene, &planned), Mix::of_scene(&scene));
     let pixels = size[0] * size[1];
     let weights = vec![0.1_f32; spectra.len() * pixels];
     let accumulation = Accumulation { size, weights, transmittance: vec![0.5; pixels] };

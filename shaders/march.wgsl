@@ -1,5 +1,6 @@
-// Marches rays through the volume, front to back, and leaves weights that no light's spectrum has entered.
+// Marches rays through the volume, front to back, and leaves sums that no light's spectrum has entered.
 //
+// What a step reflects is in `weights.wgsl` or `spectral.wgsl`, what passes it in `grey.wgsl` or `coloured.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -32,13 +33,13 @@ struct March {
     height: u32,
 }
 
-// Light positions and what the materials make of them, in lanes.
+// Light positions and what materials make of their light, in lanes (`tables::ShadingTable`).
 struct Shading {
     lights: array<vec4f, POSITIONS>,
-    ambient: array<vec4f, TABLE_LANES>,
-    diffuse: array<vec4f, TABLE_LANES>,
-    specular: array<vec4f, TABLE_LANES>,
-    exponent: array<vec4u, TABLE_LANES>,
+    ambient: array<vec4f, SHADING_LANES>,
+    diffuse: array<vec4f, SHADING_LANES>,
+    specular: array<vec4f, SHADING_LANES>,
+    exponent: array<vec4u, SHADING_LANES>,
 }
 
 // The part of the picture and of its rays that one dispatch marches.
@@ -52,14 +53,14 @@ struct Band {
 @group(0) @binding(1) var<uniform> shading_uniform: Shading;
 @group(0) @binding(2) var volume: texture_3d<f32>;
 @group(0) @binding(3) var volume_sampler: sampler;
-@group(0) @binding(4) var<storage, read> table_weights: array<vec4f>;
-@group(0) @binding(5) var<storage, read> table_opacity: array<f32>;
+@group(0) @binding(4) var<storage, read> table_source: array<vec4f>;
+@group(0) @binding(5) var<storage, read> table_opacity: array<TableOpacity>;
 @group(0) @binding(6) var<storage, read> occupancy: array<u32>;
 @group(0) @binding(7) var labels: texture_3d<u32>;
-@group(0) @binding(8) var<storage, read> label_weights: array<vec4f>;
-@group(0) @binding(9) var<storage, read> label_opacity: array<f32>;
+@group(0) @binding(8) var<storage, read> label_source: array<vec4f>;
+@group(0) @binding(9) var<storage, read> label_opacity: array<TableOpacity>;
 @group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
-@group(0) @binding(11) var transmittances: texture_storage_2d_array<r32float, read_write>;
+@group(0) @binding(11) var transmittances: TransmittanceImage;
 var<immediate> band: Band;
 
 // Copies of the uniforms, made once per invocation: on a CPU a uniform is read anew for each lane, at every step.
@@ -75,8 +76,8 @@ struct Ray {
 }
 
 struct Step {
-    weights: array<vec4f, TABLE_LANES>,
-    opacity: f32,
+    source: array<vec4f, TABLE_LANES>,
+    opacity: Passed,
     normal: vec3f,
 }
 
@@ -126,19 +127,18 @@ fn look_up(coordinate: f32, step: ptr<function, Step>) {
     if (NEAREST_LOOKUP) {
         let i = u32(coordinate + 0.5);
         for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            (*step).weights[lane] = table_weights[i * TABLE_LANES + lane];
+            (*step).source[lane] = table_source[i * TABLE_LANES + lane];
         }
-        (*step).opacity = table_opacity[i];
+        (*step).opacity = opacity_at(i);
     } else {
         let i = min(u32(coordinate), u32(march.coordinate_last) - 1u);
         let fraction = coordinate - f32(i);
         for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            let weights = table_weights[i * TABLE_LANES + lane];
-            let after = table_weights[(i + 1u) * TABLE_LANES + lane];
-            (*step).weights[lane] = fma(vec4f(fraction), after - weights, weights);
+            let source = table_source[i * TABLE_LANES + lane];
+            let after = table_source[(i + 1u) * TABLE_LANES + lane];
+            (*step).source[lane] = fma(vec4f(fraction), after - source, source);
         }
-        let opacity = table_opacity[i];
-        (*step).opacity = fma(fraction, table_opacity[i + 1u] - opacity, opacity);
+        (*step).opacity = opacity_between(i, fraction);
     }
 }
 
@@ -158,9 +158,9 @@ fn sample(place: vec3f) -> Step {
         let row = textureLoad(labels, voxel, 0).x;
         if (row > 0u) {
             for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                step.weights[lane] = label_weights[row * TABLE_LANES + lane];
+                step.source[lane] = label_source[row * TABLE_LANES + lane];
             }
-            step.opacity = label_opacity[row];
+            step.opacity = opacity_of_label(row);
         }
     }
     return step;
@@ -185,36 +185,10 @@ fn power(base: f32, exponent: u32) -> f32 {
     return result;
 }
 
-// Σ weight · specular · facing^exponent over the materials.
-fn highlight(step: Step, facing: f32) -> f32 {
-    var white = 0.0;
-    if (ONE_EXPONENT) {
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            white += dot(step.weights[lane], shading.specular[lane]);
-        }
-        white *= power(facing, ONE_EXPONENT_VALUE);
-    } else {
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            let powers = vec4f(
-                power(facing, shading.exponent[lane].x),
-                power(facing, shading.exponent[lane].y),
-                power(facing, shading.exponent[lane].z),
-                power(facing, shading.exponent[lane].w),
-            );
-            white += dot(step.weights[lane] * shading.specular[lane], powers);
-        }
-    }
-    return white;
-}
-
-// What a step sends to the eye for light from `position`: per material, and white for highlights.
+// What a step sends to the eye for light from `position`.
 fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
-    var source: array<vec4f, LANES>;
     if (position < AMBIENT) {
-        for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-            source[lane] = step.weights[lane];
-        }
-        return source;
+        return unshaded(step);
     }
     var light = ray.view;
     if (DIRECTIONAL > 0u) {
@@ -231,30 +205,23 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
     if (GRADIENT) {
         facing = abs(dot(step.normal, light));
     }
-    for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-        source[lane] = step.weights[lane] * fma(shading.diffuse[lane], vec4f(facing), shading.ambient[lane]);
-    }
+    var source = reflect_light(step, facing);
     if (SPECULAR) {
         let halfway = unit(light + ray.view);
-        source[WHITE_LANE][WHITE_PART] = highlight(step, abs(dot(step.normal, halfway)));
+        highlight(step, abs(dot(step.normal, halfway)), &source);
     }
     return source;
 }
 
 // Adds one premultiplied sample front to back, `A += T·s`.
-fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: array<vec4f, LANES>, transmittance: f32) {
+fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: array<vec4f, LANES>, passed: Passed) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        (*sums)[first + lane] = fma(vec4f(transmittance), source[lane], (*sums)[first + lane]);
+        (*sums)[first + lane] = fma(lane_of(passed, lane), source[lane], (*sums)[first + lane]);
     }
 }
 
-// The light that passes a step, rounded once: `T *= 1 − α` drifts over many equal steps.
-fn pass_by(transmittance: f32, opacity: f32) -> f32 {
-    return fma(-transmittance, opacity, transmittance);
-}
-
 // The samples from `first` up to `end`, until no light passes; returns the light that does.
-fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function, array<vec4f, LAYERS>>) -> f32 {
+fn march_samples(ray: Ray, first: u32, end: u32, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
     var transmittance = passed;
     for (var n = first; n < end; n += 1u) {
         let place = place_of(ray, n);
@@ -263,7 +230,7 @@ fn march_samples(ray: Ray, first: u32, end: u32, passed: f32, sums: ptr<function
             composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
         }
         transmittance = pass_by(transmittance, step.opacity);
-        if (transmittance < march.termination) {
+        if (brightest(transmittance) < march.termination) {
             break;
         }
     }
@@ -282,14 +249,14 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
     let ray = ray_through(pixel);
     var sums: array<vec4f, LAYERS>;
-    var transmittance = 1.0;
+    var transmittance = all_light();
     if (band.first_sample > 0u) {
         for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
             sums[layer] = textureLoad(accumulators, pixel, layer);
         }
-        transmittance = textureLoad(transmittances, pixel, 0).x;
+        transmittance = load_passed(pixel);
     }
-    let end = select(min(ray.samples, band.end_sample), 0u, transmittance < march.termination);
+    let end = select(min(ray.samples, band.end_sample), 0u, brightest(transmittance) < march.termination);
     var n = band.first_sample;
     if (SKIPPING) {
         // Samples between two cell borders along each axis.
@@ -312,7 +279,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             if (n >= end) { break; }
             leave = min(leave, end);
             transmittance = march_samples(ray, n, leave, transmittance, &sums);
-            n = select(leave, end, transmittance < march.termination);
+            n = select(leave, end, brightest(transmittance) < march.termination);
         }
     } else {
         transmittance = march_samples(ray, n, end, transmittance, &sums);
@@ -320,5 +287,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
-    textureStore(transmittances, pixel, 0, vec4f(transmittance));
+    store_passed(pixel, transmittance);
 }

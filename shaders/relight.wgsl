@@ -1,17 +1,17 @@
 // Post-illumination: turns accumulators into colours, with no march. Twin of `reference::relight`.
 
 struct Relight {
-    // Linear sRGB of the background.
-    background: vec3f,
     width: u32,
     height: u32,
+    // Red, green and blue of the background, and the share in all light, of the numbers in each layer of what passes.
+    passing: array<array<vec4f, 4>, PASSED_LANES>,
     // Red, green and blue of the components in each layer of the accumulators.
     colours: array<array<vec4f, 3>, LAYERS>,
 }
 
 @group(0) @binding(0) var<uniform> relight: Relight;
 @group(0) @binding(1) var accumulators: texture_storage_2d_array<rgba32float, read>;
-@group(0) @binding(2) var transmittances: texture_storage_2d_array<r32float, read>;
+@group(0) @binding(2) var transmittances: TransmittanceImage;
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
 
@@ -29,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (FEW_LAYERS) {
         colours = relight.colours;
     }
-    let background = relight.background;
+    let passing = relight.passing;
     let end = min((id.y + 1u) * ROWS, relight.height);
     if (id.x >= relight.width) {
         return;
@@ -47,16 +47,20 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             }
             colour += vec3f(dot(shine[0], weights), dot(shine[1], weights), dot(shine[2], weights));
         }
-        if (DISPLAY) {
-            if (BACKGROUND) {
-                colour = fma(vec3f(textureLoad(transmittances, pixel, 0).x), background, colour);
+        var passed = 0.0;
+        if (PASSING) {
+            for (var lane = 0u; lane < PASSED_LANES; lane += 1u) {
+                let through = textureLoad(transmittances, pixel, lane);
+                passed += dot(passing[lane][3], through);
+                if (BACKGROUND) {
+                    let behind = passing[lane];
+                    colour += vec3f(dot(behind[0], through), dot(behind[1], through), dot(behind[2], through));
+                }
             }
+        }
+        if (DISPLAY) {
             textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
         } else {
-            let passed = textureLoad(transmittances, pixel, 0).x;
-            if (BACKGROUND) {
-                colour = fma(vec3f(passed), background, colour);
-            }
             textureStore(linear, pixel, 0, vec4f(colour, 1.0 - passed));
         }
     }

@@ -1,6 +1,8 @@
 //! Spectral volume rendering with post-illumination.
 
 pub mod measure;
+pub mod memory;
+pub mod model;
 pub mod number;
 pub mod output;
 pub mod plan;

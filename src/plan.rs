@@ -1,6 +1,11 @@
 //! What one frame computes: what the scene needs at the accuracy asked for.
 
-use crate::scene::{Interpolation, Lookup, Placement, Position, Scene, Shading, positions};
+use std::sync::Arc;
+
+use crate::model::{self, ColourModel, Ingredients, ModelError};
+use crate::progress::Progress;
+use crate::scene::{AccumulateAs, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions};
+use crate::spectrum::Spectrum;
 
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
@@ -10,6 +15,8 @@ pub const LANE: usize = 4;
 pub struct ScenePlan {
     /// What the pixels store.
     pub accumulate: Accumulate,
+    /// Whether what passes has a colour.
+    pub transmittance: Transmittance,
     /// Light positions that shading can tell apart: one accumulator each.
     pub positions: PositionCounts,
     /// What tells light positions apart; `None` while every light arrives everywhere alike.
@@ -35,6 +42,48 @@ pub enum Accumulate {
         /// Materials in use.
         materials: usize,
     },
+    /// A spectrum in the k numbers of a colour model (COLOUR.md A2).
+    Spectral {
+        /// k.
+        dimension: usize,
+        /// Which spectra a table entry holds of what a step reflects.
+        shares: Shares,
+        /// Different exponents of highlights: each has its own part of a table entry.
+        exponents: usize,
+    },
+}
+
+/// How the ambient and diffuse shares of the materials in use compare.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Shares {
+    /// All alike: what a step reflects is one spectrum, shaded as a whole.
+    Equal,
+    /// Each its own: the ambient part of what a step reflects is one spectrum, the diffuse part another.
+    Own,
+}
+
+/// Whether light that passes keeps its colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Transmittance {
+    /// All that absorbs and scatters, summed, does so alike at all wavelengths: one number.
+    Grey,
+    /// One number per component of the colour model.
+    Coloured,
+}
+
+/// Where in a table entry the parts of what a step reflects begin, in vectors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Parts {
+    /// What light from everywhere has reflected; per material where weights are accumulated.
+    pub unshaded: usize,
+    /// The ambient share of a directed light.
+    pub ambient: usize,
+    /// The share that follows |n·l|.
+    pub diffuse: usize,
+    /// White, a part for each exponent.
+    pub highlights: usize,
+    /// Vectors an entry.
+    pub lanes: usize,
 }
 
 /// Light positions of each kind. Ambient ones come first in the accumulators, then the headlight, directional ones and
@@ -79,6 +128,8 @@ pub struct Planned {
     pub materials: Vec<usize>,
     /// The light positions, in the order of the accumulators.
     pub positions: Vec<Position>,
+    /// What carries spectra, where pixels store no weights.
+    pub model: Option<Arc<ColourModel>>,
 }
 
 impl PositionCounts {
@@ -93,14 +144,18 @@ impl ScenePlan {
     /// Numbers a pixel keeps per light position.
     #[must_use]
     pub fn components(&self) -> usize {
-        self.materials() + usize::from(self.specular().is_some())
+        match self.accumulate {
+            Accumulate::Weights { materials } => materials + usize::from(self.specular().is_some()),
+            Accumulate::Spectral { dimension, .. } => dimension,
+        }
     }
 
-    /// Materials that have a weight.
+    /// Numbers that say how much light passes a pixel.
     #[must_use]
-    pub fn materials(&self) -> usize {
-        match self.accumulate {
-            Accumulate::Weights { materials } => materials,
+    pub fn passed(&self) -> usize {
+        match self.transmittance {
+            Transmittance::Grey => 1,
+            Transmittance::Coloured => self.components(),
         }
     }
 
@@ -110,10 +165,46 @@ impl ScenePlan {
         self.components().div_ceil(LANE)
     }
 
-    /// Vectors that hold a table entry: one weight per material.
+    /// Vectors that hold [`Self::passed`].
     #[must_use]
-    pub fn table_lanes(&self) -> usize {
-        self.materials().div_ceil(LANE)
+    pub fn passed_lanes(&self) -> usize {
+        self.passed().div_ceil(LANE)
+    }
+
+    /// Vectors that hold the shading coefficients: one per material, or an exponent per kind of highlight.
+    #[must_use]
+    pub fn shading_lanes(&self) -> usize {
+        let numbers = match self.accumulate {
+            Accumulate::Weights { materials } => materials,
+            Accumulate::Spectral { exponents, .. } => exponents,
+        };
+        numbers.div_ceil(LANE).max(1)
+    }
+
+    /// What a table entry holds of what a step reflects.
+    #[must_use]
+    pub fn parts(&self) -> Parts {
+        match self.accumulate {
+            Accumulate::Weights { materials } => {
+                Parts { unshaded: 0, ambient: 0, diffuse: 0, highlights: 0, lanes: materials.div_ceil(LANE) }
+            }
+            Accumulate::Spectral { shares, exponents, .. } => {
+                let lanes = self.lanes();
+                let own = shares == Shares::Own;
+                let unshaded = if own { 2 * lanes } else { 0 };
+                let highlights = match (own, self.positions.ambient) {
+                    (false, _) => lanes,
+                    (true, 0) => 2 * lanes,
+                    (true, _) => 3 * lanes,
+                };
+                let white = match self.transmittance {
+                    Transmittance::Grey => exponents.div_ceil(LANE),
+                    Transmittance::Coloured => exponents * lanes,
+                };
+                let diffuse = if own { lanes } else { 0 };
+                Parts { unshaded, ambient: 0, diffuse, highlights, lanes: highlights + white }
+            }
+        }
     }
 
     /// Vectors a pixel keeps: [`Self::lanes`] per position.
@@ -125,7 +216,11 @@ impl ScenePlan {
     /// Bytes a pixel keeps on a device.
     #[must_use]
     pub fn pixel_bytes(&self) -> u64 {
-        (self.layers() * LANE * size_of::<f32>() + size_of::<f32>()) as u64
+        let passed = match self.transmittance {
+            Transmittance::Grey => 1,
+            Transmittance::Coloured => self.passed_lanes() * LANE,
+        };
+        ((self.layers() * LANE + passed) * size_of::<f32>()) as u64
     }
 
     /// Whether the gradient of the data is needed.
@@ -141,9 +236,62 @@ impl ScenePlan {
     }
 }
 
-/// The plan of `scene`.
+/// Why a scene has no plan.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// Weights are asked for where they are not exact.
+    #[error(
+        "weights of materials are not exact here, because {materials} absorb some wavelengths more than others; take accumulate = \"spectral\" or \"auto\""
+    )]
+    NotGrey {
+        /// What absorbs.
+        materials: String,
+    },
+    /// No colour model does what is asked for.
+    #[error("no colour model fits the scene")]
+    Model(#[from] ModelError),
+}
+
+/// The plan of `scene`: choices from what it uses and from its accuracy. Fits a colour model where one is needed.
+///
+/// # Errors
+///
+/// [`PlanError`].
+pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError> {
+    let weights = planned(scene, None);
+    if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
+        let coloured = scene.materials.iter().enumerate().filter(|&(m, material)| {
+            scene.absorbs(m)
+                && material.absorption.as_ref().is_some_and(|absorption| !is_constant(absorption.spectrum()))
+        });
+        let materials: Vec<&str> = coloured.map(|(_, material)| material.name.as_str()).collect();
+        return Err(PlanError::NotGrey { materials: materials.join(", ") });
+    }
+    let exact = weights.plan.transmittance == Transmittance::Grey;
+    let fit = |dimension: Option<usize>| -> Result<Planned, PlanError> {
+        let (accuracy, ingredients) = (&scene.accuracy, ingredients(scene, &weights));
+        let model = match dimension {
+            Some(dimension) => model::fit(&ingredients, accuracy.model, dimension, progress),
+            None => model::fit_automatic(&ingredients, accuracy.model, accuracy.tolerance, progress),
+        };
+        Ok(planned(scene, Some(Arc::new(model?))))
+    };
+    match scene.accuracy.accumulate {
+        AccumulateAs::Weights => Ok(weights),
+        AccumulateAs::Auto if exact => Ok(weights),
+        AccumulateAs::Auto | AccumulateAs::Spectral => fit(scene.accuracy.dimension),
+    }
+}
+
+/// The plan that computes all 81 wavelengths: what other plans are measured against.
 #[must_use]
-pub fn plan(scene: &Scene) -> Planned {
+pub fn plan_full_spectrum(scene: &Scene) -> Planned {
+    planned(scene, Some(Arc::new(ColourModel::full_spectrum())))
+}
+
+/// The plan of `scene` with its spectra carried by `model`, or without one by weights.
+fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| scene.shows(material)).collect();
     let positions = positions(scene);
     let count = |kind: fn(&Placement) -> bool| positions.iter().filter(|position| kind(&position.placement)).count();
@@ -156,16 +304,27 @@ pub fn plan(scene: &Scene) -> Planned {
     let used = || materials.iter().filter_map(|&material| scene.materials.get(material));
     let directed = scene.shading == Shading::Gradient && counts.total() > counts.ambient;
     let diffuse = directed && used().any(|material| material.diffuse > 0.0);
-    let mut exponents: Vec<u32> =
-        used().filter(|material| directed && material.specular > 0.0).map(|material| material.exponent).collect();
-    exponents.sort_unstable();
-    exponents.dedup();
+    let exponents = if directed { exponents(used()) } else { Vec::new() };
     let specular = exponents.last().map(|&largest| Specular {
         one_exponent: exponents.len() == 1,
         exponent_bits: u32::BITS - largest.leading_zeros(),
     });
+    let accumulate = match &model {
+        None => Accumulate::Weights { materials: materials.len() },
+        Some(model) => {
+            let mut shares = used().map(|material| [material.ambient, material.diffuse]);
+            let first = shares.next();
+            let equal = !directed || shares.all(|share| Some(share) == first);
+            Accumulate::Spectral {
+                dimension: model.dimension(),
+                shares: if equal { Shares::Equal } else { Shares::Own },
+                exponents: exponents.len(),
+            }
+        }
+    };
     let plan = ScenePlan {
-        accumulate: Accumulate::Weights { materials: materials.len() },
+        accumulate,
+        transmittance: transmittance(scene),
         positions: counts,
         shading: directed.then_some(ShadingTerms { diffuse, specular }),
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
@@ -174,10 +333,90 @@ pub fn plan(scene: &Scene) -> Planned {
         interpolation: scene.accuracy.interpolation,
         skipping: scene.accuracy.skipping,
     };
-    Planned { plan, materials, positions }
+    Planned { plan, materials, positions, model }
+}
+
+/// Different exponents of the highlights of `materials`, ascending.
+fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
+    let mut exponents: Vec<u32> =
+        materials.filter(|material| material.specular > 0.0).map(|material| material.exponent).collect();
+    exponents.sort_unstable();
+    exponents.dedup();
+    exponents
+}
+
+/// Grey exactly as long as everything's absorption, summed, is the same at all wavelengths.
+fn transmittance(scene: &Scene) -> Transmittance {
+    let coloured = |absorption: &[f64]| {
+        let mut sum = Spectrum::constant(0.0);
+        for (&depth, material) in absorption.iter().zip(&scene.materials) {
+            if let Some(shape) = material.absorption.as_ref().filter(|_| depth > 0.0) {
+                sum = &sum + &shape.spectrum().scaled(depth);
+            }
+        }
+        !is_constant(&sum)
+    };
+    // Between two bends the sum is a parabola at each wavelength, which three places settle.
+    let bends = scene.transfer.bends();
+    let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
+    let by_value = bends.iter().copied().chain(halves).any(|value| {
+        // Beside a jump, too.
+        [value.next_down(), value, value.next_up()]
+            .into_iter()
+            .any(|value| coloured(&scene.transfer.medium(value, scene.materials.len()).absorption))
+    });
+    let by_label = scene.labels.iter().flat_map(|labels| &labels.declared).any(|entry| {
+        let mut absorption = vec![0.0; scene.materials.len()];
+        if let Some(depth) = absorption.get_mut(entry.material) {
+            *depth = entry.absorption;
+        }
+        coloured(&absorption)
+    });
+    if by_value || by_label { Transmittance::Coloured } else { Transmittance::Grey }
+}
+
+/// Whether all samples are the same, but for rounding.
+fn is_constant(spectrum: &Spectrum) -> bool {
+    let samples = spectrum.samples();
+    let (low, high) = samples.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
+    high - low <= 1e-12 * high.abs()
+}
+
+/// What the light of `scene` can meet.
+fn ingredients(scene: &Scene, planned: &Planned) -> Ingredients {
+    let coloured = planned.plan.transmittance == Transmittance::Coloured;
+    let absorbing: Vec<usize> =
+        (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
+    let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
+    Ingredients {
+        reflectances: planned.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
+        absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
+        background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
+        highlights: planned.plan.specular().is_some(),
+        lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
+        largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
+    }
+}
+
+/// The largest optical depth of absorption that a ray can meet: the highest point of the transfer function, along the
+/// volume's diagonal.
+fn largest_depth(scene: &Scene) -> f64 {
+    let of_terms = scene.transfer.terms.iter().flat_map(|term| &term.absorption).map(|point| point.1);
+    let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
+    let highest = of_terms.chain(of_labels).fold(0.0, f64::max);
+    let geometry = &scene.volume.geometry;
+    let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(crate::number::count))).length();
+    highest * diagonal / scene.transfer.opacity_length
 }
 
 impl Planned {
+    /// Different exponents of highlights, ascending; none where the plan has no highlights.
+    #[must_use]
+    pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
+        let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
+        if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
+    }
+
     /// The plan in sentences, for people who know volumes but not this program.
     #[must_use]
     pub fn explain(&self, scene: &Scene) -> Vec<String> {
@@ -185,12 +424,38 @@ impl Planned {
         let names = |names: Vec<&str>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
         let materials =
             self.materials.iter().filter_map(|&i| scene.materials.get(i)).map(|m| m.name.as_str()).collect();
-        let mut sentences = vec![format!(
-            "A pixel keeps one weight per material in use ({}){} for each light position, and the light that passes: {} numbers. This is exact for every light, because opacity is grey and light scatters once.",
-            names(materials),
-            if plan.specular().is_some() { " and one of white for highlights" } else { "" },
-            plan.components() * plan.positions.total() + 1,
-        )];
+        let kept = plan.components() * plan.positions.total() + plan.passed();
+        let mut sentences = vec![match &self.model {
+            None => format!(
+                "A pixel keeps one weight per material in use ({}){} for each light position, and the light that passes: {kept} numbers. This is exact for every light, because opacity is grey and light scatters once.",
+                names(materials),
+                if plan.specular().is_some() { " and one of white for highlights" } else { "" },
+            ),
+            Some(model) => format!(
+                "A pixel keeps the colour of its light as {} numbers for each light position ({}), made of the materials {}; with the light that passes, {kept} numbers. {}",
+                plan.components(),
+                model.description(),
+                names(materials),
+                match plan.transmittance {
+                    Transmittance::Grey => "All wavelengths pass alike.",
+                    Transmittance::Coloured =>
+                        "What passes changes its colour on the way, as through stained glass, so each of them fades by itself.",
+                },
+            ),
+        }];
+        if let Some(model) = &self.model {
+            let errors = model.lights().iter().map(|(name, _, matrix)| {
+                let error = matrix.worst();
+                format!("{:.2} and {:.2} under {name}", error.mean, error.max)
+            });
+            let errors: Vec<String> = errors.collect();
+            if !errors.is_empty() {
+                sentences.push(format!(
+                    "That leaves colours off by a mean and a largest difference ΔE00 of {} (1 is about what an eye can see).",
+                    errors.join(", ")
+                ));
+            }
+        }
         let unused: Vec<&str> = (0..scene.materials.len())
             .filter(|material| !self.materials.contains(material))
             .filter_map(|material| scene.materials.get(material))

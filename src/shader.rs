@@ -104,6 +104,13 @@ impl Constants {
         self.line(name, "bool", format_args!("{value}"))
     }
 
+    /// Adds another name for a type.
+    #[must_use]
+    pub fn alias(mut self, name: &str, of_type: &str) -> Self {
+        writeln!(self.text, "alias {name} = {of_type};").ok();
+        self
+    }
+
     fn line(mut self, name: &str, of_type: &str, value: std::fmt::Arguments<'_>) -> Self {
         // Writing into a String does not fail.
         writeln!(self.text, "const {name}: {of_type} = {value};").ok();

@@ -121,6 +121,10 @@ fn names_that_nothing_has_are_refused_with_those_there_are() {
     scene_refused("\"D65\"", "\"foliage\"", "16:12", &["foliage is a reflectance, and cannot be used as a light"]);
     scene_refused("\"frog\"", "\"dog\"", "3:11", &["unknown phantom \"dog\"", "frog, engine"]);
     definition_refused("labels.1={material=\"skin\",opacity=1}", &["no material \"skin\""]);
+    definition_refused(
+        "lights.dya.intensity=2",
+        &["there is no lights.dya, only day, lamp; a new one: missing field `spectrum`"],
+    );
     definition_refused("shadin=1", &["unknown field `shadin`", "`shading`"]);
     definition_refused("lights.new.kind=ambient", &["missing field `spectrum`"]);
     definition_refused("transfer.intervals.2.opacity=1", &["has 0 to 1"]);
@@ -304,6 +308,34 @@ fn labels_on_another_grid_or_of_other_values_are_refused() {
     folder.refused(1, &render(&arguments), &["l.mhd", "holds 0.5", "whole numbers from 0 to 65535"]);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn volumes_that_no_memory_holds_are_refused_with_their_bytes() {
+    let folder = Folder::new();
+    for phantom in ["frog", "engine", "slab", "shells"] {
+        let phantom = format!("volume.phantom={phantom}");
+        let arguments = ["-D", &phantom, "-D", "volume.dims=[40000,40000,40000]"];
+        let bytes = if phantom.contains("shells") { "256000000000000 bytes" } else { "64000000000000 bytes" };
+        folder.refused(1, &render(&arguments), &["scene.toml has no volume to show", bytes]);
+        folder.refused(1, &[&["info", "scene.toml"], &arguments[..]].concat(), &[bytes]);
+    }
+}
+
+#[test]
+fn files_that_are_given_as_what_they_are_not_are_recognised() {
+    let folder = Folder::new().with("v.mhd", HEADER).with("v.raw", [0; 64]).with("header", HEADER);
+    for name in ["v.mhd", "v.raw", "header"] {
+        let hint = format!("use --volume {name}");
+        folder.refused(1, &["render", name, "-o", "p.png"], &["this is a volume", &hint]);
+    }
+    for name in ["v.mhd", "header"] {
+        let layout = ["--dims", "4x4x4", "--type", "uint8"];
+        let why = ["this file has a header", "--dims"];
+        folder.refused(1, &[&["info", name], &layout[..]].concat(), &why);
+        folder.refused(1, &render(&[&["--volume", name], &layout[..]].concat()), &why);
+    }
+}
+
 // Lights.
 
 #[test]
@@ -330,6 +362,8 @@ fn sizes_that_no_picture_has_are_refused() {
     for size in ["0x0", "100000x100000", "0x8", "65537x1"] {
         folder.refused(2, &["render", "scene.toml", "-o", "p.png", "--size", size], &[size, "1 to 65536"]);
     }
+    let arguments = ["render", "scene.toml", "-o", "p.png", "--reference", "--size", "60000x60000"];
+    folder.refused(2, &arguments, &["3600000000 pixels", "at most 2147483648"]);
     for size in ["8", "8x8x8", "axb", ""] {
         folder.refused(2, &["render", "scene.toml", "-o", "p.png", "--size", size], &["--size"]);
     }
@@ -402,7 +436,7 @@ fn a_device_that_is_not_there_is_refused_with_those_there_are() {
 
 #[test]
 fn outputs_that_cannot_be_are_refused_before_the_work() {
-    let folder = Folder::new().with("v.raw", [0; 64]);
+    let folder = Folder::new().with("v.exr", [0; 64]);
     let refused = |code, outputs: &[&str], words: &[&str]| {
         // So large that a test which marched it would be seen.
         let arguments = [&["render", "scene.toml", "--size", "4000x4000"], outputs].concat();
@@ -414,12 +448,34 @@ fn outputs_that_cannot_be_are_refused_before_the_work() {
     refused(2, &["-o", "p"], &[".png"]);
     refused(2, &["-o", "p.png", "-o", "./p.png"], &["./p.png is named twice"]);
     refused(2, &["--spectral", "a.exr", "--accumulators", "a.exr"], &["a.exr is named twice"]);
-    refused(2, &["--spectral", "scene.toml"], &["scene.toml is an input"]);
-    refused(2, &["--volume", "v.raw", "--accumulators", "./v.raw"], &["v.raw is an input"]);
+    refused(2, &["--spectral", "s.toml"], &["--spectral s.toml", ".exr"]);
+    refused(2, &["--accumulators", "a.png"], &["--accumulators a.png", ".exr"]);
+    refused(2, &["--volume", "v.exr", "--accumulators", "./v.exr"], &["v.exr is an input"]);
     refused(2, &[], &["nothing to write", "-o FILE.png"]);
     refused(2, &["-o"], &["-o"]);
     folder.refused(2, &["relight", "scene.toml"], &["--output"]);
     folder.refused(2, &["paint"], &["paint"]);
+}
+
+#[test]
+fn every_file_that_is_read_is_kept() {
+    let spectrum = "400,0.5\n700,0.5\n";
+    let folder = Folder::new().with("light.exr", spectrum).with("skin.exr", spectrum).with("wall.exr", spectrum);
+    let folder = folder.with("v.exr", [9; 64]).with("l.exr", [0; 64]);
+    let folder = folder.with("v.mhd", HEADER.replace("v.raw", "v.exr")).with("l.mhd", HEADER.replace("v.raw", "l.exr"));
+    let text = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "file = \"v.mhd\"\nlabels = \"l.mhd\"");
+    let text = text.replace("\"foliage\"", "\"skin.exr\"").replace("\"A\"", "{ file = \"light.exr\" }");
+    let folder = folder.with("files.toml", text.replace("version = 1", "version = 1\nbackground = \"wall.exr\""));
+    for output in ["v.exr", "l.exr", "light.exr", "skin.exr", "./wall.exr"] {
+        for flag in ["-o", "--spectral", "--accumulators"] {
+            let before = std::fs::read(folder.path(output)).unwrap();
+            folder.refused(2, &["render", "files.toml", flag, output], &[output, "is an input"]);
+            assert_eq!(std::fs::read(folder.path(output)).unwrap(), before);
+        }
+    }
+    folder.refused(2, &["render", "scene.toml", "--light", "light.exr=2", "-o", "light.exr"], &["is an input"]);
+    folder.done(&render(&["--accumulators", "acc.exr"]));
+    folder.refused(2, &["relight", "acc.exr", "--light", "light.exr", "-o", "light.exr"], &["is an input"]);
 }
 
 #[cfg(target_os = "linux")]

@@ -211,6 +211,22 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
 }
 
 #[test]
+fn info_of_an_accumulator_file_says_what_it_holds() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"]);
+    let text = folder.done(&["info", "acc.exr"]).out;
+    for word in
+        ["an accumulator file, for relume relight", "32 × 32", "bone, flesh, white", "lamp, day", "lamp@lamp=0.5"]
+    {
+        assert!(text.contains(word), "no {word:?} in {text}");
+    }
+    let json = folder.done(&["info", "acc.exr", "--json"]).json();
+    assert_eq!(keys(&json), ["accumulators", "components", "lights", "positions", "size"]);
+    assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
+    assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
+}
+
+#[test]
 fn info_alone_lists_devices() {
     let folder = Folder::new();
     let json = folder.done(&["info", "--json"]).json();
@@ -247,6 +263,24 @@ fn bench_measures_with_the_promised_keys() {
     }
     let text = folder.done(&["bench", "peer", "--size", "16x16", "--frames", "1", "--shading", "none"]).out;
     assert!(text.contains("peer") && !text.contains("diffuse"), "{text}");
+}
+
+#[test]
+fn bench_measures_colour_models_without_a_device() {
+    let folder = Folder::new();
+    let json = folder.done(&["bench", "model", "--scenes", "1", "--json"]).json();
+    assert!(json["rows"].is_null(), "nothing is marched");
+    for row in json["models"].as_array().unwrap() {
+        for key in ["model", "unclamped", "lights", "materials", "k", "scenes", "classes", "fit_ms", "new_light_ms"] {
+            assert!(!row[key].is_null(), "{key}");
+        }
+        for part in ["mean", "p95", "max"] {
+            assert!(row["all"][part].as_f64().unwrap() >= 0.0, "{row}");
+        }
+    }
+    let tolerances: Vec<_> = json["automatic"].as_array().unwrap().iter().map(|row| &row["tolerance"]).collect();
+    assert_eq!(tolerances, [2.0, 1.0, 0.5]);
+    assert_eq!(json["automatic_summary"].as_array().unwrap().len(), 3);
 }
 
 #[test]
@@ -474,6 +508,41 @@ fn labels_that_are_not_used_or_not_declared_are_reported() {
     }
     let declared = warnings(&folder, &["-D", "labels.3={material=\"flesh\",opacity=1}"]);
     assert_eq!(declared, ["", ""], "labels that are not there are no matter");
+}
+
+#[test]
+fn many_undeclared_labels_are_cut_short() {
+    let labels: Vec<u8> =
+        (0..4096).map(|index| if index < 4000 { 1 } else { u8::try_from(index - 4000 + 2).unwrap() }).collect();
+    let folder = Folder::new().with("ball.raw", ball()).with("labels.raw", labels);
+    let folder = folder.with("labels.mhd", BALL_HEADER.replace("ball.raw", "labels.raw"));
+    let declared = ["--labels", "labels.mhd", "-D", "labels.200={material=\"flesh\",opacity=1}"];
+    for err in warnings(&folder, &[&BALL_FLAGS[..], &declared].concat()) {
+        assert!(err.contains("1 (4000 voxels), 2 (1 voxel), "), "{err}");
+        assert!(err.trim_end().ends_with("8 (1 voxel), and 89 more"), "{err}");
+    }
+}
+
+#[test]
+fn spectra_that_nature_does_not_have_are_reported() {
+    let folder = Folder::new().with("percent.csv", "400,20\n700,80\n").with("odd.csv", "400,-1\n500,9\n700,9\n");
+    for err in warnings(&folder, &["-D", "materials.bone.reflectance=percent.csv"]) {
+        let said =
+            "warning: materials.bone.reflectance is up to 80, and no surface reflects more than 1; is it in percent?";
+        assert!(err.starts_with(said), "{err}");
+    }
+    for err in warnings(&folder, &["-D", "background=2"]) {
+        assert!(err.starts_with("warning: background is up to 2"), "{err}");
+    }
+    for err in warnings(&folder, &["-D", "lights.lamp.spectrum=odd.csv"]) {
+        assert!(err.starts_with("warning: lights.lamp.spectrum is negative"), "{err}");
+    }
+    for err in warnings(&folder, &["--light", "odd.csv"]) {
+        assert!(err.starts_with("warning: --light odd.csv is negative"), "{err}");
+    }
+    // Artificial reflectances may be negative, and what is white may be 1.
+    assert_eq!(warnings(&folder, &["-D", "materials.bone.reflectance={400=-0.5,700=1}"]), ["", ""]);
+    assert_eq!(warnings(&folder, &["-D", "materials.bone.reflectance={srgb=\"#ffffff\"}"]), ["", ""]);
 }
 
 #[test]

@@ -12,7 +12,7 @@ use relume::render::Renderer;
 use relume::scene::Lookup;
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
-use relume::tables::{Accumulation, RelightMatrices};
+use relume::tables::{Accumulation, Components, RelightMatrices};
 use relume::vulkan::DeviceKind;
 use support::bounds::{longest, of_places, of_tables, places};
 use support::device::open;
@@ -88,10 +88,6 @@ fn colours(actual: &[DVec3], expected: &[DVec3], bound: &[DVec3], undecided: &[b
     worst
 }
 
-fn vectors(colours: &[Xyz]) -> Vec<DVec3> {
-    colours.iter().map(|xyz| DVec3::from_array(xyz.0)).collect()
-}
-
 /// A picture of linear RGB with a bound for each sample.
 #[expect(clippy::cast_possible_truncation, reason = "golden images are f32")]
 fn image(source: &str, colours: &[DVec3], bound: impl Fn(usize, usize) -> f64) -> Image {
@@ -133,7 +129,7 @@ fn climb(name: &str) {
 
     // Basis: exact up to the order of sums.
     let exact = rungs.march::<f64>(&rungs.exact());
-    let truth = vectors(&rungs.truth(&rungs.exact()));
+    let truth = rungs.truth();
     let bound: Vec<DVec3> = magnitudes(&exact, &xyz_of_bands(&rungs)).iter().map(|&sum| BASIS * sum).collect();
     let basis = colours(&lit(&exact), &truth, &bound, &all);
     assert!(basis.share <= 1.0, "{name}: basis: {basis:?}");
@@ -170,7 +166,7 @@ fn climb(name: &str) {
     golden::check(name, &image("reference f32", &relight(&single, &rungs.matrices()), golden_bound), &BOUND);
 
     // Material weights against 81 bands over the same tables.
-    let same_tables = vectors(&rungs.truth(&rungs.stored::<f64>()));
+    let same_tables = rungs.stored_truth();
     let weights = differences(&rungs, &relight(&single, &rungs.xyz_matrices()), &same_tables);
     let weights = weights.last().copied().unwrap();
     assert!(weights <= WEIGHTS_REFERENCE, "{name}: ΔE00 of the f32 reference against 81 bands: {weights}");
@@ -236,7 +232,9 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
         })
     };
     let lit = |light: &Spectrum, surface: &Spectrum| DVec3::from_array(xyz_of(&(light * &absolute(surface))).0);
-    let components = relume::tables::components(&rungs.scene, &rungs.planned);
+    let Components::Surfaces(components) = Components::new(&rungs.scene, &rungs.planned) else {
+        panic!("the scenes of the ladder are planned by weights");
+    };
     let black = Spectrum::constant(0.0);
     RelightMatrices {
         colours: (0..rungs.planned.positions.len())
@@ -245,7 +243,11 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
                 components.iter().map(move |surface| lit(&light, surface)).collect::<Vec<_>>()
             })
             .collect(),
-        background: lit(&light_at(None), rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum())),
+        background: vec![lit(
+            &light_at(None),
+            rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum()),
+        )],
+        passing: vec![1.0],
     }
 }
 
@@ -299,10 +301,10 @@ fn a_slab_is_its_closed_form_on_every_rung() {
         let steps = longest(&rungs);
         // n roundings of 2⁻⁵³ in T, as many in the sum, and some in the exponential.
         let double = 4.0 * steps * f64::EPSILON;
-        let truth = rungs.truth(&rungs.exact());
+        let truth = rungs.truth();
         let material = rungs.scene.materials[0].reflectance.clone();
         let surface = relume::spectrum::colour::xyz(&rungs.mix.0[0].spectrum, &material);
-        near("81 bands", truth[27].0[1], weight * surface.0[1], BASIS + double);
+        near("81 bands", truth[27].y, weight * surface.0[1], BASIS + double);
         let check = |what: &str, weights: &[f64], transmittance: &[f64], limit: f64| {
             weights.iter().for_each(|&found| near(what, found, weight, limit));
             transmittance.iter().for_each(|&found| near(what, found, passed, limit));
@@ -325,7 +327,7 @@ fn the_ladder_catches_two_materials_swapped() {
     let mut rungs = Rungs::new(scenes::named("diffuse_one"), SIZE);
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
     let bound = of_places(&rungs, &expected, [places(&rungs).error; 3], ROUNDINGS_PER_STEP_OF_TWO);
-    rungs.table.weights.iter_mut().for_each(|weights| weights.swap(0, 1));
+    rungs.table.source.iter_mut().for_each(|weights| weights.swap(0, 1));
     let swapped = rungs.march::<f32>(&rungs.stored::<f32>());
     assert!(accumulators(&swapped, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 10.0);
 }
@@ -354,7 +356,7 @@ fn the_ladder_catches_one_wrong_entry_of_the_table() {
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
     let bound = of_tables(&rungs, &expected);
     let entry = rungs.table.entries() * 2 / 5;
-    rungs.table.weights[entry][1] *= 1.1;
+    rungs.table.source[entry][1] *= 1.1;
     let wrong = rungs.march::<f64>(&rungs.stored::<f64>());
     assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
 }

@@ -4,7 +4,8 @@
 mod support;
 
 use glam::DVec3;
-use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, plan};
+use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
+use relume::progress::Quiet;
 use relume::scene::{Interpolation, Lookup, Placement, Scene, Shading};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
@@ -14,6 +15,7 @@ use support::scenes::{self, SIZE, float};
 fn least() -> ScenePlan {
     ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
+        transmittance: Transmittance::Grey,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
         labels: false,
@@ -40,7 +42,7 @@ fn headlight() -> PositionCounts {
 fn changed(name: &str, change: impl FnOnce(&mut Scene)) -> ScenePlan {
     let mut scene = scenes::named(name);
     change(&mut scene);
-    plan(&scene).plan
+    plan(&scene, &Quiet).unwrap().plan
 }
 
 #[test]
@@ -122,7 +124,7 @@ fn highlights_of_one_exponent_and_of_several() {
         ..least()
     };
     assert_eq!(changed("specular_three", |_| {}), expected);
-    assert_eq!((expected.components(), expected.lanes(), expected.table_lanes(), expected.layers()), (5, 2, 1, 8));
+    assert_eq!((expected.components(), expected.lanes(), expected.parts().lanes, expected.layers()), (5, 2, 1, 8));
 }
 
 #[test]
@@ -208,11 +210,13 @@ fn the_least_plan_and_the_fullest_show_the_same() {
     scene.background = Some(Reflectance::new(Spectrum::constant(1e-30)).unwrap());
     let dims = scene.volume.geometry.dims;
     let zeros = relume::volume::phantom::slab(dims, 0).unwrap();
-    let entry = relume::scene::LabelEntry { label: 9, name: "nowhere".into(), material: 0, opacity: 0.5 };
+    let entry =
+        relume::scene::LabelEntry { label: 9, name: "nowhere".into(), material: 0, opacity: 0.5, absorption: 0.0 };
     scene.labels = Some(relume::scene::Labels { volume: std::sync::Arc::new(zeros), declared: vec![entry] });
     let fullest = Rungs::new(scene, SIZE);
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
+        transmittance: Transmittance::Grey,
         positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
         shading: Some(ShadingTerms {
             diffuse: true,

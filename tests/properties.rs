@@ -12,7 +12,7 @@ use relume::render::{Dispatching, Renderer};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume::spectrum::{Light, Spectrum};
-use relume::tables::{Accumulation, components};
+use relume::tables::{Accumulation, Components};
 use support::device::open;
 use support::rungs::{Rungs, magnitudes, with_renderer};
 use support::scenes::{self, SIZE};
@@ -188,7 +188,7 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
 /// An accumulator file of `sums`.
 fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
     let Rungs { scene, planned, .. } = rungs;
-    let spectra = components(scene, planned);
+    let Components::Surfaces(spectra) = Components::new(scene, planned) else { panic!("planned by weights") };
     let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
     let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };
     let position = |place: &relume::scene::Position| Position {

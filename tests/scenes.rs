@@ -33,7 +33,7 @@ fn load(name: &str, options: &SceneOptions) -> Scene {
 /// Two lights that relighting can tell apart, and no material that nothing shows.
 fn check(scene: &Scene) {
     assert_eq!(positions(scene).len(), 2, "{}", scene.source);
-    let used = plan(scene).materials;
+    let used = plan(scene, &Quiet).unwrap().materials;
     let unused: Vec<_> = (0..scene.materials.len())
         .filter(|material| !used.contains(material))
         .map(|material| &scene.materials[material].name)
@@ -60,7 +60,7 @@ fn the_frog_shows_all_its_materials_with_labels_and_a_few_without() {
     check(&labelled);
     assert_eq!(labelled.labels.unwrap().declared.len(), 15);
     let plain = load("frog.toml", &SceneOptions { volume, ..SceneOptions::default() });
-    assert_eq!(plan(&plain).materials.len(), 4);
+    assert_eq!(plan(&plain, &Quiet).unwrap().materials.len(), 4);
     std::fs::remove_dir_all(folder).unwrap();
 }
 

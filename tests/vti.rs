@@ -155,6 +155,7 @@ fn what_old_files_leave_out_has_its_default() {
 fn extents_and_directions_place_voxels_where_vtk_places_them() {
     let turned = choose("turned", None, None).unwrap();
     assert_eq!(turned.voxels, ramp("UInt8", POINTS), "the active array of two");
+    assert_eq!(turned.files, [path("turned")], "what must not be written over");
     // vtkImageData::GetPoint(0), and TransformContinuousIndexToPhysicalPoint of (3, -1, 3).
     assert_eq!(turned.geometry.world_from_index(DVec3::ZERO), DVec3::new(12.0, 22.0, 39.0));
     assert_eq!(turned.geometry.world_from_index(DVec3::X), DVec3::new(12.0, 23.0, 39.0));

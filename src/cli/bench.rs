@@ -1,4 +1,4 @@
-//! `relume bench`: how long marching and relighting take.
+//! `relume bench`: how long marching and relighting take; how good colour models are.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -17,12 +17,13 @@ use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
 use super::render::matrices;
 use super::scene::{SelectionArgs, size};
-use super::{CliError, Report};
+use super::{CliError, Report, bench_model};
 
 const EXAMPLES: &str = "\
 Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
+  relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
 
 Times are medians over the frames: CPU time of all threads, and wall time.";
 
@@ -44,6 +45,9 @@ pub(crate) struct Args {
     /// Frames to measure, after two that warm up.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
+    /// Scenes that colour models are measured on.
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
+    scenes: u16,
     /// Only this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
@@ -62,6 +66,8 @@ enum Workload {
     PeerEightMaterials,
     /// The embedded default scene.
     Default,
+    /// Colour models on seeded scenes: no march, no device.
+    Model,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -103,10 +109,28 @@ impl Times {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
+    let is_model = |workload: &Workload| *workload == Workload::Model;
+    let frames = if args.workloads.iter().all(is_model) { None } else { Some(run_frames(args, progress, started)?) };
+    let models = match args.workloads.iter().any(is_model) {
+        true => Some(bench_model::run(args.scenes.into(), progress)?),
+        false => None,
+    };
+    let mut both = Report { text: String::new(), json: json!({}) };
+    for report in frames.into_iter().chain(models) {
+        both.text.push_str(&report.text);
+        if let (Some(all), serde_json::Value::Object(part)) = (both.json.as_object_mut(), report.json) {
+            all.extend(part);
+        }
+    }
+    Ok(both)
+}
+
+/// Measures what needs a device.
+fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
     let mut rows = Vec::new();
     let mut started = Some(started);
-    for &workload in &args.workloads {
+    for &workload in args.workloads.iter().filter(|&&workload| workload != Workload::Model) {
         for shading in [BenchShading::None, BenchShading::Diffuse] {
             if args.shading.is_none_or(|only| only == shading) {
                 let begun = started.take().unwrap_or_else(Instant::now);
@@ -151,7 +175,7 @@ fn measure(
     begun: Instant,
 ) -> Result<Row, CliError> {
     let mut scene = match workload {
-        Workload::Default => scene::load_embedded(&SceneOptions::default(), progress)?,
+        Workload::Default | Workload::Model => scene::load_embedded(&SceneOptions::default(), progress)?,
         Workload::Peer | Workload::PeerFourLights | Workload::PeerEightMaterials => {
             let (volume, selection) = (args.volume.clone(), args.selection.selection());
             let options = SceneOptions { volume, selection, ..SceneOptions::default() };
@@ -164,9 +188,9 @@ fn measure(
     match workload {
         Workload::PeerFourLights => add_peer_lights(&mut scene),
         Workload::PeerEightMaterials => double_materials(&mut scene),
-        Workload::Peer | Workload::Default => {}
+        Workload::Peer | Workload::Default | Workload::Model => {}
     }
-    let planned = plan(&scene);
+    let planned = plan(&scene, progress)?;
     let statistics = scene.volume.statistics()?;
     let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
     let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));

@@ -11,7 +11,7 @@ use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable
 use relume::plan::Planned;
 use relume::scene::{Display, Mix, MixLight, Placement, Scene};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
-use relume::tables::{Accumulation, components};
+use relume::tables::{Accumulation, Components};
 
 use super::CliError;
 
@@ -58,19 +58,37 @@ pub(crate) fn write_linear(path: &Path, size: [usize; 2], rgba: &[f32], bits: Bi
 
 /// Linear sRGB and what passes as RGBA in f32.
 #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
-pub(crate) fn rgba(colours: &[DVec3], transmittance: impl Iterator<Item = f64>) -> Vec<f32> {
-    let pixels = colours.iter().zip(transmittance);
-    pixels.flat_map(|(c, passed)| [c.x as f32, c.y as f32, c.z as f32, (1.0 - passed) as f32]).collect()
+pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
+    pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
-/// The accumulator file of a march of `scene`.
-pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> File {
+/// The reflectances that accumulators stand for.
+///
+/// # Errors
+///
+/// Pixels that store the numbers of a colour model stand for none.
+pub(crate) fn surfaces(scene: &Scene, planned: &Planned) -> Result<Vec<Spectrum>, CliError> {
+    match Components::new(scene, planned) {
+        Components::Surfaces(surfaces) => Ok(surfaces),
+        Components::Model(..) => Err(CliError::Failed(
+            "accumulator files and spectral pictures are written from weights of materials only, and this scene is planned with a colour model (see `relume info`): write .png or .exr pictures, or, where all absorption is grey, add -D accuracy.accumulate=weights".into(),
+        )),
+    }
+}
+
+/// The accumulator file of a march of `scene`, whose components are `surfaces`.
+pub(crate) fn to_file(
+    scene: &Scene,
+    planned: &Planned,
+    surfaces: &[Spectrum],
+    accumulation: Accumulation<f32>,
+) -> File {
     let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
     // White has a name of its own, whatever the materials are called.
     let names: Vec<String> = names.collect();
     let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
     let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();
-    let components = components(scene, planned)
+    let components = surfaces
         .iter()
         .zip(names.into_iter().chain([white]))
         .map(|(spectrum, name)| Component { name, spectrum: *spectrum.samples() })
@@ -106,7 +124,7 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
 
 /// An accumulator file, ready to be relit.
 pub(crate) struct Saved {
-    pub(crate) components: Vec<Spectrum>,
+    pub(crate) components: Components,
     pub(crate) positions: Vec<String>,
     pub(crate) mix: Mix,
     pub(crate) background: Option<Reflectance>,
@@ -124,7 +142,9 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     });
     let background = file.background.map(|samples| Reflectance::new(Spectrum::from_samples(samples)).map_err(bad));
     Ok(Saved {
-        components: file.components.iter().map(|component| Spectrum::from_samples(component.spectrum)).collect(),
+        components: Components::Surfaces(
+            file.components.iter().map(|component| Spectrum::from_samples(component.spectrum)).collect(),
+        ),
         positions: file.positions.into_iter().map(|position| position.name).collect(),
         mix: Mix(lights.collect::<Result<_, CliError>>()?),
         background: background.transpose()?,

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use relume::number::readable;
-use relume::plan::{Planned, plan};
+use relume::output::accumulators::{Accumulators, Light};
+use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::volume::{self, Volume};
@@ -22,9 +23,12 @@ Examples:
   relume info ct.raw --dims 512x512x200 --type int16 --json
   relume info scene.toml                        what a scene shows, and what a picture of it costs";
 
+const ARGUMENT: &str = "A volume (.mhd, .mha, .raw), a scene (.toml), or an accumulator file (.exr). \
+                        Without one, the Vulkan devices";
+
 /// `relume info`
 #[derive(Debug, clap::Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, mut_arg("scene", |arg| arg.value_name("FILE").help(ARGUMENT).long_help(ARGUMENT)))]
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
@@ -39,6 +43,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
             args.refuse(&all, "name a scene or a volume for it")?;
             of_devices()
+        }
+        (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
+            let flags = ["-D", "--labels", "--downsample", "--dims", "--voxel"];
+            args.refuse(&flags, &format!("{} is no scene and no volume", path.display()))?;
+            Ok(of_accumulators(path, &Accumulators::read(path)?))
         }
         (Some(path), None) if !is_scene(path) => {
             args.refuse(&["-D", "--labels"], &format!("{} is a volume; it is for scenes", path.display()))?;
@@ -62,7 +71,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let path = path.as_ref().map_or("the default scene".into(), |path| path.display().to_string());
             args.refuse(&["--voxel"], &format!("{path} is a scene; it is for volumes"))?;
             let scene = args.scene.load(progress)?;
-            Ok(of_scene(&scene, &plan(&scene)))
+            Ok(of_scene(&scene, &plan(&scene, progress)?))
         }
     }
 }
@@ -192,6 +201,33 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     })
 }
 
+fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
+    let components: Vec<&str> = file.components.iter().map(|component| component.name.as_str()).collect();
+    let positions: Vec<&str> = file.positions.iter().map(|position| position.name.as_str()).collect();
+    let at = |light: &Light| positions.get(light.position).copied().unwrap_or_default();
+    let lights = file.lights.iter().map(|light| format!("{}@{}={}", light.name, at(light), readable(light.weight)));
+    let mut text = format!("{}: an accumulator file, for relume relight\n", path.display());
+    for (name, value) in [
+        ("size", format!("{} × {}", file.width, file.height)),
+        ("components", or_none(&components.join(", "))),
+        ("positions", or_none(&positions.join(", "))),
+        ("lights", or_none(&lights.collect::<Vec<_>>().join(", "))),
+    ] {
+        let _ = writeln!(text, "  {name:<10} {value}");
+    }
+    let lights = file.lights.iter();
+    let lights: Vec<Value> =
+        lights.map(|light| json!({"name": light.name, "position": at(light), "weight": light.weight})).collect();
+    let json = json!({
+        "accumulators": path.display().to_string(),
+        "size": [file.width, file.height],
+        "components": components,
+        "positions": positions,
+        "lights": lights,
+    });
+    Report { text, json }
+}
+
 fn of_scene(scene: &Scene, planned: &Planned) -> Report {
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
     let mut text = format!("{}\n", scene.source);
@@ -276,7 +312,14 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
     let names: Vec<&str> =
         planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.as_str()).collect();
     json!({
-        "accumulate": "weights",
+        "accumulate": match plan.accumulate {
+            Accumulate::Weights { .. } => "weights",
+            Accumulate::Spectral { .. } => "spectral",
+        },
+        "transmittance": match plan.transmittance {
+            Transmittance::Grey => "grey",
+            Transmittance::Coloured => "coloured",
+        },
         "components": plan.components(),
         "lanes": plan.lanes(),
         "positions": planned.positions.iter().map(|position| position.name.clone()).collect::<Vec<_>>(),

@@ -1,6 +1,7 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
 mod bench;
+mod bench_model;
 mod files;
 mod info;
 mod relight;
@@ -13,7 +14,10 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use relume::measure::ModelTableError;
+use relume::model::ModelError;
 use relume::output::OutputError;
+use relume::plan::PlanError;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;
 use relume::scene::SceneError;
@@ -53,7 +57,7 @@ enum Command {
     Relight(relight::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure marching and relighting, as a table or as JSON.
+    /// Measure marching, relighting and colour models, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -71,9 +75,13 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Vulkan(#[from] VulkanError),
     #[error(transparent)]
+    Plan(#[from] PlanError),
+    #[error(transparent)]
     Reference(#[from] ReferenceError),
     #[error(transparent)]
     Output(#[from] OutputError),
+    #[error(transparent)]
+    Model(#[from] ModelTableError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
     #[error("{0}")]
@@ -97,6 +105,8 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
         CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Plan(PlanError::Model(ModelError::Cancelled))
+        | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
         | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,

@@ -39,7 +39,9 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         files::picture_kind(path)?;
     }
     let outputs: Vec<&PathBuf> = args.output.iter().collect();
-    files::check_outputs(&outputs, &[&args.accumulators])?;
+    let lights = args.lights.files();
+    let inputs = lights.iter().chain([&args.accumulators]).map(PathBuf::as_path);
+    files::check_outputs(&outputs, &inputs.collect::<Vec<_>>())?;
     let clock = Stopwatch::start();
     let saved = files::from_file(&args.accumulators)?;
     let read = clock.read();
@@ -49,8 +51,8 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     let positions = saved.positions.len();
     let matrices = RelightMatrices::new(&saved.components, positions, saved.background.as_ref(), &mix, &saved.display);
     let colours = reference::relight(&saved.accumulation, &matrices);
-    let passed = saved.accumulation.transmittance.iter().copied().map(f64::from);
-    let rgba = files::rgba(&colours, passed);
+    let opacity = reference::opacity(&saved.accumulation, &matrices);
+    let rgba = files::rgba(colours.into_iter().zip(opacity));
     let relit = clock.read();
 
     let clock = Stopwatch::start();

@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::memory;
 use relume::number::readable;
 use relume::output::write_ready_png;
-use relume::plan::{Planned, plan};
+use relume::plan::{Planned, plan, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
-use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, components, display_from_xyz};
+use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
 use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
@@ -81,6 +82,12 @@ struct Wanted {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
+    for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
+        if let Some(path) = path.as_ref().filter(|path| picture_kind(path).ok() != Some(PictureKind::Exr)) {
+            let name = path.display();
+            return Err(CliError::Usage(format!("{flag} {name}: this will be OpenEXR; end its name in .exr")));
+        }
+    }
     let mut outputs: Vec<&PathBuf> = args.output.iter().collect();
     outputs.extend(args.accumulators.iter().chain(&args.spectral));
     if outputs.is_empty() {
@@ -89,12 +96,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
+    check_memory(args)?;
 
     let clock = Stopwatch::start();
     let scene = args.scene.load(progress)?;
+    let lights = args.lights.files();
+    let inputs: Vec<&Path> = scene.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, &inputs)?;
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
-    let planned = plan(&scene);
+    let planned = plan(&scene, progress)?;
+    let wants_surfaces = args.spectral.is_some() || args.accumulators.is_some();
+    let surfaces = if wants_surfaces { files::surfaces(&scene, &planned)? } else { Vec::new() };
     let loaded = clock.read();
     let positions: Vec<String> = planned.positions.iter().map(|position| position.name.clone()).collect();
     let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
@@ -123,12 +136,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
     }
     if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, &marched.accumulation, &marched.linear) {
-        let spectra = components(&scene, &planned);
         let (positions, background) = (planned.positions.len(), scene.background.as_ref());
-        files::write_spectra(path, &spectra, positions, background, &mix, accumulation, linear)?;
+        files::write_spectra(path, &surfaces, positions, background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        files::to_file(&scene, &planned, accumulation).write(path)?;
+        files::to_file(&scene, &planned, &surfaces, accumulation).write(path)?;
     }
     let written = clock.read();
 
@@ -150,6 +162,20 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         "peak_mb": peak_mb(),
     });
     Ok(Report { text, json })
+}
+
+/// Refuses a picture that this computer cannot hold.
+fn check_memory(args: &Args) -> Result<(), CliError> {
+    // Linear RGBA in f32; the reference has XYZ, colours and what passes in f64 beside it.
+    let pixel_bytes = if args.reference { 72 } else { 16 };
+    let [width, height] = args.size;
+    let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
+    match memory::available_bytes() {
+        Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
+            "a picture of {width}×{height} takes {bytes} bytes, and {available} are free: make it smaller with --size"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Says what of the data cannot be shown as it is.
@@ -179,8 +205,16 @@ fn warn_of_storage(storage: &Storage) {
 /// Says which labels nobody declared.
 fn warn_of_undeclared(labels: Option<&LabelMap>) {
     if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
-        let listed: Vec<String> =
-            labels.undeclared.iter().map(|(label, count)| format!("{label} ({count} voxels)")).collect();
+        const LISTED: usize = 8;
+        let one = |(label, count): (&u32, &u64)| match count {
+            1 => format!("{label} (1 voxel)"),
+            _ => format!("{label} ({count} voxels)"),
+        };
+        let mut listed: Vec<String> = labels.undeclared.iter().take(LISTED).map(one).collect();
+        match labels.undeclared.len().saturating_sub(LISTED) {
+            0 => {}
+            more => listed.push(format!("and {more} more")),
+        }
         tracing::warn!("labels that the scene does not declare follow the transfer function: {}", listed.join(", "));
     }
 }
@@ -259,8 +293,8 @@ fn on_device(
 
 /// What relighting multiplies by.
 pub(crate) fn matrices(scene: &Scene, planned: &Planned, mix: &Mix) -> RelightMatrices {
-    let spectra = components(scene, planned);
-    RelightMatrices::new(&spectra, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
+    let components = Components::new(scene, planned);
+    RelightMatrices::new(&components, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
 }
 
 fn on_cpu(
@@ -277,17 +311,17 @@ fn on_cpu(
     let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
     warn_of_undeclared(labels.as_ref());
     warn_of_nothing(scene, planned, mix, None);
-    let exact = Exact::new(scene, planned, storage, labels.as_ref());
     let mut linear = None;
     if wanted.linear {
-        let (xyz, passed) = reference::full_spectrum(scene, planned, &exact, mix, size, progress)?;
-        let display = display_from_xyz(mix, &scene.display);
-        let colours: Vec<_> = xyz.iter().map(|xyz| display * glam::DVec3::from_array(xyz.0)).collect();
-        linear = Some(files::rgba(&colours, passed.into_iter()));
+        let truth = plan_full_spectrum(scene);
+        let exact = Exact::new(scene, &truth, storage.clone(), labels.as_ref());
+        let pixels = reference::render(scene, &truth, &exact, &matrices(scene, &truth, mix), size, progress)?;
+        linear = Some(files::rgba(pixels.into_iter()));
     }
     #[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
     let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
     let accumulation = if wanted.accumulation {
+        let exact = Exact::new(scene, planned, storage, labels.as_ref());
         let march = reference::march::<f64>(scene, planned, &exact, size, progress)?;
         Some(Accumulation { size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) })
     } else {

@@ -1,11 +1,12 @@
 //! Scenes as the command line names and changes them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use relume::progress::Progress;
 use relume::scene::{self, LightRequest, Mix, Scene, SceneOptions};
+use relume::spectrum::SpectrumSource;
 use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 
 use super::CliError;
@@ -99,8 +100,9 @@ pub(crate) struct LightArgs {
     /// Light it with NAME in place of the scene's lights (repeatable: lights add up).
     ///
     /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B3, "blackbody 3000", …),
-    /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other from
-    /// every position of the scene, unless POSITION names one. WEIGHT multiplies it.
+    /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other
+    /// goes to every light position that `relume info` lists (positions that shade alike are one) and adds up, unless
+    /// POSITION names one. WEIGHT multiplies it.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }
@@ -134,12 +136,18 @@ impl SceneArgs {
 }
 
 impl LightArgs {
+    /// The files that are read if no light of the scene has their name.
+    pub(crate) fn files(&self) -> Vec<PathBuf> {
+        let source = |light: &LightRequest| light.name.parse::<SpectrumSource>().ok();
+        self.lights.iter().filter_map(|light| source(light)?.file(Path::new(""))).collect()
+    }
+
     /// The mix asked for, or the one `stated`.
     pub(crate) fn mix(&self, stated: Mix, positions: &[String]) -> Result<Mix, CliError> {
         if self.lights.is_empty() {
             return Ok(stated);
         }
-        Ok(Mix::requested(&stated, positions, &self.lights, std::path::Path::new(""))?)
+        Ok(Mix::requested(&stated, positions, &self.lights, Path::new(""))?)
     }
 }
 
@@ -169,9 +177,16 @@ fn split<T>(text: &str, number: impl Fn(&str) -> Option<T>) -> Option<[T; 3]> {
 /// `WxH`
 pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     const LARGEST: usize = relume::output::Picture::LARGEST_SIDE;
+    const MOST_PIXELS: usize = 1 << 31;
     let parts: Option<Vec<usize>> = text.split(['x', '×']).map(|part| part.trim().parse().ok()).collect();
     let size: Option<[usize; 2]> = parts.and_then(|parts| parts.try_into().ok());
     match size {
+        Some([width, height]) if width.max(height) <= LARGEST && width.saturating_mul(height) > MOST_PIXELS => {
+            Err(format!(
+                "{width}×{height} are {} pixels; a picture has at most {MOST_PIXELS}",
+                width.saturating_mul(height)
+            ))
+        }
         Some(size) if size.iter().all(|side| (1..=LARGEST).contains(side)) => Ok(size),
         Some(_) => Err(format!("each side of a picture has 1 to {LARGEST} pixels")),
         None => Err("write WIDTHxHEIGHT, such as 800x600".to_owned()),

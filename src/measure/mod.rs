@@ -2,6 +2,11 @@
 
 mod clock;
 mod image_error;
+mod model;
 
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
 pub use image_error::{ImageError, MeasureError, Spread};
+pub use model::{
+    AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
+    automatic_dimension, model_row,
+};

@@ -23,7 +23,7 @@
 //! | `adapt` | whether the white of the mixed light is adapted to D65 (Bradford); false where absent |
 //! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black where absent |
 //! | `[[components]]` | `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
-//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`: three numbers, for the last two only, the direction towards the light or its place, in world units |
+//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`: three numbers, for the last two only, the direction towards the light (or the opposite one, where no material is specular: both sides of a surface shine, so the two are one position) or its place, in world units |
 //! | `[[lights]]` | `name`; `position`: the name of one; `weight`: its intensity; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1 |
 //!
 //! Spectra are at 380, 385, … 780 nm. Names are not empty, hold no control characters, and are unique in their list;
@@ -113,7 +113,8 @@ pub enum PositionKind {
     Ambient,
     /// From the camera.
     Headlight,
-    /// From infinitely far, in this direction from the volume, in world space.
+    /// From infinitely far, in this direction from the volume, or the opposite one where no material is specular, in
+    /// world space.
     Directional([f64; 3]),
     /// From this point in world space.
     Point([f64; 3]),

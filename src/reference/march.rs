@@ -1,16 +1,16 @@
 //! The march along rays, front to back. `shaders/march.wgsl` is its twin: same names, same order.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::real::{dot, power, unit};
+use super::relight::light;
 use super::{Real, ReferenceError, Samples, Step};
 use crate::number::count;
-use crate::plan::{Planned, PositionCounts};
+use crate::plan::{Accumulate, LANE, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
-use crate::scene::{Mix, Scene};
-use crate::spectrum::colour::{Xyz, xyz_of};
-use crate::spectrum::{BANDS, Spectrum};
-use crate::tables::{Accumulation, PositionTable, RayTable};
+use crate::scene::{Material, Scene};
+use crate::tables::{Accumulation, PositionTable, RayTable, RelightMatrices};
 
 /// A ray through a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +33,8 @@ struct Frame<'a, R> {
     lights: Vec<[R; 3]>,
     step_length: R,
     termination: R,
+    /// Of the highlights.
+    exponents: Vec<u32>,
     size: [usize; 2],
 }
 
@@ -50,6 +52,7 @@ impl<'a, R: Real> Frame<'a, R> {
             lights: lights.into_iter().map(|light| light.to_array().map(R::from_f64)).collect(),
             step_length: R::from_f64(rays.step_length),
             termination: R::from_f64(scene.accuracy.termination),
+            exponents: planned.exponents(scene),
             size,
         })
     }
@@ -57,7 +60,7 @@ impl<'a, R: Real> Frame<'a, R> {
     /// The ray through pixel `[x, y]`, y down.
     fn ray_through(&self, [x, y]: [usize; 2]) -> Ray<R> {
         let rays = &self.rays;
-        let from = |vector: glam::DVec3| vector.to_array().map(R::from_f64);
+        let from = |vector: DVec3| vector.to_array().map(R::from_f64);
         let one = R::from_f64(1.0);
         let half = R::from_f64(0.5);
         let centre = |i: usize, n: usize| (R::from_f64(count(i)) + half) * R::from_f64(2.0 / count(n));
@@ -88,38 +91,40 @@ impl<'a, R: Real> Frame<'a, R> {
         Ray { base, direction, start: near, samples, view }
     }
 
-    /// Marches pixel `[x, y]`; `deposit(transmittance, position, source)` takes what every step adds. Returns the light
+    /// Marches pixel `[x, y]`: adds what its steps send to `sums`, components position by position, and returns the light
     /// that passes.
-    fn march_pixel(&self, samples: &impl Samples<R>, pixel: [usize; 2], mut deposit: impl FnMut(R, usize, &[R])) -> R {
+    fn march_pixel(&self, samples: &impl Samples<R>, pixel: [usize; 2], sums: &mut [R]) -> Vec<R> {
         let ray = self.ray_through(pixel);
-        let mut transmittance = R::from_f64(1.0);
+        let mut transmittance = vec![R::from_f64(1.0); self.planned.plan.passed()];
         let mut step = Step::default();
         let mut source = vec![R::default(); self.planned.plan.components()];
         for n in 0..ray.samples {
             let s = (R::from_f64(count(n)) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
-            for position in 0..self.planned.positions.len() {
+            for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
                 self.shade(position, &ray, place, &step, &mut source);
-                deposit(transmittance, position, &source);
+                composite(sums, &source, &transmittance);
             }
-            transmittance = pass_by(transmittance, step.opacity);
-            if transmittance < self.termination {
+            for (passed, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
+                *passed = pass_by(*passed, opacity);
+            }
+            if transmittance.iter().all(|&passed| passed < self.termination) {
                 break;
             }
         }
         transmittance
     }
 
-    /// What a step sends to the eye for light from `position`: per material, and white for highlights.
+    /// What a step sends to the eye for light from `position`: per material and white for highlights, or a spectrum.
     fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, source: &mut [R]) {
         let plan = &self.planned.plan;
-        let materials = plan.materials();
         let PositionCounts { ambient, headlight, directional, .. } = plan.positions;
-        let used = || self.planned.materials.iter().map(|&m| &self.scene.materials[m]);
         if position < ambient {
-            source[..materials].copy_from_slice(&step.weights);
-            source[materials..].fill(R::default());
+            source.fill(R::default());
+            let first = plan.parts().unshaded * LANE;
+            let parts = self.reflected_parts();
+            source[..parts].copy_from_slice(&step.source[first..first + parts]);
             return;
         }
         let light = if position < ambient + headlight {
@@ -130,19 +135,80 @@ impl<'a, R: Real> Frame<'a, R> {
             let local_scale = self.rays.local_scale.to_array().map(R::from_f64);
             unit(std::array::from_fn(|axis| self.lights[position][axis] - place[axis] * local_scale[axis]))
         };
-        let facing = dot(step.normal, light).abs();
-        for ((part, &weight), material) in source.iter_mut().zip(&step.weights).zip(used()) {
-            *part = weight * R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient));
-        }
+        self.reflect(step, dot(step.normal, light).abs(), source);
         if plan.specular().is_some() {
             let halfway = unit(std::array::from_fn(|axis| light[axis] + ray.view[axis]));
-            let facing = dot(step.normal, halfway).abs();
-            let mut white = R::default();
-            for (&weight, material) in step.weights.iter().zip(used()) {
-                white = (weight * R::from_f64(material.specular)).mul_add(power(facing, material.exponent), white);
-            }
-            source[materials] = white;
+            self.highlight(step, dot(step.normal, halfway).abs(), source);
         }
+    }
+
+    /// Components that are not white alone.
+    fn reflected_parts(&self) -> usize {
+        match self.planned.plan.accumulate {
+            Accumulate::Weights { materials } => materials,
+            Accumulate::Spectral { dimension, .. } => dimension,
+        }
+    }
+
+    /// Sets `source` to the ambient and diffuse light of a step.
+    fn reflect(&self, step: &Step<R>, facing: R, source: &mut [R]) {
+        let plan = &self.planned.plan;
+        let parts = plan.parts();
+        let shade = |material: &Material| R::from_f64(material.diffuse).mul_add(facing, R::from_f64(material.ambient));
+        match plan.accumulate {
+            Accumulate::Weights { .. } => {
+                for ((part, &weight), material) in source.iter_mut().zip(&step.source).zip(self.used()) {
+                    *part = weight * shade(material);
+                }
+            }
+            Accumulate::Spectral { shares: Shares::Equal, .. } => {
+                let shade = self.used().next().map_or(R::default(), shade);
+                for (part, &reflected) in source.iter_mut().zip(&step.source[parts.unshaded * LANE..]) {
+                    *part = reflected * shade;
+                }
+            }
+            Accumulate::Spectral { shares: Shares::Own, .. } => {
+                let [ambient, diffuse] = [parts.ambient, parts.diffuse].map(|first| &step.source[first * LANE..]);
+                for ((part, &ambient), &diffuse) in source.iter_mut().zip(ambient).zip(diffuse) {
+                    *part = diffuse.mul_add(facing, ambient);
+                }
+            }
+        }
+    }
+
+    /// Adds the white of a step's highlights to `source`.
+    fn highlight(&self, step: &Step<R>, facing: R, source: &mut [R]) {
+        let plan = &self.planned.plan;
+        let parts = plan.parts();
+        match (plan.accumulate, plan.transmittance) {
+            (Accumulate::Weights { materials }, _) => {
+                let mut white = R::default();
+                for (&weight, material) in step.source.iter().zip(self.used()) {
+                    white = (weight * R::from_f64(material.specular)).mul_add(power(facing, material.exponent), white);
+                }
+                source[materials] = white;
+            }
+            (_, Transmittance::Grey) => {
+                let whites = self.exponents.iter().zip(&step.source[parts.highlights * LANE..]);
+                let white =
+                    whites.fold(R::default(), |sum, (&exponent, &white)| white.mul_add(power(facing, exponent), sum));
+                source.iter_mut().for_each(|part| *part = *part + white);
+            }
+            (_, Transmittance::Coloured) => {
+                for (i, &exponent) in self.exponents.iter().enumerate() {
+                    let shine = power(facing, exponent);
+                    let whites = &step.source[(parts.highlights + i * plan.lanes()) * LANE..];
+                    for (part, &white) in source.iter_mut().zip(whites) {
+                        *part = white.mul_add(shine, *part);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The materials in use.
+    fn used(&self) -> impl Iterator<Item = &Material> {
+        self.planned.materials.iter().filter_map(|&material| self.scene.materials.get(material))
     }
 }
 
@@ -159,10 +225,11 @@ fn between<R: Real>(base: R, direction: R, low: R, high: R) -> [R; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Adds one premultiplied sample front to back, `A += T·s`.
-pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: R) {
-    for (sum, &part) in accumulator.iter_mut().zip(source) {
-        *sum = transmittance.mul_add(part, *sum);
+/// Adds one premultiplied sample front to back, `A += T·s`; T is one number for all components, or one for each.
+pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[R]) {
+    let passed = transmittance.iter().cycle();
+    for ((sum, &part), passed) in accumulator.iter_mut().zip(source).zip(passed) {
+        *sum = passed.mul_add(part, *sum);
     }
 }
 
@@ -171,7 +238,7 @@ pub fn pass_by<R: Real>(transmittance: R, opacity: R) -> R {
     (-transmittance).mul_add(opacity, transmittance)
 }
 
-/// Marches every pixel of a picture of `size` (width, height) in the planned model.
+/// Marches every pixel of a picture of `size` (width, height) as planned.
 ///
 /// # Errors
 ///
@@ -183,74 +250,58 @@ pub fn march<R: Real>(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Accumulation<R>, ReferenceError> {
-    let frame = Frame::<R>::new(scene, planned, size)?;
-    let components = planned.plan.components();
-    let kept = components * planned.positions.len();
-    let rows = by_rows(size, progress, |y| {
-        let mut row = vec![R::default(); (kept + 1) * size[0]];
-        for (x, pixel) in row.chunks_exact_mut(kept + 1).enumerate() {
-            let (sums, rest) = pixel.split_at_mut(kept);
-            rest[0] = frame.march_pixel(samples, [x, y], |transmittance, position, source| {
-                composite(&mut sums[position * components..][..components], source, transmittance);
-            });
+    let kept = planned.plan.components() * planned.positions.len();
+    let marched = pixels(scene, planned, samples, size, progress, |sums, passed| [sums, passed].concat())?;
+    let numbers = kept + planned.plan.passed();
+    let mut planes = vec![R::default(); numbers * marched.len()];
+    for (i, pixel) in marched.iter().enumerate() {
+        for (k, &number) in pixel.iter().enumerate() {
+            planes[k * marched.len() + i] = number;
         }
-        row
-    })?;
-    let pixels = size[0] * size[1];
-    let mut accumulation =
-        Accumulation { size, weights: vec![R::default(); kept * pixels], transmittance: vec![R::default(); pixels] };
-    for (i, pixel) in rows.iter().flat_map(|row| row.chunks_exact(kept + 1)).enumerate() {
-        for (k, &weight) in pixel[..kept].iter().enumerate() {
-            accumulation.weights[k * pixels + i] = weight;
-        }
-        accumulation.transmittance[i] = pixel[kept];
     }
-    Ok(accumulation)
+    let transmittance = planes.split_off(kept * marched.len());
+    Ok(Accumulation { size, weights: planes, transmittance })
 }
 
-/// The truth: every pixel marched with all 81 bands in f64, lit by `mix`. XYZ of each pixel, background included, and
-/// the light that passes.
+/// Marches and relights pixel by pixel, so that no more than a row's accumulators are held: linear sRGB and opacity, rows
+/// from the top. With [`plan_full_spectrum`](crate::plan::plan_full_spectrum) it is the truth.
 ///
 /// # Errors
 ///
 /// [`ReferenceError`].
-pub fn full_spectrum(
+pub fn render<R: Real>(
     scene: &Scene,
     planned: &Planned,
-    samples: &impl Samples<f64>,
-    mix: &Mix,
+    samples: &impl Samples<R>,
+    matrices: &RelightMatrices,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Result<(Vec<Xyz>, Vec<f64>), ReferenceError> {
-    let frame = Frame::<f64>::new(scene, planned, size)?;
-    let (light_at, all) = mix.light_at(planned.positions.len());
-    let reflectances: Vec<&[f64; BANDS]> =
-        planned.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().samples()).collect();
+) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
+    pixels(scene, planned, samples, size, progress, |sums, passed| light(sums, passed, matrices))
+}
+
+/// `finish(sums, passed)` of every pixel, marched.
+fn pixels<R: Real, T: Send>(
+    scene: &Scene,
+    planned: &Planned,
+    samples: &impl Samples<R>,
+    size: [usize; 2],
+    progress: &dyn Progress,
+    finish: impl Fn(&[R], &[R]) -> T + Sync,
+) -> Result<Vec<T>, ReferenceError> {
+    let frame = Frame::<R>::new(scene, planned, size)?;
+    let kept = planned.plan.components() * planned.positions.len();
     let rows = by_rows(size, progress, |y| {
+        let mut sums = vec![R::default(); kept];
         let mut row = Vec::with_capacity(size[0]);
         for x in 0..size[0] {
-            let mut spectrum = [0.0; BANDS];
-            let passed = frame.march_pixel(samples, [x, y], |transmittance, position, source| {
-                for (band, sum) in spectrum.iter_mut().enumerate() {
-                    // What a step reflects in this band: every material its own share, highlights all of it.
-                    let reflected: f64 = source
-                        .iter()
-                        .enumerate()
-                        .map(|(c, &part)| part * reflectances.get(c).map_or(1.0, |reflectance| reflectance[band]))
-                        .sum();
-                    *sum += transmittance * reflected * light_at[position].samples()[band];
-                }
-            });
-            if let Some(background) = &scene.background {
-                for (band, sum) in spectrum.iter_mut().enumerate() {
-                    *sum += passed * all.samples()[band] * background.spectrum().samples()[band];
-                }
-            }
-            row.push((xyz_of(&Spectrum::from_samples(spectrum)), passed));
+            sums.fill(R::default());
+            let passed = frame.march_pixel(samples, [x, y], &mut sums);
+            row.push(finish(&sums, &passed));
         }
         row
     })?;
-    Ok(rows.into_iter().flatten().unzip())
+    Ok(rows.into_iter().flatten().collect())
 }
 
 /// `row(y)` for every row of a picture, in parallel, reported and cancellable.

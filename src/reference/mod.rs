@@ -5,9 +5,9 @@ mod real;
 mod relight;
 mod samples;
 
-pub use march::{composite, full_spectrum, march, pass_by};
+pub use march::{composite, march, pass_by, render};
 pub use real::Real;
-pub use relight::relight;
+pub use relight::{opacity, relight};
 pub use samples::{Exact, Samples, Step, Stored};
 
 /// A reference that was not finished.

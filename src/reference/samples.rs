@@ -3,18 +3,18 @@
 use super::Real;
 use super::real::unit;
 use crate::number::count;
-use crate::plan::{LANE, Planned};
+use crate::plan::Planned;
 use crate::scene::{Interpolation, Lookup, Scene};
-use crate::tables::{self, LabelMap, Storage, StoredVolume, TransferTable};
+use crate::tables::{self, LabelMap, Steps, Storage, StoredVolume, TransferTable};
 use crate::volume::Volume;
 
-/// What one step does at a sample.
+/// What one step does at a sample, laid out as a table entry.
 #[derive(Clone, Debug, Default)]
 pub struct Step<R> {
-    /// Light gained per material in use.
-    pub weights: Vec<R>,
-    /// Light lost.
-    pub opacity: R,
+    /// Light gained.
+    pub source: Vec<R>,
+    /// Light lost: as many numbers as the plan has for what passes.
+    pub opacity: Vec<R>,
     /// Unit gradient of the data in the volume's own axes; 0 where there is none or none is needed.
     pub normal: [R; 3],
 }
@@ -32,6 +32,7 @@ pub struct Exact<'a> {
     planned: &'a Planned,
     storage: Storage,
     labels: Option<&'a LabelMap>,
+    steps: Steps<'a>,
     label_steps: Vec<tables::Step>,
 }
 
@@ -39,8 +40,9 @@ impl<'a> Exact<'a> {
     /// Samples of `scene`; `storage` says what NaN and ±∞ count as.
     #[must_use]
     pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
-        let label_steps = tables::steps_of_labels(scene, planned);
-        Self { scene, planned, storage, labels, label_steps }
+        let steps = Steps::new(scene, planned);
+        let label_steps = steps.of_labels();
+        Self { scene, planned, storage, labels, steps, label_steps }
     }
 
     /// The normalised value of a voxel; indices beyond the grid take its face.
@@ -78,13 +80,10 @@ impl Samples<f64> for Exact<'_> {
         let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, dims)]);
         let [low, high] = self.storage.domain;
         let value = (high - low).mul_add(normalised, low);
-        let found = if row > 0 {
-            self.label_steps[usize::from(row)].clone()
-        } else {
-            tables::step_of_value(self.scene, self.planned, value)
-        };
-        step.weights.clone_from(&found.weights);
-        step.opacity = found.opacity;
+        let found = if row > 0 { self.label_steps[usize::from(row)].clone() } else { self.steps.of_value(value) };
+        step.source.clone_from(&found.source);
+        step.opacity.clone_from(&found.opacity);
+        step.opacity.truncate(self.planned.plan.passed());
         if self.planned.plan.gradient() {
             step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
         }
@@ -141,44 +140,45 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         if volume.has_gradient {
             step.normal = unit(std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]));
         }
-        step.weights.resize(self.planned.materials.len(), R::default());
         let row = self.labels.map_or(0, |(labels, _)| labels.rows[nearest(place, volume.dims)]);
         if let (Some((_, table)), true) = (self.labels, row > 0) {
-            step.opacity = entry(table, usize::from(row), &mut step.weights);
+            entry(table, usize::from(row), step);
         } else {
             let last = R::from_f64(count(self.table.entries() - 1));
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
-            step.opacity = self.look_up(coordinate, &mut step.weights);
+            self.look_up(coordinate, step);
         }
+        step.opacity.truncate(self.planned.plan.passed());
     }
 }
 
 impl<R: Real> Stored<'_, R> {
     /// The table at `coordinate`; twin of `look_up` in `shaders/march.wgsl`.
-    fn look_up(&self, coordinate: R, weights: &mut [R]) -> R {
+    fn look_up(&self, coordinate: R, step: &mut Step<R>) {
         match self.planned.plan.lookup {
-            Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), weights),
+            Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), step),
             Lookup::Linear => {
                 let before = coordinate.floor().index().min(self.table.entries() - 2);
                 let fraction = coordinate - R::from_f64(count(before));
-                let opacity = entry(self.table, before, weights);
-                let mut after = vec![R::default(); weights.len()];
-                let opacity_after = entry(self.table, before + 1, &mut after);
-                for (weight, after) in weights.iter_mut().zip(after) {
-                    *weight = fraction.mul_add(after - *weight, *weight);
+                entry(self.table, before, step);
+                let mut after = Step::<R>::default();
+                entry(self.table, before + 1, &mut after);
+                let numbers = step.source.iter_mut().chain(&mut step.opacity);
+                for (number, after) in numbers.zip(after.source.into_iter().chain(after.opacity)) {
+                    *number = fraction.mul_add(after - *number, *number);
                 }
-                fraction.mul_add(opacity_after - opacity, opacity)
             }
         }
     }
 }
 
-/// Entry `i` of a table: sets the weights, returns the opacity.
-fn entry<R: Real>(table: &TransferTable, i: usize, weights: &mut [R]) -> R {
-    for (m, weight) in weights.iter_mut().enumerate() {
-        *weight = R::from_f64(f64::from(table.weights[i * table.lanes + m / LANE][m % LANE]));
-    }
-    R::from_f64(f64::from(table.opacity[i]))
+/// Sets `step` to entry `i` of a table.
+fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
+    let number = |&number: &f32| R::from_f64(f64::from(number));
+    step.source.clear();
+    step.source.extend(table.source[i * table.lanes..][..table.lanes].iter().flatten().map(number));
+    step.opacity.clear();
+    step.opacity.extend(table.opacity[i * table.passed..][..table.passed].iter().map(number));
 }
 
 /// Between voxels: `texel` of the eight around `place` (texture coordinates), x first, or of the nearest.

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{Key, RenderError, Renderer, Uploaded};
 use crate::number::{count, unsigned, whole};
-use crate::plan::{LANE, Planned, ScenePlan};
+use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Lookup, Scene};
 use crate::shader::{Constants, Shader, ShaderError, compile};
@@ -98,8 +98,29 @@ pub struct Accumulators {
     pub(super) transmittance: StorageImage,
 }
 
-/// The shader's name and text.
-const SOURCE: (&str, &str) = ("shaders/march.wgsl", include_str!("../../shaders/march.wgsl"));
+/// The shader's texts by name: the march, what a step reflects, and what passes it.
+fn sources(plan: &ScenePlan) -> [(&'static str, &'static str); 3] {
+    [
+        match plan.accumulate {
+            Accumulate::Weights { .. } => ("shaders/weights.wgsl", include_str!("../../shaders/weights.wgsl")),
+            Accumulate::Spectral { .. } => ("shaders/spectral.wgsl", include_str!("../../shaders/spectral.wgsl")),
+        },
+        match plan.transmittance {
+            Transmittance::Grey => ("shaders/grey.wgsl", include_str!("../../shaders/grey.wgsl")),
+            Transmittance::Coloured => ("shaders/coloured.wgsl", include_str!("../../shaders/coloured.wgsl")),
+        },
+        ("shaders/march.wgsl", include_str!("../../shaders/march.wgsl")),
+    ]
+}
+
+/// The type, in WGSL, of the image of what passes.
+pub(super) fn transmittance_image(plan: &ScenePlan, access: &str) -> String {
+    let format = match plan.transmittance {
+        Transmittance::Grey => "r32float",
+        Transmittance::Coloured => "rgba32float",
+    };
+    format!("texture_storage_2d_array<{format}, {access}>")
+}
 
 /// Constants that both shaders know.
 pub(super) fn common(plan: &ScenePlan) -> Constants {
@@ -108,10 +129,23 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 
 /// What `plan` fixes in the march shader.
 fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants {
-    let specular = plan.specular();
+    let (specular, parts) = (plan.specular(), plan.parts());
+    let (materials, dimension, shares, exponents) = match plan.accumulate {
+        Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
+        Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
+    };
     common(plan)
         .u32("LANES", unsigned(plan.lanes().max(1)))
-        .u32("TABLE_LANES", unsigned(plan.table_lanes().max(1)))
+        .u32("COMPONENTS", unsigned(dimension))
+        .u32("TABLE_LANES", unsigned(parts.lanes.max(1)))
+        .u32("SHADING_LANES", unsigned(plan.shading_lanes()))
+        .u32("UNSHADED", unsigned(parts.unshaded))
+        .u32("DIFFUSE", unsigned(parts.diffuse))
+        .u32("HIGHLIGHTS", unsigned(parts.highlights))
+        .u32("EXPONENTS", unsigned(exponents))
+        .bool("EQUAL_SHARES", shares == Shares::Equal)
+        .bool("COLOURED", plan.transmittance == Transmittance::Coloured)
+        .alias("TransmittanceImage", &transmittance_image(plan, "read_write"))
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
         .u32("AMBIENT", unsigned(plan.positions.ambient))
@@ -125,8 +159,8 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .u32("ONE_EXPONENT_VALUE", one_exponent)
         .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
         // The place of white behind the materials, where there is one.
-        .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| plan.materials() / LANE)))
-        .u32("WHITE_PART", unsigned(specular.map_or(0, |_| plan.materials() % LANE)))
+        .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
+        .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
         .bool("LABELS", plan.labels)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
@@ -144,7 +178,7 @@ pub(super) fn one_exponent(scene: &Scene, planned: &Planned) -> Option<u32> {
 
 /// The march shader of `plan`.
 pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
-    compile(&[SOURCE], &constants(plan, one_exponent, group))
+    compile(&sources(plan), &constants(plan, one_exponent, group))
 }
 
 impl MarchUniform {
@@ -221,11 +255,11 @@ impl Renderer {
         };
         let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &table, size)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
-        let table_weights = storage("table weights", bytemuck::cast_slice(&table.weights))?;
+        let table_source = storage("table source", bytemuck::cast_slice(&table.source))?;
         let table_opacity = storage("table opacity", bytemuck::cast_slice(&table.opacity))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
         let label_table = TransferTable::of_labels(scene, planned);
-        let label_weights = storage("label weights", bytemuck::cast_slice(&label_table.weights))?;
+        let label_source = storage("label source", bytemuck::cast_slice(&label_table.source))?;
         let label_opacity = storage("label opacity", bytemuck::cast_slice(&label_table.opacity))?;
         let filter = match plan.interpolation {
             crate::scene::Interpolation::Nearest => Filter::Nearest,
@@ -234,7 +268,11 @@ impl Renderer {
         let sampler = Sampler::new(device, "volume", filter)?;
         let layers = unsigned(plan.layers().max(1));
         let weights = StorageImage::new(device, "accumulators", Format::Rgba32Float, extent, layers)?;
-        let transmittance = StorageImage::new(device, "transmittance", Format::R32Float, extent, 1)?;
+        let (format, layers) = match plan.transmittance {
+            Transmittance::Grey => (Format::R32Float, 1),
+            Transmittance::Coloured => (Format::Rgba32Float, unsigned(plan.passed_lanes())),
+        };
+        let transmittance = StorageImage::new(device, "transmittance", format, extent, layers)?;
 
         let one_exponent = one_exponent(scene, planned);
         let (pipeline, set) = self.bind(
@@ -247,11 +285,11 @@ impl Renderer {
                     "shading_uniform" => Resource::Uniform(&shading),
                     "volume" => Resource::Texture(&uploaded.volume),
                     "volume_sampler" => Resource::Sampler(&sampler),
-                    "table_weights" => Resource::Storage(&table_weights),
+                    "table_source" => Resource::Storage(&table_source),
                     "table_opacity" => Resource::Storage(&table_opacity),
                     "occupancy" => Resource::Storage(&occupied),
                     "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
-                    "label_weights" => Resource::Storage(&label_weights),
+                    "label_source" => Resource::Storage(&label_source),
                     "label_opacity" => Resource::Storage(&label_opacity),
                     "accumulators" => Resource::StorageImage(&weights),
                     "transmittances" => Resource::StorageImage(&transmittance),
@@ -294,19 +332,27 @@ impl Renderer {
         let plan = &accumulators.planned.plan;
         let (size, components) = (accumulators.size, plan.components());
         let pixels = size[0] * size[1];
-        let mut weights = vec![0.0; components * plan.positions.total() * pixels];
-        for layer in 0..plan.layers() {
-            let texels: Vec<[f32; LANE]> = self.read_layer(&accumulators.weights, unsigned(layer))?;
-            let (position, lane) = (layer / plan.lanes(), layer % plan.lanes());
-            for part in 0..LANE.min(components - lane * LANE) {
-                let component = position * components + lane * LANE + part;
-                let plane = &mut weights[component * pixels..][..pixels];
-                for (weight, texel) in plane.iter_mut().zip(&texels) {
-                    *weight = texel[part];
-                }
+        let mut weights = Vec::with_capacity(components * plan.positions.total() * pixels);
+        for position in 0..plan.positions.total() {
+            weights.extend(self.read_numbers(&accumulators.weights, position * plan.lanes(), components)?);
+        }
+        let transmittance = match plan.transmittance {
+            Transmittance::Grey => self.read_layer(&accumulators.transmittance, 0)?,
+            Transmittance::Coloured => self.read_numbers(&accumulators.transmittance, 0, plan.passed())?,
+        };
+        Ok(Accumulation { size, weights, transmittance })
+    }
+
+    /// `count` numbers of every pixel, plane by plane, from the layer `first` on.
+    fn read_numbers(&self, image: &StorageImage, first: usize, count: usize) -> Result<Vec<f32>, RenderError> {
+        let mut numbers = Vec::new();
+        for lane in 0..count.div_ceil(LANE) {
+            let texels: Vec<[f32; LANE]> = self.read_layer(image, unsigned(first + lane))?;
+            for part in 0..LANE.min(count - lane * LANE) {
+                numbers.extend(texels.iter().map(|texel| texel[part]));
             }
         }
-        Ok(Accumulation { size, weights, transmittance: self.read_layer(&accumulators.transmittance, 0)? })
+        Ok(numbers)
     }
 
     /// The texels of a layer, rows from the top.
@@ -348,8 +394,14 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 /// loops over cells and samples, over the lanes of the table (for values and labels), and over the positions with their
 /// lanes; and per dispatch those that load and store.
 fn longest_slice(plan: &ScenePlan) -> u32 {
-    let per_position = 1 + 2 * plan.table_lanes() + plan.lanes();
-    let per_sample = 3 + 2 * plan.table_lanes() + plan.positions.total() * per_position;
+    let (lanes, parts) = (plan.lanes(), plan.parts().lanes);
+    let (coloured, exponents) = match (plan.transmittance, plan.accumulate) {
+        (Transmittance::Grey, Accumulate::Spectral { exponents, .. }) => (0, exponents),
+        (Transmittance::Coloured, Accumulate::Spectral { exponents, .. }) => (4 * lanes, exponents),
+        (_, Accumulate::Weights { .. }) => (0, 0),
+    };
+    let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes);
+    let per_sample = 3 + 2 * parts + coloured + plan.positions.total() * per_position;
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }
 
@@ -415,12 +467,13 @@ impl Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::{Accumulate, PositionCounts, ShadingTerms};
+    use crate::plan::{PositionCounts, ShadingTerms};
     use crate::scene::Interpolation;
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
             accumulate: Accumulate::Weights { materials },
+            transmittance: Transmittance::Grey,
             positions: PositionCounts { directional: 1, ..PositionCounts::default() },
             shading: Some(ShadingTerms { diffuse: true, specular: None }),
             labels: false,
@@ -467,7 +520,7 @@ mod tests {
             height
         );
         let constants = constants(&plan_of(4), 0, Dispatching::default().group);
-        let theirs = crate::shader::struct_layout(&[SOURCE], &constants, "March").ok();
+        let theirs = crate::shader::struct_layout(&sources(&plan_of(4)), &constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
         });

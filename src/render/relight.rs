@@ -2,12 +2,12 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::march::common;
+use super::march::{common, transmittance_image};
 use super::{Accumulators, Key, RenderError, Renderer};
 use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
 use crate::shader::{Shader, ShaderError, compile};
-use crate::tables::{RelightMatrices, rounded};
+use crate::tables::RelightMatrices;
 use crate::vulkan::{Buffer, Format, HostUse, Resource, StorageImage};
 
 /// Workgroups of a relight: long rows (VULKAN.md §4).
@@ -26,21 +26,23 @@ pub(super) enum Target {
     Linear,
 }
 
-/// The head of the relight's uniform, as `shaders/relight.wgsl` has it; the colours follow.
+/// The head of the relight's uniform, as `shaders/relight.wgsl` has it; what passes and the colours follow.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 #[expect(missing_docs, reason = "named in the shader")]
 pub struct RelightUniform {
-    pub background: [f32; 3],
     pub width: u32,
     pub height: u32,
-    pub padding: [u32; 3],
+    pub padding: [u32; 2],
 }
 
 /// The relight shader of `plan`.
 pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderError> {
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
+        .bool("PASSING", plan.background || target == Target::Linear)
+        .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
+        .alias("TransmittanceImage", &transmittance_image(plan, "read"))
         .bool("DISPLAY", target == Target::Display)
         .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
         .u32("ROWS", ROWS)
@@ -82,7 +84,9 @@ impl Renderer {
     fn relight<'a>(&'a self, accumulators: &'a Accumulators, target: Target) -> Result<Relight<'a>, RenderError> {
         let plan = &accumulators.planned.plan;
         let device = &self.device;
-        let bytes = size_of::<RelightUniform>() + plan.layers().max(1) * size_of::<[[f32; LANE]; 3]>();
+        let bytes = size_of::<RelightUniform>()
+            + plan.passed_lanes() * size_of::<[[f32; LANE]; 4]>()
+            + plan.layers().max(1) * size_of::<[[f32; LANE]; 3]>();
         let uniform = Buffer::host(device, "relight", bytes as u64, HostUse::Uniform)?;
         let (format, name) = match target {
             Target::Display => (Format::Rgba8Unorm, "display"),
@@ -115,15 +119,13 @@ impl Relight<'_> {
     /// [`RenderError`].
     pub fn run(&self, matrices: &RelightMatrices) -> Result<(), RenderError> {
         let size = self.accumulators.size.map(unsigned);
-        let head = RelightUniform {
-            background: matrices.background.to_array().map(rounded),
-            width: size[0],
-            height: size[1],
-            padding: [0; 3],
-        };
+        let head = RelightUniform { width: size[0], height: size[1], padding: [0; 2] };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
+        let passing = matrices.passing_lanes();
+        self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&passing))?;
+        let colours_at = size_of::<RelightUniform>() + size_of_val(passing.as_slice());
         let lanes = matrices.lanes(self.accumulators.planned.plan.components());
-        self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&lanes))?;
+        self.uniform.write(colours_at as u64, bytemuck::cast_slice(&lanes))?;
         self.renderer.device.run("relight", |recorder| {
             recorder.compute_to_compute();
             recorder.dispatch(

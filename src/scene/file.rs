@@ -10,14 +10,15 @@ use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use super::define::{byte_of, define, path_at, responsible};
-use super::lights::{INTENSITY, chain};
+use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
-    Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve, Placement,
-    Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
+    AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
+    OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
+use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
 use crate::progress::Progress;
-use crate::spectrum::{SpectrumError, SpectrumSource, nearest};
+use crate::spectrum::{Reflectance, SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
 
 /// The scene shown when none is named.
@@ -50,6 +51,13 @@ pub struct SceneOptions {
 pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let length = std::fs::metadata(path).map_err(read)?.len();
+    let volume = || SceneError::Invalid {
+        at: path.display().to_string(),
+        message: format!("this is a volume, not a scene: use --volume {}", path.display()),
+    };
+    if volume::is_volume(path, &[]) {
+        return Err(volume());
+    }
     if length > LONGEST_SCENE {
         let message = format!(
             "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume"
@@ -57,6 +65,9 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
         return Err(SceneError::Invalid { at: path.display().to_string(), message });
     }
     let bytes = std::fs::read(path).map_err(read)?;
+    if volume::is_volume(path, &bytes) {
+        return Err(volume());
+    }
     let text = String::from_utf8(bytes).map_err(|error| SceneError::Invalid {
         at: path.display().to_string(),
         message: format!(
@@ -183,6 +194,7 @@ struct VolumeFile {
 #[serde(deny_unknown_fields)]
 struct MaterialFile {
     reflectance: At<SpectrumSource>,
+    absorption: Option<At<SpectrumSource>>,
     ambient: Option<At<f64>>,
     diffuse: Option<At<f64>>,
     specular: Option<At<f64>>,
@@ -203,6 +215,7 @@ struct TransferFile {
     #[serde(default)]
     intervals: Vec<IntervalFile>,
     opacity: Option<At<Vec<[f64; 2]>>>,
+    absorption: Option<At<Vec<[f64; 2]>>>,
     material: Option<At<Vec<(f64, String)>>>,
 }
 
@@ -213,6 +226,7 @@ struct IntervalFile {
     range: At<[f64; 2]>,
     ramp: Option<At<f64>>,
     opacity: At<f64>,
+    absorption: Option<At<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -221,6 +235,7 @@ struct LabelFile {
     name: Option<String>,
     material: At<String>,
     opacity: At<f64>,
+    absorption: Option<At<f64>>,
 }
 
 #[derive(Deserialize)]
@@ -283,6 +298,12 @@ struct AccuracyFile {
     skipping: Option<bool>,
     #[serde(default)]
     interpolation: Interpolation,
+    #[serde(default)]
+    accumulate: AccumulateAs,
+    #[serde(default)]
+    model: ModelKind,
+    tolerance: Option<At<f64>>,
+    k: Option<At<usize>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -293,12 +314,38 @@ struct DisplayFile {
     adapt: bool,
 }
 
+/// Optical depths per opacity length.
+const DEPTH: RangeInclusive<f64> = 0.0..=OPAQUE_DEPTH;
+
+fn descends(last: f64, next: f64) -> String {
+    format!("the value {} comes after {}; values ascend", readable(next), readable(last))
+}
+
+/// Why a material cannot absorb.
+fn without_absorption(key: &str, material: &str) -> String {
+    format!(
+        "{key}: the material {material} absorbs nothing; write `absorption = …`, a spectrum, into [materials.{material}]"
+    )
+}
+
 /// Rows of the label table beside row 0; a voxel's row is a byte.
 const MOST_LABELS: usize = 255;
 
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
+
+/// Says which reflectance gives back more light than it gets.
+fn warn_above_one(key: &str, reflectance: &Reflectance) {
+    let most = reflectance.spectrum().samples().iter().copied().fold(0.0, f64::max);
+    // Colours of reflectance 1 are computed, and round.
+    if most > 1.0 + 1e-6 {
+        let most = readable(most);
+        tracing::warn!(
+            "{key} is up to {most}, and no surface reflects more than 1; is it in percent? then divide by 100"
+        );
+    }
+}
 
 /// `name:line:column` of a byte of `text`.
 fn place(name: &str, text: &str, byte: usize) -> String {
@@ -317,6 +364,19 @@ fn with_suggestion(message: &str) -> String {
     }
 }
 
+/// The message about a field that is missing in what `definition` began, with the names that the text does have.
+fn with_names(original: &str, definition: &str, message: String) -> String {
+    let mut keys = definition.split(['=', '.']).map(str::trim);
+    let (Some(first), Some(name)) = (keys.next(), keys.next()) else { return message };
+    match original.parse::<Table>().ok().as_ref().and_then(|table| table.get(first)?.as_table()) {
+        Some(there) if message.starts_with("missing field") && !there.contains_key(name) => {
+            let names: Vec<&str> = there.keys().map(String::as_str).collect();
+            format!("there is no {first}.{name}, only {}; a new one: {message}", names.join(", "))
+        }
+        _ => message,
+    }
+}
+
 impl Text<'_> {
     fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
         toml::from_str(self.text)
@@ -330,7 +390,10 @@ impl Text<'_> {
             Some((original, definitions)) => {
                 let path = path_at(self.text, byte);
                 match (responsible(definitions, &path), byte_of(original, &path)) {
-                    (Some(definition), _) => SceneError::Define { definition: definition.clone(), message },
+                    (Some(definition), _) => {
+                        let message = with_names(original, definition, message);
+                        SceneError::Define { definition: definition.clone(), message }
+                    }
                     (None, byte) => SceneError::Invalid { at: place(&self.name, original, byte.unwrap_or(0)), message },
                 }
             }
@@ -408,7 +471,11 @@ impl Text<'_> {
         let materials = self.materials(&file.materials, base)?;
         let background = match &file.background {
             None => None,
-            Some(source) => Some(self.spectrum("background".into(), source, |source| source.reflectance(base))?),
+            Some(source) => {
+                let surface = self.spectrum("background".into(), source, |source| source.reflectance(base))?;
+                warn_above_one("background", &surface);
+                Some(surface)
+            }
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let lights = self.lights(&file.lights, base)?;
@@ -416,6 +483,15 @@ impl Text<'_> {
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
         let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-3)?;
+        let tolerance = self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), 1.0)?;
+        let dimension = match &file.accuracy.k {
+            None => None,
+            Some(k) if (1..=LARGEST_DIMENSION).contains(k.get_ref()) => Some(*k.get_ref()),
+            Some(k) => {
+                let message = format!("k = {}; it is a whole number from 1 to {LARGEST_DIMENSION}", k.get_ref());
+                return Err(self.invalid(k, message));
+            }
+        };
         let exposure = self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), 1.0)?;
         let opacity_length = file
             .transfer
@@ -434,6 +510,10 @@ impl Text<'_> {
             termination,
             skipping: file.accuracy.skipping.unwrap_or(true),
             interpolation: file.accuracy.interpolation,
+            accumulate: file.accuracy.accumulate,
+            model: file.accuracy.model,
+            tolerance,
+            dimension,
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {
@@ -441,7 +521,12 @@ impl Text<'_> {
                 "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
+        let reflectances = file.materials.values().map(|material| &material.reflectance).chain(&file.background);
+        let spectra = reflectances.chain(file.lights.values().map(|light| &light.get_ref().spectrum));
+        let mut inputs: Vec<PathBuf> = spectra.filter_map(|source| source.get_ref().file(base)).collect();
+        inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
         Ok(Scene {
+            inputs,
             source: match self.changed {
                 Some((_, definitions)) => format!("{} with -D {}", self.name, definitions.join(" -D ")),
                 None => self.name.clone(),
@@ -482,9 +567,19 @@ impl Text<'_> {
                     )?,
                 };
                 let key = format!("materials.{name}.reflectance");
+                let reflectance = self.spectrum(key.clone(), &file.reflectance, |source| source.reflectance(base))?;
+                warn_above_one(&key, &reflectance);
                 Ok(Material {
                     name: name.clone(),
-                    reflectance: self.spectrum(key, &file.reflectance, |source| source.reflectance(base))?,
+                    reflectance,
+                    absorption: file
+                        .absorption
+                        .as_ref()
+                        .map(|stated| {
+                            let key = format!("materials.{name}.absorption");
+                            self.spectrum(key, stated, |source| source.absorption(base))
+                        })
+                        .transpose()?,
                     ambient: share("ambient", file.ambient.as_ref(), 0.2)?,
                     diffuse: share("diffuse", file.diffuse.as_ref(), 0.8)?,
                     specular: share("specular", file.specular.as_ref(), 0.0)?,
@@ -505,6 +600,16 @@ impl Text<'_> {
             let names: Vec<_> = materials.iter().map(|material| material.name.as_str()).collect();
             format!("there is no material {name:?}; there are: {}", names.join(", "))
         })
+    }
+
+    /// Optical depth per opacity length where `material` absorbs most.
+    fn absorption(&self, key: &str, value: Option<&At<f64>>, material: &Material) -> Result<f64, SceneError> {
+        let Some(value) = value else { return Ok(0.0) };
+        let depth = self.number(key, value, &DEPTH)?;
+        if depth > 0.0 && material.absorption.is_none() {
+            return Err(self.invalid(value, without_absorption(key, &material.name)));
+        }
+        Ok(depth)
     }
 
     fn opacity(&self, key: &str, value: &At<f64>, material: &Material) -> Result<f64, SceneError> {
@@ -536,11 +641,14 @@ impl Text<'_> {
             }
             let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
             let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
-            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity));
+            let absorption = self.absorption("absorption", interval.absorption.as_ref(), &materials[material])?;
+            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity, absorption));
         }
         match (&file.opacity, &file.material) {
             (None, None) => {}
-            (Some(opacity), Some(material)) => terms.push(self.curves(opacity, material, materials)?),
+            (Some(opacity), Some(material)) => {
+                terms.push(self.curves(opacity, file.absorption.as_ref(), material, materials)?);
+            }
             (Some(alone), None) => {
                 return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it"));
             }
@@ -559,31 +667,40 @@ impl Text<'_> {
         Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
     }
 
+    /// The points of a curve of the transfer function, whose heights are in `range`.
+    fn curve(
+        &self,
+        what: &str,
+        stated: &At<Vec<[f64; 2]>>,
+        range: &RangeInclusive<f64>,
+    ) -> Result<Vec<(f64, f64)>, SceneError> {
+        let points: Vec<(f64, f64)> = stated.get_ref().iter().map(|&[value, height]| (value, height)).collect();
+        if points.is_empty() {
+            return Err(self.invalid(stated, "a curve has at least one point"));
+        }
+        if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && range.contains(&point.1))) {
+            let [value, height, most] = [point.0, point.1, *range.end()].map(readable);
+            let message = format!("the point [{value}, {height}] is not a value and {what} from 0 to {most}");
+            return Err(self.invalid(stated, message));
+        }
+        match points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
+            Some(pair) => Err(self.invalid(stated, descends(pair[0].0, pair[1].0))),
+            None => Ok(points),
+        }
+    }
+
     fn curves(
         &self,
         opacity: &At<Vec<[f64; 2]>>,
+        absorption: Option<&At<Vec<[f64; 2]>>>,
         material: &At<Vec<(f64, String)>>,
         materials: &[Material],
     ) -> Result<Term, SceneError> {
-        let points: Vec<(f64, f64)> = opacity.get_ref().iter().map(|&[value, opacity]| (value, opacity)).collect();
-        if points.is_empty() || material.get_ref().is_empty() {
-            return Err(self.invalid(opacity, "a curve has at least one point"));
-        }
-        if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && UNIT.contains(&point.1))) {
-            return Err(self.invalid(
-                opacity,
-                format!(
-                    "the point [{}, {}] is not a value and an opacity from 0 to 1",
-                    readable(point.0),
-                    readable(point.1)
-                ),
-            ));
-        }
-        let descends = |last: f64, next: f64| {
-            format!("the value {} comes after {}; values ascend", readable(next), readable(last))
-        };
-        if let Some(pair) = points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
-            return Err(self.invalid(opacity, descends(pair[0].0, pair[1].0)));
+        let points = self.curve("an opacity", opacity, &UNIT)?;
+        let depths = absorption.map(|stated| self.curve("an optical depth", stated, &DEPTH)).transpose()?;
+        let depths = depths.unwrap_or_default();
+        if material.get_ref().is_empty() {
+            return Err(self.invalid(material, "a curve has at least one point"));
         }
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {
@@ -595,13 +712,19 @@ impl Text<'_> {
             }
             curve.push((*value, index));
         }
+        if let Some(stated) = absorption.filter(|_| depths.iter().any(|point| point.1 > 0.0))
+            && curve.iter().all(|&(_, index)| materials[index].absorption.is_none())
+        {
+            let names: Vec<&str> = material.get_ref().iter().map(|(_, name)| name.as_str()).collect();
+            return Err(self.invalid(stated, without_absorption("absorption", &names.join(", "))));
+        }
         if let Some(point) = curve.iter().find(|point| !point.0.is_finite()) {
             return Err(self.invalid(material, format!("the value {}; a material curve has finite values", point.0)));
         }
         if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
         }
-        Ok(Term { opacity: points, material: MaterialCurve(curve) })
+        Ok(Term { opacity: points, absorption: depths, material: MaterialCurve(curve) })
     }
 
     fn label_entries(
@@ -629,8 +752,10 @@ impl Text<'_> {
             let file = value.get_ref();
             let material = self.material(&file.material, materials)?;
             let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
+            let absorption = format!("labels.{key}.absorption");
+            let absorption = self.absorption(&absorption, file.absorption.as_ref(), &materials[material])?;
             let name = file.name.clone().unwrap_or_else(|| key.clone());
-            entries.push(LabelEntry { label: u32::from(label), name, material, opacity });
+            entries.push(LabelEntry { label: u32::from(label), name, material, opacity, absorption });
         }
         entries.sort_by_key(|entry| entry.label);
         Ok(entries)
@@ -642,6 +767,7 @@ impl Text<'_> {
             .map(|(name, stated)| {
                 let file = stated.get_ref();
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
+                warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
                 let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {
                     (LightKind::Ambient, None, None) => Placement::Ambient,

@@ -181,6 +181,7 @@ impl Mix {
                     let lights: Vec<_> = stated.0.iter().map(|light| light.name.as_str()).collect();
                     fail(format!("{}; lights of the scene: {}", chain(&error), lights.join(", ")))
                 })?;
+                warn_below_zero(&format!("--light {}", request.name), &spectrum);
                 if positions.is_empty() {
                     return Err(fail("there is no light position to put it at; the scene has no lights".into()));
                 }
@@ -195,6 +196,13 @@ impl Mix {
             }
         }
         Ok(Self(mix))
+    }
+}
+
+/// Says which light takes light away.
+pub(super) fn warn_below_zero(key: &str, light: &Light) {
+    if light.spectrum().samples().iter().any(|&sample| sample < 0.0) {
+        tracing::warn!("{key} is negative at some wavelengths, and no light is");
     }
 }
 

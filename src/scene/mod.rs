@@ -16,7 +16,8 @@ pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
-use crate::spectrum::{Light, Reflectance, SpectrumError};
+use crate::model::ModelKind;
+use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
 use crate::volume::{Volume, VolumeError};
 
 /// Everything that settles a picture, resolved: no names to look up, no files to read.
@@ -24,6 +25,8 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
+    /// The files that were read for it, but for the scene file itself: of the volume, the labels and the spectra.
+    pub inputs: Vec<PathBuf>,
     /// The grey values.
     pub volume: Arc<Volume>,
     /// Labels on the same grid, where the scene has them.
@@ -52,13 +55,29 @@ impl Scene {
     /// Whether anything can show the material `index`: a value of the transfer function, or a label.
     #[must_use]
     pub fn shows(&self, index: usize) -> bool {
+        self.uses(index, |term| &term.opacity, |entry| entry.opacity)
+    }
+
+    /// Whether the material `index` absorbs light anywhere, by a value of the transfer function or a label.
+    #[must_use]
+    pub fn absorbs(&self, index: usize) -> bool {
+        self.materials.get(index).is_some_and(|material| material.absorption.is_some())
+            && self.uses(index, |term| &term.absorption, |entry| entry.absorption)
+    }
+
+    fn uses(
+        &self,
+        index: usize,
+        height: impl Fn(&Term) -> &Vec<(f64, f64)>,
+        of_label: impl Fn(&LabelEntry) -> f64,
+    ) -> bool {
         let in_transfer = self.transfer.terms.iter().any(|term| {
-            term.opacity.iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
+            height(term).iter().any(|point| point.1 > 0.0) && term.material.0.iter().any(|point| point.1 == index)
         });
         let in_labels = self
             .labels
             .as_ref()
-            .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && entry.opacity > 0.0));
+            .is_some_and(|labels| labels.declared.iter().any(|entry| entry.material == index && of_label(entry) > 0.0));
         in_transfer || in_labels
     }
 }
@@ -70,6 +89,8 @@ pub struct Material {
     pub name: String,
     /// Colour of its ambient and diffuse part.
     pub reflectance: Reflectance,
+    /// The shape of what it absorbs, where it does; how much is said by the transfer function.
+    pub absorption: Option<Absorption>,
     /// Share of a directed light that arrives from everywhere, 0 to 1.
     pub ambient: f64,
     /// Share that follows |n·l|, 0 to 1.
@@ -102,6 +123,8 @@ pub struct LabelEntry {
     pub material: usize,
     /// What one opacity length of it hides, 0 to 1.
     pub opacity: f64,
+    /// Optical depth of one opacity length of it where its material absorbs most.
+    pub absorption: f64,
 }
 
 /// A light of the scene.
@@ -151,6 +174,27 @@ pub struct Accuracy {
     pub skipping: bool,
     /// How values between voxels are made.
     pub interpolation: Interpolation,
+    /// What pixels store.
+    pub accumulate: AccumulateAs,
+    /// What carries spectra where pixels store no weights.
+    pub model: ModelKind,
+    /// The largest ΔE00 that the colour model may add; a smaller one takes more numbers a pixel.
+    pub tolerance: f64,
+    /// k, where it is stated; then `tolerance` is not looked at.
+    pub dimension: Option<usize>,
+}
+
+/// What pixels store.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AccumulateAs {
+    /// Weights where they are exact, else the numbers of a colour model.
+    #[default]
+    Auto,
+    /// One weight per material: exact, where all that absorbs is grey.
+    Weights,
+    /// A spectrum in k numbers.
+    Spectral,
 }
 
 /// The way from XYZ to the screen.
@@ -193,7 +237,7 @@ pub enum SceneError {
         source: SpectrumError,
     },
     /// The scene's volume or its labels cannot be had.
-    #[error("the scene {scene} has no volume to show")]
+    #[error("{scene} has no volume to show")]
     Volume {
         /// The scene.
         scene: String,
@@ -201,7 +245,7 @@ pub enum SceneError {
         source: VolumeError,
     },
     /// No volume is named, neither in the scene nor beside it.
-    #[error("the scene {scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
+    #[error("{scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
     NoVolume {
         /// The scene.
         scene: String,

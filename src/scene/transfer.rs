@@ -36,6 +36,8 @@ pub struct Term {
     /// (value, opacity), values not descending; constant beyond the ends. Two points at one value make a jump, and the
     /// value itself takes the larger opacity.
     pub opacity: Vec<(f64, f64)>,
+    /// (value, optical depth per opacity length where the material absorbs most), as the opacity; empty is none.
+    pub absorption: Vec<(f64, f64)>,
     /// What shows.
     pub material: MaterialCurve,
 }
@@ -45,37 +47,43 @@ pub struct Term {
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialCurve(pub Vec<(f64, usize)>);
 
-/// What one data value scatters: optical depth per opacity length and material.
+/// What one data value scatters and absorbs: optical depths per opacity length and material, in the scene's order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
-    /// `σ·opacity_length` of each material of the scene, in its order.
+    /// `σ·opacity_length`.
     pub scattering: Vec<f64>,
+    /// `κ·opacity_length` where the material absorbs most; its absorption spectrum scales it elsewhere.
+    pub absorption: Vec<f64>,
 }
 
 impl Transfer {
-    /// The medium at `value`, for a scene of `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (COLOUR.md A7).
+    /// The medium at `value`, for a scene of `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (COLOUR.md A7), and
+    /// the same share of the absorption.
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {
-        let mut scattering = vec![0.0; materials];
+        let mut medium = Medium { scattering: vec![0.0; materials], absorption: vec![0.0; materials] };
         for term in &self.terms {
-            let depth = depth_from_opacity(term.opacity_at(value));
-            if depth > 0.0 {
-                for (material, share) in term.material.at(value) {
-                    if let Some(sum) = scattering.get_mut(material) {
-                        *sum += share * depth;
+            let depths = [depth_from_opacity(height_at(&term.opacity, value)), height_at(&term.absorption, value)];
+            for (depth, sums) in depths.into_iter().zip([&mut medium.scattering, &mut medium.absorption]) {
+                if depth > 0.0 {
+                    for (material, share) in term.material.at(value) {
+                        if let Some(sum) = sums.get_mut(material) {
+                            *sum += share * depth;
+                        }
                     }
                 }
             }
         }
-        Medium { scattering }
+        medium
     }
 
     /// The values at which the function bends or jumps, ascending.
     #[must_use]
     pub fn bends(&self) -> Vec<f64> {
-        let opacity = self.terms.iter().flat_map(|term| term.opacity.iter().map(|point| point.0));
+        let heights =
+            self.terms.iter().flat_map(|term| term.opacity.iter().chain(&term.absorption)).map(|point| point.0);
         let material = self.terms.iter().flat_map(|term| term.material.0.iter().map(|point| point.0));
-        let mut bends: Vec<f64> = opacity.chain(material).collect();
+        let mut bends: Vec<f64> = heights.chain(material).collect();
         bends.sort_by(f64::total_cmp);
         bends.dedup();
         bends
@@ -89,26 +97,26 @@ pub(crate) fn depth_from_opacity(opacity: f64) -> f64 {
 }
 
 impl Term {
-    /// A trapezoid: `opacity` from `low` to `high`, falling to 0 over `ramp` on either side.
+    /// A trapezoid: `opacity` and `absorption` from `low` to `high`, falling to 0 over `ramp` on either side.
     #[must_use]
-    pub fn interval(material: usize, [low, high]: [f64; 2], ramp: [f64; 2], opacity: f64) -> Self {
-        let points = vec![(low - ramp[0], 0.0), (low, opacity), (high, opacity), (high + ramp[1], 0.0)];
-        Self { opacity: points, material: MaterialCurve(vec![(low, material)]) }
+    pub fn interval(material: usize, [low, high]: [f64; 2], ramp: [f64; 2], opacity: f64, absorption: f64) -> Self {
+        let trapezoid = |height| vec![(low - ramp[0], 0.0), (low, height), (high, height), (high + ramp[1], 0.0)];
+        let absorption = if absorption > 0.0 { trapezoid(absorption) } else { Vec::new() };
+        Self { opacity: trapezoid(opacity), absorption, material: MaterialCurve(vec![(low, material)]) }
     }
+}
 
-    /// Opacity at `value`, linear between the points.
-    #[must_use]
-    pub fn opacity_at(&self, value: f64) -> f64 {
-        let after = self.opacity.partition_point(|point| point.0 < value);
-        let here = self.opacity.iter().skip(after).take_while(|point| point.0 <= value).map(|point| point.1);
-        if let Some(highest) = here.reduce(f64::max) {
-            return highest;
-        }
-        match (after.checked_sub(1).and_then(|i| self.opacity.get(i)), self.opacity.get(after)) {
-            (Some(&(v0, o0)), Some(&(v1, o1))) => o0 + (o1 - o0) * ((value - v0) / (v1 - v0)),
-            (Some(&(_, end)), None) | (None, Some(&(_, end))) => end,
-            (None, None) => 0.0,
-        }
+/// The height of a curve at `value`, linear between its points; 0 without points.
+fn height_at(curve: &[(f64, f64)], value: f64) -> f64 {
+    let after = curve.partition_point(|point| point.0 < value);
+    let here = curve.iter().skip(after).take_while(|point| point.0 <= value).map(|point| point.1);
+    if let Some(highest) = here.reduce(f64::max) {
+        return highest;
+    }
+    match (after.checked_sub(1).and_then(|i| curve.get(i)), curve.get(after)) {
+        (Some(&(v0, o0)), Some(&(v1, o1))) => o0 + (o1 - o0) * ((value - v0) / (v1 - v0)),
+        (Some(&(_, end)), None) | (None, Some(&(_, end))) => end,
+        (None, None) => 0.0,
     }
 }
 
@@ -139,25 +147,25 @@ mod tests {
 
     #[test]
     fn an_interval_is_a_trapezoid() {
-        let term = Term::interval(0, [40.0, 90.0], [8.0, 8.0], 0.5);
+        let term = Term::interval(0, [40.0, 90.0], [8.0, 8.0], 0.5, 0.0);
         for (value, opacity) in
             [(0.0, 0.0), (32.0, 0.0), (36.0, 0.25), (40.0, 0.5), (90.0, 0.5), (94.0, 0.25), (255.0, 0.0)]
         {
-            assert!(close(term.opacity_at(value), opacity), "opacity at {value}");
+            assert!(close(height_at(&term.opacity, value), opacity), "opacity at {value}");
         }
     }
 
     #[test]
     fn an_interval_without_ramps_holds_its_ends_and_nothing_beyond() {
-        let term = Term::interval(0, [40.0, 41.0], [0.0, 0.0], 0.5);
+        let term = Term::interval(0, [40.0, 41.0], [0.0, 0.0], 0.5, 0.0);
         for (value, opacity) in [(39.999, 0.0), (40.0, 0.5), (40.5, 0.5), (41.0, 0.5), (41.001, 0.0)] {
-            assert!(close(term.opacity_at(value), opacity), "opacity at {value}");
+            assert!(close(height_at(&term.opacity, value), opacity), "opacity at {value}");
         }
     }
 
     #[test]
     fn overlapping_terms_add_their_scattering() {
-        let term = |material| Term::interval(material, [0.0, 10.0], [0.0, 0.0], 0.5);
+        let term = |material| Term::interval(material, [0.0, 10.0], [0.0, 0.0], 0.5, 0.0);
         let transfer =
             Transfer { opacity_length: 1.0, lookup: Lookup::Linear, entries: None, terms: vec![term(0), term(1)] };
         let medium = transfer.medium(5.0, 2);

@@ -4,6 +4,7 @@ pub mod colour;
 mod data;
 mod error;
 mod kind;
+pub mod metric;
 mod smooth;
 mod source;
 pub mod standard;

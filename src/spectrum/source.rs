@@ -103,6 +103,16 @@ impl SpectrumSource {
         Absorption::new(self.spectrum(base, Kind::Absorption)?)
     }
 
+    /// The file that is meant, where it is one; file names are relative to `base`. It need not exist.
+    #[must_use]
+    pub fn file(&self, base: &Path) -> Option<PathBuf> {
+        match self {
+            Self::Named(name) if standard::find(name).is_none() => Some(base.join(name)),
+            Self::File { path, .. } => Some(base.join(path)),
+            _ => None,
+        }
+    }
+
     fn spectrum(&self, base: &Path, kind: Kind) -> Result<Spectrum, SpectrumError> {
         let of_kind = |is: Kind, name: &str| match is == kind {
             true => Ok(()),

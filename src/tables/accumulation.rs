@@ -7,6 +7,6 @@ pub struct Accumulation<R> {
     pub size: [usize; 2],
     /// Weight of component `c` at position `p` in pixel `i`: `weights[(p·components + c)·pixels + i]`.
     pub weights: Vec<R>,
-    /// Light that passes, a pixel each.
+    /// Light that passes, one number a pixel or as many as there are components: number `c` of pixel `i` at `c·pixels + i`.
     pub transmittance: Vec<R>,
 }

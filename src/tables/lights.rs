@@ -1,13 +1,17 @@
 //! Lights in numbers: directions for the march, and one matrix per position for relighting.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
 
 use super::rays::unit_length;
 use super::rounded;
-use crate::plan::{LANE, Planned};
-use crate::scene::{Display, Mix, Placement, Scene};
+use crate::model::ColourModel;
+use crate::number::count as count_f64;
+use crate::plan::{Accumulate, LANE, Planned, Transmittance};
+use crate::scene::{Display, Material, Mix, Placement, Scene};
 use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white, xyz_of};
-use crate::spectrum::{Reflectance, Spectrum};
+use crate::spectrum::{Light, Reflectance, Spectrum};
 
 /// Vectors of the light positions, in the order of the plan, in the volume's own axes: unit vectors towards directional
 /// lights, places (in units of length, from the texture's corner) of points, zero for the others.
@@ -31,7 +35,8 @@ impl PositionTable {
     }
 }
 
-/// Shading coefficients of the materials in use, in lanes; spare ones zero.
+/// Shading coefficients, in lanes; spare ones zero. Of the materials in use where weights are accumulated; of spectra, the
+/// first ambient and diffuse share stand for all materials, and the exponents are those of the highlights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadingTable {
     /// Ambient share.
@@ -48,21 +53,71 @@ impl ShadingTable {
     /// The coefficients of the materials of `planned`.
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
-        let lanes = planned.plan.table_lanes();
-        let mut table = Self {
-            ambient: vec![[0.0; LANE]; lanes],
-            diffuse: vec![[0.0; LANE]; lanes],
-            specular: vec![[0.0; LANE]; lanes],
-            exponent: vec![[0; LANE]; lanes],
+        let used: Vec<&Material> = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).collect();
+        let (shown, exponents) = match planned.plan.accumulate {
+            Accumulate::Weights { .. } => (used.as_slice(), used.iter().map(|material| material.exponent).collect()),
+            Accumulate::Spectral { .. } => (&used[..used.len().min(1)], planned.exponents(scene)),
         };
-        for (i, &material) in planned.materials.iter().enumerate() {
-            let (lane, part, material) = (i / LANE, i % LANE, &scene.materials[material]);
-            table.ambient[lane][part] = rounded(material.ambient);
-            table.diffuse[lane][part] = rounded(material.diffuse);
-            table.specular[lane][part] = rounded(material.specular);
-            table.exponent[lane][part] = material.exponent;
+        let lanes = planned.plan.shading_lanes();
+        let share = |of: fn(&Material) -> f64| {
+            let mut table = vec![[0.0; LANE]; lanes];
+            shown.iter().enumerate().for_each(|(i, material)| table[i / LANE][i % LANE] = rounded(of(material)));
+            table
+        };
+        let mut exponent = vec![[0; LANE]; lanes];
+        exponents.iter().enumerate().for_each(|(i, &power)| exponent[i / LANE][i % LANE] = power);
+        Self {
+            ambient: share(|material| material.ambient),
+            diffuse: share(|material| material.diffuse),
+            specular: share(|material| material.specular),
+            exponent,
         }
-        table
+    }
+}
+
+/// What the components of accumulators stand for.
+#[derive(Clone, Debug)]
+pub enum Components {
+    /// Reflectances: materials, and white for highlights.
+    Surfaces(Vec<Spectrum>),
+    /// The numbers of a colour model, and whether what passes has a colour in them, too.
+    Model(Arc<ColourModel>, Transmittance),
+}
+
+impl Components {
+    /// Those of a plan.
+    #[must_use]
+    pub fn new(scene: &Scene, planned: &Planned) -> Self {
+        if let Some(model) = &planned.model {
+            return Self::Model(Arc::clone(model), planned.plan.transmittance);
+        }
+        let materials = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
+        let white = planned.plan.specular().map(|_| Spectrum::constant(1.0));
+        let surfaces = materials.map(|material| material.reflectance.spectrum().clone()).chain(white);
+        Self::Surfaces(surfaces.collect())
+    }
+
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.len(),
+            Self::Model(model, _) => model.dimension(),
+        }
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// XYZ of each under `light`.
+    fn colours(&self, light: &Light) -> Vec<DVec3> {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.iter().map(|surface| xyz_vector(light, surface)).collect(),
+            Self::Model(model, _) => model.matrix(light).xyz.into_iter().map(DVec3::from_array).collect(),
+        }
     }
 }
 
@@ -71,30 +126,70 @@ impl ShadingTable {
 pub struct RelightMatrices {
     /// Linear sRGB (exposure and adaptation in it) of component `c` at position `p`: `colours[p·components + c]`.
     pub colours: Vec<DVec3>,
-    /// Linear sRGB of the background.
-    pub background: DVec3,
+    /// Linear sRGB of the background, per number of what passes.
+    pub background: Vec<DVec3>,
+    /// The share that each number of what passes has in the light that passes; they add up to 1.
+    pub passing: Vec<f64>,
 }
 
 impl RelightMatrices {
     /// Colours of `components` at each of `positions` positions under `mix`, in front of `background`, all sums in f64.
     #[must_use]
     pub fn new(
-        components: &[Spectrum],
+        components: &Components,
         positions: usize,
         background: Option<&Reflectance>,
         mix: &Mix,
         display: &Display,
     ) -> Self {
-        let (light_at, all) = mix.light_at(positions);
         let display_from_xyz = display_from_xyz(mix, display);
-        let colour = |light: &Spectrum, surface: &Spectrum| display_from_xyz * xyz_vector(light, surface);
-        Self {
-            colours: light_at
-                .iter()
-                .flat_map(|light| components.iter().map(move |component| colour(light, component)))
-                .collect(),
-            background: background.map_or(DVec3::ZERO, |surface| colour(&all, surface.spectrum())),
+        let count = components.len();
+        let mut colours = vec![DVec3::ZERO; positions * count];
+        let mut everywhere = vec![DVec3::ZERO; count];
+        for light in &mix.0 {
+            let colours_of_light = components.colours(&light.spectrum);
+            let here = colours.iter_mut().skip(light.position * count);
+            for ((sum, all), &colour) in here.zip(&mut everywhere).zip(&colours_of_light) {
+                *sum += light.weight * colour;
+                *all += light.weight * colour;
+            }
         }
+        let (background, passing) = match components {
+            Components::Model(model, Transmittance::Coloured) => {
+                let surface = background.map_or_else(|| vec![0.0; count], |it| model.coefficients(it.spectrum()));
+                let behind = everywhere.iter().zip(surface).map(|(&colour, part)| part * colour).collect();
+                let luminance: f64 = everywhere.iter().map(|colour| colour.y).sum();
+                let share =
+                    |colour: &DVec3| if luminance > 0.0 { colour.y / luminance } else { 1.0 / count_f64(count) };
+                (behind, everywhere.iter().map(share).collect())
+            }
+            _ => {
+                let seen = |surface: &Reflectance| {
+                    mix.0.iter().map(|light| light.weight * xyz_vector(&light.spectrum, surface.spectrum())).sum()
+                };
+                (vec![background.map_or(DVec3::ZERO, seen)], vec![1.0])
+            }
+        };
+        let shown = |colours: Vec<DVec3>| colours.into_iter().map(|colour| display_from_xyz * colour).collect();
+        Self { colours: shown(colours), background: shown(background), passing }
+    }
+
+    /// What passes, as the relight shader reads it: for each vector of it, red, green and blue of the background, and the
+    /// share.
+    #[must_use]
+    pub fn passing_lanes(&self) -> Vec<[[f32; LANE]; 4]> {
+        let passing = self.background.chunks(LANE).zip(self.passing.chunks(LANE));
+        let number = |colour: Option<&DVec3>, channel: usize| colour.map_or(0.0, |colour| rounded(colour[channel]));
+        passing
+            .map(|(colours, shares)| {
+                std::array::from_fn(|channel| {
+                    std::array::from_fn(|part| match channel {
+                        3 => shares.get(part).map_or(0.0, |&share| rounded(share)),
+                        _ => number(colours.get(part), channel),
+                    })
+                })
+            })
+            .collect()
     }
 
     /// As the relight shader reads them: for each position and lane, three vectors (red, green, blue).
@@ -115,9 +210,9 @@ impl RelightMatrices {
     }
 }
 
-/// XYZ of a surface under a light, both as plain spectra.
-fn xyz_vector(light: &Spectrum, surface: &Spectrum) -> DVec3 {
-    DVec3::from_array(xyz_of(&(light * surface)).0)
+/// XYZ of a surface under a light.
+fn xyz_vector(light: &Light, surface: &Spectrum) -> DVec3 {
+    DVec3::from_array(xyz_of(&(light.spectrum() * surface)).0)
 }
 
 /// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights where the display adapts.
@@ -132,12 +227,4 @@ pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
         *LINEAR_SRGB_FROM_XYZ
     };
     adapted * display.exposure
-}
-
-/// What the components of a plan reflect: its materials, and white for highlights.
-#[must_use]
-pub fn components(scene: &Scene, planned: &Planned) -> Vec<Spectrum> {
-    let materials = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
-    let white = planned.plan.specular().map(|_| Spectrum::constant(1.0));
-    materials.map(|material| material.reflectance.spectrum().clone()).chain(white).collect()
 }

@@ -9,10 +9,10 @@ mod transfer;
 
 pub use accumulation::Accumulation;
 pub use cells::{CELL, Cells, Occupancy};
-pub use lights::{PositionTable, RelightMatrices, ShadingTable, components, display_from_xyz};
+pub use lights::{Components, PositionTable, RelightMatrices, ShadingTable, display_from_xyz};
 pub use rays::{MOST_SAMPLES, RayTable};
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
-pub use transfer::{Step, TransferTable, step_of_value, steps_of_labels};
+pub use transfer::{Step, Steps, TransferTable};
 
 /// Rounds to the f32 a shader reads.
 #[expect(clippy::cast_possible_truncation, reason = "the one rounding of tables")]

@@ -1,9 +1,11 @@
 //! The transfer function as a table over the data's range, for one step length.
 
 use super::{Storage, rounded};
+use crate::model::{Amplification, ColourModel, ModelKind, Order};
 use crate::number::count;
-use crate::plan::{LANE, Planned};
-use crate::scene::{Lookup, Medium, Scene, depth_from_opacity};
+use crate::plan::{Accumulate, LANE, Planned, Shares, Transmittance};
+use crate::scene::{Lookup, Material, Medium, Scene, depth_from_opacity};
+use crate::spectrum::Spectrum;
 
 /// The least entries a linear table has.
 const FEWEST: usize = 1024;
@@ -14,25 +16,28 @@ const PER_FEATURE: f64 = 8.0;
 
 /// Entry `i` of `n` stands for the value `low + i/(n−1)·(high − low)`.
 ///
-/// What a step Δs of the medium there does (COLOUR.md A7): light lost, α = 1 − e^(−τΔs), and light gained per material,
-/// `w_m = σ_m (1 − e^(−τΔs))/τ`, which is `σ_m Δs` where nothing is lost. X-ray materials are in σ but not in τ.
+/// What a step Δs of the medium there does (COLOUR.md A7), laid out in vectors as the plan has it: light lost,
+/// α = 1 − e^(−τΔs), and light gained, `σ_m (1 − e^(−τΔs))/τ`, which is `σ_m Δs` where nothing is lost, per material or
+/// times its spectrum. X-ray materials are in σ but not in τ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferTable {
-    /// `entries × lanes` vectors of weights, spare ones zero.
-    pub weights: Vec<[f32; LANE]>,
-    /// One α an entry.
+    /// `entries × lanes` vectors of what is gained, spare numbers zero.
+    pub source: Vec<[f32; LANE]>,
+    /// α: a number an entry, or [`Self::passed`] of them, spare ones zero.
     pub opacity: Vec<f32>,
-    /// Vectors an entry.
+    /// Vectors an entry of [`Self::source`].
     pub lanes: usize,
+    /// Numbers an entry of [`Self::opacity`].
+    pub passed: usize,
 }
 
-/// What one step does: weights of the materials of a plan, and opacity.
+/// What one step does, in f64, laid out as a table entry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// `w_m`.
-    pub weights: Vec<f64>,
-    /// α.
-    pub opacity: f64,
+    /// Light gained.
+    pub source: Vec<f64>,
+    /// Light lost, α.
+    pub opacity: Vec<f64>,
 }
 
 impl TransferTable {
@@ -41,37 +46,30 @@ impl TransferTable {
     pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
         let entries = entries(scene, domain);
         let last = count(entries - 1);
-        let steps = (0..entries).map(|i| {
-            let value = (domain[1] - domain[0]).mul_add(count(i) / last, domain[0]);
-            step_of_value(scene, planned, value)
-        });
-        Self::of_steps(planned, steps)
+        let steps = Steps::new(scene, planned);
+        let values = (0..entries).map(|i| (domain[1] - domain[0]).mul_add(count(i) / last, domain[0]));
+        Self::of_steps(planned, values.map(|value| steps.of_value(value)))
     }
 
     /// A table with a row for each declared label, in their order; row 0 is empty, so that label numbers start at 1.
     #[must_use]
     pub fn of_labels(scene: &Scene, planned: &Planned) -> Self {
-        Self::of_steps(planned, steps_of_labels(scene, planned).into_iter())
+        Self::of_steps(planned, Steps::new(scene, planned).of_labels().into_iter())
     }
 
     fn of_steps(planned: &Planned, steps: impl Iterator<Item = Step>) -> Self {
-        let lanes = planned.plan.table_lanes();
-        let (mut weights, mut opacity) = (Vec::new(), Vec::new());
+        let (mut source, mut opacity) = (Vec::new(), Vec::new());
         for step in steps {
-            let first = weights.len();
-            weights.resize(first + lanes, [0.0; LANE]);
-            for (i, &weight) in step.weights.iter().enumerate() {
-                weights[first + i / LANE][i % LANE] = rounded(weight);
-            }
-            opacity.push(rounded(step.opacity));
+            source.extend(step.source.chunks_exact(LANE).map(|lane| std::array::from_fn(|part| rounded(lane[part]))));
+            opacity.extend(step.opacity.iter().copied().map(rounded));
         }
-        Self { weights, opacity, lanes }
+        Self { source, opacity, lanes: planned.plan.parts().lanes, passed: opacity_numbers(planned) }
     }
 
     /// Entries of the table.
     #[must_use]
     pub fn entries(&self) -> usize {
-        self.opacity.len()
+        self.opacity.len() / self.passed
     }
 
     /// Scale and offset from a texel's value to a place in the table, 0 to `entries − 1`.
@@ -82,41 +80,167 @@ impl TransferTable {
 
     /// Whether entry `i` does anything.
     pub(crate) fn is_active(&self, i: usize) -> bool {
-        self.opacity[i] != 0.0
-            || self.weights[i * self.lanes..(i + 1) * self.lanes].iter().flatten().any(|&weight| weight != 0.0)
+        let source = &self.source[i * self.lanes..][..self.lanes];
+        let opacity = &self.opacity[i * self.passed..][..self.passed];
+        source.iter().flatten().chain(opacity).any(|&number| number != 0.0)
     }
 }
 
-/// What a step does at a data value.
-#[must_use]
-pub fn step_of_value(scene: &Scene, planned: &Planned, value: f64) -> Step {
-    step_of_medium(scene, planned, &scene.transfer.medium(value, scene.materials.len()))
+/// Numbers of an entry's opacity: one, or whole vectors.
+fn opacity_numbers(planned: &Planned) -> usize {
+    match planned.plan.transmittance {
+        Transmittance::Grey => 1,
+        Transmittance::Coloured => planned.plan.passed_lanes() * LANE,
+    }
 }
 
-/// What a step does at each declared label, label `i` of the scene at `i + 1`; nothing at 0.
-#[must_use]
-pub fn steps_of_labels(scene: &Scene, planned: &Planned) -> Vec<Step> {
-    let nothing = Step { weights: vec![0.0; planned.materials.len()], opacity: 0.0 };
-    let declared = scene.labels.iter().flat_map(|labels| &labels.declared);
-    let steps = declared.map(|entry| {
-        let mut scattering = vec![0.0; scene.materials.len()];
-        if let Some(depth) = scattering.get_mut(entry.material) {
-            *depth = depth_from_opacity(entry.opacity);
+/// What steps do in a scene: its materials in the numbers of the plan, once, and what follows from them for any medium.
+#[derive(Debug)]
+pub struct Steps<'a> {
+    scene: &'a Scene,
+    planned: &'a Planned,
+    /// Coefficients of each material's reflectance, in a colour model.
+    reflectances: Vec<Vec<f64>>,
+    /// Coefficients of each material's absorption; of a single number where transmittance is grey; empty for none.
+    absorptions: Vec<Vec<f64>>,
+    /// Exponents of the highlights that have a part of their own.
+    exponents: Vec<u32>,
+    /// The model, where it projects the transmittance of each step (the paper's order).
+    by_step: Option<&'a ColourModel>,
+}
+
+impl<'a> Steps<'a> {
+    /// Steps in `scene` as `planned`.
+    #[must_use]
+    pub fn new(scene: &'a Scene, planned: &'a Planned) -> Self {
+        let model = planned.model.as_deref();
+        let coefficients = |material: &Material| {
+            model.map_or_else(Vec::new, |model| model.coefficients(material.reflectance.spectrum()))
+        };
+        let absorptions = |material: &Material| match (&material.absorption, model, planned.plan.transmittance) {
+            (None, ..) => Vec::new(),
+            (Some(absorption), Some(model), Transmittance::Coloured) => {
+                model.absorption_coefficients(absorption.spectrum())
+            }
+            // Whatever wavelength is looked at: only their sum has to be the same at all of them.
+            (Some(absorption), ..) => absorption.spectrum().samples()[..1].to_vec(),
+        };
+        Self {
+            scene,
+            planned,
+            reflectances: scene.materials.iter().map(coefficients).collect(),
+            absorptions: scene.materials.iter().map(absorptions).collect(),
+            exponents: planned.exponents(scene),
+            by_step: model.filter(|model| {
+                model.kind() == ModelKind::Sharpened(Order::Step)
+                    && planned.plan.transmittance == Transmittance::Coloured
+            }),
         }
-        step_of_medium(scene, planned, &Medium { scattering })
-    });
-    std::iter::once(nothing).chain(steps).collect()
-}
+    }
 
-/// What a step does in `medium`.
-fn step_of_medium(scene: &Scene, planned: &Planned, medium: &Medium) -> Step {
-    let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
-    let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
-    let depth: f64 = occluding.map(|(_, depth)| depth).sum();
-    let opacity = -(-depth * steps).exp_m1();
-    let gain = if depth > 0.0 { opacity / depth } else { steps };
-    let weights = planned.materials.iter().map(|&m| medium.scattering[m] * gain).collect();
-    Step { weights, opacity }
+    /// What a step does at a data value.
+    #[must_use]
+    pub fn of_value(&self, value: f64) -> Step {
+        self.of_medium(&self.scene.transfer.medium(value, self.scene.materials.len()))
+    }
+
+    /// What a step does at each declared label, label `i` of the scene at `i + 1`; nothing at 0.
+    #[must_use]
+    pub fn of_labels(&self) -> Vec<Step> {
+        let materials = self.scene.materials.len();
+        let nothing = Medium { scattering: vec![0.0; materials], absorption: vec![0.0; materials] };
+        let declared = self.scene.labels.iter().flat_map(|labels| &labels.declared);
+        let media = declared.map(|entry| {
+            let mut medium = nothing.clone();
+            if entry.material < materials {
+                medium.scattering[entry.material] = depth_from_opacity(entry.opacity);
+                medium.absorption[entry.material] = entry.absorption;
+            }
+            medium
+        });
+        std::iter::once(nothing.clone()).chain(media).map(|medium| self.of_medium(&medium)).collect()
+    }
+
+    /// What a step does in `medium`.
+    fn of_medium(&self, medium: &Medium) -> Step {
+        let scene = self.scene;
+        let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
+        let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
+        let scattering: f64 = occluding.map(|(_, depth)| depth).sum();
+        let depths = self.depths(medium, scattering, steps);
+        let mut opacity: Vec<f64> = depths.iter().map(|depth| -(-depth).exp_m1()).collect();
+        let gain = |component: usize| {
+            let component = component.min(depths.len() - 1);
+            if depths[component] > 0.0 { steps * (opacity[component] / depths[component]) } else { steps }
+        };
+        let source = self.source(medium, gain);
+        opacity.resize(opacity_numbers(self.planned), 0.0);
+        Step { source, opacity }
+    }
+
+    /// The optical depth of each number of what passes across a step of `steps` opacity lengths.
+    fn depths(&self, medium: &Medium, scattering: f64, steps: f64) -> Vec<f64> {
+        if let Some(model) = self.by_step {
+            let mut depth = Spectrum::constant(scattering);
+            for (&height, material) in medium.absorption.iter().zip(&self.scene.materials) {
+                if let Some(shape) = &material.absorption {
+                    depth = &depth + &shape.spectrum().scaled(height);
+                }
+            }
+            return model.step_depths(&depth.scaled(steps), Amplification::Held);
+        }
+        let mut depths = vec![scattering; self.planned.plan.passed()];
+        for (&height, shape) in medium.absorption.iter().zip(&self.absorptions) {
+            for (sum, part) in depths.iter_mut().zip(shape) {
+                *sum += height * part;
+            }
+        }
+        depths.into_iter().map(|depth| depth * steps).collect()
+    }
+
+    /// What a step gains, where `gain(c)` is what a unit of scattering gives component c.
+    fn source(&self, medium: &Medium, gain: impl Fn(usize) -> f64) -> Vec<f64> {
+        let plan = &self.planned.plan;
+        let parts = plan.parts();
+        let mut source = vec![0.0; parts.lanes * LANE];
+        let used = self.planned.materials.iter().map(|&m| (m, medium.scattering[m]));
+        let Accumulate::Spectral { shares, .. } = plan.accumulate else {
+            for (weight, (_, depth)) in source.iter_mut().zip(used) {
+                *weight = depth * gain(0);
+            }
+            return source;
+        };
+        for (m, depth) in used.filter(|&(_, depth)| depth > 0.0) {
+            let material = &self.scene.materials[m];
+            let spectra: &[(usize, f64)] = match shares {
+                Shares::Equal => &[(parts.unshaded, 1.0)],
+                Shares::Own if plan.positions.ambient > 0 => {
+                    &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse), (parts.unshaded, 1.0)]
+                }
+                Shares::Own => &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse)],
+            };
+            for &(first, share) in spectra {
+                for (c, reflected) in self.reflectances[m].iter().enumerate() {
+                    source[first * LANE + c] += share * depth * gain(c) * reflected;
+                }
+            }
+            if let Some(highlight) =
+                self.exponents.iter().position(|&e| material.specular > 0.0 && e == material.exponent)
+            {
+                let white = material.specular * depth;
+                match plan.transmittance {
+                    Transmittance::Grey => source[parts.highlights * LANE + highlight] += white * gain(0),
+                    Transmittance::Coloured => {
+                        let first = (parts.highlights + highlight * plan.lanes()) * LANE;
+                        for c in 0..plan.components() {
+                            source[first + c] += white * gain(c);
+                        }
+                    }
+                }
+            }
+        }
+        source
+    }
 }
 
 /// As many entries as the narrowest feature needs, where the scene states no number.
@@ -151,7 +275,9 @@ mod tests {
         );
         let path = std::path::Path::new("");
         let scene = parse("test", &text, path, &SceneOptions::default(), &Quiet);
-        let table = scene.map(|scene| TransferTable::new(&scene, &plan(&scene), [0.0, 65535.0]));
+        let table = scene.ok().and_then(|scene| {
+            plan(&scene, &Quiet).ok().map(|planned| TransferTable::new(&scene, &planned, [0.0, 65535.0]))
+        });
         table.map_or(f64::NAN, |table| {
             let place = value / 65535.0 * count(table.entries() - 1);
             let (before, fraction) = (crate::number::whole(place), place.fract());

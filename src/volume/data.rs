@@ -65,6 +65,11 @@ pub(super) struct Data {
 }
 
 impl Data {
+    /// The files, in order.
+    pub(super) fn paths(&self) -> Vec<PathBuf> {
+        self.files.iter().map(|file| file.path.clone()).collect()
+    }
+
     /// The voxels of all files. What was odd but harmless goes to `notes`.
     ///
     /// No more memory is taken than the lengths of the files justify, and none before all of them have been looked at.

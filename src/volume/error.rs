@@ -253,7 +253,7 @@ pub enum VolumeError {
         source: io::Error,
     },
     /// The memory is not to be had.
-    #[error("{source_name}: no memory for {bytes} bytes of voxels")]
+    #[error("{source_name}: there is no memory for {bytes} bytes of voxels; fewer voxels take less")]
     Memory {
         /// The file or phantom.
         source_name: String,

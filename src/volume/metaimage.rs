@@ -37,6 +37,8 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let voxels = data.read(progress, &mut notes)?;
     let mut volume = Volume::new(&path.display().to_string(), voxels, geometry)?;
     (volume.slope, volume.intercept) = (slope, intercept);
+    volume.files = data.paths();
+    volume.files.push(path.to_owned());
     volume.components = components;
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     notes.extend(header.fields.repeated());

@@ -20,6 +20,7 @@ mod vti;
 
 pub use error::VolumeError;
 pub use geometry::Geometry;
+pub(crate) use open::is_volume;
 pub use open::{open, open_raw};
 pub use phantom::Phantom;
 
@@ -28,6 +29,8 @@ pub use select::Selection;
 pub use statistics::{BINS, Statistics};
 pub(crate) use voxels::with_voxels;
 pub use voxels::{Voxel, VoxelType, Voxels};
+
+use std::path::PathBuf;
 
 /// A scalar volume: voxels, where they lie, and what they mean.
 #[derive(Clone, Debug)]
@@ -44,6 +47,8 @@ pub struct Volume {
     pub components: usize,
     /// The file as it was asked for, or the name of the phantom.
     pub source: String,
+    /// The files that it was read from: header, sidecar and data; none for a phantom.
+    pub files: Vec<PathBuf>,
     /// What else the file says: keys and values that are kept but not interpreted.
     pub metadata: Vec<(String, String)>,
     /// Sentences about what was odd, or was given up; the caller passes them on as warnings.
@@ -68,6 +73,7 @@ impl Volume {
             intercept: 0.0,
             components: 1,
             source: source.to_owned(),
+            files: Vec::new(),
             metadata: Vec::new(),
             notes: Vec::new(),
         })

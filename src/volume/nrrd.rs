@@ -49,8 +49,11 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     };
     let picks = chosen.into_iter().filter_map(pick).collect();
     let mut notes = Vec::new();
-    let voxels = header.data(&lengths, picks)?.read(progress, &mut notes)?;
+    let data = header.data(&lengths, picks)?;
+    let voxels = data.read(progress, &mut notes)?;
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    volume.files = data.paths();
+    volume.files.push(path.to_owned());
     volume.components = length(component);
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     volume.metadata.extend(header.pairs);

@@ -60,16 +60,34 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     }
 }
 
+/// Whether a file of this name, or one that begins with these bytes, is a volume; a `.toml` may be anything.
+pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let named = |format: &Format| extension != "toml" && format.extensions.contains(&extension.as_str());
+    FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
+}
+
+/// Whether the file `path` says itself how its voxels lie.
+fn has_header(path: &Path) -> bool {
+    let mut beginning = Vec::new();
+    let read = stream::open(path).ok().and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning).ok());
+    read.is_some() && metaimage::recognises(&beginning)
+}
+
 /// Reads headerless voxels; `layout.file` is relative to the folder `base`.
 ///
 /// # Errors
 ///
-/// As [`open`]; [`VolumeError::Layout`] where the layout contradicts itself.
+/// As [`open`]; [`VolumeError::Layout`] where the layout contradicts itself, or the file has a header.
 pub fn open_raw(
     layout: &RawLayout,
     base: &Path,
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
+    if let Some(path) = layout.file.as_ref().map(|file| base.join(file)).filter(|path| has_header(path)) {
+        let problem = "this file has a header; dims and type (--dims, --type) are for headerless ones".to_owned();
+        return Err(VolumeError::Layout { source_name: path.display().to_string(), problem });
+    }
     raw::read(layout, base, selection, progress)
 }

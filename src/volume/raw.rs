@@ -178,6 +178,7 @@ pub(super) fn read(
     let mut notes = Vec::new();
     let voxels = data.read(progress, &mut notes)?;
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    volume.files = data.paths();
     volume.notes = notes;
     Ok(volume)
 }
@@ -189,7 +190,7 @@ pub(super) fn read_sidecar(path: &Path, selection: &Selection, progress: &dyn Pr
         data::beside(path, file)?;
     }
     layout.file = layout.file.or_else(|| Some(path.file_stem()?.to_string_lossy().into_owned()));
-    read(&layout, path.parent().unwrap_or(Path::new("")), selection, progress)
+    read_by(path, &layout, selection, progress)
 }
 
 /// Reads a file of headerless voxels by the sidecar beside it, `NAME.raw.toml` or `NAME.toml`.
@@ -214,5 +215,17 @@ pub(super) fn read_beside_sidecar(
         return Err(VolumeError::Layout { source_name: sidecar.display().to_string(), problem });
     }
     layout.file = Some(name);
-    read(&layout, path.parent().unwrap_or(Path::new("")), selection, progress)
+    read_by(sidecar, &layout, selection, progress)
+}
+
+/// Reads what `layout` of the sidecar `path` describes.
+fn read_by(
+    path: &Path,
+    layout: &RawLayout,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
+    let mut volume = read(layout, path.parent().unwrap_or(Path::new("")), selection, progress)?;
+    volume.files.push(path.to_owned());
+    Ok(volume)
 }

@@ -59,7 +59,9 @@ impl Volume {
                 self.source
             ));
         }
-        Self { voxels, geometry, source: self.source.clone(), metadata: self.metadata.clone(), notes, ..*self }
+        let Self { source, files, metadata, .. } = self;
+        let (source, files, metadata) = (source.clone(), files.clone(), metadata.clone());
+        Self { voxels, geometry, source, files, metadata, notes, ..*self }
     }
 }
 

@@ -10,7 +10,7 @@ use glam::DVec3;
 use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan};
 use relume::reference::{Real, Samples, Step};
 use relume::scene::{Lookup, Placement, Position, View};
-use relume::tables::{Accumulation, RayTable, StoredVolume, step_of_value};
+use relume::tables::{Accumulation, RayTable, Steps, StoredVolume};
 
 use super::rungs::Rungs;
 use super::scenes::float;
@@ -30,11 +30,11 @@ pub struct Difference {
 impl Difference {
     /// At least as far as from `one` to `other`.
     fn include(&mut self, one: &Step<f64>, other: &Step<f64>) {
-        self.weights.resize(one.weights.len(), 0.0);
-        for (difference, (one, other)) in self.weights.iter_mut().zip(one.weights.iter().zip(&other.weights)) {
+        self.weights.resize(one.source.len(), 0.0);
+        for (difference, (one, other)) in self.weights.iter_mut().zip(one.source.iter().zip(&other.source)) {
             *difference = difference.max((one - other).abs());
         }
-        self.opacity = self.opacity.max((one.opacity - other.opacity).abs());
+        self.opacity = self.opacity.max((one.opacity[0] - other.opacity[0]).abs());
         let square: f64 = one.normal.iter().zip(other.normal).map(|(a, b)| (a - b) * (a - b)).sum();
         self.normal = self.normal.max(square.sqrt());
     }
@@ -52,22 +52,22 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
         let (found, difference) = (self.sample)(place);
         let Rungs { scene, planned, .. } = self.rungs;
         let lost = difference.opacity * self.behind;
-        step.weights.clear();
+        step.source.clear();
         let mut white = lost;
-        for ((&weight, &moved), &m) in found.weights.iter().zip(&difference.weights).zip(&planned.materials) {
+        for ((&weight, &moved), &m) in found.source.iter().zip(&difference.weights).zip(&planned.materials) {
             let material = &scene.materials[m];
             let (shade, slope) = match planned.plan.shading {
                 None => (1.0, 0.0),
                 Some(_) => ((material.ambient + material.diffuse).max(1.0), material.diffuse),
             };
-            step.weights.push(moved * shade + weight * slope * difference.normal + lost);
+            step.source.push(moved * shade + weight * slope * difference.normal + lost);
             let slope = f64::from(material.exponent) * (1.0 + HALFWAY);
             white += material.specular * (moved + weight * slope * difference.normal);
         }
         if planned.plan.specular().is_some() {
-            step.weights.push(white);
+            step.source.push(white);
         }
-        step.weights.push(difference.opacity);
+        step.source.push(difference.opacity);
         step.opacity = found.opacity;
     }
 }
@@ -89,7 +89,7 @@ pub fn bounds<R: Real>(
         ..planned.plan.clone()
     };
     let everywhere = Position { name: "everywhere".into(), placement: Placement::Ambient, lights: Vec::new() };
-    let differences = Planned { plan, materials: Vec::new(), positions: vec![everywhere] };
+    let differences = Planned { plan, materials: Vec::new(), positions: vec![everywhere], model: None };
     let behind = expected.weights.iter().fold(1.0_f64, |most, weight| most.max(weight.to_f64()));
     let bounding = Bounding { rungs, behind, sample };
     let marched = relume::reference::march(scene, &differences, &bounding, *size, &relume::progress::Quiet).unwrap();
@@ -120,6 +120,7 @@ pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f6
     let [low, high] = rungs.storage.domain;
     let entry = (high - low) / float(rungs.table.entries() - 1);
     let exact = rungs.exact();
+    let steps = Steps::new(&rungs.scene, &rungs.planned);
     let texels = Texels::new(&rungs.volume);
     let scale = DVec3::from_array(rungs.storage.gradient_scale());
     let [value_scale, value_offset] = rungs.storage.normalised_from_texel();
@@ -128,7 +129,7 @@ pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f6
         exact.sample(place, &mut here);
         let texel = texels.at(place);
         let value = (high - low).mul_add(texel[texels.parts - 1].mul_add(value_scale, value_offset), low);
-        let at = |entries: f64| step_of_value(&rungs.scene, &rungs.planned, entry.mul_add(entries, value));
+        let at = |entries: f64| steps.of_value(entry.mul_add(entries, value));
         let around: Vec<_> = (-3..=3).map(|entries| at(f64::from(entries))).collect();
         let second = |pick: &dyn Fn(&relume::tables::Step) -> f64| {
             let differences = (2..=4_usize).map(|middle| {
@@ -139,10 +140,10 @@ pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f6
             differences.fold(0.0, f64::max) / 4.0 + moved + ROUNDING_UNIT * pick(&around[3]).abs()
         };
         let difference = Difference {
-            weights: (0..here.weights.len())
-                .map(|m| second(&|step| step.weights[m]) + ROUNDING_UNIT * here.weights[m])
+            weights: (0..here.source.len())
+                .map(|m| second(&|step| step.source[m]) + ROUNDING_UNIT * here.source[m])
                 .collect(),
-            opacity: second(&|step| step.opacity) + ROUNDING_UNIT * here.opacity,
+            opacity: second(&|step| step.opacity[0]) + ROUNDING_UNIT * here.opacity[0],
             normal: direction_error(&texel, scale, 0.5 / 32767.0),
         };
         (here, difference)

@@ -1,12 +1,13 @@
 //! One scene on every rung.
 
-use relume::plan::{Planned, plan};
+use glam::DVec3;
+use relume::plan::{Planned, plan, plan_full_spectrum};
 use relume::progress::Quiet;
 use relume::reference::{self, Exact, Real, Samples, Stored};
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
-use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz};
-use relume::tables::{Accumulation, LabelMap, RelightMatrices, Storage, StoredVolume, TransferTable, components};
+use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage, StoredVolume, TransferTable};
 
 use super::device::open;
 
@@ -26,7 +27,7 @@ pub struct Rungs {
 
 impl Rungs {
     pub fn new(scene: Scene, size: [usize; 2]) -> Self {
-        let planned = plan(&scene);
+        let planned = plan(&scene, &Quiet).unwrap();
         Self::planned(scene, planned, size)
     }
 
@@ -60,9 +61,27 @@ impl Rungs {
         reference::march(&self.scene, &self.planned, samples, self.size, &Quiet).unwrap()
     }
 
-    /// XYZ with all 81 bands.
-    pub fn truth(&self, samples: &impl Samples<f64>) -> Vec<Xyz> {
-        reference::full_spectrum(&self.scene, &self.planned, samples, &self.mix, self.size, &Quiet).unwrap().0
+    /// The same scene with all 81 bands.
+    pub fn full_spectrum(&self) -> Self {
+        Self::planned(self.scene.clone(), plan_full_spectrum(&self.scene), self.size)
+    }
+
+    /// XYZ and opacity, from what `samples` finds of the scene.
+    pub fn lit(&self, samples: &impl Samples<f64>) -> Vec<(DVec3, f64)> {
+        let matrices = self.xyz_matrices();
+        reference::render(&self.scene, &self.planned, samples, &matrices, self.size, &Quiet).unwrap()
+    }
+
+    /// XYZ of the scene with all 81 bands.
+    pub fn truth(&self) -> Vec<DVec3> {
+        let full = self.full_spectrum();
+        full.lit(&full.exact()).into_iter().map(|(colour, _)| colour).collect()
+    }
+
+    /// The same over the stored tables and volume.
+    pub fn stored_truth(&self) -> Vec<DVec3> {
+        let full = self.full_spectrum();
+        full.lit(&full.stored()).into_iter().map(|(colour, _)| colour).collect()
     }
 
     pub fn gpu(&self, renderer: &Renderer) -> Accumulation<f32> {
@@ -83,7 +102,7 @@ impl Rungs {
 
     pub fn matrices_under(&self, mix: &Mix) -> RelightMatrices {
         RelightMatrices::new(
-            &components(&self.scene, &self.planned),
+            &Components::new(&self.scene, &self.planned),
             self.planned.positions.len(),
             self.scene.background.as_ref(),
             mix,
@@ -101,12 +120,13 @@ impl Rungs {
 pub fn in_xyz(matrices: &RelightMatrices) -> RelightMatrices {
     RelightMatrices {
         colours: matrices.colours.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
-        background: *XYZ_FROM_LINEAR_SRGB * matrices.background,
+        background: matrices.background.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
+        passing: matrices.passing.clone(),
     }
 }
 
 /// Σ|weight · colour| of every pixel and channel: what errors of a picture are relative to.
-pub fn magnitudes<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMatrices) -> Vec<glam::DVec3> {
+pub fn magnitudes<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMatrices) -> Vec<DVec3> {
     let absolute = Accumulation {
         size: accumulation.size,
         weights: accumulation.weights.iter().map(|weight| weight.to_f64().abs()).collect(),
@@ -114,7 +134,8 @@ pub fn magnitudes<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMat
     };
     let matrices = RelightMatrices {
         colours: matrices.colours.iter().map(|colour| colour.abs()).collect(),
-        background: matrices.background.abs(),
+        background: matrices.background.iter().map(|colour| colour.abs()).collect(),
+        passing: matrices.passing.clone(),
     };
     reference::relight(&absolute, &matrices)
 }

@@ -244,7 +244,13 @@ fn labels() -> Scene {
     let volume = Volume::phantom(relume::volume::Phantom::Frog, dims).unwrap();
     let labels = Volume::frog_labels(dims).unwrap();
     let mut scene = of(&[text, CAMERA, ACCURACY, KEY].concat(), volume);
-    let entry = |label, name: &str, material, opacity| LabelEntry { label, name: name.into(), material, opacity };
+    let entry = |label, name: &str, material, opacity| LabelEntry {
+        label,
+        name: name.into(),
+        material,
+        opacity,
+        absorption: 0.0,
+    };
     // Two of the phantom's labels; the others are undeclared and follow the transfer function.
     let declared = vec![entry(1, "first", 1, 0.3), entry(2, "second", 0, 0.7)];
     scene.labels = Some(Labels { volume: Arc::new(labels), declared });

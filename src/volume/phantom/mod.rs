@@ -7,6 +7,7 @@ use std::str::FromStr;
 use rayon::prelude::*;
 
 use super::{Geometry, Volume, VolumeError, Voxels};
+use crate::memory;
 
 pub mod engine;
 mod field;
@@ -79,7 +80,8 @@ impl Volume {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
+    /// more than there is memory for.
     pub fn phantom(phantom: Phantom, dims: Option<[usize; 3]>) -> Result<Self, VolumeError> {
         let dims = dims.unwrap_or(phantom.default_dims());
         match phantom {
@@ -87,8 +89,8 @@ impl Volume {
             Phantom::Shells => shells(dims),
             Phantom::Gaussian => gaussian(dims),
             Phantom::MarschnerLobb => marschner_lobb(dims),
-            Phantom::Frog => made("frog", dims, |dims| Voxels::U8(frog::voxels(dims))),
-            Phantom::Engine => made("engine", dims, |dims| Voxels::U8(engine::voxels(dims))),
+            Phantom::Frog => made("frog", dims, 1, |dims| Voxels::U8(frog::voxels(dims))),
+            Phantom::Engine => made("engine", dims, 1, |dims| Voxels::U8(engine::voxels(dims))),
         }
     }
 
@@ -96,14 +98,26 @@ impl Volume {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
+    /// more than there is memory for.
     pub fn frog_labels(dims: Option<[usize; 3]>) -> Result<Self, VolumeError> {
-        made("frog_labels", dims.unwrap_or(frog::DIMS), |dims| Voxels::U8(frog::labels(dims)))
+        made("frog_labels", dims.unwrap_or(frog::DIMS), 1, |dims| Voxels::U8(frog::labels(dims)))
     }
 }
 
-fn made(name: &str, dims: [usize; 3], make: impl FnOnce([usize; 3]) -> Voxels) -> Result<Volume, VolumeError> {
+/// A phantom of `voxel_bytes` bytes a voxel.
+fn made(
+    name: &str,
+    dims: [usize; 3],
+    voxel_bytes: u64,
+    make: impl FnOnce([usize; 3]) -> Voxels,
+) -> Result<Volume, VolumeError> {
     let geometry = Geometry::unit(name, dims)?;
+    // No allocator is asked: it may promise what the system does not have.
+    let bytes = u64::try_from(geometry.voxels()).unwrap_or(u64::MAX).saturating_mul(voxel_bytes);
+    if memory::available_bytes().is_some_and(|available| bytes > available) {
+        return Err(VolumeError::Memory { source_name: format!("the phantom {name}"), bytes });
+    }
     Volume::new(name, make(dims), geometry)
 }
 
@@ -114,9 +128,10 @@ pub const SLAB_VALUE: u8 = 128;
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
+/// more than there is memory for.
 pub fn slab(dims: [usize; 3], value: u8) -> Result<Volume, VolumeError> {
-    made("slab", dims, |dims| Voxels::U8(vec![value; dims.iter().product()]))
+    made("slab", dims, 1, |dims| Voxels::U8(vec![value; dims.iter().product()]))
 }
 
 /// Crests of [`shells`] between the centre and the middle of a face.
@@ -126,7 +141,8 @@ pub const SHELLS: u8 = 4;
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
+/// more than there is memory for.
 pub fn shells(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     closed_form("shells", dims, |[x, y, z]| {
         let r = (x * x + y * y + z * z).sqrt();
@@ -141,7 +157,8 @@ pub const GAUSSIAN_SIGMA: f64 = 0.4;
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
+/// more than there is memory for.
 pub fn gaussian(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     closed_form("gaussian", dims, |[x, y, z]| (-(x * x + y * y + z * z) / (2.0 * GAUSSIAN_SIGMA.powi(2))).exp())
 }
@@ -151,7 +168,8 @@ pub fn gaussian(dims: [usize; 3]) -> Result<Volume, VolumeError> {
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
+/// more than there is memory for.
 pub fn marschner_lobb(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     const FREQUENCY: f64 = 6.0;
     const ALPHA: f64 = 0.25;
@@ -168,7 +186,7 @@ fn closed_form(name: &str, dims: [usize; 3], form: impl Fn([f64; 3]) -> f64 + Sy
         1 => 0.0,
         n => (2 * index) as f64 / (n - 1) as f64 - 1.0,
     };
-    made(name, dims, |[width, height, _]| {
+    made(name, dims, 4, |[width, height, _]| {
         let mut voxels = vec![0.0_f32; dims.iter().product()];
         voxels.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
             let (y, z) = (place(row % height, 1), place(row / height, 2));

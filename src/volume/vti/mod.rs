@@ -52,6 +52,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let voxels = with_type!(voxel_type, T => read_parts::<T>(&header, &parts, &whole, component, progress))?;
 
     let mut volume = Volume::new(&source, voxels, geometry)?;
+    volume.files.push(path.to_owned());
     volume.components = chosen.components;
     volume.metadata = metadata(&header, chosen);
     if chosen.section == Section::Cells {

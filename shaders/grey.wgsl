@@ -1,0 +1,42 @@
+// What passes where all wavelengths pass alike: one number. Part of `march.wgsl`.
+
+alias Passed = f32;
+alias TableOpacity = f32;
+
+fn all_light() -> Passed {
+    return 1.0;
+}
+
+fn opacity_at(i: u32) -> Passed {
+    return table_opacity[i];
+}
+
+fn opacity_between(i: u32, fraction: f32) -> Passed {
+    let opacity = table_opacity[i];
+    return fma(fraction, table_opacity[i + 1u] - opacity, opacity);
+}
+
+fn opacity_of_label(row: u32) -> Passed {
+    return label_opacity[row];
+}
+
+// The light that passes a step, rounded once: `T *= 1 − α` drifts over many equal steps.
+fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
+    return fma(-transmittance, opacity, transmittance);
+}
+
+fn lane_of(passed: Passed, lane: u32) -> vec4f {
+    return vec4f(passed);
+}
+
+fn brightest(passed: Passed) -> f32 {
+    return passed;
+}
+
+fn load_passed(pixel: vec2u) -> Passed {
+    return textureLoad(transmittances, pixel, 0).x;
+}
+
+fn store_passed(pixel: vec2u, passed: Passed) {
+    textureStore(transmittances, pixel, 0, vec4f(passed));
+}

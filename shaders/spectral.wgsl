@@ -1,0 +1,46 @@
+// What a step reflects as a spectrum in the k numbers of a colour model. Part of `march.wgsl`.
+
+fn unshaded(step: Step) -> array<vec4f, LANES> {
+    var source: array<vec4f, LANES>;
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        source[lane] = step.source[UNSHADED + lane];
+    }
+    return source;
+}
+
+fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
+    var source: array<vec4f, LANES>;
+    let shade = fma(shading.diffuse[0].x, facing, shading.ambient[0].x);
+    for (var lane = 0u; lane < LANES; lane += 1u) {
+        if (EQUAL_SHARES) {
+            source[lane] = step.source[lane] * shade;
+        } else {
+            source[lane] = fma(step.source[DIFFUSE + lane], vec4f(facing), step.source[lane]);
+        }
+    }
+    return source;
+}
+
+// Adds white, which is 1 in every number of a model: of each exponent its own.
+fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>) {
+    for (var i = 0u; i < EXPONENTS; i += 1u) {
+        var shine = 0.0;
+        if (ONE_EXPONENT) {
+            shine = power(facing, ONE_EXPONENT_VALUE);
+        } else {
+            shine = power(facing, shading.exponent[i / 4u][i % 4u]);
+        }
+        for (var lane = 0u; lane < LANES; lane += 1u) {
+            if (COLOURED) {
+                (*source)[lane] += step.source[HIGHLIGHTS + i * LANES + lane] * shine;
+            } else {
+                (*source)[lane] += all_components(lane) * (step.source[HIGHLIGHTS + i / 4u][i % 4u] * shine);
+            }
+        }
+    }
+}
+
+// 1 in every number that the model has, 0 in the spare ones of the last vector.
+fn all_components(lane: u32) -> vec4f {
+    return select(vec4f(), vec4f(1.0), vec4u(4u * lane) + vec4u(0u, 1u, 2u, 3u) < vec4u(COMPONENTS));
+}

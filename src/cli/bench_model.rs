@@ -1,0 +1,137 @@
+//! The part of `relume bench` that measures colour models.
+
+use serde_json::json;
+
+use relume::measure::{
+    AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, automatic_dimension, model_row,
+};
+use relume::model::{Amplification, ErrorSummary, ModelKind, Order};
+use relume::progress::Progress;
+
+use super::{CliError, Report};
+
+const TOLERANCES: [f64; 3] = [2.0, 1.0, 0.5];
+/// More scenes than this move the errors of fixed dimensions no more.
+const MOST_SCENES: usize = 12;
+
+/// Passes on that work should stop, and not how far it is: this table is a thousand fits.
+struct Silent<'a>(&'a dyn Progress);
+
+impl Progress for Silent<'_> {
+    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
+}
+
+pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliError> {
+    let settings: Vec<ModelSetting> = (0..LIGHT_GROUPS.len()).flat_map(settings).collect();
+    let total = u64::try_from(settings.len() + scenes).unwrap_or(u64::MAX);
+    let mut done = 0;
+    let mut advance = || {
+        progress.report("measuring colour models", done, total);
+        done += 1;
+    };
+    let quiet = Silent(progress);
+    let mut models = Vec::new();
+    for setting in settings {
+        advance();
+        models.push(model_row(setting, scenes.min(MOST_SCENES), &quiet)?);
+    }
+    let mut automatic = Vec::new();
+    for scene in 0..scenes {
+        advance();
+        for tolerance in TOLERANCES {
+            automatic.push(automatic_dimension(scene, tolerance, &quiet)?);
+        }
+    }
+    let of = |tolerance: &f64| {
+        AutomaticSummary::of(automatic.iter().filter(|row| row.tolerance.total_cmp(tolerance).is_eq()))
+    };
+    let summaries: Vec<AutomaticSummary> = TOLERANCES.iter().map(of).collect();
+    Ok(Report {
+        text: text(&models, &automatic, &summaries),
+        json: json!({ "models": models, "automatic": automatic, "automatic_summary": summaries }),
+    })
+}
+
+/// What is measured under one group of lights.
+fn settings(lights: usize) -> Vec<ModelSetting> {
+    let (held, kept) = (Amplification::Held, Amplification::Kept);
+    let (step, semigroup) = (ModelKind::Sharpened(Order::Step), ModelKind::Sharpened(Order::Semigroup));
+    [
+        (ModelKind::Nodes, 4, 4, held),
+        (ModelKind::Nodes, 4, 6, held),
+        (ModelKind::Nodes, 4, 8, held),
+        (ModelKind::Nodes, 4, 12, held),
+        (ModelKind::Nodes, 8, 8, held),
+        (step, 4, 8, held),
+        (step, 4, 8, kept),
+        (semigroup, 4, 8, held),
+        (semigroup, 4, 8, kept),
+        (ModelKind::Bands, 4, 8, held),
+        (ModelKind::Rgb, 4, 3, held),
+    ]
+    .into_iter()
+    .map(|(kind, materials, dimension, amplification)| ModelSetting {
+        kind,
+        lights,
+        materials,
+        dimension,
+        amplification,
+    })
+    .collect()
+}
+
+fn text(models: &[ModelRow], automatic: &[AutomaticRow], summaries: &[AutomaticSummary]) -> String {
+    let numbers = |error: &ErrorSummary| format!("{:.3}/{:.2}/{:.2}", error.mean, error.p95, error.max);
+    let scenes = models.first().map_or(0, |row| row.scenes);
+    let mut text = format!(
+        "Colour models on spectra they were not fitted on: ΔE00 mean/p95/max over {scenes} scenes of ColorChecker patches.\n\
+         a: one reflection, b: two or three, c: one behind an absorber (optical depth up to 20), d0: grey rays, d1: \
+         coloured rays.\n(unclamped: absorptions that amplify are kept, to show what the model does by itself)\n\
+         {:<20} {:<9} {:<7} {:>9} {:>3}  {:<18}",
+        "model", "", "lights", "materials", "k", "all"
+    );
+    for (name, _) in models.first().iter().flat_map(|row| &row.classes) {
+        text.push_str(&format!(" {name:<18}"));
+    }
+    text.push_str("  fit ms  new light ms\n");
+    for row in models {
+        text.push_str(&format!(
+            "{:<20} {:<9} {:<7} {:>9} {:>3}  {:<18}",
+            row.model,
+            if row.unclamped { "unclamped" } else { "" },
+            row.lights,
+            row.materials,
+            row.k,
+            numbers(&row.all)
+        ));
+        for (_, error) in &row.classes {
+            text.push_str(&format!(" {:<18}", numbers(error)));
+        }
+        text.push_str(&format!("  {:>6.0}  {:>12.1}\n", row.fit_ms, row.new_light_ms));
+    }
+    text.push_str("\nAutomatic k of nodes: what the largest ΔE00 on unseen spectra is, as a share of the tolerance.\n");
+    text.push_str("tolerance  scenes  refused  kept   worst/tolerance  median k  largest k\n");
+    for summary in summaries {
+        text.push_str(&format!(
+            "{:>9}  {:>6}  {:>7}  {:>4.0}%  {:>15.2}  {:>8}  {:>9}\n",
+            summary.tolerance,
+            summary.found + summary.refused,
+            summary.refused,
+            100.0 * summary.kept,
+            summary.worst_over_tolerance,
+            summary.median_k,
+            summary.largest_k
+        ));
+    }
+    if let Some(slowest) = automatic.iter().max_by(|one, two| one.fit_ms.total_cmp(&two.fit_ms)) {
+        text.push_str(&format!(
+            "The slowest choice took {:.0} ms (scene {}, tolerance {}).\n",
+            slowest.fit_ms, slowest.scene, slowest.tolerance
+        ));
+    }
+    text
+}

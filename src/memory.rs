@@ -1,0 +1,27 @@
+//! How much memory there is.
+
+/// Bytes that a program can take without the system swapping or ending it; `None` where the system does not tell.
+///
+/// `MemAvailable` of `proc_meminfo(5)`. The limits of a container are not in it.
+#[must_use]
+pub fn available_bytes() -> Option<u64> {
+    available_in(&std::fs::read_to_string("/proc/meminfo").ok()?)
+}
+
+/// `MemAvailable` ("kB" of 1024 bytes) in bytes.
+fn available_in(meminfo: &str) -> Option<u64> {
+    let kibibytes = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?.trim().strip_suffix("kB")?;
+    kibibytes.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn available_memory_is_read_as_the_system_writes_it() {
+        let text = "MemTotal:       16384 kB\nMemFree:            7 kB\nMemAvailable:   2 kB\n";
+        assert_eq!(available_in(text), Some(2048));
+        assert_eq!(available_in("MemTotal: 1 kB\n"), None);
+    }
+}

@@ -1,0 +1,176 @@
+//! What light meets on its way to the eye, as arithmetic that is the same for 81 bands and for k coefficients.
+
+use super::random::Random;
+
+/// The way of some light: through steps of a medium, and from what is behind them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Chain {
+    /// Front to back.
+    steps: Vec<Step>,
+    /// The sources that reflect it one after the other behind the steps; none: nothing is there.
+    behind: Option<Vec<usize>>,
+}
+
+/// A piece of a medium that is the same throughout.
+#[derive(Clone, Debug, Default)]
+struct Step {
+    /// Optical depths by which sources scatter, alike at all wavelengths.
+    scattered: Vec<(usize, f64)>,
+    /// Optical depths, at the peak, by which absorptions absorb.
+    absorbed: Vec<(usize, f64)>,
+}
+
+/// The optical depth per component of so much of these absorptions.
+type Depths<'a> = dyn Fn(&[(usize, f64)]) -> Vec<f64> + 'a;
+
+/// Kinds of chains; letters are those of the published tables.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChainClass {
+    /// One reflection (a).
+    Reflections,
+    /// Two (two thirds) or three reflections (b). No renderer here makes them; the published tables have them.
+    Bounces,
+    /// One reflection seen through one absorber or two, half of them deep: optical depths are log-uniform from 0.05 to
+    /// the largest, or uniform in the upper three quarters. What two deep absorbers leave is hardest to carry.
+    Absorbed,
+    /// One reflection seen through one absorber of log-uniform optical depth: what the published tables call c.
+    SinglyAbsorbed,
+    /// Rays of this many steps through grey media of total optical depth 0.3 to 20 (d0).
+    GreyRays(usize),
+    /// Rays of this many steps through media that scatter and absorb, of total optical depth 0.3 to 20 (d1).
+    ColouredRays(usize),
+}
+
+/// What chains can be made of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Supply {
+    /// How many sources there are: materials, white, the background.
+    pub(crate) sources: usize,
+    /// How many of them scatter inside a medium: all but the background, which is the last.
+    pub(crate) scattering: usize,
+    /// How many absorptions there are.
+    pub(crate) absorptions: usize,
+    /// The largest optical depth of coloured absorption.
+    pub(crate) largest_depth: f64,
+}
+
+impl Chain {
+    /// The light of one source, by its number.
+    pub(crate) fn reflection(source: usize) -> Self {
+        Self { steps: Vec::new(), behind: Some(vec![source]) }
+    }
+
+    /// A random chain of a class.
+    pub(crate) fn draw(class: ChainClass, supply: Supply, random: &mut Random) -> Self {
+        match class {
+            ChainClass::Reflections => Self::reflection(random.index(supply.sources)),
+            ChainClass::Bounces => {
+                let count = if random.unit() < 2.0 / 3.0 { 2 } else { 3 };
+                let behind = (0..count).map(|_| random.index(supply.scattering)).collect();
+                Self { steps: Vec::new(), behind: Some(behind) }
+            }
+            ChainClass::Absorbed | ChainClass::SinglyAbsorbed => {
+                let any = class == ChainClass::Absorbed;
+                let largest = supply.largest_depth;
+                let depth = if any && random.unit() < 0.5 {
+                    random.between(0.25 * largest, largest)
+                } else {
+                    random.between_magnitudes(0.05_f64.min(largest), largest)
+                };
+                let one = random.index(supply.absorptions);
+                let absorbed = if any && random.unit() < 0.5 {
+                    let share = random.unit();
+                    vec![(one, depth * share), (random.index(supply.absorptions), depth * (1.0 - share))]
+                } else {
+                    vec![(one, depth)]
+                };
+                let behind = Some(vec![random.index(supply.sources)]);
+                Self { steps: vec![Step { scattered: Vec::new(), absorbed }], behind }
+            }
+            ChainClass::GreyRays(steps) => {
+                let depth = random.between_magnitudes(0.3, 20.0);
+                let scattered = clouds(supply.scattering, steps, depth, random);
+                let steps = scattered.into_iter().map(|scattered| Step { scattered, absorbed: Vec::new() }).collect();
+                Self { steps, behind: drawn_behind(supply, random) }
+            }
+            ChainClass::ColouredRays(steps) => {
+                let depth = random.between_magnitudes(0.3, 20.0);
+                let coloured = (depth * random.between(0.1, 0.9)).min(supply.largest_depth);
+                let scattered = clouds(supply.scattering, steps, depth - coloured, random);
+                let absorbed = clouds(supply.absorptions, steps, coloured, random);
+                let pairs = scattered.into_iter().zip(absorbed);
+                let steps = pairs.map(|(scattered, absorbed)| Step { scattered, absorbed }).collect();
+                Self { steps, behind: drawn_behind(supply, random) }
+            }
+        }
+    }
+
+    /// The light that comes back, per component.
+    ///
+    /// `sources` holds the components of each source, `depths` gives the optical depth per component of a step's
+    /// absorptions. One step is exact for a medium that is the same throughout.
+    pub(crate) fn walk(&self, dimension: usize, sources: &[Vec<f64>], depths: &Depths<'_>) -> Vec<f64> {
+        let mut light = vec![0.0; dimension];
+        let mut transmittance = vec![1.0; dimension];
+        for step in &self.steps {
+            let mut depth = if step.absorbed.is_empty() { vec![0.0; dimension] } else { depths(&step.absorbed) };
+            let mut source = vec![0.0; dimension];
+            for &(index, scattering) in &step.scattered {
+                for component in 0..dimension {
+                    depth[component] += scattering;
+                    source[component] += scattering * sources[index][component];
+                }
+            }
+            let grey = step.absorbed.is_empty().then(|| absorbed_share(depth.first().copied().unwrap_or(0.0)));
+            for component in 0..dimension {
+                let depth = depth[component];
+                let lost = grey.unwrap_or_else(|| absorbed_share(depth));
+                let mean = if depth == 0.0 { 1.0 } else { lost / depth };
+                light[component] += transmittance[component] * source[component] * mean;
+                transmittance[component] *= 1.0 - lost;
+            }
+        }
+        if let Some(behind) = &self.behind {
+            for (component, light) in light.iter_mut().enumerate() {
+                let reflected: f64 = behind.iter().map(|&source| sources[source][component]).product();
+                *light += transmittance[component] * reflected;
+            }
+        }
+        light
+    }
+}
+
+/// 1 − e^(−depth).
+fn absorbed_share(depth: f64) -> f64 {
+    -(-depth).exp_m1()
+}
+
+/// Behind a ray is the background where there is one; a third of the others end on a surface.
+fn drawn_behind(supply: Supply, random: &mut Random) -> Option<Vec<usize>> {
+    if supply.sources > supply.scattering {
+        return Some(vec![supply.sources - 1]);
+    }
+    (random.unit() < 1.0 / 3.0).then(|| vec![random.index(supply.sources)])
+}
+
+/// Per step, the optical depth of each of `count` smooth clouds along a ray; all together `total`.
+fn clouds(count: usize, steps: usize, total: f64, random: &mut Random) -> Vec<Vec<(usize, f64)>> {
+    let mut depths = vec![Vec::with_capacity(count); steps];
+    let mut sum = 0.0;
+    for index in 0..count {
+        // Cubed, so that one or two of many are most of it.
+        let height = random.unit().powi(3) + 1e-3;
+        let bumps = [(); 2].map(|()| (random.unit(), random.between_magnitudes(0.03, 0.5)));
+        for (step, depths) in depths.iter_mut().enumerate() {
+            let place = (crate::number::count(step) + 0.5) / crate::number::count(steps);
+            let bell = |(centre, width): (f64, f64)| (-0.5 * ((place - centre) / width).powi(2)).exp();
+            let density: f64 = height * bumps.map(bell).iter().sum::<f64>();
+            sum += density;
+            depths.push((index, density));
+        }
+    }
+    for (_, depth) in depths.iter_mut().flatten() {
+        *depth *= if sum > 0.0 { total / sum } else { 0.0 };
+    }
+    depths
+}

@@ -1,0 +1,536 @@
+//! How few numbers carry a spectrum through a scene, and at what error.
+//!
+//! A colour model is a projection `P` (k × 81) and a matrix `W` (3 × k) per light. A material is carried as `P` times
+//! its spectrum; everything on the way of light is componentwise; and the colour of a pixel that holds the k numbers
+//! `c` is `W·c`. Which light it is enters in `W` alone.
+
+mod chain;
+mod cloud;
+mod error;
+mod fixed;
+mod kind;
+mod lawson;
+mod nodes;
+pub mod random;
+mod reconstruction;
+mod sharpened;
+mod target;
+
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use crate::progress::Progress;
+use crate::spectrum::colour::OBSERVER;
+use crate::spectrum::{BANDS, Light, Spectrum, standard, wavelength_nm};
+
+pub use chain::ChainClass;
+pub use cloud::{Cloud, LARGEST_DEPTH};
+pub use error::ModelError;
+pub use kind::{ModelKind, Order};
+pub use reconstruction::Reconstruction;
+pub use target::ErrorSummary;
+
+use target::Target;
+
+/// The largest dimension of a model.
+pub const LARGEST_DIMENSION: usize = 16;
+
+/// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
+const FIT: [(ChainClass, usize); 3] =
+    [(ChainClass::GreyRays(24), 100), (ChainClass::Absorbed, 400), (ChainClass::ColouredRays(24), 150)];
+const FIT_SEED: u64 = 1;
+/// What automatic dimensions are checked on. Most of it is behind absorbers, where a rare pair of them can be far worse
+/// than all others.
+const VALIDATION: [(ChainClass, usize); 3] =
+    [(ChainClass::GreyRays(24), 200), (ChainClass::Absorbed, 3000), (ChainClass::ColouredRays(24), 300)];
+const VALIDATION_SEED: u64 = 2;
+/// The share of a tolerance that an automatic dimension uses up: what it was not checked on differs a little more.
+const MARGIN: f64 = 0.75;
+/// The mean error may be this share of the largest.
+const MEAN_SHARE: f64 = 0.2;
+
+/// What the light of a scene can meet on its way: what a model must carry.
+#[derive(Clone, Debug, Default)]
+pub struct Ingredients {
+    /// The materials in use. Negative samples are allowed: artificial ones have them.
+    pub reflectances: Vec<Spectrum>,
+    /// The shapes, of peak 1, of the wavelength-dependent absorptions in use; none: all absorption is grey.
+    pub absorptions: Vec<Spectrum>,
+    /// What is seen through what passes.
+    pub background: Option<Spectrum>,
+    /// Whether white highlights are in use.
+    pub highlights: bool,
+    /// The scene's own lights, by name.
+    pub lights: Vec<(String, Light)>,
+    /// The largest optical depth of coloured absorption that can occur; 0 when all absorption is grey. Above
+    /// [`LARGEST_DEPTH`], it counts as that.
+    pub largest_depth: f64,
+}
+
+/// How the colours under one light are made of a model's coefficients.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightMatrix {
+    /// Column i: XYZ per unit of component i.
+    pub xyz: Vec<[f64; 3]>,
+    /// ΔE00 over the cloud that the model was fitted on.
+    pub error: ErrorSummary,
+    /// ΔE00 over spectra that were not used in the fit, where the dimension was chosen automatically.
+    pub unseen: Option<ErrorSummary>,
+}
+
+impl LightMatrix {
+    /// The worse of the errors on the cloud and on spectra that were not used in the fit.
+    pub fn worst(&self) -> ErrorSummary {
+        self.unseen.map_or(self.error, |unseen| self.error.worst(unseen))
+    }
+}
+
+/// What becomes of coefficients of an absorption that are negative, which would amplify light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Amplification {
+    /// They are held at 0: what pictures are made with.
+    Held,
+    /// They are kept, to show what the model does by itself.
+    Kept,
+}
+
+/// Few numbers that stand for a spectrum: see the [module](self).
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColourModel {
+    kind: ModelKind,
+    projection: Vec<Spectrum>,
+    cloud: Vec<Spectrum>,
+    vectors: Vec<Vec<f64>>,
+    lights: Vec<(String, Light, LightMatrix)>,
+}
+
+/// The model of `kind` with `dimension` coefficients for what is in `ingredients`.
+///
+/// It takes equal steps for equal input: equal models come out, also when materials or lights are given in another
+/// order. Without lights it is fitted for D65.
+///
+/// # Errors
+///
+/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 16, [`ModelError::NotThree`] for RGB of another dimension than
+/// 3, [`ModelError::Sample`] and [`ModelError::NotFinite`] for spectra that cannot be computed with,
+/// [`ModelError::Cancelled`] when `progress` says so.
+pub fn fit(
+    ingredients: &Ingredients,
+    kind: ModelKind,
+    dimension: usize,
+    progress: &dyn Progress,
+) -> Result<ColourModel, ModelError> {
+    fit_cloud(&Cloud::new(ingredients, &FIT, FIT_SEED)?, &ingredients.lights, kind, dimension, progress)
+}
+
+/// The model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
+///
+/// Kept means: over the cloud of the fit and over another, larger one, whose spectra were not used in the fit,
+/// the largest ΔE00 is at most 0.75 of the tolerance and the mean at most a fifth of that.
+///
+/// # Errors
+///
+/// [`ModelError::Tolerance`] when 16 coefficients do not keep it (or RGB's 3), [`ModelError::NotATolerance`] unless it
+/// is above 0, and the errors of [`fit`].
+pub fn fit_automatic(
+    ingredients: &Ingredients,
+    kind: ModelKind,
+    tolerance: f64,
+    progress: &dyn Progress,
+) -> Result<ColourModel, ModelError> {
+    if tolerance.is_nan() || tolerance <= 0.0 {
+        return Err(ModelError::NotATolerance { tolerance });
+    }
+    let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
+    let unseen = Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)?;
+    let (least, largest) = if kind == ModelKind::Rgb { (3, 3) } else { (1, LARGEST_DIMENSION) };
+    let mut nearest = (f64::INFINITY, largest);
+    for dimension in least..=largest {
+        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * MARGIN * tolerance };
+        let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, hopeless, progress)?;
+        let needed = needed_tolerance(&model.worst());
+        if needed <= tolerance {
+            model.check_on(&unseen);
+            if needed_tolerance(&model.worst()) <= tolerance {
+                return Ok(model);
+            }
+        }
+        if needed < nearest.0 {
+            nearest = (needed, dimension);
+        }
+    }
+    let dimension = nearest.1;
+    let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, f64::INFINITY, progress)?;
+    model.check_on(&unseen);
+    let worst = model.worst();
+    let way_out = match kind {
+        ModelKind::Nodes => ", and rendering all bands has no such error",
+        _ => ", and the model nodes may keep yours",
+    };
+    Err(ModelError::Tolerance {
+        kind,
+        tolerance,
+        largest,
+        dimension,
+        reached: worst.max,
+        kept: (needed_tolerance(&worst) * 1000.0).ceil() / 1000.0,
+        way_out: way_out.to_owned(),
+    })
+}
+
+/// The least tolerance that errors like these keep.
+fn needed_tolerance(error: &ErrorSummary) -> f64 {
+    (error.max / MARGIN).max(error.mean / (MARGIN * MEAN_SHARE))
+}
+
+/// The model of `kind` with `dimension` coefficients for the spectra of `cloud` under `lights`.
+///
+/// # Errors
+///
+/// Those of [`fit`].
+pub fn fit_cloud(
+    cloud: &Cloud,
+    lights: &[(String, Light)],
+    kind: ModelKind,
+    dimension: usize,
+    progress: &dyn Progress,
+) -> Result<ColourModel, ModelError> {
+    fit_targets(cloud, lights, kind, dimension, f64::INFINITY, progress)
+}
+
+/// [`fit_cloud`], whose nodes are left as they are once an error above `hopeless` shows that there are too few.
+fn fit_targets(
+    cloud: &Cloud,
+    lights: &[(String, Light)],
+    kind: ModelKind,
+    dimension: usize,
+    hopeless: f64,
+    progress: &dyn Progress,
+) -> Result<ColourModel, ModelError> {
+    if kind == ModelKind::Rgb && dimension != 3 {
+        return Err(ModelError::NotThree { dimension });
+    }
+    if !(1..=LARGEST_DIMENSION).contains(&dimension) {
+        return Err(ModelError::Dimension { dimension, largest: LARGEST_DIMENSION });
+    }
+    // What the fit is for, in an order that does not depend on the scene's.
+    let mut wanted: Vec<&Light> = lights.iter().map(|(_, light)| light).collect();
+    wanted.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
+    wanted.dedup();
+    wanted.retain(|light| light.spectrum().samples().iter().any(|&power| power != 0.0));
+    if wanted.is_empty() {
+        wanted.push(standard::d65());
+    }
+    let candidates = match kind {
+        ModelKind::Nodes => {
+            let targets: Vec<Target> = wanted.par_iter().map(|light| Target::new(&cloud.spectra, light)).collect();
+            let bands = nodes::select(&cloud.spectra, &targets, dimension, hopeless, progress)?;
+            vec![bands.into_iter().map(one_band).collect()]
+        }
+        ModelKind::Sharpened(_) => vec![sharpened::projection(&cloud.spectra, &wanted, dimension)],
+        ModelKind::Bands => vec![fixed::bands(dimension)],
+        ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
+    };
+    let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
+        let mut model =
+            ColourModel { kind, projection, cloud: cloud.spectra.clone(), vectors: Vec::new(), lights: Vec::new() };
+        model.vectors = model.vectors_of(cloud, Amplification::Held);
+        let matrices: Vec<LightMatrix> = lights.par_iter().map(|(_, light)| model.fitted(light)).collect();
+        let named = lights.iter().zip(matrices);
+        model.lights = named.map(|((name, light), matrix)| (name.clone(), light.clone(), matrix)).collect();
+        model
+    });
+    let mean = |model: &ColourModel| model.lights.iter().map(|(.., matrix)| matrix.error.mean).sum::<f64>();
+    let model = models.reduce(|best, next| if mean(&next) < mean(&best) { next } else { best });
+    progress.report("fitting the colour model", 1, 1);
+    match model {
+        _ if progress.cancelled() => Err(ModelError::Cancelled),
+        Some(model) if model.is_finite() => Ok(model),
+        _ => Err(ModelError::NotFinite),
+    }
+}
+
+/// The row of a projection that takes the sample of one band.
+fn one_band(band: usize) -> Spectrum {
+    Spectrum::from_samples(std::array::from_fn(|other| if other == band { 1.0 } else { 0.0 }))
+}
+
+impl ColourModel {
+    /// Every band of the grid: nothing is left out, and nothing is fitted. What other models are measured against.
+    pub fn full_spectrum() -> Self {
+        let projection = (0..BANDS).map(one_band).collect();
+        let (cloud, vectors, lights) = (Vec::new(), Vec::new(), Vec::new());
+        Self { kind: ModelKind::Nodes, projection, cloud, vectors, lights }
+    }
+
+    /// A model of stored parts; with it, new lights are fitted as with the model that the parts were taken from.
+    ///
+    /// `projection` has a row per coefficient; `cloud` holds the spectra of [`Self::cloud`], and `vectors` their
+    /// coefficients. Where those are left out they are the projections of the cloud's spectra, which for nodes they
+    /// are anyway; for other models the errors of componentwise products are then left out too.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::Parts`] when the numbers of rows, columns and coefficients differ, when there is nothing, or when
+    /// a row of nodes is not one wavelength; [`ModelError::NotFinite`] when a part is not finite.
+    pub fn from_parts(
+        kind: ModelKind,
+        projection: Vec<Spectrum>,
+        cloud: Vec<Spectrum>,
+        vectors: Option<Vec<Vec<f64>>>,
+        lights: Vec<(String, Light, LightMatrix)>,
+    ) -> Result<Self, ModelError> {
+        let wrong = |problem: String| Err(ModelError::Parts { problem });
+        let dimension = projection.len();
+        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind == ModelKind::Rgb && dimension != 3 {
+            return wrong(format!("the model {kind} cannot have {dimension} coefficients"));
+        }
+        if cloud.is_empty() {
+            return wrong("the cloud has no spectra".to_owned());
+        }
+        let mut model = Self { kind, projection, cloud, vectors: Vec::new(), lights };
+        if kind == ModelKind::Nodes && model.nodes_nm().is_none_or(|nodes| nodes.len() != dimension) {
+            return wrong("a row of the projection is not one wavelength, as a node is".to_owned());
+        }
+        model.vectors =
+            vectors.unwrap_or_else(|| model.cloud.iter().map(|spectrum| model.coefficients(spectrum)).collect());
+        if model.vectors.len() != model.cloud.len() {
+            return wrong(format!("{} spectra have {} vectors", model.cloud.len(), model.vectors.len()));
+        }
+        if let Some(vector) = model.vectors.iter().find(|vector| vector.len() != dimension) {
+            return wrong(format!("a vector has {} of {dimension} coefficients", vector.len()));
+        }
+        if let Some((name, _, matrix)) = model.lights.iter().find(|(.., matrix)| matrix.xyz.len() != dimension) {
+            return wrong(format!("the light {name:?} has {} of {dimension} columns", matrix.xyz.len()));
+        }
+        if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
+    }
+
+    fn is_finite(&self) -> bool {
+        let spectra = self.projection.iter().chain(&self.cloud).chain(self.lights.iter().map(|(_, l, _)| l.spectrum()));
+        let matrices = self.lights.iter().flat_map(|(.., matrix)| matrix.xyz.iter().flatten());
+        spectra.into_iter().all(Spectrum::is_finite)
+            && self.vectors.iter().flatten().chain(matrices).all(|part| part.is_finite())
+    }
+
+    /// What kind of model it is.
+    pub const fn kind(&self) -> ModelKind {
+        self.kind
+    }
+
+    /// How many coefficients it has: `k`.
+    pub const fn dimension(&self) -> usize {
+        self.projection.len()
+    }
+
+    /// The model in words: "8 nodes (420, 455, … nm)", "RGB, prefiltered by D65".
+    pub fn description(&self) -> String {
+        let k = self.dimension();
+        let plural = if k == 1 { "" } else { "s" };
+        match self.kind {
+            ModelKind::Nodes => {
+                let nodes: Vec<String> = self.nodes_nm().iter().flatten().map(f64::to_string).collect();
+                format!("{k} node{plural} ({} nm)", nodes.join(", "))
+            }
+            ModelKind::Sharpened(Order::Step) => format!("{k} sharpened factor{plural}, each step's light projected"),
+            ModelKind::Sharpened(Order::Semigroup) => format!("{k} sharpened factor{plural}, absorption projected"),
+            ModelKind::Bands => format!("{k} uniform band{plural} from 400 to 700 nm"),
+            ModelKind::Rgb if self.projection == fixed::rgb() => "RGB, not prefiltered".to_owned(),
+            ModelKind::Rgb => "RGB, prefiltered by D65".to_owned(),
+        }
+    }
+
+    /// `P`: a row per coefficient, whose products with a spectrum's samples sum to it.
+    pub fn projection(&self) -> &[Spectrum] {
+        &self.projection
+    }
+
+    /// The wavelengths, ascending, whose samples are the coefficients; `None` for models that are not nodes.
+    pub fn nodes_nm(&self) -> Option<Vec<f64>> {
+        let bands = (self.kind == ModelKind::Nodes).then(|| self.bands())?;
+        Some(bands.into_iter().map(wavelength_nm).collect())
+    }
+
+    /// The bands of rows that take one band's sample.
+    fn bands(&self) -> Vec<usize> {
+        let is_row = |band: &usize| self.projection.iter().any(|row| *row == one_band(*band));
+        (0..BANDS).filter(is_row).collect()
+    }
+
+    /// The spectra that the model was fitted on: light-independent spectra of pixels, which f32 holds exactly.
+    pub fn cloud(&self) -> &[Spectrum] {
+        &self.cloud
+    }
+
+    /// The coefficients of each spectrum of the cloud, as componentwise arithmetic makes them.
+    pub fn cloud_vectors(&self) -> &[Vec<f64>] {
+        &self.vectors
+    }
+
+    /// The lights the model was fitted for, in the order they were given in.
+    pub fn lights(&self) -> &[(String, Light, LightMatrix)] {
+        &self.lights
+    }
+
+    /// The largest of the errors under the model's lights; zeros when there are none.
+    pub fn worst(&self) -> ErrorSummary {
+        self.lights.iter().map(|(.., matrix)| matrix.worst()).fold(ErrorSummary::default(), ErrorSummary::worst)
+    }
+
+    /// The k coefficients of a spectrum of reflection; those of white are ones. Negative ones are kept.
+    pub fn coefficients(&self, spectrum: &Spectrum) -> Vec<f64> {
+        self.projection.iter().map(|row| row.dot(spectrum)).collect()
+    }
+
+    /// The k coefficients of a shape of absorption, none of them negative; see [`Self::amplification`].
+    ///
+    /// Times an optical depth, they are the optical depths of the components. The model
+    /// [`ModelKind::Sharpened`]`(`[`Order::Step`]`)` needs [`Self::step_depths`] instead.
+    pub fn absorption_coefficients(&self, absorption: &Spectrum) -> Vec<f64> {
+        self.unclamped_absorption_coefficients(absorption).into_iter().map(|depth| depth.max(0.0)).collect()
+    }
+
+    /// What [`Self::absorption_coefficients`] are before negative ones are held at 0: for reports.
+    pub fn unclamped_absorption_coefficients(&self, absorption: &Spectrum) -> Vec<f64> {
+        self.coefficients(absorption)
+    }
+
+    /// A sentence on the coefficients of an absorption that had to be held at 0, where there are any.
+    pub fn amplification(&self, absorption: &Spectrum) -> Option<String> {
+        let coefficients = self.unclamped_absorption_coefficients(absorption);
+        let least = coefficients.iter().copied().fold(0.0, f64::min);
+        let negative = coefficients.iter().filter(|&&part| part < 0.0).count();
+        (negative > 0).then(|| {
+            format!(
+                "{negative} of the {} components of an absorption are negative, down to {least:.3} of its peak, and \
+                 would amplify light; they are held at 0",
+                self.dimension()
+            )
+        })
+    }
+
+    /// The optical depth of each component across one step of a medium whose optical depth per wavelength is `depth`.
+    ///
+    /// Linear in `depth`, and so independent of how a way is cut into steps, for every model but
+    /// [`ModelKind::Sharpened`]`(`[`Order::Step`]`)`, which projects the step's transmittance. Between 0 and 80 where
+    /// amplification is [`Amplification::Held`].
+    pub fn step_depths(&self, depth: &Spectrum, amplification: Amplification) -> Vec<f64> {
+        const OPAQUE: f64 = 80.0;
+        let mut depths = match self.kind {
+            ModelKind::Sharpened(Order::Step) => {
+                let transmittance = Spectrum::from_samples(depth.samples().map(|depth| (-depth).exp()));
+                let parts = self.coefficients(&transmittance).into_iter();
+                parts.map(|part| if part > 0.0 { -part.ln() } else { OPAQUE }).collect()
+            }
+            _ => self.coefficients(depth),
+        };
+        if amplification == Amplification::Held {
+            for depth in &mut depths {
+                *depth = depth.clamp(0.0, OPAQUE);
+            }
+        }
+        depths
+    }
+
+    /// The coefficients that componentwise arithmetic makes of each chain of `cloud`.
+    fn vectors_of(&self, cloud: &Cloud, amplification: Amplification) -> Vec<Vec<f64>> {
+        // At nodes all arithmetic is that of the spectra themselves.
+        if self.kind == ModelKind::Nodes {
+            return nodes::sampled(&cloud.spectra, &self.bands());
+        }
+        let sources: Vec<Vec<f64>> = cloud.sources.iter().map(|source| self.coefficients(source)).collect();
+        let absorptions: Vec<Vec<f64>> =
+            cloud.absorptions.iter().map(|absorption| self.step_depths(absorption, amplification)).collect();
+        let depths = |absorbed: &[(usize, f64)]| match self.kind {
+            ModelKind::Sharpened(Order::Step) => self.step_depths(&cloud.depth(absorbed), amplification),
+            _ => {
+                let component =
+                    |i: usize| absorbed.iter().map(|&(index, depth)| depth * absorptions[index][i]).sum::<f64>();
+                (0..self.dimension()).map(component).collect()
+            }
+        };
+        cloud.chains.par_iter().map(|chain| chain.walk(self.dimension(), &sources, &depths)).collect()
+    }
+
+    /// ΔE00 of each of `cloud`'s spectra under `light`, whether it belongs to the model or is new.
+    pub fn errors(&self, cloud: &Cloud, light: &Light, amplification: Amplification) -> Vec<f64> {
+        let target = Target::new(&cloud.spectra, light);
+        target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
+    }
+
+    /// Notes the errors on spectra that were not used in the fit.
+    fn check_on(&mut self, unseen: &Cloud) {
+        let vectors = self.vectors_of(unseen, Amplification::Held);
+        self.lights.par_iter_mut().for_each(|(_, light, matrix)| {
+            let target = Target::new(&unseen.spectra, light);
+            matrix.unseen = Some(ErrorSummary::of(&target.errors(&vectors, &matrix.xyz)));
+        });
+    }
+
+    /// The matrix of a light: the model's own where the light is one of its lights, else a new one fitted on the
+    /// cloud.
+    ///
+    /// It is made of the cloud and the light alone: a model of stored parts gives the very same numbers.
+    pub fn matrix(&self, light: &Light) -> LightMatrix {
+        match self.lights.iter().find(|(_, known, _)| known == light) {
+            Some((.., matrix)) => matrix.clone(),
+            None => self.fitted(light),
+        }
+    }
+
+    fn fitted(&self, light: &Light) -> LightMatrix {
+        if self.dimension() == BANDS {
+            let power = light.spectrum().samples();
+            let colour = |band: usize| OBSERVER.each_ref().map(|matching| matching.samples()[band] * power[band]);
+            let xyz = (0..BANDS).map(colour).collect();
+            return LightMatrix { xyz, error: ErrorSummary::default(), unseen: None };
+        }
+        let target = Target::new(&self.cloud, light);
+        let xyz = match self.kind {
+            ModelKind::Nodes | ModelKind::Bands => {
+                let fitted = lawson::fit(&self.vectors, self.dimension(), &target, &target.forms());
+                return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
+            }
+            ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
+            ModelKind::Rgb => fixed::rgb_matrix(light),
+        };
+        let error = ErrorSummary::of(&target.errors(&self.vectors, &xyz));
+        LightMatrix { xyz, error, unseen: None }
+    }
+
+    /// How spectra are made of coefficients again; see [`Reconstruction`].
+    pub fn reconstruction(&self) -> Reconstruction {
+        Reconstruction::new(self)
+    }
+
+    /// The most, in ΔE00, that storing finished coefficients in 16-bit floats can change a colour: over the cloud and
+    /// the model's lights.
+    ///
+    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. Infinite where one is
+    /// larger than such a float can be.
+    pub fn half_precision_error(&self) -> f64 {
+        const LARGEST: f64 = 65504.0;
+        if self.vectors.iter().flatten().any(|part| part.abs() > LARGEST) {
+            return f64::INFINITY;
+        }
+        let rounding = |part: f64| (part.abs() * 0.5_f64.powi(11)).max(0.5_f64.powi(25));
+        let of_light = |(_, light, matrix): &(String, Light, LightMatrix)| {
+            let forms = Target::new(&self.cloud, light).forms();
+            let of_colour = |(vector, form): (&Vec<f64>, &[f64; 6])| {
+                let pairs = vector.iter().zip(&matrix.xyz);
+                let along = |column: [f64; 3]| {
+                    let pull = target::applied(form, column);
+                    (0..3).map(|axis| pull[axis] * column[axis]).sum::<f64>().max(0.0).sqrt()
+                };
+                pairs.map(|(&part, &column)| rounding(part) * along(column)).sum::<f64>()
+            };
+            self.vectors.iter().zip(&forms).map(of_colour).fold(0.0, f64::max)
+        };
+        self.lights.par_iter().map(of_light).reduce(|| 0.0, f64::max)
+    }
+}
+
+/// The rows of `spectra` as a matrix.
+fn matrix_of(spectra: &[Spectrum]) -> DMatrix<f64> {
+    DMatrix::from_fn(spectra.len(), BANDS, |row, band| spectra[row].samples()[band])
+}
