@@ -222,8 +222,40 @@ fn one_of_several_arrays_and_components_is_chosen() {
         assert_eq!(flow.voxels, Voxels::F32(ramp.iter().map(|value| value + added).collect()));
         assert_eq!(flow.components, 3);
     }
-    let later = Selection { time: Some(1), ..Selection::default() };
-    assert!(matches!(volume::open(&path("turned"), &later, &Quiet), Err(VolumeError::NoSuch { .. })), "--time 1");
+}
+
+#[test]
+fn tags_inside_and_between_arrays_change_no_value() {
+    for name in ["tags_ascii", "tags_binary"] {
+        // The active array of the cells, because none of the points is.
+        let labels = choose(name, None, None).unwrap();
+        assert_eq!(labels.voxels, ramp("UInt8", CELLS), "{name}");
+        assert!(
+            labels
+                .metadata
+                .contains(&("PointData".to_owned(), "flow_Float32 (3 × Float32), flow_UInt16 (3 × UInt16)".to_owned()))
+        );
+        assert_eq!(choose(name, Some("flow_Float32"), Some(0)).unwrap().voxels, ramp("Float32", POINTS), "{name}");
+        assert_eq!(choose(name, Some("flow_UInt16"), Some(0)).unwrap().voxels, ramp("UInt16", POINTS), "{name}");
+        let bits = choose(name, Some("bits"), None).map(|volume| volume.voxels).unwrap_err().to_string();
+        assert!(bits.contains("flow_Float32, flow_UInt16, labels"), "{bits}");
+    }
+}
+
+#[test]
+fn one_of_several_times_is_chosen() {
+    let at = |name, time| {
+        volume::open(&path(name), &Selection { time, ..Selection::default() }, &Quiet).map(|volume| volume.voxels)
+    };
+    let which = at("times", None).unwrap_err().to_string();
+    assert!(which.contains("3 time steps") && which.contains("--time N, from 0 to 2"), "{which}");
+    let Voxels::U8(ramp) = ramp("UInt8", POINTS) else { unreachable!() };
+    for (index, added) in [0, 1, 2].into_iter().enumerate() {
+        let later = ramp.iter().map(|value| value + added).collect();
+        assert_eq!(at("times", Some(index)).unwrap(), Voxels::U8(later), "time {index}");
+    }
+    assert!(at("times", Some(3)).unwrap_err().to_string().contains("--time 3"));
+    assert!(matches!(at("turned", Some(1)), Err(VolumeError::NoSuch { .. })), "--time 1");
 }
 
 #[test]
@@ -427,6 +459,8 @@ fn text_that_is_no_numbers_or_base64_is_refused() {
     assert!(matches!(error, VolumeError::Text { index: 1, .. }), "{error}");
     refused(&changed("ascii_Int16", "-29526", "40000"), &["voxel 1", "40000"]);
     refused(&changed("ascii_Int16", "-29526", ""), &["59 numbers", "60"]);
+    let more = open(&changed("ascii_Int16", "-29526", "-29526 1")).unwrap();
+    assert!(matches!(&more.notes[..], [note] if note.contains("more than the 60 numbers")), "{:?}", more.notes);
     let error = refused(&changed("ascii_Int16", "-29526", "<b/>"), &["1 numbers", "60"]);
     assert!(matches!(error, VolumeError::ShortText { .. }), "{error}");
 

@@ -261,43 +261,13 @@ impl<T: Voxel> Slabs<'_, T> {
         stream: &mut dyn Read,
         failed: impl Fn(io::Error, u64) -> VolumeError,
     ) -> Result<bool, VolumeError> {
-        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
         let swap = self.swap;
-        self.take(file, |slab, first| {
-            let wanted = size_of_val(slab);
-            let got = read_fully(stream, bytemuck::cast_slice_mut(slab)).map_err(|e| failed(e, bytes(first)))?;
-            if got < wanted {
-                let found = bytes(first) + count(got);
-                return Err(VolumeError::Short { path: file.path.clone(), found, expected: bytes(file.numbers) });
-            }
-            if swap {
-                slab.iter_mut().for_each(|voxel| *voxel = voxel.with_bytes_swapped());
-            }
-            Ok(())
-        })
+        self.take(file, |slab, first| Next::of(file, first).decode(slab, stream, swap, &failed))
     }
 
     /// Appends the voxels of `file`, written as text.
     fn parse(&mut self, file: &DataFile, stream: &mut dyn io::BufRead) -> Result<bool, VolumeError> {
-        self.take(file, |slab, first| {
-            for (voxel, index) in slab.iter_mut().zip(first..) {
-                let word = stream::next_word(stream).map_err(|source| stream::failed(&file.path, source))?;
-                let Some(text) = word else {
-                    return Err(VolumeError::ShortText {
-                        path: file.path.clone(),
-                        found: index,
-                        expected: file.numbers,
-                    });
-                };
-                *voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
-                    path: file.path.clone(),
-                    index,
-                    text: text.clone(),
-                    voxel_type: T::TYPE.name(),
-                })?;
-            }
-            Ok(())
-        })
+        self.take(file, |slab, first| Next::of(file, first).parse(slab, stream))
     }
 
     /// Leaves out `bytes` of `stream`, or what there is of them; how many that were.
@@ -338,6 +308,59 @@ impl<T: Voxel> Slabs<'_, T> {
     fn report(&self, file: &DataFile) -> Result<(), VolumeError> {
         let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
         report(&file.path, bytes(self.at), bytes(self.numbers), self.progress)
+    }
+}
+
+/// The numbers of a file from `first` on, of which there should be `expected` in all.
+pub(super) struct Next<'a> {
+    pub(super) path: &'a Path,
+    pub(super) first: usize,
+    pub(super) expected: usize,
+}
+
+impl<'a> Next<'a> {
+    fn of(file: &'a DataFile, first: usize) -> Self {
+        Self { path: &file.path, first, expected: file.numbers }
+    }
+
+    /// Fills `slab` from bytes, swapped if they are of the other order; `failed` makes the error, given the bytes
+    /// decoded until then.
+    pub(super) fn decode<T: Voxel>(
+        &self,
+        slab: &mut [T],
+        stream: &mut dyn Read,
+        swap: bool,
+        failed: impl Fn(io::Error, u64) -> VolumeError,
+    ) -> Result<(), VolumeError> {
+        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
+        let (wanted, before) = (size_of_val(slab), bytes(self.first));
+        let got = read_fully(stream, bytemuck::cast_slice_mut(slab)).map_err(|source| failed(source, before))?;
+        if got < wanted {
+            let (found, expected) = (before + count(got), bytes(self.expected));
+            return Err(VolumeError::Short { path: self.path.to_owned(), found, expected });
+        }
+        if swap {
+            slab.iter_mut().for_each(|voxel| *voxel = voxel.with_bytes_swapped());
+        }
+        Ok(())
+    }
+
+    /// Fills `slab` from text.
+    pub(super) fn parse<T: Voxel>(&self, slab: &mut [T], stream: &mut dyn io::BufRead) -> Result<(), VolumeError> {
+        let path = || self.path.to_owned();
+        for (voxel, index) in slab.iter_mut().zip(self.first..) {
+            let word = stream::next_word(stream).map_err(|source| stream::failed(self.path, source))?;
+            let Some(text) = word else {
+                return Err(VolumeError::ShortText { path: path(), found: index, expected: self.expected });
+            };
+            *voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
+                path: path(),
+                index,
+                text: text.clone(),
+                voxel_type: T::TYPE.name(),
+            })?;
+        }
+        Ok(())
     }
 }
 

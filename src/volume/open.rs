@@ -71,7 +71,7 @@ pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
 fn has_header(path: &Path) -> bool {
     let mut beginning = Vec::new();
     let read = stream::open(path).ok().and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning).ok());
-    read.is_some() && metaimage::recognises(&beginning)
+    read.is_some() && FORMATS.iter().any(|format| (format.recognises)(&beginning))
 }
 
 /// Reads headerless voxels; `layout.file` is relative to the folder `base`.

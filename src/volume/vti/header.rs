@@ -26,7 +26,7 @@ const MOST_ARRAYS: usize = 1 << 16;
 const MOST_COMPONENTS: usize = 1 << 16;
 
 /// What the numbers of an array belong to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Section {
     /// The corners of the grid.
     Points,
@@ -37,6 +37,8 @@ pub(super) enum Section {
 }
 
 impl Section {
+    const ALL: [Self; 3] = [Self::Points, Self::Cells, Self::Fields];
+
     /// VTK's name of it.
     pub(super) fn name(self) -> &'static str {
         match self {
@@ -66,6 +68,8 @@ pub(super) struct Array {
     /// The type as the file calls it.
     pub(super) type_name: String,
     pub(super) components: usize,
+    /// Whether its section names it as the scalars to show.
+    pub(super) active: bool,
     /// How many tuples, where it is said, as it is in field data.
     pub(super) tuples: Option<usize>,
     pub(super) place: Place,
@@ -76,14 +80,17 @@ impl Array {
     pub(super) fn voxel_type(&self) -> Option<VoxelType> {
         self.type_name.parse().ok()
     }
+
+    /// Whether it is the same array as `other`, of another piece or time.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        self.section == other.section && self.name == other.name
+    }
 }
 
 /// A part of the image.
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
     pub(super) extent: Extent,
-    /// The array of its points that is active.
-    pub(super) scalars: Option<String>,
     pub(super) arrays: Vec<Array>,
 }
 
@@ -124,6 +131,7 @@ impl Header {
             file: None,
             frame: None,
             section: None,
+            scalars: None,
             in_piece: false,
             fields: Vec::new(),
             pieces: Vec::new(),
@@ -231,6 +239,8 @@ struct Builder<'a> {
     file: Option<FileTag>,
     frame: Option<Frame>,
     section: Option<Section>,
+    /// The array that the section names as the scalars to show.
+    scalars: Option<String>,
     in_piece: bool,
     fields: Vec<Array>,
     pieces: Vec<Piece>,
@@ -265,19 +275,14 @@ impl Builder<'_> {
                 let extent = self.attribute(tag, "Extent")?;
                 let extent = extent.ok_or_else(|| self.wrong("a Piece has no Extent".to_owned()))?;
                 let extent = self.parse(&extent, "Extent of a Piece", "six whole numbers of 32 bits")?;
-                self.pieces.push(Piece { extent, scalars: None, arrays: Vec::new() });
+                self.pieces.push(Piece { extent, arrays: Vec::new() });
                 self.in_piece = true;
                 self.count()?;
             }
-            "PointData" => {
-                self.section = Some(Section::Points);
-                let scalars = self.attribute(tag, "Scalars")?;
-                if let Some(piece) = self.pieces.last_mut().filter(|_| self.in_piece) {
-                    piece.scalars = scalars;
-                }
+            "PointData" | "CellData" | "FieldData" => {
+                self.section = Section::ALL.into_iter().find(|section| section.name() == name.as_ref());
+                self.scalars = self.attribute(tag, "Scalars")?;
             }
-            "CellData" => self.section = Some(Section::Cells),
-            "FieldData" => self.section = Some(Section::Fields),
             "DataArray" | "Array" => {
                 let Some(section) = self.section else { return Ok(()) };
                 let array = self.array(tag, section, at)?;
@@ -405,7 +410,8 @@ impl Builder<'_> {
                 return Err(self.wrong(format!("the array {name:?} is ascii, binary or appended, not {other}")));
             }
         };
-        Ok(Array { section, name, type_name, components, tuples, place })
+        let active = self.scalars.as_ref() == Some(&name);
+        Ok(Array { section, name, type_name, components, active, tuples, place })
     }
 
     /// An attribute of a tag; of XML's entities only those every XML file has.

@@ -1,6 +1,7 @@
 //! VTK XML image data, `.vti`: tags that describe a grid and its arrays, and values between or behind them.
 //!
-//! Tags and meanings as in `vtkXMLImageDataReader` and `vtkXMLDataParser` (VTK 9).
+//! Tags and meanings as in `vtkXMLImageDataReader` and `vtkXMLDataParser` (VTK 9). The registry's crate for such files,
+//! `vtkio`, is not used: it fails on files that VTK wrote, `engine.vti` of vtk-js-datasets among them.
 
 mod bytes;
 mod grid;
@@ -13,9 +14,9 @@ use std::path::Path;
 use self::bytes::{Base64, Blocks, Compressor, UntilTag, Words};
 use self::grid::Block;
 use self::header::{Array, Header, Place, Section};
-use super::data::{self, SLAB_BYTES};
+use super::data::{self, Next, SLAB_BYTES};
 use super::raw::ByteOrder;
-use super::stream::{self, count, read_fully};
+use super::stream::{self, count};
 use super::voxels::{with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, Voxels};
 use crate::progress::{Progress, Quiet};
@@ -41,17 +42,20 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source = path.display().to_string();
     let header = Header::read(path, progress)?;
-    selection.time(&source, 1)?;
     let chosen = choose(&header, selection, &source)?;
+    let step = selection.time(&source, steps(&header, chosen))?;
     let voxel_type = chosen.voxel_type().ok_or_else(|| header.wrong(format!("{} are no numbers", chosen.type_name)))?;
     let what = format!("the {voxel_type} array {} of {}", chosen.name, chosen.section.name());
     let component = selection.component(&source, chosen.components, &what)?;
     let geometry = header.frame.geometry(&source, chosen.section)?;
     let whole = header.frame.block(chosen.section, &header.frame.extent);
-    let parts = parts(&header, chosen)?;
-    let voxels = with_type!(voxel_type, T => read_parts::<T>(&header, &parts, &whole, component, progress))?;
+    let parts = parts(&header, chosen, step)?;
+    let mut notes = Vec::new();
+    let voxels =
+        with_type!(voxel_type, T => read_parts::<T>(&header, &parts, &whole, component, progress, &mut notes))?;
 
     let mut volume = Volume::new(&source, voxels, geometry)?;
+    volume.notes = notes;
     volume.files.push(path.to_owned());
     volume.components = chosen.components;
     volume.metadata = metadata(&header, chosen);
@@ -64,23 +68,33 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
-/// The arrays of numbers at points and cells.
-fn candidates(header: &Header) -> Vec<&Array> {
+/// The arrays of the first piece that has points; all others have the same.
+fn arrays(header: &Header) -> impl Iterator<Item = &Array> {
     let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::Points, &piece.extent).is_empty());
-    let arrays = pieces.take(1).flat_map(|piece| &piece.arrays);
-    arrays.filter(|array| array.section != Section::Fields && array.voxel_type().is_some()).collect()
+    pieces.take(1).flat_map(|piece| &piece.arrays)
 }
 
-/// The array that is chosen, else the one that is active, else the only one.
+/// The arrays of numbers at points and cells, each once.
+fn candidates(header: &Header) -> Vec<&Array> {
+    let mut seen = HashSet::new();
+    let numbers = |array: &&Array| array.section != Section::Fields && array.voxel_type().is_some();
+    arrays(header).filter(numbers).filter(|array| seen.insert((array.section, &array.name))).collect()
+}
+
+/// How many time steps of an array there are: VTK writes one after the other, by the same name.
+fn steps(header: &Header, chosen: &Array) -> usize {
+    arrays(header).filter(|array| array.is_same(chosen)).count()
+}
+
+/// The array that is chosen, else the one that is active, of points before cells, else the only one.
 fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<&'a Array, VolumeError> {
     let candidates = candidates(header);
     if candidates.is_empty() {
         return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
     }
     if selection.array.is_none() {
-        let scalars = header.pieces.iter().find_map(|piece| piece.scalars.as_ref());
-        let active = |array: &&Array| array.section == Section::Points && Some(&array.name) == scalars;
-        if let Some(active) = candidates.iter().copied().find(active) {
+        let active = |section| candidates.iter().copied().find(|array| array.active && array.section == section);
+        if let Some(active) = active(Section::Points).or_else(|| active(Section::Cells)) {
             return Ok(active);
         }
     }
@@ -104,14 +118,13 @@ struct Part<'a> {
     block: Block,
 }
 
-/// What every piece has of the array `chosen`; pieces without points have none.
-fn parts<'a>(header: &'a Header, chosen: &Array) -> Result<Vec<Part<'a>>, VolumeError> {
+/// What every piece has of the array `chosen` at a time step; pieces without points have none.
+fn parts<'a>(header: &'a Header, chosen: &Array, step: usize) -> Result<Vec<Part<'a>>, VolumeError> {
     let blocks = header.pieces.iter().map(|piece| (piece, header.frame.block(chosen.section, &piece.extent)));
     blocks
         .filter(|(_, block)| !block.is_empty())
         .map(|(piece, block)| {
-            let same = |array: &&Array| array.section == chosen.section && array.name == chosen.name;
-            let array = piece.arrays.iter().find(same).ok_or_else(|| {
+            let array = piece.arrays.iter().filter(|array| array.is_same(chosen)).nth(step).ok_or_else(|| {
                 header.wrong(format!("a piece lacks the array {:?}, which another one has", chosen.name))
             })?;
             if (array.voxel_type(), array.components) != (chosen.voxel_type(), chosen.components) {
@@ -165,13 +178,14 @@ fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), 
     Ok(())
 }
 
-/// Reads one component of all parts of an array.
+/// Reads one component of all parts of an array. What was odd but harmless goes to `notes`.
 fn read_parts<T: Voxel>(
     header: &Header,
     parts: &[Part<'_>],
     whole: &Block,
     component: usize,
     progress: &dyn Progress,
+    notes: &mut Vec<String>,
 ) -> Result<Voxels, VolumeError> {
     // All of them are looked at before there is memory for any.
     check_parts::<T>(header, parts, whole)?;
@@ -202,6 +216,7 @@ fn read_parts<T: Voxel>(
                 }
             }
         }
+        notes.extend(values.rest()?);
     }
     Ok(T::into_voxels(voxels))
 }
@@ -266,43 +281,34 @@ impl<'a> Values<'a> {
     /// The next numbers.
     fn fill<T: Voxel>(&mut self, slab: &mut [T]) -> Result<(), VolumeError> {
         let path = &self.header.path;
-        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
+        let next = Next { path, first: self.at, expected: self.numbers };
         match &mut self.stream {
             Stream::Bytes(stream) => {
-                let wanted = size_of_val(slab);
-                let decoded = bytes(self.at);
-                let array = || self.array.name.clone();
-                let got = read_fully(stream, bytemuck::cast_slice_mut(slab))
-                    .map_err(|source| VolumeError::VtiArray { path: path.clone(), array: array(), decoded, source })?;
-                if got < wanted {
-                    let (found, expected) = (decoded + count(got), bytes(self.numbers));
-                    return Err(VolumeError::Short { path: path.clone(), found, expected });
-                }
-                if self.header.byte_order != ByteOrder::NATIVE {
-                    slab.iter_mut().for_each(|value| *value = value.with_bytes_swapped());
-                }
+                let array = &self.array.name;
+                let swap = self.header.byte_order != ByteOrder::NATIVE;
+                next.decode(slab, stream, swap, |source, decoded| VolumeError::VtiArray {
+                    path: path.clone(),
+                    array: array.clone(),
+                    decoded,
+                    source,
+                })?;
             }
-            Stream::Text(stream) => {
-                for (value, index) in slab.iter_mut().zip(self.at..) {
-                    let word = stream::next_word(stream).map_err(|source| stream::failed(path, source))?;
-                    let Some(text) = word else {
-                        return Err(VolumeError::ShortText {
-                            path: path.clone(),
-                            found: index,
-                            expected: self.numbers,
-                        });
-                    };
-                    *value = T::parse(&text).ok_or_else(|| VolumeError::Text {
-                        path: path.clone(),
-                        index,
-                        text: text.clone(),
-                        voxel_type: T::TYPE.name(),
-                    })?;
-                }
-            }
+            Stream::Text(stream) => next.parse(slab, stream)?,
         }
         self.at += slab.len();
         Ok(())
+    }
+
+    /// A sentence about text that goes on behind the last number; lengths of bytes are compared before they are read.
+    fn rest(&mut self) -> Result<Option<String>, VolumeError> {
+        let Stream::Text(stream) = &mut self.stream else { return Ok(None) };
+        let path = &self.header.path;
+        let word = stream::next_word(stream).map_err(|source| stream::failed(path, source))?;
+        let more = |_| {
+            let (name, numbers) = (&self.array.name, self.numbers);
+            format!("{}: {name} has more than the {numbers} numbers that its extent makes it", path.display())
+        };
+        Ok(word.map(more))
     }
 }
 
@@ -353,7 +359,9 @@ fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
             let scalar = Array { components: 1, ..array.clone() };
             let parts = [Part { array: &scalar, block: row }];
             // What is no part of the image is not worth an error.
-            if let Ok(values) = with_type!(voxel_type, T => read_parts::<T>(header, &parts, &row, 0, &Quiet)) {
+            if let Ok(values) =
+                with_type!(voxel_type, T => read_parts::<T>(header, &parts, &row, 0, &Quiet, &mut Vec::new()))
+            {
                 let values: Vec<String> =
                     with_voxels!(&values, stored => stored.iter().map(|value| format!("{value:?}")).collect());
                 metadata.push((array.name.clone(), values.join(" ")));
