@@ -113,8 +113,8 @@ impl Data {
         if self.encoding == Encoding::Text {
             let mut stream = stream::at(path, start)?;
             let whole = slabs.parse(file, &mut stream)?;
-            let mut more = || stream::next_word(&mut stream).map_err(|source| stream::failed(path, source));
-            if whole && more()?.is_some() {
+            let mut more = || stream::next_word(&mut stream, &mut Vec::new()).map(|word| word.is_some());
+            if whole && more().map_err(|source| stream::failed(path, source))? {
                 notes.push(format!("{}: more than the {} numbers the header makes it", path.display(), file.numbers));
             }
             return Ok(());
@@ -348,15 +348,16 @@ impl<'a> Next<'a> {
     /// Fills `slab` from text.
     pub(super) fn parse<T: Voxel>(&self, slab: &mut [T], stream: &mut dyn io::BufRead) -> Result<(), VolumeError> {
         let path = || self.path.to_owned();
+        let mut word = Vec::new();
         for (voxel, index) in slab.iter_mut().zip(self.first..) {
-            let word = stream::next_word(stream).map_err(|source| stream::failed(self.path, source))?;
-            let Some(text) = word else {
+            let text = stream::next_word(stream, &mut word).map_err(|source| stream::failed(self.path, source))?;
+            let Some(text) = text else {
                 return Err(VolumeError::ShortText { path: path(), found: index, expected: self.expected });
             };
             *voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
                 path: path(),
                 index,
-                text: text.clone(),
+                text: text.to_string(),
                 voxel_type: T::TYPE.name(),
             })?;
         }

@@ -264,10 +264,10 @@ impl<'a> Values<'a> {
                 let found = usize::try_from(there.div_ceil(2)).unwrap_or(usize::MAX);
                 return Err(VolumeError::ShortText { path: path.clone(), found, expected: numbers });
             }
-            Stream::Text(Box::new(UntilTag(text)))
+            Stream::Text(Box::new(UntilTag::new(text)))
         } else {
             let unpacked = if base64 {
-                unpacked(header, Base64::new(UntilTag(text)), expected, there / 4 * 3 + 3)
+                unpacked(header, Base64::new(UntilTag::new(text)), expected, there / 4 * 3 + 3)
             } else {
                 unpacked(header, text, expected, there)
             };
@@ -303,12 +303,12 @@ impl<'a> Values<'a> {
     fn rest(&mut self) -> Result<Option<String>, VolumeError> {
         let Stream::Text(stream) = &mut self.stream else { return Ok(None) };
         let path = &self.header.path;
-        let word = stream::next_word(stream).map_err(|source| stream::failed(path, source))?;
-        let more = |_| {
+        let more = stream::next_word(stream, &mut Vec::new()).map(|word| word.is_some());
+        let sentence = || {
             let (name, numbers) = (&self.array.name, self.numbers);
             format!("{}: {name} has more than the {numbers} numbers that its extent makes it", path.display())
         };
-        Ok(word.map(more))
+        Ok(more.map_err(|source| stream::failed(path, source))?.then(sentence))
     }
 }
 
