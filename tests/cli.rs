@@ -316,7 +316,7 @@ fn bench_measures_reading_beside_decoding() {
         assert!(near(number("ratio"), median("open") / median("bare")), "{load}");
         assert!(near(number("open_mb_s"), 8.192 / median("open")), "{load}");
         // Of packed data only these are decoded, not the header.
-        let bare = if stream.is_some() { 8.192 } else { 8.192 + layout.len() as f64 / 1e3 };
+        let bare = if stream.is_some() { 8.192 } else { 8.192 + f64::from(u16::try_from(layout.len()).unwrap()) / 1e3 };
         assert!(near(number("bare_mb_s"), bare / median("bare")), "{load}");
     }
     let text = folder.done(&["bench", "load", "--volume", "attached.nrrd", "--frames", "1"]).out;
