@@ -23,7 +23,7 @@ Examples:
   relume info ct.raw --dims 512x512x200 --type int16 --json
   relume info scene.toml                        what a scene shows, and what a picture of it costs";
 
-const ARGUMENT: &str = "A volume (.mhd, .mha, .raw), a scene (.toml), or an accumulator file (.exr). \
+const ARGUMENT: &str = "A scene (.toml), an accumulator file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
                         Without one, the Vulkan devices";
 
 /// `relume info`
