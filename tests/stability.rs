@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use relume::plan::plan;
+use relume::progress::Quiet;
 use relume::reference::{Samples, Step, relight};
-use relume::scene::{Aim, Projection, Scene};
+use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::tables::{Accumulation, Storage};
@@ -297,7 +298,7 @@ fn the_loss_that_is_stated_covers_what_64_bits_lose() {
         let mut scene = scenes::named("unshaded_one");
         scene.volume = Arc::new(volume(voxels));
         let statistics = scene.volume.statistics().unwrap();
-        Storage::new(&plan(&scene, &relume::progress::Quiet).unwrap().plan, &scene.volume, &statistics).loss
+        Storage::new(&plan(&scene, &Quiet).unwrap().plan, &scene.volume, &statistics).loss
     };
     // From 2^62 on f64 are 1024 apart: all 64 values become the first, and the last moves by 63.
     let offset = 1_i64 << 62;
@@ -491,4 +492,18 @@ fn normals_of_a_sphere_in_flat_voxels_point_out_of_it() {
         }
     }
     assert!(off <= 1.0, "{off}°");
+}
+
+#[test]
+fn whole_numbers_of_all_16_bits_lose_nothing_beside_gradients() {
+    let full =
+        Volume::new("full", Voxels::U16(vec![0, 31000, 31001, 65535]), Geometry::unit("full", [4, 1, 1]).unwrap());
+    let full = full.unwrap();
+    let mut scene = scenes::named("diffuse_one");
+    for shading in [Shading::Gradient, Shading::None] {
+        scene.shading = shading;
+        let storage = Storage::new(&plan(&scene, &Quiet).unwrap().plan, &full, &full.statistics().unwrap());
+        // Less than the half that would round one whole number to another.
+        assert!(storage.loss < 0.01, "{:?} moves values by {}", storage.format, storage.loss);
+    }
 }
