@@ -1,5 +1,6 @@
 //! Spectral volume rendering with post-illumination.
 
+pub mod input;
 pub mod measure;
 pub mod memory;
 pub mod model;

@@ -211,7 +211,11 @@ fn what_is_no_scene_is_refused() {
         folder.refused(1, &["render", name, "-o", "p.png"], words);
     }
     folder.refused(1, &["render", "missing.toml", "-o", "p.png"], &["missing.toml", "because: No such file"]);
-    folder.refused(1, &["render", ".", "-o", "p.png"], &["cannot read the scene .", "because: Is a directory"]);
+    folder.refused(
+        1,
+        &["render", ".", "-o", "p.png"],
+        &["cannot read the scene .", "because: this is a folder, not a file"],
+    );
     folder.refused(1, &["info", "missing.mhd"], &["missing.mhd", "because: No such file"]);
 }
 

@@ -6,13 +6,14 @@ use std::path::{Path, PathBuf};
 
 /// Which modules each module may use. What is not here may use nothing.
 const ARROWS: &[(&str, &[&str])] = &[
+    ("input", &[]),
     ("memory", &[]),
     ("number", &[]),
     ("progress", &[]),
-    ("spectrum", &[]),
-    ("volume", &["memory", "progress", "number"]),
+    ("spectrum", &["input"]),
+    ("volume", &["input", "memory", "progress", "number"]),
     ("model", &["spectrum", "progress", "number"]),
-    ("scene", &["model", "spectrum", "volume", "progress", "number"]),
+    ("scene", &["input", "model", "spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "model", "spectrum", "volume", "progress", "number"]),
     ("tables", &["plan", "scene", "model", "spectrum", "volume", "number", "progress"]),
     ("reference", &["tables", "plan", "scene", "spectrum", "volume", "progress", "number"]),
@@ -20,10 +21,11 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
     ("measure", &["model", "spectrum", "progress", "number"]),
-    ("output", &["spectrum", "progress"]),
+    ("output", &["input", "spectrum", "progress"]),
     (
         "cli",
         &[
+            "input",
             "measure",
             "memory",
             "output",

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use relume::input;
 use relume::number::readable;
 use relume::output::accumulators::{Accumulators, Light};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
@@ -97,13 +98,16 @@ impl Args {
     }
 }
 
+/// No sidecar is longer.
+const LONGEST_TOML: u64 = 1 << 20;
+
 /// TOML describes a scene, unless it describes voxels, by `dims` or `type` at the top or by a `[volume]` alone.
 fn is_scene(path: &PathBuf) -> bool {
     let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    let table = std::fs::read_to_string(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let table = || String::from_utf8(input::read(path, LONGEST_TOML).ok()?).ok()?.parse::<toml::Table>().ok();
     let of_voxels =
-        |table: &toml::Table| table.contains_key("dims") || table.contains_key("type") || table.keys().eq(["volume"]);
-    toml && !table.is_some_and(|table| of_voxels(&table))
+        |table: toml::Table| table.contains_key("dims") || table.contains_key("type") || table.keys().eq(["volume"]);
+    toml && !table().is_some_and(of_voxels)
 }
 
 fn of_devices() -> Result<Report, CliError> {

@@ -34,7 +34,6 @@
 //! light(p) is the sum of weight · spectrum over the lights at position p.
 
 use std::collections::{HashMap, HashSet};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -49,6 +48,7 @@ use serde::{Deserialize, Serialize};
 
 use super::picture::check_size;
 use super::{BANDS, OutputError, channels};
+use crate::input;
 
 /// The version of the file that is written and read here.
 const VERSION: u32 = 1;
@@ -180,7 +180,7 @@ impl Accumulators {
         let foreign = |detail| OutputError::NotAccumulators { path: path.to_owned(), detail };
         let wrong_text = |detail| OutputError::Attribute { path: path.to_owned(), detail };
 
-        let file = File::open(path).map_err(unreadable)?;
+        let file = input::open(path).map_err(unreadable)?;
         let file_bytes = file.metadata().map_err(unreadable)?.len();
         let reader = block::read(BufReader::new(file), false).map_err(damaged)?;
         let header = one_flat_part(reader.headers()).map_err(foreign)?;

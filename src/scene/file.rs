@@ -1,6 +1,7 @@
 //! The scene file: TOML as people write it, checked where it stands.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,6 +16,7 @@ use super::{
     AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
     OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
+use crate::input;
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, in_words, line_and_column, readable};
 use crate::progress::Progress;
@@ -50,7 +52,6 @@ pub struct SceneOptions {
 /// [`SceneError`]: what cannot be read, or where in the file something is not as it may be.
 pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
-    let length = std::fs::metadata(path).map_err(read)?.len();
     let volume = || SceneError::Invalid {
         at: path.display().to_string(),
         message: format!("this is a volume, not a scene: use --volume {}", path.display()),
@@ -58,13 +59,16 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     if volume::is_volume(path, &[]) {
         return Err(volume());
     }
+    let file = input::open(path).map_err(read)?;
+    let length = file.metadata().map_err(read)?.len();
     if length > LONGEST_SCENE {
         let message = format!(
             "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume"
         );
         return Err(SceneError::Invalid { at: path.display().to_string(), message });
     }
-    let bytes = std::fs::read(path).map_err(read)?;
+    let mut bytes = Vec::new();
+    file.take(LONGEST_SCENE).read_to_end(&mut bytes).map_err(read)?;
     if volume::is_volume(path, &bytes) {
         return Err(volume());
     }

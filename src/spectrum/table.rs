@@ -1,10 +1,9 @@
 //! Curves through tabulated points, from text files too.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use super::{Column, FIRST_NM, LAST_NM, SpectrumError};
+use crate::input;
 
 /// A piecewise linear curve, constant beyond its ends.
 pub(super) struct Curve {
@@ -125,8 +124,7 @@ pub(super) fn read(path: &Path, column: Option<&Column>) -> Result<Vec<(f64, f64
 fn read_text(path: &Path) -> Result<String, SpectrumError> {
     const LARGEST: u64 = 10_000_000;
     let unreadable = |source| SpectrumError::Read { path: path.into(), source };
-    let mut bytes = Vec::new();
-    File::open(path).map_err(unreadable)?.take(LARGEST + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    let bytes = input::read(path, LARGEST).map_err(unreadable)?;
     if u64::try_from(bytes.len()).is_ok_and(|length| length > LARGEST) {
         return Err(SpectrumError::TooLarge { path: path.into() });
     }

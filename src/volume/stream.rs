@@ -9,6 +9,7 @@ use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use super::VolumeError;
+use crate::input;
 
 /// Deflate packs at most 1032 bytes into one (258 bytes into a match of two bits).
 pub(super) const DEFLATE_LIMIT: u64 = 1032;
@@ -128,16 +129,9 @@ pub(super) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Dec
     })
 }
 
-/// Opens a regular file. All others are refused: a pipe would wait for ever, a device would never end.
+/// Opens a regular file; all others are refused.
 pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
-    let failed = |source| VolumeError::Open { path: path.to_owned(), source };
-    // Before it is opened, because opening a pipe waits for somebody to write.
-    let metadata = std::fs::metadata(path).map_err(failed)?;
-    if !metadata.is_file() {
-        let what = if metadata.is_dir() { "a folder" } else { "a pipe, a socket or a device" };
-        return Err(failed(io::Error::other(format!("this is {what}, not a file"))));
-    }
-    File::open(path).map_err(failed)
+    input::open(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })
 }
 
 /// The bytes of `path` from `start` on.
