@@ -23,7 +23,7 @@ fn unit(dims: [usize; 3], voxels: Voxels) -> Volume {
 /// How a shared file is opened, other than by its name.
 fn open_shared(folder: &Path, name: &str, selection: &Selection) -> Result<Volume, VolumeError> {
     let raw = |file: &str, layout: RawLayout| {
-        let layout = RawLayout { file: Some(file.to_owned()), ..layout };
+        let layout = RawLayout { file: Some(file.into()), ..layout };
         volume::open_raw(&layout, &folder.join(name), selection, &Quiet)
     };
     match name {
@@ -126,7 +126,7 @@ fn a_sidecar_names_no_file_outside_its_folder() {
         assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
     }
     // Who names the file on the command line may name any.
-    let layout = RawLayout { file: Some("../a.raw".to_owned()), ..RawLayout::new([2, 1, 1], VoxelType::U8) };
+    let layout = RawLayout { file: Some("../a.raw".into()), ..RawLayout::new([2, 1, 1], VoxelType::U8) };
     assert!(volume::open_raw(&layout, &folder.path().join("sub"), &Selection::default(), &Quiet).is_ok(), "named");
 }
 

@@ -55,8 +55,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let selection = args.scene.selection.selection();
             let volume = match args.scene.raw.layout() {
                 Some(layout) => {
-                    let file = Some(path.to_string_lossy().into_owned());
-                    let layout = volume::RawLayout { file, ..layout };
+                    let layout = volume::RawLayout { file: Some(path.clone()), ..layout };
                     volume::open_raw(&layout, std::path::Path::new(""), &selection, progress)?
                 }
                 None => volume::open(path, &selection, progress)?,

@@ -870,8 +870,7 @@ impl Text<'_> {
         let mut volume = match (path, &file.phantom) {
             (Some(path), _) => match layout {
                 Some(layout) => {
-                    let file = Some(path.to_string_lossy().into_owned());
-                    volume::open_raw(&RawLayout { file, ..layout }, Path::new(""), &selection, progress)
+                    volume::open_raw(&RawLayout { file: Some(path), ..layout }, Path::new(""), &selection, progress)
                 }
                 None => volume::open(&path, &selection, progress),
             }

@@ -50,7 +50,7 @@ impl ByteOrder {
 pub struct RawLayout {
     /// The file of voxels, or the pattern of its slices, relative to the sidecar; with one sidecar beside one file it
     /// may be left out.
-    pub file: Option<String>,
+    pub file: Option<PathBuf>,
     /// First number of a pattern, last number, and the step between them (1 if left out); default: 1 to `dims[2]`.
     pub slices: Option<Vec<i64>>,
     /// Voxels along x, y and z; x varies fastest.
@@ -155,7 +155,8 @@ pub(super) fn read(
     )?;
     let [nx, ny, nz] = layout.dims;
     // A name with a per cent sign is a pattern, unless there is just such a file.
-    let files = if layout.slices.is_some() || file.contains('%') && !base.join(file).exists() {
+    let name = file.to_string_lossy();
+    let files = if layout.slices.is_some() || name.contains('%') && !base.join(file).exists() {
         let last = i64::try_from(nz).unwrap_or(i64::MAX);
         let range = match layout.slices.as_deref() {
             None => [1, last, 1],
@@ -165,7 +166,7 @@ pub(super) fn read(
                 return Err(wrong(format!("slices = {other:?} should be [first, last] or [first, last, step]")));
             }
         };
-        let pattern = Pattern::parse(file).map_err(wrong)?;
+        let pattern = Pattern::parse(&name).map_err(wrong)?;
         let numbers = pattern::numbers(range, nz).map_err(wrong)?;
         numbers.map(|number| DataFile::found(base.join(pattern.name(number)), nx * ny)).collect::<Result<_, _>>()?
     } else {
@@ -191,9 +192,9 @@ pub(super) fn read(
 pub(super) fn read_sidecar(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let mut layout = RawLayout::from_sidecar(path)?;
     if let Some(file) = &layout.file {
-        data::beside(path, file)?;
+        data::beside(path, &file.to_string_lossy())?;
     }
-    layout.file = layout.file.or_else(|| Some(path.file_stem()?.to_string_lossy().into_owned()));
+    layout.file = layout.file.or_else(|| path.file_stem().map(PathBuf::from));
     read_by(path, &layout, selection, progress)
 }
 
@@ -213,9 +214,13 @@ pub(super) fn read_beside_sidecar(
         return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar });
     };
     let mut layout = RawLayout::from_sidecar(sidecar)?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = PathBuf::from(path.file_name().unwrap_or_default());
     if let Some(other) = layout.file.as_ref().filter(|&file| *file != name) {
-        let problem = format!("describes {other}, not {name}; open the sidecar itself to read {other}");
+        let problem = format!(
+            "describes {other}, not {name}; open the sidecar itself to read {other}",
+            other = other.display(),
+            name = name.display()
+        );
         return Err(VolumeError::Layout { source_name: sidecar.display().to_string(), problem });
     }
     layout.file = Some(name);
