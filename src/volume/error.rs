@@ -24,10 +24,12 @@ pub enum VolumeError {
         source: io::Error,
     },
     /// No reader knows the file.
-    #[error("{}: unknown volume format; read are {known}", path.display())]
+    #[error("{}: {what}; Relume reads {known}", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
+        /// What it is, as far as that can be told.
+        what: String,
         /// The formats that are read, with their extensions.
         known: String,
     },

@@ -3,6 +3,7 @@
 mod data;
 mod error;
 mod fields;
+mod foreign;
 mod geometry;
 mod metaimage;
 mod nrrd;

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{RawLayout, Selection, Volume, VolumeError, metaimage, nrrd, raw, stream, vti};
+use super::{RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -44,6 +44,9 @@ const BEGINNING: u64 = 4096;
 /// and `selection` does not say which, [`VolumeError::NoSuch`] where what it says is not there,
 /// [`VolumeError::Cancelled`] when `progress` asks to stop, and whatever is wrong with the file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    if let Some(what) = foreign::describe_folder(path) {
+        return Err(unknown(path, what.to_owned()));
+    }
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
         return (format.read)(path, selection, progress);
@@ -53,11 +56,14 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
         Some(format) => (format.read)(path, selection, progress),
-        None => {
-            let known = FORMATS.map(|format| format!("{} (.{})", format.name, format.extensions.join(", .")));
-            Err(VolumeError::UnknownFormat { path: path.to_owned(), known: known.join(", ") })
-        }
+        None => Err(unknown(path, foreign::describe(path, &beginning))),
     }
+}
+
+/// The refusal of `path`, which is `what`.
+fn unknown(path: &Path, what: String) -> VolumeError {
+    let known = FORMATS.map(|format| format!("{} (.{})", format.name, format.extensions.join(", .")));
+    VolumeError::UnknownFormat { path: path.to_owned(), what, known: known.join(", ") }
 }
 
 /// Whether a file of this name, or one that begins with these bytes, is a volume; a `.toml` may be anything.

@@ -1,0 +1,101 @@
+//! Files of other formats, recognised so that they can be refused by name.
+
+use std::io::Read;
+use std::path::Path;
+
+use flate2::bufread::GzDecoder;
+
+/// A format that is not read.
+struct Foreign {
+    /// As in "this is …".
+    name: &'static str,
+    /// Ends of file names, in lower case.
+    extensions: &'static [&'static str],
+    recognises: fn(&[u8]) -> bool,
+}
+
+/// The first that recognises a file names it.
+const FOREIGN: [Foreign; 19] = [
+    Foreign { name: "a DICOM file", extensions: &["dcm", "dicom"], recognises: is_dicom },
+    Foreign { name: "a NIfTI file", extensions: &["nii"], recognises: is_nifti },
+    Foreign { name: "an Analyze header", extensions: &["hdr"], recognises: is_analyze },
+    Foreign { name: "a TIFF file", extensions: &["tif", "tiff"], recognises: is_tiff },
+    Foreign { name: "a VTK legacy file", extensions: &["vtk"], recognises: |b| b.starts_with(b"# vtk DataFile") },
+    Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
+    Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
+    Foreign { name: "an MRC file", extensions: &["mrc", "ccp4"], recognises: |b| b.get(208..211) == Some(b"MAP") },
+    Foreign { name: "a NumPy array", extensions: &["npy"], recognises: |b| b.starts_with(b"\x93NUMPY") },
+    Foreign {
+        name: "a Vaa3D raw file",
+        extensions: &["v3draw"],
+        recognises: |b| b.starts_with(b"raw_image_stack_by_hpeng"),
+    },
+    Foreign { name: "an OpenEXR picture", extensions: &["exr"], recognises: |b| b.starts_with(b"v/1\x01") },
+    Foreign { name: "a PNG picture", extensions: &["png"], recognises: |b| b.starts_with(b"\x89PNG") },
+    Foreign { name: "a JPEG picture", extensions: &["jpg", "jpeg"], recognises: |b| b.starts_with(b"\xff\xd8\xff") },
+    Foreign { name: "a ZIP archive", extensions: &["zip"], recognises: |b| b.starts_with(b"PK\x03\x04") },
+    Foreign { name: "gzip data", extensions: &["gz"], recognises: |b| b.starts_with(&[0x1f, 0x8b]) },
+    Foreign { name: "bzip2 data", extensions: &["bz2"], recognises: |b| b.starts_with(b"BZh") },
+    Foreign {
+        name: "zlib data, which a MetaImage header (.mhd) describes",
+        extensions: &["zraw"],
+        recognises: |b| matches!(b, [0x78, 0x01 | 0x5e | 0x9c | 0xda, ..]),
+    },
+    Foreign { name: "an XML file other than VTK's", extensions: &["xml"], recognises: |b| b.starts_with(b"<?xml") },
+    Foreign {
+        name: "a JSON file",
+        extensions: &["json"],
+        recognises: |b| b.trim_ascii_start().starts_with(b"{") && b.contains(&b'"'),
+    },
+];
+
+/// What the folder or file `path` is, which begins with these bytes; where that does not tell, what its name says.
+pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
+    if let Some(name) = name(beginning) {
+        let mut inside = Vec::new();
+        // What there is of a stream that is cut short.
+        GzDecoder::new(beginning).take(1024).read_to_end(&mut inside).ok();
+        return match self::name(&inside) {
+            Some(inside) => format!("this is {inside}, compressed by gzip"),
+            None => format!("this is {name}"),
+        };
+    }
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let named = FOREIGN.iter().find(|foreign| foreign.extensions.contains(&extension.as_str()));
+    let named = named.map_or(String::new(), |foreign| format!(", named like {} that it is not", foreign.name));
+    format!("unknown volume format{named} (headerless voxels of any name are read with --dims and --type)")
+}
+
+fn name(beginning: &[u8]) -> Option<&'static str> {
+    FOREIGN.iter().find(|foreign| (foreign.recognises)(beginning)).map(|foreign| foreign.name)
+}
+
+/// What a folder is that some programs treat as one file.
+pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
+    let has = |name: &str| path.join(name).exists();
+    if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
+        return Some("this folder is a Zarr store");
+    }
+    has("index.json").then_some("this folder is a data set of vtk.js")
+}
+
+/// The mark behind the preamble, or a first element of the identifying group where there is none (DICOM PS3.10, §7.1).
+fn is_dicom(beginning: &[u8]) -> bool {
+    beginning.get(128..132) == Some(b"DICM")
+        || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
+}
+
+/// The magic words of versions 1 and 2 (`nifti1.h`, `nifti2.h`).
+fn is_nifti(beginning: &[u8]) -> bool {
+    matches!(beginning.get(344..348), Some(b"n+1\0" | b"ni1\0")) || matches!(beginning.get(4..7), Some(b"n+2" | b"ni2"))
+}
+
+/// The length of the header, 348 bytes, in either byte order; NIfTI has a magic word too.
+fn is_analyze(beginning: &[u8]) -> bool {
+    matches!(beginning, [0x5c, 0x01, 0, 0, ..] | [0, 0, 0x01, 0x5c, ..])
+}
+
+/// Either byte order, and the large ones.
+fn is_tiff(beginning: &[u8]) -> bool {
+    matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
+}

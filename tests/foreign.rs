@@ -1,0 +1,150 @@
+//! Files of formats that are not read are refused by the name of their format.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+#[path = "support/volumes.rs"]
+mod volumes;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use relume::progress::Quiet;
+use relume::volume::{self, Selection, VolumeError};
+
+/// Why the file or folder `path` is refused.
+fn refusal(path: &Path) -> String {
+    match volume::open(path, &Selection::default(), &Quiet) {
+        Err(error @ VolumeError::UnknownFormat { .. }) => error.to_string(),
+        other => panic!("{}: {:?}", path.display(), other.map(|volume| volume.source)),
+    }
+}
+
+/// `word` at byte `at` of zeros.
+fn at(at: usize, word: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![0; 512];
+    bytes[at..at + word.len()].copy_from_slice(word);
+    bytes
+}
+
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::best());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn every_known_format_is_named_by_how_it_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    let nifti = [&348_i32.to_le_bytes()[..], &[0; 340], b"n+1\0", &[0; 4]].concat();
+    let files: [(&[u8], &str); 24] = [
+        (&at(128, b"DICM\x02\0\0\0UL"), "a DICOM file"),
+        (b"\x08\0\x05\0CS\x0a\0ISO_IR 100", "a DICOM file"),
+        (&nifti, "a NIfTI file"),
+        (&gzip(&nifti), "a NIfTI file, compressed by gzip"),
+        (&[&[0, 0, 0x02, 0x1c], &b"n+2\0\r\n\x1a\n"[..]].concat(), "a NIfTI file"),
+        (&at(0, &348_i32.to_be_bytes()), "an Analyze header"),
+        (b"II*\0\x08\0\0\0", "a TIFF file"),
+        (b"MM\0*\0\0\0\x08", "a TIFF file"),
+        (b"II+\0\x08\0\0\0", "a TIFF file"),
+        (b"# vtk DataFile Version 3.0\n", "a VTK legacy file"),
+        (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
+        (b"CDF\x01", "a NetCDF file"),
+        (&at(208, b"MAP "), "an MRC file"),
+        (b"\x93NUMPY\x01\0", "a NumPy array"),
+        (b"raw_image_stack_by_hpengL", "a Vaa3D raw file"),
+        (b"v/1\x01\x02\0\0\0", "an OpenEXR picture"),
+        (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
+        (b"\xff\xd8\xff\xe0", "a JPEG picture"),
+        (b"PK\x03\x04", "a ZIP archive"),
+        (&gzip(b"words"), "gzip data"),
+        (b"BZh91AY", "bzip2 data"),
+        (b"\x78\x9c\x03\0", "zlib data"),
+        (b"<?xml version=\"1.0\"?>\n<plist>", "an XML file"),
+        (b"{\n  \"zarr_format\": 2}", "a JSON file"),
+    ];
+    for (bytes, name) in files {
+        std::fs::write(&path, bytes).unwrap();
+        let said = refusal(&path);
+        assert!(said.contains(&format!("this is {name}")), "{name}: {said}");
+        for read in ["MetaImage (.mhd, .mha)", "NRRD (.nrrd, .nhdr)", "(.vti)", "(.raw, "] {
+            assert!(said.contains(read), "{said}");
+        }
+    }
+}
+
+#[test]
+fn a_name_that_promises_what_is_not_there_is_no_proof() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file.nii");
+    for bytes in [&[][..], &[0; 400], b"words", &[0x1f, 0x8b, 8]] {
+        std::fs::write(&path, bytes).unwrap();
+        let said = refusal(&path);
+        assert!(!said.contains("this is a NIfTI"), "{said}");
+    }
+    std::fs::write(&path, b"words").unwrap();
+    let said = refusal(&path);
+    assert!(said.contains("unknown volume format, named like a NIfTI file"), "{said}");
+    assert!(said.contains("--dims and --type"), "the way out: {said}");
+}
+
+#[test]
+fn folders_that_are_data_sets_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, inside, what) in
+        [("a.zarr", ".zgroup", "Zarr"), ("b", "zarr.json", "Zarr"), ("c.vti", "index.json", "vtk.js")]
+    {
+        let path = folder.path().join(name);
+        std::fs::create_dir(&path).unwrap();
+        std::fs::write(path.join(inside), "{}").unwrap();
+        let said = refusal(&path);
+        assert!(said.contains(what), "{said}");
+    }
+}
+
+/// All files and folders below `folder`.
+fn below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries
+        .flat_map(|path| if path.is_dir() { [vec![path.clone()], below(&path)].concat() } else { vec![path] })
+        .collect()
+}
+
+#[test]
+fn every_shared_file_is_read_or_refused_in_one_sentence() {
+    let Some(folder) = volumes::shared() else { return };
+    let names = [
+        ("dcm", "a DICOM file"),
+        ("tif", "a TIFF file"),
+        ("tiff", "a TIFF file"),
+        ("vtk", "a VTK legacy file"),
+        ("nii", "NIfTI"),
+        ("json", "a JSON file"),
+        ("zarr", "Zarr"),
+        ("zraw", "zlib data"),
+        ("plist", "an XML file"),
+        ("v3draw", "Vaa3D"),
+        ("hdr", "a NIfTI file"),
+        ("gz", "gzip"),
+        ("img", "DICOM"),
+        ("nrrd", ""),
+        ("nhdr", ""),
+        ("mha", ""),
+        ("mhd", ""),
+        ("vti", ""),
+    ];
+    for path in below(&folder) {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+        match volume::open(&path, &Selection::default(), &Quiet) {
+            Ok(_) => assert!(["nrrd", "nhdr", "mha", "mhd", "vti"].contains(&extension.as_str()), "{}", path.display()),
+            Err(error) => {
+                let said = volumes::whole_message(&error);
+                assert!(!said.contains('\n'), "{said}");
+                let name = names.iter().find(|(end, _)| *end == extension).map_or("", |(_, name)| name);
+                let empty = path.ends_with("minimal.img");
+                assert!(said.contains(name) || empty, "{said}");
+            }
+        }
+    }
+}
