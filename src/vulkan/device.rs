@@ -16,6 +16,7 @@ use super::{
     handle::RawDevice,
     info::{Candidate, QueueFamily},
     instance::Instance,
+    simulate::Simulated,
     submission::CommandSlot,
 };
 
@@ -32,6 +33,7 @@ pub struct Device(Arc<Shared>);
 struct Shared {
     info: DeviceInfo,
     limits: Limits,
+    simulated: Simulated,
     queue_family: u32,
     queue: Mutex<vk::Queue>,
     /// Command buffers that nothing uses now.
@@ -41,7 +43,8 @@ struct Shared {
 }
 
 impl Device {
-    /// Opens the device that `choice` means.
+    /// Opens the device that `choice` means. For tests, the environment may ask for failures: `RELUME_SIMULATE`, set to
+    /// `device-lost=N` or `out-of-memory=N`, is what the Nth submission or object meets.
     ///
     /// # Errors
     ///
@@ -72,6 +75,7 @@ impl Device {
         Ok(Self(Arc::new(Shared {
             info: candidate.info,
             limits,
+            simulated: Simulated::asked_for(),
             queue_family: queue.index,
             queue: Mutex::new(raw_queue),
             idle: Mutex::new(Vec::new()),
@@ -111,6 +115,10 @@ impl Device {
         let mut recorder = Recorder::begin(self, name)?;
         record(&mut recorder)?;
         recorder.submit()?.finish()
+    }
+
+    pub(super) fn simulated(&self) -> &Simulated {
+        &self.0.simulated
     }
 
     pub(super) fn raw(&self) -> &Arc<RawDevice> {

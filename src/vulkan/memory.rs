@@ -33,7 +33,12 @@ impl Memory {
             linear,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let allocation = lock(device.allocator()).allocate(&wanted).map_err(|source| match source {
+        let allocated = if device.simulated().has_no_memory() {
+            Err(AllocationError::OutOfMemory)
+        } else {
+            lock(device.allocator()).allocate(&wanted)
+        };
+        let allocation = allocated.map_err(|source| match source {
             AllocationError::OutOfMemory => VulkanError::OutOfMemory {
                 object: name.to_owned(),
                 bytes,

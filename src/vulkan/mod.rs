@@ -18,6 +18,7 @@ mod pipeline;
 mod record;
 mod resources;
 mod sampler;
+mod simulate;
 mod submission;
 
 pub use buffer::{Buffer, HostUse};

@@ -114,9 +114,13 @@ impl Submission {
         let commands = [slot.commands];
         let info = [vk::SubmitInfo::default().command_buffers(&commands)];
         let queue = lock(device.queue());
-        // SAFETY: the lock keeps other threads off the queue; the fence was reset with the lease; the submission
-        // keeps all that the commands use until the fence has signalled.
-        let submitted = unsafe { device.raw().functions.queue_submit(*queue, &info, slot.fence.raw()) };
+        let submitted = if device.simulated().loses_device() {
+            Err(vk::Result::ERROR_DEVICE_LOST)
+        } else {
+            // SAFETY: the lock keeps other threads off the queue; the fence was reset with the lease; the submission
+            // keeps all that the commands use until the fence has signalled.
+            unsafe { device.raw().functions.queue_submit(*queue, &info, slot.fence.raw()) }
+        };
         drop(queue);
         if let Err(source) = submitted {
             // Nothing was submitted, so there is nothing to wait for.
