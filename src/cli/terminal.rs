@@ -1,14 +1,20 @@
 //! Progress bars, warnings and Ctrl-C.
 
 use std::fmt;
-use std::io::Write;
+#[cfg(unix)]
+use std::io::Read;
+use std::io::{self, Write};
+#[cfg(unix)]
+use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+#[cfg(unix)]
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
 use signal_hook::consts::SIGINT;
-use signal_hook::flag::{register, register_conditional_shutdown};
+use signal_hook::flag::register;
 use tracing::field::{Field, Visit};
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::format::Writer;
@@ -18,6 +24,10 @@ use tracing_subscriber::registry::LookupSpan;
 
 /// The exit code of what Ctrl-C ended: 128 and the number of the signal, as shells have it.
 pub(super) const INTERRUPTED: u8 = 130;
+
+/// How long work has to notice Ctrl-C, and to end in its own way; people notice three times that.
+#[cfg(unix)]
+const PATIENCE: Duration = Duration::from_millis(100);
 
 /// The terminal: shows how far work is on standard error where that is a terminal, and turns Ctrl-C into a request to
 /// stop.
@@ -31,8 +41,7 @@ pub(crate) struct Terminal {
 impl Terminal {
     pub(crate) fn new(quiet: bool) -> Self {
         let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::WARN };
-        let printed =
-            tracing_subscriber::fmt::layer().with_writer(std::io::stderr).event_format(Plain).with_filter(shown);
+        let printed = tracing_subscriber::fmt::layer().with_writer(io::stderr).event_format(Plain).with_filter(shown);
         let warnings = Warnings::default();
         let subscriber =
             tracing_subscriber::registry().with(printed).with(warnings.clone().with_filter(LevelFilter::WARN));
@@ -44,9 +53,7 @@ impl Terminal {
             bar.set_style(style);
         }
         let interrupted = Arc::new(AtomicBool::new(false));
-        // A second Ctrl-C does not wait for the work to notice.
-        let heard = register_conditional_shutdown(SIGINT, INTERRUPTED.into(), Arc::clone(&interrupted))
-            .and_then(|_| register(SIGINT, Arc::clone(&interrupted)));
+        let heard = end_soon(&interrupted).and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
         if let Err(error) = heard {
             tracing::warn!("Ctrl-C will end the program at once: {error}");
         }
@@ -65,6 +72,29 @@ impl Terminal {
     pub(crate) fn warnings(&self) -> Vec<String> {
         self.warnings.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
+}
+
+/// Sees to it that the program ends soon after Ctrl-C, whatever it is at; what is half written goes with it.
+#[cfg(unix)]
+fn end_soon(_: &Arc<AtomicBool>) -> io::Result<()> {
+    let (mut heard, signal) = UnixStream::pair()?;
+    signal_hook::low_level::pipe::register(SIGINT, signal)?;
+    let wait = move || {
+        if heard.read_exact(&mut [0]).is_ok() {
+            std::thread::sleep(PATIENCE);
+            relume::output::discard_unfinished();
+            complain(&super::CliError::Failed("interrupted".to_owned()));
+            // Without the ends of other threads, which are still at work.
+            signal_hook::low_level::exit(INTERRUPTED.into());
+        }
+    };
+    std::thread::Builder::new().name("ctrl-c".to_owned()).spawn(wait).map(drop)
+}
+
+/// A second Ctrl-C does not wait for the work to notice.
+#[cfg(not(unix))]
+fn end_soon(interrupted: &Arc<AtomicBool>) -> io::Result<()> {
+    signal_hook::flag::register_conditional_shutdown(SIGINT, INTERRUPTED.into(), Arc::clone(interrupted)).map(drop)
 }
 
 impl Progress for Terminal {
@@ -134,7 +164,7 @@ where
 
 /// Prints a result. A reader that has gone away (`| head`) is no error.
 pub(crate) fn print(text: &str) {
-    let mut out = std::io::stdout().lock();
+    let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
@@ -146,6 +176,6 @@ pub(crate) fn complain(error: &dyn std::error::Error) {
         text.push_str(&format!("  because: {error}\n"));
         cause = error.source();
     }
-    let mut err = std::io::stderr().lock();
+    let mut err = io::stderr().lock();
     err.write_all(text.as_bytes()).and_then(|()| err.flush()).ok();
 }

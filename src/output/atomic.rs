@@ -3,6 +3,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use super::OutputError;
 
@@ -13,6 +14,20 @@ impl<T: Write + Seek> Sink for T {}
 
 /// The longest chain of symbolic links that is followed, as in Linux.
 const LONGEST_CHAIN: usize = 40;
+
+/// Every temporary file that was begun. Those that are gone do no harm: their names are never used again.
+static BEGUN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// Removes what is half written, in a program that ends at once: nothing can be written any more after this.
+pub fn discard_unfinished() {
+    let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
+    for path in &*begun {
+        // Most are whole, and have another name now.
+        fs::remove_file(path).ok();
+    }
+    // Kept for ever: another thread may not begin another one before the end.
+    std::mem::forget(begun);
+}
 
 /// Writes a file so that `path` holds either all of the new content or, after any error, what it held before.
 ///
@@ -94,7 +109,10 @@ fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTem
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
-    builder.tempfile_in(folder).map_err(|source| failure(path, 0, source))
+    let mut begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
+    let temporary = builder.tempfile_in(folder).map_err(|source| failure(path, 0, source))?;
+    begun.push(temporary.path().to_owned());
+    Ok(temporary)
 }
 
 /// Writes to an unnamed file, since a pipe cannot seek, and copies that to `target`.

@@ -11,7 +11,7 @@ mod spectral;
 pub use self::exr::write_exr;
 pub use self::png::{Alpha, Depth, write_png, write_ready_png};
 pub use accumulators::Accumulators;
-pub use atomic::{Sink, check_writable, write_atomically};
+pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
 

@@ -1,0 +1,246 @@
+//! Whatever goes wrong around a render, one sentence says so, and no file is half written.
+#![cfg(unix)]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::io::Read as _;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use support::program::{Folder, Outcome};
+
+const OLD: &str = "what was there before";
+
+fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["render", "scene.toml", "--size", "16x16"], more].concat()
+}
+
+/// What waits in `folder` under a temporary name.
+fn parts(folder: &Folder) -> Vec<String> {
+    folder.names().into_iter().filter(|name| name.ends_with(".part")).collect()
+}
+
+/// Waits until `ready`, no longer than a minute.
+fn wait_until(what: &str, mut ready: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !ready() {
+        assert!(begun.elapsed() < Duration::from_secs(60), "still not: {what}");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn make_pipe(path: &Path) {
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success(), "mkfifo");
+}
+
+fn start(folder: &Folder, arguments: &[&str]) -> Child {
+    folder.command(arguments).stderr(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap()
+}
+
+// The disk.
+
+#[test]
+fn a_disk_that_fills_up_keeps_the_old_file_and_no_part_of_the_new_one() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("disk")).unwrap();
+    // A small disk of our own, where the system lends one; else files that may not grow.
+    let mount = "mount -t tmpfs -o size=16k none disk";
+    let lent = Command::new("unshare").args(["-rm", "sh", "-c", mount]).current_dir(folder.path(".")).output();
+    let lent = lent.is_ok_and(|output| output.status.success());
+    let (limit, words) = if lent { (mount, "the disk is full") } else { ("ulimit -f 8", "may not grow past") };
+    let program = env!("CARGO_BIN_EXE_relume");
+    for arguments in
+        ["-o disk/old.png --bits 16", "-o disk/old.exr", "--spectral disk/old.exr", "--accumulators disk/old.exr"]
+    {
+        let name = arguments.split(' ').nth(1).unwrap();
+        let script = format!(
+            "{limit} && printf '{OLD}' >{name} && '{program}' render scene.toml --size 128x128 {arguments}; \
+             code=$?; ls -A disk; cat {name}; rm {name}; exit $code"
+        );
+        let mut command = if lent { Command::new("unshare") } else { Command::new("sh") };
+        command.args(if lent { &["-rm", "sh", "-c"][..] } else { &["-c"] });
+        let outcome = Outcome::of(command.arg(script).current_dir(folder.path(".")).stdin(Stdio::null()));
+        assert_eq!(outcome.code, Some(1), "{arguments}: {}", outcome.err);
+        assert!(outcome.err.contains(words) && outcome.err.contains(name), "{arguments}: {}", outcome.err);
+        let file = name.trim_start_matches("disk/");
+        assert_eq!(outcome.out, format!("{file}\n{OLD}"), "{arguments}: the old file and nothing else");
+    }
+}
+
+#[test]
+fn a_pipe_gets_the_whole_picture() {
+    let folder = Folder::new();
+    make_pipe(&folder.path("pipe.png"));
+    let child = start(&folder, &render(&["-o", "pipe.png"]));
+    let mut bytes = Vec::new();
+    std::fs::File::open(folder.path("pipe.png")).unwrap().read_to_end(&mut bytes).unwrap();
+    assert!(child.wait_with_output().unwrap().status.success(), "rendered");
+    folder.done(&render(&["-o", "file.png"]));
+    assert!(bytes == std::fs::read(folder.path("file.png")).unwrap(), "the pipe got {} bytes", bytes.len());
+    assert!(
+        std::fs::symlink_metadata(folder.path("pipe.png")).unwrap().file_type()
+            != std::fs::metadata(folder.path("file.png")).unwrap().file_type(),
+        "still a pipe"
+    );
+}
+
+#[test]
+fn an_output_that_is_an_input_by_another_name_is_refused_or_leaves_it_alone() {
+    let header = "NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = v.raw\n";
+    let folder = Folder::new().with("v.raw", [9; 64]).with("v.mhd", header);
+    symlink("v.raw", folder.path("link.png")).unwrap();
+    let refused = ["--volume", "v.mhd", "-o", "link.png"];
+    folder.refused(2, &render(&refused), &["link.png is an input"]);
+    // Another name for the same bytes: the name is given to the picture, the bytes stay.
+    std::fs::hard_link(folder.path("v.raw"), folder.path("same.png")).unwrap();
+    folder.done(&render(&["--volume", "v.mhd", "-o", "same.png"]));
+    assert_eq!(std::fs::read(folder.path("v.raw")).unwrap(), [9; 64]);
+}
+
+/// A long spectral picture over an old one, on its way to the disk.
+fn writing(folder: &Folder) -> Child {
+    let child = start(folder, &["render", "scene.toml", "--size", "900x900", "--spectral", "s.exr"]);
+    let growing = || {
+        let size = |name: &String| std::fs::metadata(folder.path(name)).map_or(0, |metadata| metadata.len());
+        parts(folder).iter().any(|name| size(name) > 1 << 20)
+    };
+    wait_until("written to", growing);
+    child
+}
+
+#[test]
+fn a_program_that_is_killed_while_it_writes_leaves_the_old_file_whole() {
+    let folder = Folder::new().with("s.exr", OLD);
+    let mut child = writing(&folder);
+    child.kill().unwrap();
+    assert_eq!(child.wait().unwrap().code(), None, "killed");
+    assert_eq!(std::fs::read(folder.path("s.exr")).unwrap(), OLD.as_bytes());
+    // What is left has a name that says what it is, and no program takes it for a picture.
+    assert!(matches!(&parts(&folder)[..], [part] if part.starts_with(".relume-")), "{:?}", folder.names());
+    folder.done(&render(&["--spectral", "s.exr"]));
+    assert!(std::fs::read(folder.path("s.exr")).unwrap().starts_with(b"v/1\x01"), "the next picture");
+}
+
+// The device.
+
+/// Renders with the failure `name` at every step at which it can happen, until it happens no more.
+fn fails_at_every_step(name: &str, words: &[&str]) {
+    let folder = Folder::new().with("p.png", OLD);
+    let arguments = render(&["-o", "p.png", "--accumulators", "a.exr"]);
+    let before = folder.names();
+    for step in 1.. {
+        let outcome = Outcome::of(folder.command(&arguments).env("RELUME_SIMULATE", format!("{name}={step}")));
+        if outcome.code == Some(0) {
+            assert!(step > 3, "only {step} steps could fail");
+            return;
+        }
+        outcome.assert_refused(1, words);
+        assert_eq!(folder.names(), before, "step {step} left something behind");
+        assert_eq!(std::fs::read(folder.path("p.png")).unwrap(), OLD.as_bytes(), "step {step}");
+    }
+}
+
+#[test]
+fn a_device_that_is_lost_is_reported_whenever_that_happens() {
+    fails_at_every_step("device-lost", &["the device was lost", "open it again"]);
+}
+
+#[test]
+fn a_device_without_memory_is_reported_whenever_that_happens() {
+    fails_at_every_step("out-of-memory", &["bytes, which the device does not have left"]);
+}
+
+// Ctrl-C.
+
+/// Seconds that people take for "at once".
+const AT_ONCE: f64 = 0.3;
+
+/// Runs the program, interrupts it when `ready`, and answers how long it took to end; `files` must be what is left.
+fn interrupted(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) -> f64 {
+    let before = folder.names();
+    let child = start(folder, arguments);
+    ready(folder);
+    let begun = Instant::now();
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(sent.success(), "{arguments:?} had ended before");
+    let output = child.wait_with_output().unwrap();
+    let took = begun.elapsed().as_secs_f64();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{arguments:?}: {said}");
+    assert!(said.lines().filter(|line| line.starts_with("error: ")).count() == 1, "{said}");
+    assert_eq!(folder.names(), before, "{arguments:?} left something behind");
+    took
+}
+
+/// The quickest of a few tries: the machine may be busy with something else.
+fn ends_at_once(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) {
+    let tries = (0..5).map(|_| interrupted(folder, arguments, &ready));
+    let mut slowest = Vec::new();
+    for took in tries {
+        if took <= AT_ONCE {
+            return;
+        }
+        slowest.push(took);
+    }
+    panic!("{arguments:?} ended only after {slowest:?} s");
+}
+
+fn after(milliseconds: u64) -> impl Fn(&Folder) {
+    move |_| std::thread::sleep(Duration::from_millis(milliseconds))
+}
+
+#[test]
+fn ctrl_c_ends_loading_at_once() {
+    let header = "NRRD0004\ntype: float\ndimension: 3\nsizes: 400 400 400\nencoding: ascii\n\n";
+    let folder = Folder::new().with("v.nrrd", [header.as_bytes(), &b"1 ".repeat(64_000_000)].concat());
+    ends_at_once(&folder, &["info", "v.nrrd"], after(300));
+}
+
+#[test]
+fn ctrl_c_ends_work_that_does_not_listen_at_once() {
+    // Nobody asks a phantom whether it is still wanted.
+    let folder = Folder::new();
+    let phantom = ["info", "scene.toml", "-D", "volume.dims=[800,800,800]"];
+    ends_at_once(&folder, &phantom, after(300));
+    // Nobody reads this pipe.
+    make_pipe(&folder.path("pipe.png"));
+    ends_at_once(&folder, &render(&["-o", "pipe.png"]), after(1500));
+}
+
+#[test]
+fn ctrl_c_ends_fitting_at_once() {
+    ends_at_once(&Folder::new(), &["bench", "model", "--scenes", "1000"], after(300));
+}
+
+#[test]
+fn ctrl_c_ends_marching_at_once_on_the_device_and_on_the_cpu() {
+    let folder = Folder::new();
+    let step = ["render", "scene.toml", "-o", "p.png", "--size", "2000x2000", "-D", "accuracy.step=0.001"];
+    ends_at_once(&folder, &step, after(1500));
+    ends_at_once(&folder, &[&step[..], &["--reference"]].concat(), after(500));
+}
+
+#[test]
+fn ctrl_c_ends_writing_at_once_and_leaves_the_old_file() {
+    let folder = Folder::new().with("s.exr", OLD);
+    let before = folder.names();
+    let mut quickest = f64::INFINITY;
+    for _ in 0..3 {
+        let child = writing(&folder);
+        let begun = Instant::now();
+        let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+        assert!(sent.success(), "it had ended before");
+        let output = child.wait_with_output().unwrap();
+        quickest = quickest.min(begun.elapsed().as_secs_f64());
+        assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(folder.names(), before, "something is left behind");
+        assert_eq!(std::fs::read(folder.path("s.exr")).unwrap(), OLD.as_bytes());
+        if quickest <= AT_ONCE {
+            return;
+        }
+    }
+    panic!("it ended only after {quickest} s");
+}
