@@ -1,0 +1,317 @@
+//! Whatever a file holds, and whatever it is, reading it ends soon, takes little memory and does not panic.
+#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
+
+#[path = "support/hostile.rs"]
+mod hostile;
+
+use std::io::Write as _;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use hostile::{Counting, Place, Reader};
+use relume::output::Accumulators;
+use relume::output::accumulators::{Component, Light, Position, PositionKind};
+use relume::progress::{Progress, Quiet};
+use relume::volume::{self, Selection, Volume, VolumeError};
+use rustix::time::{ClockId, clock_gettime};
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Random numbers that are the same in every run (Steele et al. 2014, "Fast splittable pseudorandom number generators").
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ (mixed >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        usize::try_from(self.next() % u64::try_from(limit.max(1)).unwrap()).unwrap()
+    }
+
+    /// A stretch of `bytes`, rarely a long one.
+    fn range(&mut self, bytes: &[u8]) -> std::ops::Range<usize> {
+        let start = self.below(bytes.len() + 1);
+        let longest = if self.below(4) == 0 { bytes.len() } else { 8 };
+        start..(start + self.below(longest + 1)).min(bytes.len())
+    }
+}
+
+/// What readers stumble over where a number should stand.
+const NUMBERS: [&str; 16] = [
+    "0",
+    "-1",
+    "1",
+    "3",
+    "65536",
+    "4294967295",
+    "2147483648",
+    "9223372036854775807",
+    "18446744073709551616",
+    "1e308",
+    "-1e-320",
+    "nan",
+    "inf",
+    "0x10",
+    "1e999",
+    "",
+];
+
+/// `bytes` with one thing wrong; `other` is something else of the same kind.
+fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
+    let range = random.range(bytes);
+    match random.below(8) {
+        0 => bytes[range].iter_mut().for_each(|byte| *byte ^= 1 << (byte.count_ones() % 8)),
+        1 => bytes[range].fill([0x00, 0xff, b' ', b'\n', b'9', 0x80][random.below(6)]),
+        2 => bytes.truncate(range.start),
+        3 => drop(bytes.drain(range)),
+        4 => {
+            let again = bytes[range.clone()].to_vec();
+            drop(bytes.splice(range.start..range.start, again));
+        }
+        5 => {
+            let from = random.range(other);
+            drop(bytes.splice(range, other[from].iter().copied()));
+        }
+        _ => {
+            let digit = |byte: &u8| byte.is_ascii_digit() || matches!(byte, b'-' | b'.');
+            let Some(start) = bytes[range.start..].iter().position(digit).map(|at| range.start + at) else { return };
+            let length = bytes[start..].iter().take_while(|&byte| digit(byte)).count();
+            let number = NUMBERS[random.below(NUMBERS.len())].bytes();
+            drop(bytes.splice(start..start + length, number));
+        }
+    }
+}
+
+/// CPU time of this thread: that of other programs is not the reader's.
+fn cpu_seconds() -> f64 {
+    let now = clock_gettime(ClockId::ThreadCPUTime);
+    f64::from(u32::try_from(now.tv_sec).unwrap()) + f64::from(u32::try_from(now.tv_nsec).unwrap()) * 1e-9
+}
+
+/// Gives `reader` all of `seeds` as they are, and `rounds` damaged ones.
+fn withstands(reader: Reader, seeds: &[Vec<u8>], rounds: usize) {
+    let place = Place::new(reader);
+    for (index, seed) in seeds.iter().enumerate() {
+        assert!(place.read(seed), "seed {index} of {reader:?} should be sound");
+    }
+    let mut random = Random(1);
+    for round in 0..rounds {
+        let mut bytes = seeds[random.below(seeds.len())].clone();
+        let other = &seeds[random.below(seeds.len())];
+        for _ in 0..=random.below(4) {
+            damage(&mut bytes, other, &mut random);
+        }
+        let begun = cpu_seconds();
+        place.read(&bytes);
+        let (took, allowed) = (cpu_seconds() - begun, f64::from(u32::try_from(bytes.len() / 1024 + 1).unwrap()));
+        assert!(took <= allowed, "round {round} of {reader:?}: {took} s for {} bytes", bytes.len());
+    }
+}
+
+/// The files of a folder of `tests/data`.
+fn seeds(folder: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(folder);
+    let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths.iter().map(|path| std::fs::read(path).unwrap()).collect()
+}
+
+#[test]
+fn a_metaimage_of_anything_is_read_or_refused() {
+    withstands(Reader::MetaImage, &seeds("hostile/metaimage"), 8000);
+}
+
+#[test]
+fn an_nrrd_of_anything_is_read_or_refused() {
+    withstands(Reader::Nrrd, &seeds("hostile/nrrd"), 8000);
+}
+
+#[test]
+fn vtk_xml_of_anything_is_read_or_refused() {
+    let place = Place::new(Reader::Vti);
+    // Some hold several arrays.
+    let sound: Vec<_> = seeds("vti").into_iter().filter(|seed| place.read(seed)).collect();
+    withstands(Reader::Vti, &sound, 8000);
+}
+
+#[test]
+fn a_sidecar_of_anything_is_read_or_refused() {
+    withstands(Reader::Sidecar, &seeds("hostile/sidecar"), 8000);
+}
+
+#[test]
+fn a_scene_of_anything_is_read_or_refused() {
+    withstands(Reader::Scene, &seeds("hostile/scene"), 4000);
+}
+
+#[test]
+fn a_spectrum_of_anything_is_read_or_refused() {
+    withstands(Reader::Spectrum, &seeds("hostile/spectrum"), 8000);
+}
+
+#[test]
+fn accumulators_of_anything_are_read_or_refused() {
+    withstands(Reader::Accumulators, &seeds("hostile/accumulators"), 4000);
+}
+
+// Files that are no files, or do not stay as they are.
+
+#[test]
+#[ignore = "writes the file of accumulators in tests/data/hostile"]
+fn accumulators_to_damage() {
+    let ramp: [f64; 81] = std::array::from_fn(|band| f64::from(u8::try_from(band).unwrap()) / 81.0);
+    let file = Accumulators {
+        width: 4,
+        height: 3,
+        components: vec![Component { name: "bone".to_owned(), spectrum: ramp }],
+        positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]) }],
+        lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, spectrum: ramp }],
+        background: None,
+        exposure: 1.0,
+        adapt: true,
+        weights: vec![0.5; 12],
+        transmittance: vec![0.25; 12],
+    };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hostile/accumulators");
+    std::fs::create_dir_all(&folder).unwrap();
+    file.write(&folder.join("point")).unwrap();
+}
+
+/// Cuts a file to `length` when reading it is first reported.
+struct Cutter<'a> {
+    path: &'a Path,
+    length: u64,
+    done: AtomicBool,
+}
+
+impl Progress for Cutter<'_> {
+    fn report(&self, _stage: &str, _done: u64, _total: u64) {
+        if !self.done.swap(true, Ordering::Relaxed) {
+            std::fs::OpenOptions::new().write(true).open(self.path).unwrap().set_len(self.length).unwrap();
+        }
+    }
+}
+
+/// Reads `header`, of which the file `cut` is cut to `length` bytes in between.
+fn open_cut(header: &Path, cut: &Path, length: u64) -> Result<Volume, VolumeError> {
+    let cutter = Cutter { path: cut, length, done: AtomicBool::new(false) };
+    let opened = volume::open(header, &Selection::default(), &cutter);
+    assert!(cutter.done.into_inner(), "it was cut");
+    opened
+}
+
+#[test]
+fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
+    const SIDE: usize = 240;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut random = Random(2);
+    let voxels: Vec<u8> = (0..SIDE * SIDE * SIDE).map(|_| random.next().to_le_bytes()[0]).collect();
+    let mut gzip = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::none());
+    gzip.write_all(&voxels).unwrap();
+    let gzip = gzip.finish().unwrap();
+    let nrrd = |encoding: &str| {
+        format!("NRRD0004\ntype: uchar\ndimension: 3\nsizes: 240 240 240\nencoding: {encoding}\ndata file: data\n")
+    };
+    let vti = "<VTKFile type=\"ImageData\" byte_order=\"LittleEndian\" header_type=\"UInt32\"><ImageData WholeExtent=\"0 239 \
+               0 239 0 239\"><Piece Extent=\"0 239 0 239 0 239\"><PointData><DataArray type=\"UInt8\" Name=\"v\" \
+               format=\"appended\" offset=\"0\"/></PointData></Piece></ImageData><AppendedData encoding=\"raw\">_";
+    let length = u32::try_from(voxels.len()).unwrap().to_le_bytes();
+    let whole = [vti.as_bytes(), &length, &voxels, b"</AppendedData></VTKFile>"].concat();
+    for (name, header, data) in [
+        ("v.nhdr", nrrd("raw").into_bytes(), &voxels),
+        ("v.nhdr", nrrd("gzip").into_bytes(), &gzip),
+        (
+            "v.mhd",
+            b"NDims = 3\nDimSize = 240 240 240\nElementType = MET_UCHAR\nElementDataFile = data\n".to_vec(),
+            &voxels,
+        ),
+        ("data.toml", b"dims = [240, 240, 240]\ntype = 'uint8'\n".to_vec(), &voxels),
+        ("v.vti", Vec::new(), &whole),
+    ] {
+        let (header_path, data_path) = (path(name), if header.is_empty() { path(name) } else { path("data") });
+        let write = || {
+            std::fs::write(&header_path, &header).unwrap();
+            std::fs::write(&data_path, data).unwrap();
+        };
+        write();
+        let error = open_cut(&header_path, &data_path, 6 << 20).map(|volume| volume.voxels.len()).unwrap_err();
+        let message = error.to_string();
+        assert!(message.contains(name) || message.contains("data"), "{name}: {message}");
+        write();
+        let grown = u64::try_from(data.len()).unwrap() + 1000;
+        match open_cut(&header_path, &data_path, grown) {
+            Ok(grown) => assert!(grown.voxels.bytes() == voxels, "{name}: other voxels"),
+            // Behind a gzip stream there may be another one, and these bytes are none.
+            Err(error) => assert!(matches!(error, VolumeError::Inflate { decoded: 13_824_000, .. }), "{error}"),
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn what_never_ends_or_never_begins_is_no_file_for_any_reader() {
+    use relume::scene::{self, SceneOptions};
+    use relume::spectrum::SpectrumSource;
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("pipe.toml");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success(), "mkfifo");
+    for (path, what) in [(pipe.as_path(), "a pipe"), (Path::new("/dev/zero"), "a device"), (folder.path(), "a folder")]
+    {
+        let said = |error: &dyn std::error::Error| format!("{error}: {}", error.source().expect("a cause"));
+        let light = SpectrumSource::File { path: path.to_owned(), column: None }.light(Path::new("")).unwrap_err();
+        let file = Accumulators::read(path).unwrap_err();
+        let scene = scene::load(path, &SceneOptions::default(), &Quiet).map(drop).unwrap_err();
+        let volume = volume::open(path, &Selection::default(), &Quiet).map(drop).unwrap_err();
+        for error in [&light as &dyn std::error::Error, &file, &scene, &volume] {
+            assert!(said(error).contains(what), "{}", said(error));
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_names_and_headers_need_not_be_utf8() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt as _;
+    use std::os::unix::fs::symlink;
+    let (folder, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let name = |bytes: &[u8]| folder.path().join(OsStr::from_bytes(bytes));
+    let open = |path: &Path| volume::open(path, &Selection::default(), &Quiet);
+    let voxels: Vec<u8> = (0..24).collect();
+    std::fs::write(elsewhere.path().join("data"), &voxels).unwrap();
+    symlink(elsewhere.path().join("data"), name(b"link")).unwrap();
+    symlink(elsewhere.path(), name(b"sub")).unwrap();
+    // Latin-1, in names and in values that nobody interprets.
+    let nrrd = |file: &[u8]| {
+        let head =
+            b"NRRD0004\n# Kn\xf6chel\ncontent: caf\xe9\ntype: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n";
+        [head, &b"data file: "[..], file, b"\n"].concat()
+    };
+    std::fs::write(name(b"Kn\xf6chel.nhdr"), nrrd(b"link")).unwrap();
+    assert_eq!(open(&name(b"Kn\xf6chel.nhdr")).unwrap().voxels.bytes(), voxels, "a link that leads elsewhere");
+    std::fs::write(name(b"below.nhdr"), nrrd(b"sub/data")).unwrap();
+    assert_eq!(open(&name(b"below.nhdr")).unwrap().voxels.bytes(), voxels, "a link to a folder");
+    std::fs::write(name(b"above.nhdr"), nrrd(b"sub/../link")).unwrap();
+    assert!(matches!(open(&name(b"above.nhdr")), Err(VolumeError::Outside { .. })), "out of the folder");
+
+    let meta = b"NDims = 3\nComment = caf\xe9\nDimSize = 4 3 2\nElementType = MET_UCHAR\nElementDataFile = link\n";
+    std::fs::write(name(b"\xff.mhd"), meta).unwrap();
+    assert_eq!(open(&name(b"\xff.mhd")).unwrap().voxels.bytes(), voxels);
+
+    std::fs::write(name(b"\xff.raw"), &voxels).unwrap();
+    std::fs::write(name(b"\xff.raw.toml"), "dims = [4, 3, 2]\ntype = 'uint8'").unwrap();
+    for path in [name(b"\xff.raw"), name(b"\xff.raw.toml")] {
+        assert_eq!(open(&path).unwrap().voxels.bytes(), voxels, "{path:?}");
+    }
+    std::fs::write(name(b"\xff.raw.toml"), b"dims = [4, 3, 2] # caf\xe9\ntype = 'uint8'").unwrap();
+    let error = open(&name(b"\xff.raw")).map(drop).unwrap_err();
+    let cause = std::error::Error::source(&error).expect("a cause").to_string();
+    assert!(error.to_string().contains(".raw.toml") && cause.contains("UTF-8"), "{error}: {cause}");
+}
