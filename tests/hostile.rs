@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use hostile::{Counting, Place, Reader};
+use hostile::{Counting, Place, Reader, most_held};
 use relume::output::Accumulators;
 use relume::output::accumulators::{Component, Light, Position, PositionKind};
 use relume::progress::{Progress, Quiet};
@@ -160,8 +160,6 @@ fn accumulators_of_anything_are_read_or_refused() {
     withstands(Reader::Accumulators, &seeds("hostile/accumulators"), 4000);
 }
 
-// Files that are no files, or do not stay as they are.
-
 #[test]
 #[ignore = "writes the file of accumulators in tests/data/hostile"]
 fn accumulators_to_damage() {
@@ -182,6 +180,65 @@ fn accumulators_to_damage() {
     std::fs::create_dir_all(&folder).unwrap();
     file.write(&folder.join("point")).unwrap();
 }
+
+#[test]
+fn memory_is_counted_where_it_is_taken() {
+    let (kept, most) = most_held(|| {
+        drop(vec![1_u8; 3 << 20]);
+        let mut grown = vec![1_u8; 1 << 20];
+        grown.resize(5 << 20, 1);
+        grown.truncate(1);
+        grown.shrink_to_fit();
+        grown
+    });
+    assert_eq!((kept.len(), most), (1, 5 << 20));
+}
+
+#[test]
+fn long_files_of_many_small_things_take_little_memory_and_time() {
+    let long = |start: &str, again: &str, length: usize| [start, &again.repeat(length / again.len())].concat();
+    let meta = "NDims = 1\nDimSize = 4\nElementType = MET_UCHAR\n";
+    let nrrd = "NRRD0004\ntype: uchar\ndimension: 2\nsizes: 1 900000\nencoding: raw\n";
+    let vti =
+        "<VTKFile type=\"ImageData\"><ImageData WholeExtent=\"0 1 0 1 0 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData>";
+    let values = "version = 1\n[transfer]\nopacity = [";
+    let (mega, mut failed) = (1 << 20, Vec::new());
+    for (reader, text) in [
+        (Reader::MetaImage, long(meta, "a=b\n", 4 * mega)),
+        (Reader::MetaImage, long(meta, "=\n", 4 * mega)),
+        (Reader::MetaImage, long(&format!("{meta}ElementDataFile = LIST 0\n"), "a\n", 40 * mega)),
+        (Reader::Nrrd, long(nrrd, "a:b\n", 4 * mega)),
+        (Reader::Nrrd, long(nrrd, "a:=b\n", 4 * mega)),
+        (Reader::Nrrd, long(nrrd, "#\n", 4 * mega)),
+        (Reader::Nrrd, long(&format!("{nrrd}data file: LIST 1\n"), "a\n", 40 * mega)),
+        (Reader::Nrrd, long(nrrd, " ", 4 * mega)),
+        (Reader::Nrrd, long(&format!("{nrrd}space directions: "), "none ", 4 * mega)),
+        (Reader::Vti, long(vti, "<DataArray/>", 17 * mega)),
+        (Reader::Vti, long(vti, "<DataArray type=\"Int8\" Name=\"a\" format=\"ascii\">1</DataArray>", 17 * mega)),
+        (Reader::Vti, long(vti, "<a>", 17 * mega)),
+        (Reader::Sidecar, long("a = [", "0,", mega)),
+        (Reader::Sidecar, long("a = ", "[", mega)),
+        (Reader::Scene, long(values, "[0,0],", mega / 2)),
+        (Reader::Scene, long(values, "0,", mega / 2)),
+        (Reader::Scene, (0..50_000).map(|n| format!("a{n}={{}}\n")).collect()),
+        (Reader::Scene, long("a = ", "{a=", mega / 2)),
+        (Reader::Spectrum, long("", "1 1\n", 9 * mega)),
+        (Reader::Spectrum, (1..900_000).map(|n| format!("{n} 1\n")).collect()),
+        (Reader::Spectrum, long("", ",", 9 * mega)),
+    ] {
+        let place = Place::new(reader);
+        let begun = cpu_seconds();
+        let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| place.read(text.as_bytes())));
+        let took = cpu_seconds() - begun;
+        let start: String = text.chars().rev().take(40).collect::<Vec<_>>().into_iter().rev().collect();
+        if read.is_err() || took > 2.0 {
+            failed.push(format!("{reader:?} …{start:?}: {took} s, {:?}", read.map_err(|why| why.downcast::<String>())));
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+// Files that are no files, or do not stay as they are.
 
 /// Cuts a file to `length` when reading it is first reported.
 struct Cutter<'a> {

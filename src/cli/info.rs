@@ -98,7 +98,7 @@ impl Args {
 }
 
 /// No sidecar is longer.
-const LONGEST_TOML: u64 = 1 << 20;
+const LONGEST_TOML: u64 = 1 << 16;
 
 /// TOML describes a scene, unless it describes voxels, by `dims` or `type` at the top or by a `[volume]` alone.
 fn is_scene(path: &PathBuf) -> bool {

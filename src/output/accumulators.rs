@@ -56,6 +56,9 @@ const VERSION: u32 = 1;
 /// The name of the attribute that holds the text.
 const ATTRIBUTE: &str = "relume";
 
+/// The longest text that is looked at, in bytes: hundreds of spectra. The parser takes a hundred times as much.
+const LONGEST_TEXT: usize = 1 << 19;
+
 /// The name of the channel that every file has.
 const TRANSMITTANCE: &str = "transmittance";
 
@@ -332,6 +335,10 @@ fn one_flat_part(headers: &[Header]) -> Result<&Header, String> {
 /// The text of the attribute.
 fn attribute_text(header: &Header) -> Result<String, String> {
     match header.own_attributes.other.get(&channels::text(ATTRIBUTE)) {
+        Some(AttributeValue::Text(text)) if text.as_slice().len() > LONGEST_TEXT => {
+            let length = text.as_slice().len();
+            Err(format!("the attribute `{ATTRIBUTE}` has {length} bytes, and at most {LONGEST_TEXT} are read"))
+        }
         Some(AttributeValue::Text(text)) => String::from_utf8(text.as_slice().to_vec())
             .map_err(|error| format!("the attribute `{ATTRIBUTE}` is not UTF-8: {error}")),
         Some(_) => Err(format!("the attribute `{ATTRIBUTE}` is not a string")),

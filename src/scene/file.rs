@@ -101,8 +101,8 @@ pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<Scen
     parse("the peer scene", PEER, Path::new(""), options, progress)
 }
 
-/// More than any scene a person writes; a volume given as a scene is larger.
-const LONGEST_SCENE: u64 = 16 << 20;
+/// More than any scene a person writes; a volume given as a scene is larger. The parser takes a hundred times as much.
+const LONGEST_SCENE: u64 = 1 << 19;
 
 /// The scene that `text` describes; `name` heads messages, relative paths start at `base`.
 ///

@@ -5,6 +5,12 @@ use std::path::Path;
 use super::{Column, FIRST_NM, LAST_NM, SpectrumError};
 use crate::input;
 
+/// A table of more wavelengths than this is none: steps of a hundredth of a nm would take fewer.
+const MOST_ROWS: usize = 100_000;
+
+/// Thousands of columns.
+const LONGEST_LINE: usize = 1 << 16;
+
 /// A piecewise linear curve, constant beyond its ends.
 pub(super) struct Curve {
     /// Wavelength in nm, strictly ascending, and value. Never empty.
@@ -98,6 +104,9 @@ pub(super) fn read(path: &Path, column: Option<&Column>) -> Result<Vec<(f64, f64
             continue;
         }
         let wrong = |problem| SpectrumError::Line { path: path.into(), line: number, text: shortened(line), problem };
+        if line.len() > LONGEST_LINE {
+            return Err(wrong(format!("a line has at most {LONGEST_LINE} bytes")));
+        }
         let fields = fields(line);
         if rows.is_empty() && header.is_none() && fields.first().is_some_and(|field| field.parse::<f64>().is_err()) {
             header = Some(fields);
@@ -111,6 +120,9 @@ pub(super) fn read(path: &Path, column: Option<&Column>) -> Result<Vec<(f64, f64
         let value = parsed(&fields, index).map_err(wrong)?;
         if let Some(problem) = point_problem(nm, value) {
             return Err(wrong(problem));
+        }
+        if rows.len() == MOST_ROWS {
+            return Err(wrong(format!("a spectrum has at most {MOST_ROWS} wavelengths")));
         }
         rows.push((number, nm, value));
     }

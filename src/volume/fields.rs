@@ -1,5 +1,6 @@
 //! The lines of a text header: fields of a name and a value.
 
+use std::collections::HashSet;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::str::FromStr;
@@ -10,8 +11,14 @@ use super::stream;
 /// Headers are short; what goes on for so many bytes is none.
 const LONGEST: u64 = 4 << 20;
 
+/// A header of more lines than this is none.
+const MOST_LINES: usize = 1 << 16;
+
 /// A list of files that is longer than this is a mistake.
 const LONGEST_LIST: u64 = 32 << 20;
+
+/// A list of more files than this is too.
+const MOST_FILES: usize = 1 << 17;
 
 /// One `name = value`.
 pub(super) struct Field {
@@ -103,10 +110,9 @@ impl Fields<'_> {
 
     /// A sentence for each field that is given twice.
     pub(super) fn repeated(&self) -> impl Iterator<Item = String> {
-        let again = self.all.iter().enumerate().filter(|(index, field)| {
-            self.all[..*index].iter().any(|earlier| earlier.key.eq_ignore_ascii_case(&field.key))
-        });
-        again.map(|(_, field)| {
+        let mut seen = HashSet::new();
+        let again = self.all.iter().filter(move |field| !seen.insert(field.key.to_ascii_lowercase()));
+        again.map(|field| {
             format!("{}, line {}: {} is given again; the last counts", self.path.display(), field.line, field.key)
         })
     }
@@ -135,6 +141,10 @@ impl<'a> Lines<'a> {
             return Ok(None);
         }
         self.number += 1;
+        if self.number > MOST_LINES {
+            let problem = format!("a header has at most {MOST_LINES} lines");
+            return Err(VolumeError::Header { path: self.path.to_owned(), line: self.number, problem });
+        }
         Ok(Some(String::from_utf8_lossy(&self.line).trim_end().to_owned()))
     }
 
@@ -152,8 +162,15 @@ impl<'a> Lines<'a> {
 
     /// All other lines that are not blank: a list of files.
     pub(super) fn list(self) -> Result<Vec<String>, VolumeError> {
-        let lines = self.stream.into_inner().take(LONGEST_LIST).lines().collect::<Result<Vec<_>, _>>();
-        let lines = lines.map_err(|source| stream::failed(self.path, source))?;
-        Ok(lines.iter().map(|line| line.trim().to_owned()).filter(|line| !line.is_empty()).collect())
+        let mut files = Vec::new();
+        for line in self.stream.into_inner().take(LONGEST_LIST).lines() {
+            let line = line.map_err(|source| stream::failed(self.path, source))?;
+            if files.len() == MOST_FILES {
+                let problem = format!("a list has at most {MOST_FILES} files");
+                return Err(VolumeError::Header { path: self.path.to_owned(), line: self.number, problem });
+            }
+            files.extend(Some(line.trim()).filter(|line| !line.is_empty()).map(str::to_owned));
+        }
+        Ok(files)
     }
 }

@@ -90,7 +90,7 @@ fn is_nifti(beginning: &[u8]) -> bool {
     matches!(beginning.get(344..348), Some(b"n+1\0" | b"ni1\0")) || matches!(beginning.get(4..7), Some(b"n+2" | b"ni2"))
 }
 
-/// The length of the header, 348 bytes, in either byte order; NIfTI has a magic word too.
+/// The length of the header, 348 bytes, in either byte order. Its successor has a magic word too.
 fn is_analyze(beginning: &[u8]) -> bool {
     matches!(beginning, [0x5c, 0x01, 0, 0, ..] | [0, 0, 0x01, 0x5c, ..])
 }

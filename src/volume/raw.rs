@@ -13,8 +13,8 @@ use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::number::{in_words, line_and_column};
 use crate::progress::Progress;
 
-/// A layout is a few lines; what is longer is none.
-const LONGEST_SIDECAR: u64 = 1 << 20;
+/// A layout is a few lines; what is longer is none. The parser takes a hundred times as much.
+const LONGEST_SIDECAR: u64 = 1 << 16;
 
 /// Which byte of a number comes first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]

@@ -57,6 +57,14 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
+/// What `work` answers, and the most bytes that this thread held in it beyond those it held before.
+pub fn most_held<T>(work: impl FnOnce() -> T) -> (T, usize) {
+    let before = HELD.get();
+    MOST.set(before);
+    let answer = work();
+    (answer, (MOST.get() - before).unsigned_abs())
+}
+
 /// Something that reads files from anywhere.
 #[derive(Clone, Copy, Debug)]
 pub enum Reader {
@@ -118,17 +126,14 @@ impl Place {
             std::fs::remove_file(&self.file).ok();
             std::fs::write(&self.file, bytes).expect("a file");
         }
-        let before = HELD.get();
-        MOST.set(before);
-        let size = match self.reader {
+        let (size, most) = most_held(|| match self.reader {
             Reader::MetaImage | Reader::Nrrd | Reader::Vti | Reader::Sidecar => self.volume(),
             Reader::Scene => self.scene(bytes),
             Reader::Spectrum => self.spectrum(),
             Reader::Accumulators => {
                 Accumulators::read(&self.file).ok().map(|read| 4 * (read.weights.len() + read.transmittance.len()))
             }
-        };
-        let most = (MOST.get() - before).unsigned_abs();
+        });
         let allowed = ALLOWED.max(2 * size.unwrap_or(0));
         assert!(most <= allowed, "{} bytes took {most} bytes of memory for {size:?}", bytes.len());
         size.is_some()

@@ -22,6 +22,9 @@ const LONGEST_MARKUP: u64 = 16 << 20;
 /// More arrays than this, those of all pieces together, are a mistake.
 const MOST_ARRAYS: usize = 1 << 16;
 
+/// More tags inside one another are none of an image.
+const DEEPEST: usize = 64;
+
 /// More numbers to a voxel than this are a mistake.
 const MOST_COMPONENTS: usize = 1 << 16;
 
@@ -264,6 +267,9 @@ impl Builder<'_> {
     /// A tag has begun, and `at` is behind it.
     fn open(&mut self, tag: &BytesStart<'_>, at: u64) -> Result<(), VolumeError> {
         self.depth += 1;
+        if self.depth > DEEPEST {
+            return Err(self.wrong(format!("more than {DEEPEST} tags inside one another")));
+        }
         let name = tag.name();
         if self.file.is_none() && name.as_ref() != "VTKFile" {
             return Err(self.wrong(format!("begins with <{}>, not with <VTKFile>", name.as_ref())));
