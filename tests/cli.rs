@@ -221,7 +221,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
-    assert_eq!(keys(&json), ["accumulators", "components", "lights", "positions", "size"]);
+    assert_eq!(keys(&json), ["accumulators", "components", "lights", "model", "positions", "size"]);
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
 }
@@ -340,7 +340,7 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["lights", "outputs", "size", "times"]);
+    assert_eq!(keys(&json), ["lights", "model", "outputs", "size", "times"]);
     assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 

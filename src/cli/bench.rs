@@ -12,9 +12,11 @@ use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
 use relume::plan::plan;
 use relume::progress::Progress;
 use relume::render::Renderer;
-use relume::scene::{self, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::scene::{self, AccumulateAs, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
+use super::accuracy::AccuracyArgs;
+use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{SelectionArgs, size};
 use super::{CliError, Report, bench_model};
@@ -39,6 +41,8 @@ pub(crate) struct Args {
     volume: Option<PathBuf>,
     #[command(flatten)]
     selection: SelectionArgs,
+    #[command(flatten)]
+    accuracy: AccuracyArgs,
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
@@ -84,6 +88,7 @@ struct Row {
     size: [usize; 2],
     shading: &'static str,
     accumulate: &'static str,
+    model: Option<serde_json::Value>,
     components: usize,
     lanes: usize,
     positions: usize,
@@ -110,6 +115,9 @@ impl Times {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     let is_model = |workload: &Workload| *workload == Workload::Model;
+    if let (true, Some(flag)) = (args.workloads.iter().all(is_model), args.accuracy.given().first()) {
+        return Err(CliError::Usage(format!("{flag} does nothing here: what `model` measures is fixed")));
+    }
     let frames = if args.workloads.iter().all(is_model) { None } else { Some(run_frames(args, progress, started)?) };
     let models = match args.workloads.iter().any(is_model) {
         true => Some(bench_model::run(args.scenes.into(), progress)?),
@@ -174,11 +182,14 @@ fn measure(
     progress: &dyn Progress,
     begun: Instant,
 ) -> Result<Row, CliError> {
+    let definitions = args.accuracy.definitions();
     let mut scene = match workload {
-        Workload::Default | Workload::Model => scene::load_embedded(&SceneOptions::default(), progress)?,
+        Workload::Default | Workload::Model => {
+            scene::load_embedded(&SceneOptions { definitions, ..SceneOptions::default() }, progress)?
+        }
         Workload::Peer | Workload::PeerFourLights | Workload::PeerEightMaterials => {
             let (volume, selection) = (args.volume.clone(), args.selection.selection());
-            let options = SceneOptions { volume, selection, ..SceneOptions::default() };
+            let options = SceneOptions { volume, selection, definitions, ..SceneOptions::default() };
             scene::load_peer(&options, progress)?
         }
     };
@@ -187,7 +198,13 @@ fn measure(
     }
     match workload {
         Workload::PeerFourLights => add_peer_lights(&mut scene),
-        Workload::PeerEightMaterials => double_materials(&mut scene),
+        Workload::PeerEightMaterials => {
+            double_materials(&mut scene);
+            // Fewer numbers would do for them, and what is measured is eight weights.
+            if scene.accuracy.accumulate == AccumulateAs::Auto {
+                scene.accuracy.accumulate = AccumulateAs::Weights;
+            }
+        }
         Workload::Peer | Workload::Default | Workload::Model => {}
     }
     let planned = plan(&scene, progress)?;
@@ -231,7 +248,8 @@ fn measure(
         volume: scene.volume.source.clone(),
         size: args.size,
         shading: if shading == BenchShading::None { "none" } else { "diffuse" },
-        accumulate: "weights",
+        accumulate: if planned.model.is_some() { "spectral" } else { "weights" },
+        model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
         components: planned.plan.components(),
         lanes: planned.plan.lanes(),
         positions: planned.positions.len(),

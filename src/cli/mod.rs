@@ -1,9 +1,11 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
+mod accuracy;
 mod bench;
 mod bench_model;
 mod files;
 mod info;
+mod model;
 mod relight;
 mod render;
 mod scene;
