@@ -114,7 +114,7 @@ fn render_tells_programs_what_it_did() {
     let folder = Folder::new();
     let outcome = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png", "--json"]);
     let json = outcome.json();
-    assert_eq!(keys(&json), ["device", "march", "outputs", "peak_mb", "plan", "size", "times"]);
+    assert_eq!(keys(&json), ["device", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"]);
     assert_eq!(json["outputs"], serde_json::json!(["p.png"]));
     assert_eq!(json["size"], serde_json::json!([32, 32]));
     assert_eq!(json["plan"]["positions"], serde_json::json!(["lamp", "day"]));
@@ -208,6 +208,12 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let json = folder.done(&["info", "scene.toml", "--json"]).json();
     assert_eq!(json["plan"]["components"], 3);
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
+    assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
+    assert_eq!(json["labels"], Value::Null);
+    assert_eq!(json["materials"], serde_json::json!(["bone", "flesh"]));
+    let lights: Vec<_> =
+        json["lights"].as_array().unwrap().iter().map(|light| (&light["name"], &light["kind"])).collect();
+    assert!(lights.contains(&(&"day".into(), &"directional".into())), "{lights:?}");
 }
 
 #[test]
@@ -221,7 +227,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
-    assert_eq!(keys(&json), ["accumulators", "components", "lights", "model", "positions", "size"]);
+    assert_eq!(keys(&json), ["accumulators", "components", "lights", "model", "positions", "size", "warnings"]);
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
 }
@@ -340,7 +346,7 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["lights", "model", "outputs", "size", "times"]);
+    assert_eq!(keys(&json), ["lights", "model", "outputs", "size", "times", "warnings"]);
     assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 
@@ -508,6 +514,10 @@ fn labels_that_are_not_used_or_not_declared_are_reported() {
     }
     let declared = warnings(&folder, &["-D", "labels.3={material=\"flesh\",opacity=1}"]);
     assert_eq!(declared, ["", ""], "labels that are not there are no matter");
+    let quiet = folder.done(&[&["render", "scene.toml", "-o", "p.png", "--json", "--quiet"], &flags[..]].concat());
+    assert_eq!(quiet.err, "");
+    let told = quiet.json()["warnings"][0].as_str().unwrap().to_owned();
+    assert!(told.starts_with("--labels labels.mhd: the scene declares no labels"), "{told}");
 }
 
 #[test]

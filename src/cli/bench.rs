@@ -9,10 +9,12 @@ use serde::Serialize;
 use serde_json::json;
 
 use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
-use relume::plan::plan;
+use relume::model::ModelKind;
+use relume::plan::{Accumulate, plan};
 use relume::progress::Progress;
 use relume::render::Renderer;
 use relume::scene::{self, AccumulateAs, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::spectrum::{Absorption, Spectrum};
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
 use super::accuracy::AccuracyArgs;
@@ -68,10 +70,25 @@ enum Workload {
     PeerFourLights,
     /// The same with twice as many materials: eight weights a pixel.
     PeerEightMaterials,
+    /// The same carried as linear RGB: what a renderer without spectra does.
+    PeerRgb,
+    /// The same carried as the eight numbers of a colour model.
+    PeerK8,
+    /// The peer's materials dyed, carried as linear RGB.
+    PeerColouredRgb,
+    /// The dyed materials carried as the eight numbers of a colour model.
+    PeerColouredK8,
     /// The embedded default scene.
     Default,
     /// Colour models on seeded scenes: no march, no device.
     Model,
+}
+
+impl Workload {
+    /// Whether it says itself what pixels keep.
+    fn is_fixed(&self) -> bool {
+        matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8 | Self::Model)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -115,8 +132,8 @@ impl Times {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     let is_model = |workload: &Workload| *workload == Workload::Model;
-    if let (true, Some(flag)) = (args.workloads.iter().all(is_model), args.accuracy.given().first()) {
-        return Err(CliError::Usage(format!("{flag} does nothing here: what `model` measures is fixed")));
+    if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
+        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads say what pixels keep")));
     }
     let frames = if args.workloads.iter().all(is_model) { None } else { Some(run_frames(args, progress, started)?) };
     let models = match args.workloads.iter().any(is_model) {
@@ -154,12 +171,12 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         if name.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" }
     );
     text.push_str(
-        "workload          shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
+        "workload             shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
     );
     let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
     for row in &rows {
         text.push_str(&format!(
-            "{:<17} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
+            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
             row.workload,
             row.shading,
             row.positions,
@@ -182,21 +199,18 @@ fn measure(
     progress: &dyn Progress,
     begun: Instant,
 ) -> Result<Row, CliError> {
-    let definitions = args.accuracy.definitions();
-    let mut scene = match workload {
-        Workload::Default | Workload::Model => {
-            scene::load_embedded(&SceneOptions { definitions, ..SceneOptions::default() }, progress)?
-        }
-        Workload::Peer | Workload::PeerFourLights | Workload::PeerEightMaterials => {
-            let (volume, selection) = (args.volume.clone(), args.selection.selection());
-            let options = SceneOptions { volume, selection, definitions, ..SceneOptions::default() };
-            scene::load_peer(&options, progress)?
-        }
+    let options = SceneOptions { definitions: args.accuracy.definitions(), ..SceneOptions::default() };
+    let mut scene = if workload == Workload::Default {
+        scene::load_embedded(&options, progress)?
+    } else {
+        let (volume, selection) = (args.volume.clone(), args.selection.selection());
+        scene::load_peer(&SceneOptions { volume, selection, ..options }, progress)?
     };
     if shading == BenchShading::None {
         scene.shading = Shading::None;
     }
     match workload {
+        Workload::Peer | Workload::Default | Workload::Model => {}
         Workload::PeerFourLights => add_peer_lights(&mut scene),
         Workload::PeerEightMaterials => {
             double_materials(&mut scene);
@@ -205,7 +219,16 @@ fn measure(
                 scene.accuracy.accumulate = AccumulateAs::Weights;
             }
         }
-        Workload::Peer | Workload::Default | Workload::Model => {}
+        Workload::PeerRgb => carry(&mut scene, ModelKind::Rgb, 3),
+        Workload::PeerK8 => carry(&mut scene, ModelKind::Nodes, 8),
+        Workload::PeerColouredRgb => {
+            dye(&mut scene)?;
+            carry(&mut scene, ModelKind::Rgb, 3);
+        }
+        Workload::PeerColouredK8 => {
+            dye(&mut scene)?;
+            carry(&mut scene, ModelKind::Nodes, 8);
+        }
     }
     let planned = plan(&scene, progress)?;
     let statistics = scene.volume.statistics()?;
@@ -248,7 +271,10 @@ fn measure(
         volume: scene.volume.source.clone(),
         size: args.size,
         shading: if shading == BenchShading::None { "none" } else { "diffuse" },
-        accumulate: if planned.model.is_some() { "spectral" } else { "weights" },
+        accumulate: match planned.plan.accumulate {
+            Accumulate::Weights { .. } => "weights",
+            Accumulate::Spectral { .. } => "spectral",
+        },
         model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
         components: planned.plan.components(),
         lanes: planned.plan.lanes(),
@@ -272,6 +298,26 @@ fn add_peer_lights(scene: &mut Scene) {
         let placement = Placement::Directional(DVec3::from_array(direction).normalize());
         scene.lights.push(SceneLight { name: name.to_owned(), placement, ..key.clone() });
     }
+}
+
+/// Carries spectra in `dimension` numbers of a colour model, though weights would be exact.
+fn carry(scene: &mut Scene, model: ModelKind, dimension: usize) {
+    scene.accuracy.accumulate = AccumulateAs::Spectral;
+    scene.accuracy.model = model;
+    scene.accuracy.dimension = Some(dimension);
+}
+
+/// Gives every material a dye of its own, whose optical depth at its peak is that of what the material scatters.
+fn dye(scene: &mut Scene) -> Result<(), CliError> {
+    const PEAKS_NM: [f64; 4] = [450.0, 510.0, 570.0, 630.0];
+    for (material, peak) in scene.materials.iter_mut().zip(PEAKS_NM.into_iter().cycle()) {
+        let dye = Spectrum::gaussian(peak, 40.0, 1.0).and_then(Absorption::new);
+        material.absorption = Some(dye.map_err(|error| CliError::Failed(error.to_string()))?);
+    }
+    for term in &mut scene.transfer.terms {
+        term.absorption = term.opacity.iter().map(|&(value, opacity)| (value, -(-opacity).ln_1p())).collect();
+    }
+    Ok(())
 }
 
 /// Shows every material twice, the second time under another name.

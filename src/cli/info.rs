@@ -296,7 +296,40 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
     for sentence in planned.explain(scene) {
         let _ = writeln!(text, "  {sentence}");
     }
-    Report { text, json: json!({"scene": scene.source, "plan": plan_json(scene, planned, None)}) }
+    let json = json!({
+        "scene": scene.source,
+        "volume": {
+            "source": volume.source,
+            "dims": geometry.dims,
+            "type": volume.voxels.type_name(),
+            "spacing": geometry.spacing.to_array(),
+        },
+        "labels": scene.labels.as_ref().map(|labels| json!({
+            "source": labels.volume.source,
+            "declared": labels
+                .declared
+                .iter()
+                .map(|entry| json!({"label": entry.label, "name": entry.name}))
+                .collect::<Vec<_>>(),
+        })),
+        "materials": materials,
+        "lights": scene
+            .lights
+            .iter()
+            .map(|light| {
+                let (kind, place) = match light.placement {
+                    Placement::Ambient => ("ambient", None),
+                    Placement::Headlight => ("headlight", None),
+                    Placement::Directional(direction) => ("directional", Some(direction)),
+                    Placement::Point(point) => ("point", Some(point)),
+                };
+                let place = place.map(|place| place.to_array());
+                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
+            })
+            .collect::<Vec<_>>(),
+        "plan": plan_json(scene, planned, None),
+    });
+    Report { text, json }
 }
 
 /// `text`, unless there is none.

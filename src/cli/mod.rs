@@ -130,7 +130,8 @@ pub(crate) fn main() -> ExitCode {
     };
     terminal.finish();
     match outcome {
-        Ok(report) => {
+        Ok(mut report) => {
+            report.json["warnings"] = terminal.warnings().into();
             terminal::print(&if cli.json { report.json_text() } else { report.text });
             ExitCode::SUCCESS
         }
