@@ -9,6 +9,7 @@ use relume::measure::Stopwatch;
 use relume::reference;
 use relume::tables::{Components, RelightMatrices};
 
+use super::accuracy::tolerance;
 use super::files::{self, Bits};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
@@ -29,7 +30,7 @@ pub(crate) struct Args {
     lights: LightArgs,
     /// Warn where colours under a light that the file does not have may be off by more than this ΔE00, in place of what
     /// the file says.
-    #[arg(long, value_name = "DE")]
+    #[arg(long, value_name = "DE", value_parser = tolerance)]
     tolerance: Option<f64>,
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE", required = true)]
