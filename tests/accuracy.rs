@@ -109,6 +109,10 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     let outcome = folder.done(&["relight", "acc.exr", "--light", "line.csv", "-o", "q.png", "--json"]);
     assert!(outcome.err.contains("render again with this --light and --replan"), "{}", outcome.err);
     assert!(number(&new(&outcome.json())["max"]) > 1.0);
+    // Lights of the scene are known by their spectra, whatever they are called.
+    let known = folder.done(&["relight", "acc.exr", "--light", "D65", "--light", "FL11@key", "-o", "q.png", "--json"]);
+    let json = known.json();
+    assert!(json["model"]["lights"].as_array().unwrap().iter().all(|light| light["planned"] == true), "{json}");
     let relit = ["relight", "acc.exr", "--light", "line.csv", "-o", "q.png", "--tolerance", "100"];
     let outcome = folder.done(&relit);
     assert_eq!(outcome.err, "", "within this tolerance");
@@ -121,7 +125,13 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     // Where k is stated, the lights of the scene say what is usual.
     let few = ["render", "glass.toml", "--size", "8x8", "-o", "p.exr", "--k", "3", "--light", "E"];
     assert!(!folder.done(&few).err.contains("planned"));
+    // A light that was rendered with stretches no tolerance.
+    folder.done(&[&few[..8], &["--light", "line.csv", "--accumulators", "few.exr"]].concat());
+    let outcome = folder.done(&["relight", "few.exr", "--light", "line.csv", "-o", "q.png"]);
+    assert!(outcome.err.contains("over the tolerance"), "{}", outcome.err);
     // Weights are exact for every light.
+    folder.done(&["render", "scene.toml", "--size", "8x8", "--accumulators", "w.exr"]);
+    folder.refused(2, &["relight", "w.exr", "-o", "q.png", "--tolerance", "1"], &["--tolerance does nothing here"]);
     let weights = ["render", "scene.toml", "--size", "8x8", "-o", "p.exr", "--light", "line.csv", "--replan", "--json"];
     let outcome = folder.done(&weights);
     assert!(outcome.json()["plan"]["model"].is_null() && outcome.err.is_empty(), "{}", outcome.err);

@@ -382,6 +382,27 @@ fn relighting_a_file_equals_rendering_with_the_same_model_under_that_light() {
     }
 }
 
+/// Another program relights a file by the documentation, with the Python that `RELUME_PYTHON` names.
+#[test]
+#[expect(clippy::print_stderr, reason = "a test that did not run says so")]
+fn another_program_relights_a_file_by_the_documentation() {
+    let Some(python) = std::env::var_os("RELUME_PYTHON") else {
+        eprintln!(
+            "NOT RUN: RELUME_PYTHON names no Python with numpy and OpenImageIO, so no other program relit a file"
+        );
+        return;
+    };
+    let folder = Folder::new().with("glass.toml", GLASS);
+    let files = ["--accumulators", "acc.exr", "-o", "picture.exr"];
+    folder.done(&[&["render", "glass.toml", "--size", "16x16", "-D", "display.exposure=1.5"], &files[..]].concat());
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tools/relight.py");
+    let mut command = std::process::Command::new(python);
+    let output = command.arg(script).args(["acc.exr", "picture.exr"].map(|name| folder.path(name))).output().unwrap();
+    let (out, err) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{out}{err}");
+    eprintln!("{out}");
+}
+
 #[test]
 fn relighting_what_the_reference_marched_equals_the_reference_under_that_light() {
     let folder = Folder::new().with("glass.toml", GLASS);

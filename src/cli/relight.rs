@@ -56,6 +56,12 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     let clock = Stopwatch::start();
     let mut text = String::new();
     let mut model_json = json!(null);
+    if let (Components::Surfaces(_), Some(_)) = (&saved.components, args.tolerance) {
+        let file = args.accumulators.display();
+        return Err(CliError::Usage(format!(
+            "--tolerance does nothing here: {file} keeps weights of materials, which are exact for every light"
+        )));
+    }
     if let Components::Model(model, _) = &mut saved.components {
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);

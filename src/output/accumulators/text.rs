@@ -131,9 +131,9 @@ impl From<&Accumulators> for Document {
             PositionEntry { name: position.name.clone(), kind, vector }
         };
         let light = |light: &Light| {
-            let known = stored.iter().flat_map(|stored| stored.model.lights());
-            let matrix =
-                known.clone().find(|(_, known, _)| *known.spectrum().samples() == light.spectrum).map(|(.., it)| it);
+            let spectrum = Spectrum::from_samples(light.spectrum);
+            let mut known = stored.iter().flat_map(|stored| stored.model.lights());
+            let matrix = known.find(|(_, known, _)| *known.spectrum() == spectrum).map(|(.., matrix)| matrix);
             LightEntry {
                 name: light.name.clone(),
                 position: accumulators.positions[light.position].name.clone(),
