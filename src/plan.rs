@@ -570,7 +570,7 @@ impl Planned {
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "They fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
+                "The weights fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
             )),
             _ => None,
         }

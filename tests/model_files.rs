@@ -273,6 +273,7 @@ fn hostile_files_are_refused_in_one_sentence() {
         (rows(2), "is not one wavelength"),
         (good.replacen("[0.0, 0.0", "[0.0", 1), "row 0 of `projection` has 80 numbers"),
         (good.replacen("[0.0, 0.0", "[nan, 0.0", 1), "\"projection\" holds NaN"),
+        (good.replacen("[0.0, 0.0", "[1e300, 0.0", 1), "row 0 of `projection` holds 1e300"),
         (good.replace("\"nodes\"", "\"knots\""), "there is no colour model \"knots\""),
         (good.replace("kind = \"nodes\"", "kind = \"rgb\""), "rgb cannot have 2"),
         (good.replace("\"coloured\"", "\"tinted\""), "unknown variant `tinted`"),
@@ -294,6 +295,9 @@ fn hostile_files_are_refused_in_one_sentence() {
         parts
     };
     let bands = good.replace("kind = \"nodes\"", "kind = \"bands\"");
+    let red = |spectrum: &str| format!("weight = 1.0\nspectrum = {spectrum}");
+    let huge = good.replace(&red(&row(&step(600))), &red(&format!("[{}]", vec!["-1e308"; BANDS].join(", "))));
+    assert!(huge != good, "the light was replaced");
     let extra: Part = ("more", (1, 1), vec![("x", vec![0.0])]);
     let large: Part = ("cloud", (BANDS, 20_000), vec![("spectrum", vec![0.5; BANDS * 20_000])]);
     for (text, parts, reason) in [
@@ -314,6 +318,7 @@ fn hostile_files_are_refused_in_one_sentence() {
             changed(&|it| it[1].2[2].1[1] = f32::INFINITY),
             "\"transmittance_0\" has no finite value at pixel (1, 0)",
         ),
+        (&huge, changed(&|it| it[0].2[0].1.fill(3e38)), "a fitted colour is not finite"),
         (&bands, with_coefficients(3, 3), "its part \"coefficients\" is 3 pixels wide, not 2"),
         (&bands, with_coefficients(2, 4), "3 spectra in its cloud and 4 rows of coefficients"),
     ] {

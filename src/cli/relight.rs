@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     if let Components::Model(model, _) = &mut saved.components {
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
-        let learnt = model::learn(model, &mix, || None, tolerance, "render again with this --light and --replan");
+        let learnt = model::learn(model, &mix, || None, tolerance, "render again with this --light and --replan")?;
         (text, model_json) = (learnt.text(model), learnt.json(model));
     }
     let positions = saved.positions.len();

@@ -57,7 +57,7 @@
 //! | --- | --- |
 //! | `kind` | `"nodes"`, `"sharpened"`, `"sharpened-semigroup"`, `"bands"` or `"rgb"`: how it is fitted to further lights |
 //! | `transmittance` | `"grey"` or `"coloured"`: one channel or k |
-//! | `projection` | P: k lists of 81 numbers; of `nodes`, each with a one at its wavelength and else zeros |
+//! | `projection` | P: k lists of 81 numbers from −10⁹ to 10⁹; of `nodes`, each with a one at its wavelength and else zeros |
 //! | `tolerance` | the largest ΔE00 that a further light is used with without a warning; 1 where absent |
 //! | `description`, `nodes_nm` | for people, need not be there: the model in words, and of `nodes` their wavelengths |
 //!
