@@ -303,7 +303,10 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
             }
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
-            Some(model::fit(&ingredients(), kind, dimension, progress)?)
+            let ingredients = ingredients();
+            let mut model = model::fit(&ingredients, kind, dimension, progress)?;
+            model.check_on(&model::unseen(&ingredients)?);
+            Some(model)
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, None) => {
             Some(model::fit_automatic(&ingredients(), kind, tolerance, progress)?)
@@ -445,14 +448,14 @@ impl Planned {
     }
 
     /// The largest ΔE00 that the model may add under further lights: the scene's tolerance, or, where k is stated, what
-    /// it adds under the scene's own lights, if that is more.
+    /// it adds under the scene's own lights, if that is more (to three decimals).
     #[must_use]
     pub fn tolerance(&self, scene: &Scene) -> f64 {
         let Accuracy { tolerance, dimension, .. } = scene.accuracy;
         let own = |light: &Light| scene.lights.iter().any(|known| known.spectrum == *light);
         let lights = self.model.iter().flat_map(|model| model.lights()).filter(|(_, light, _)| own(light));
         let worst = lights.map(|(.., matrix)| matrix.worst().max).fold(tolerance, f64::max);
-        if dimension.is_some() { worst } else { tolerance }
+        if dimension.is_some() { (worst * 1000.0).ceil() / 1000.0 } else { tolerance }
     }
 
     /// Different exponents of highlights, ascending; none where the plan has no highlights.

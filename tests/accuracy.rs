@@ -123,8 +123,9 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     assert!(light["planned"] == true && number(&light["max"]) <= 1.0, "{light}");
     assert!(!outcome.err.contains("planned"), "{}", outcome.err);
     // Where k is stated, the lights of the scene say what is usual.
-    let few = ["render", "glass.toml", "--size", "8x8", "-o", "p.exr", "--k", "3", "--light", "E"];
-    assert!(!folder.done(&few).err.contains("planned"));
+    let few = ["render", "glass.toml", "--size", "8x8", "-o", "p.exr", "--k", "3", "--light", "FL2"];
+    let outcome = folder.done(&few);
+    assert!(outcome.out.contains("FL2 is new") && !outcome.err.contains("planned"), "{}{}", outcome.out, outcome.err);
     // A light that was rendered with stretches no tolerance.
     folder.done(&[&few[..8], &["--light", "line.csv", "--accumulators", "few.exr"]].concat());
     let outcome = folder.done(&["relight", "few.exr", "--light", "line.csv", "-o", "q.png"]);

@@ -76,7 +76,7 @@ pub struct LightMatrix {
     pub xyz: Vec<[f64; 3]>,
     /// ΔE00 over the cloud that the model was fitted on.
     pub error: ErrorSummary,
-    /// ΔE00 over spectra that were not used in the fit, where the dimension was chosen automatically.
+    /// ΔE00 over spectra that were not used in the fit, where that was measured.
     pub unseen: Option<ErrorSummary>,
 }
 
@@ -515,8 +515,8 @@ impl ColourModel {
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
     }
 
-    /// Notes the errors on spectra that were not used in the fit.
-    fn check_on(&mut self, unseen: &Cloud) {
+    /// Notes the errors of the model's lights on spectra that were not used in the fit.
+    pub fn check_on(&mut self, unseen: &Cloud) {
         let vectors = self.vectors_of(unseen, Amplification::Held);
         self.lights.par_iter_mut().for_each(|(_, light, matrix)| {
             let target = Target::new(&unseen.spectra, light);
