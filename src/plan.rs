@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::model::{self, ColourModel, Ingredients, ModelError};
+use crate::number::readable;
 use crate::progress::Progress;
 use crate::scene::{
     AccumulateAs, Accuracy, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions,
@@ -548,14 +549,24 @@ impl Planned {
             }
             .to_owned(),
         );
+        let values = match plan.interpolation {
+            Interpolation::Linear => "linear",
+            Interpolation::Nearest => "those of the nearest voxel",
+        };
+        let entries = match plan.lookup {
+            Lookup::Linear => "what lies between entries of the transfer table is linear",
+            Lookup::Nearest => "each takes the nearest entry of the transfer table",
+        };
+        sentences.push(format!("Values between voxels are {values}; {entries}."));
         let termination = if scene.accuracy.termination > 0.0 {
-            format!("A ray ends when less than {} of light passes", scene.accuracy.termination)
+            format!("A ray ends when less than {} of light passes", readable(scene.accuracy.termination))
         } else {
             "Every ray is followed to its end".to_owned()
         };
         let skipping =
             if plan.skipping { "cells that hold nothing are leapt over" } else { "empty cells are not leapt over" };
-        sentences.push(format!("{termination}; samples are {} apart; {skipping}.", scene.accuracy.step_length));
+        sentences
+            .push(format!("{termination}; samples are {} apart; {skipping}.", readable(scene.accuracy.step_length)));
         sentences
     }
 

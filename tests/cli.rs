@@ -4,7 +4,7 @@
 mod support;
 
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use exr::prelude::attribute::AttributeValue;
 use exr::prelude::{
@@ -251,6 +251,40 @@ fn bench_measures_colour_models_without_a_device() {
 }
 
 #[test]
+fn bench_measures_reading_beside_decoding() {
+    let numbers = (0_u16..4096).flat_map(|n| n.wrapping_mul(40503).to_le_bytes()).collect::<Vec<u8>>();
+    let gzip = |bytes: &[u8]| {
+        use std::io::Write as _;
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    let header = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 16 16 16\nendian: little\nencoding: gzip\n";
+    let folder = Folder::new()
+        .with("attached.nrrd", [header.as_bytes(), b"\n", &gzip(&numbers)].concat())
+        .with("detached.nhdr", format!("{header}data file: v.gz\n"))
+        .with("v.gz", gzip(&numbers))
+        .with("v.raw", &numbers);
+    for (name, stream) in [("attached.nrrd", Some("gzip")), ("detached.nhdr", Some("gzip")), ("v.raw", None)] {
+        let layout = "dims = [16, 16, 16]\ntype = \"uint16\"\n";
+        std::fs::write(folder.path("v.raw.toml"), layout).unwrap();
+        let load = folder.done(&["bench", "load", "--volume", name, "--frames", "3", "--json"]).json()["load"].clone();
+        assert_eq!((&load["volume"], &load["stream"]), (&name.into(), &stream.into()));
+        assert_eq!(load["voxels_mb"], 0.008192, "{name}");
+        let number = |key: &str| load[key].as_f64().unwrap();
+        let near = |ours: f64, theirs: f64| (ours / theirs - 1.0).abs() < 1e-9;
+        let median = |key: &str| load[key]["cpu_ms"]["median"].as_f64().unwrap();
+        assert!(near(number("ratio"), median("open") / median("bare")), "{load}");
+        assert!(near(number("open_mb_s"), 8.192 / median("open")), "{load}");
+        // Of packed data only these are decoded, not the header.
+        let bare = if stream.is_some() { 8.192 } else { 8.192 + f64::from(u16::try_from(layout.len()).unwrap()) / 1e3 };
+        assert!(near(number("bare_mb_s"), bare / median("bare")), "{load}");
+    }
+    let text = folder.done(&["bench", "load", "--volume", "attached.nrrd", "--frames", "1"]).out;
+    assert!(text.contains("MB/s") && text.contains("inflating its gzip stream"), "{text}");
+}
+
+#[test]
 fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     let folder = Folder::new();
     folder.done(&["shaders", "--write", "--folder", "."]);
@@ -260,6 +294,20 @@ fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(folder.path(&name), bytes).unwrap();
     folder.refused(1, &["shaders", "--check", "--folder", "."], &[&name, "shaders --write"]);
+}
+
+#[test]
+fn the_committed_shaders_are_those_that_are_compiled() {
+    let committed = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let folder = Folder::new();
+    let checked = folder.done(&["--json", "shaders", "--check", "--folder", committed.to_str().unwrap()]).json();
+    let mut checked: Vec<String> =
+        checked["files"].as_array().unwrap().iter().map(|file| file.as_str().unwrap().to_owned()).collect();
+    let entries = std::fs::read_dir(&committed).unwrap();
+    let mut there: Vec<String> = entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()).collect();
+    checked.sort();
+    there.sort();
+    assert_eq!(there, checked, "no stray files");
 }
 
 #[test]

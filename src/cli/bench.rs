@@ -1,4 +1,4 @@
-//! `relume bench`: how long marching and relighting take; how good colour models are.
+//! `relume bench`: how long marching, relighting and reading take; how good colour models are.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -21,12 +21,13 @@ use super::accuracy::AccuracyArgs;
 use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{SelectionArgs, size};
-use super::{CliError, Report, bench_model};
+use super::{CliError, Report, bench_load, bench_model};
 
 const EXAMPLES: &str = "\
 Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
+  relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
 
 Times are medians over the frames: CPU time of all threads, and wall time.";
@@ -38,7 +39,7 @@ pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// The real frog for `peer`, in place of its phantom.
+    /// The real frog for `peer`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
@@ -48,7 +49,7 @@ pub(crate) struct Args {
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
-    /// Frames to measure, after two that warm up.
+    /// Frames to measure, after two that warm up; how often `load` reads.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Scenes that colour models are measured on.
@@ -82,12 +83,19 @@ enum Workload {
     Default,
     /// Colour models on seeded scenes: no march, no device.
     Model,
+    /// Reading a volume, beside what decodes its bytes: no device.
+    Load,
 }
 
 impl Workload {
-    /// Whether it says itself what pixels keep.
+    fn needs_device(self) -> bool {
+        !matches!(self, Self::Model | Self::Load)
+    }
+
+    /// Whether accuracy is not for the command line to say.
     fn is_fixed(&self) -> bool {
-        matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8 | Self::Model)
+        !self.needs_device()
+            || matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8)
     }
 }
 
@@ -118,36 +126,42 @@ struct Row {
 }
 
 #[derive(Serialize)]
-struct Times {
-    wall_ms: Option<Summary>,
-    cpu_ms: Option<Summary>,
+pub(super) struct Times {
+    pub(super) wall_ms: Option<Summary>,
+    pub(super) cpu_ms: Option<Summary>,
 }
 
 impl Times {
-    fn of(times: &[Timing]) -> Self {
+    pub(super) fn of(times: &[Timing]) -> Self {
         let over = |value: fn(&Timing) -> f64| summary(&times.iter().map(value).collect::<Vec<_>>());
         Self { wall_ms: over(|time| time.wall_ms), cpu_ms: over(|time| time.cpu_ms) }
     }
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
-    let is_model = |workload: &Workload| *workload == Workload::Model;
     if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
-        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads say what pixels keep")));
+        return Err(CliError::Usage(format!(
+            "{flag} does nothing here: these workloads say what pixels keep, or have none"
+        )));
     }
-    let frames = if args.workloads.iter().all(is_model) { None } else { Some(run_frames(args, progress, started)?) };
-    let models = match args.workloads.iter().any(is_model) {
-        true => Some(bench_model::run(args.scenes.into(), progress)?),
-        false => None,
-    };
-    let mut both = Report { text: String::new(), json: json!({}) };
-    for report in frames.into_iter().chain(models) {
-        both.text.push_str(&report.text);
-        if let (Some(all), serde_json::Value::Object(part)) = (both.json.as_object_mut(), report.json) {
+    let mut reports = Vec::new();
+    if args.workloads.iter().any(|workload| workload.needs_device()) {
+        reports.push(run_frames(args, progress, started)?);
+    }
+    if args.workloads.contains(&Workload::Model) {
+        reports.push(bench_model::run(args.scenes.into(), progress)?);
+    }
+    if args.workloads.contains(&Workload::Load) {
+        reports.push(bench_load::run(args.volume.as_deref(), &args.selection.selection(), args.frames, progress)?);
+    }
+    let mut all = Report { text: String::new(), json: json!({}) };
+    for report in reports {
+        all.text.push_str(&report.text);
+        if let (Some(all), serde_json::Value::Object(part)) = (all.json.as_object_mut(), report.json) {
             all.extend(part);
         }
     }
-    Ok(both)
+    Ok(all)
 }
 
 /// Measures what needs a device.
@@ -155,7 +169,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
     let mut rows = Vec::new();
     let mut started = Some(started);
-    for &workload in args.workloads.iter().filter(|&&workload| workload != Workload::Model) {
+    for &workload in args.workloads.iter().filter(|workload| workload.needs_device()) {
         for shading in [BenchShading::None, BenchShading::Diffuse] {
             if args.shading.is_none_or(|only| only == shading) {
                 let begun = started.take().unwrap_or_else(Instant::now);
@@ -210,7 +224,7 @@ fn measure(
         scene.shading = Shading::None;
     }
     match workload {
-        Workload::Peer | Workload::Default | Workload::Model => {}
+        Workload::Peer | Workload::Default | Workload::Model | Workload::Load => {}
         Workload::PeerFourLights => add_peer_lights(&mut scene),
         Workload::PeerEightMaterials => {
             double_materials(&mut scene);

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bench;
+mod bench_load;
 mod bench_model;
 mod files;
 mod info;
@@ -59,7 +60,7 @@ enum Command {
     Relight(relight::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure marching, relighting and colour models, as a table or as JSON.
+    /// Measure marching, relighting, reading and colour models, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
