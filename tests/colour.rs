@@ -58,6 +58,7 @@ const SHARMA_2005: [[f64; 7]; 34] = [
     [2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082],
 ];
 
+/// COLOUR.md C2.
 #[test]
 fn ciede2000_gives_the_published_differences_both_ways() {
     for [l1, a1, b1, l2, a2, b2, expected] in SHARMA_2005 {
@@ -94,6 +95,7 @@ const PLAIN_SUMS: [(&str, &str, [f64; 3]); 15] = [
     ("LED-V1", "blue", [0.05796504135322803, 0.05113027466508058, 0.08388668189601596]),
 ];
 
+/// COLOUR.md C1.
 #[test]
 fn patches_under_lights_have_the_colours_of_another_implementation() {
     for (light, patch, expected) in PLAIN_SUMS {

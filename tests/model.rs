@@ -1,6 +1,8 @@
 //! Colour models: their errors on spectra they were not fitted on, what is exact, and what goes wrong.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod support;
+
 use std::sync::LazyLock;
 
 use glam::DVec3;
@@ -11,9 +13,10 @@ use relume::model::{
     Order, fit, fit_automatic,
 };
 use relume::progress::{Progress, Quiet};
-use relume::spectrum::colour::{OBSERVER, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::metric::difference_matrix;
 use relume::spectrum::{BANDS, Light, Spectrum, standard};
+use support::scenes::black;
 
 const STEP: ModelKind = ModelKind::Sharpened(Order::Step);
 const SEMIGROUP: ModelKind = ModelKind::Sharpened(Order::Semigroup);
@@ -71,7 +74,7 @@ fn assert_finite(model: &ColourModel) {
     assert!(!model.half_precision_error().is_nan(), "a bound is NaN");
 }
 
-// The bars of COLOUR.md, section C, on scenes of ColorChecker patches and chains with seeds of their own.
+// The bars of COLOUR.md, C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with seeds of their own.
 
 const SCENES: usize = 3;
 
@@ -84,6 +87,7 @@ fn row(kind: ModelKind, lights: usize, materials: usize, dimension: usize) -> Mo
 static EIGHT_NODES: LazyLock<[ModelRow; 3]> =
     LazyLock::new(|| std::array::from_fn(|lights| row(ModelKind::Nodes, lights, 4, 8)));
 
+/// C4.
 #[test]
 fn eight_nodes_carry_four_materials() {
     for row in &*EIGHT_NODES {
@@ -95,6 +99,7 @@ fn eight_nodes_carry_four_materials() {
     }
 }
 
+/// C5.
 #[test]
 fn eight_nodes_carry_eight_materials() {
     for lights in 0..3 {
@@ -103,6 +108,7 @@ fn eight_nodes_carry_eight_materials() {
     }
 }
 
+/// C6.
 #[test]
 fn more_nodes_carry_more() {
     for (dimension, mean) in [(4, 0.8), (6, 0.3), (12, 0.03)] {
@@ -113,6 +119,7 @@ fn more_nodes_carry_more() {
     }
 }
 
+/// C8.
 #[test]
 fn rgb_is_twenty_times_worse_than_eight_nodes() {
     for (lights, nodes) in EIGHT_NODES.iter().enumerate() {
@@ -121,12 +128,14 @@ fn rgb_is_twenty_times_worse_than_eight_nodes() {
     }
 }
 
+/// C10.
 #[test]
 fn lights_with_lines_are_no_harder_than_smooth_ones() {
     let [smooth, _, spiky] = &*EIGHT_NODES;
     assert!(spiky.all.mean <= 1.5 * smooth.all.mean, "{spiky:?} {smooth:?}");
 }
 
+/// C9.
 #[test]
 fn automatic_dimensions_keep_their_tolerance() {
     for tolerance in [2.0, 1.0, 0.5] {
@@ -137,6 +146,7 @@ fn automatic_dimensions_keep_their_tolerance() {
     }
 }
 
+/// C9.
 #[test]
 fn four_natural_materials_need_at_most_eight_nodes() {
     let model = fit_automatic(&coloured(), ModelKind::Nodes, 1.0, &Quiet).unwrap();
@@ -146,6 +156,7 @@ fn four_natural_materials_need_at_most_eight_nodes() {
 
 // What is exact.
 
+/// C7, in f64; on the device it is in `spectral.rs`.
 #[test]
 fn a_node_more_than_materials_is_exact_without_coloured_absorption() {
     let rays = [(ChainClass::GreyRays(500), 100)];
@@ -399,23 +410,6 @@ fn a_metameric_black_of_large_amplitude_does_not_fit_into_sixteen_bits() {
     let huge = Ingredients { reflectances: vec![black(1e6)], ..grey() };
     let model = fit(&huge, ModelKind::Nodes, 6, &Quiet).unwrap();
     assert!(model.half_precision_error().is_infinite(), "{}", model.half_precision_error());
-}
-
-/// A spectrum of this amplitude that is black under D65: a wave, less its projection on what the eye sees.
-fn black(amplitude: f64) -> Spectrum {
-    let seen: Vec<Spectrum> = OBSERVER.iter().map(|matching| standard::d65().spectrum() * matching).collect();
-    let mut axes: Vec<Spectrum> = Vec::new();
-    let less = |spectrum: &Spectrum, axes: &[Spectrum]| {
-        let part = |spectrum: Spectrum, axis: &Spectrum| &spectrum + &axis.scaled(-axis.dot(&spectrum));
-        axes.iter().fold(axes.iter().fold(spectrum.clone(), part), part)
-    };
-    for spectrum in &seen {
-        let rest = less(spectrum, &axes);
-        axes.push(rest.scaled(1.0 / rest.dot(&rest).sqrt()));
-    }
-    let wave = less(&Spectrum::from_fn(|nm| (nm / 25.0).sin()), &axes);
-    let peak = wave.samples().iter().fold(0.0_f64, |peak, sample| peak.max(sample.abs()));
-    wave.scaled(amplitude / peak)
 }
 
 #[test]

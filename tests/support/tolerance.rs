@@ -88,7 +88,10 @@ pub const RELIT_ABSOLUTE: f64 = 1e-6;
 /// Equal steps in f32 against their closed form, whatever their number (COLOUR.md C15).
 pub const EQUAL_STEPS: f64 = 2e-5;
 
-/// What ending rays at a transmittance of 1e-3 may do to XYZ (COLOUR.md C17).
+/// The opacity of one sample in f32, from a table in f64 (COLOUR.md C14).
+pub const OPACITY: f64 = 2e-6;
+
+/// What ending rays early may do to XYZ (COLOUR.md C17).
 pub const TERMINATION_XYZ: f64 = 1e-3;
 /// And to ΔE00.
 pub const TERMINATION_DELTA_E: f64 = 0.1;
