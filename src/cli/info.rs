@@ -23,7 +23,7 @@ Examples:
   relume info ct.raw --dims 512x512x200 --type int16 --json
   relume info scene.toml                        what a scene shows, and what a picture of it costs";
 
-const ARGUMENT: &str = "A volume (.mhd, .mha, .raw), a scene (.toml), or an accumulator file (.exr). \
+const ARGUMENT: &str = "A scene (.toml), an accumulator file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
                         Without one, the Vulkan devices";
 
 /// `relume info`
@@ -269,7 +269,40 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
     for sentence in planned.explain(scene) {
         let _ = writeln!(text, "  {sentence}");
     }
-    Report { text, json: json!({"scene": scene.source, "plan": plan_json(scene, planned)}) }
+    let json = json!({
+        "scene": scene.source,
+        "volume": {
+            "source": volume.source,
+            "dims": geometry.dims,
+            "type": volume.voxels.type_name(),
+            "spacing": geometry.spacing.to_array(),
+        },
+        "labels": scene.labels.as_ref().map(|labels| json!({
+            "source": labels.volume.source,
+            "declared": labels
+                .declared
+                .iter()
+                .map(|entry| json!({"label": entry.label, "name": entry.name}))
+                .collect::<Vec<_>>(),
+        })),
+        "materials": materials,
+        "lights": scene
+            .lights
+            .iter()
+            .map(|light| {
+                let (kind, place) = match light.placement {
+                    Placement::Ambient => ("ambient", None),
+                    Placement::Headlight => ("headlight", None),
+                    Placement::Directional(direction) => ("directional", Some(direction)),
+                    Placement::Point(point) => ("point", Some(point)),
+                };
+                let place = place.map(|place| place.to_array());
+                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
+            })
+            .collect::<Vec<_>>(),
+        "plan": plan_json(scene, planned),
+    });
+    Report { text, json }
 }
 
 /// `text`, unless there is none.

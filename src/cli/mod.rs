@@ -1,6 +1,7 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
 mod bench;
+mod bench_load;
 mod bench_model;
 mod files;
 mod info;
@@ -57,7 +58,7 @@ enum Command {
     Relight(relight::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure marching, relighting and colour models, as a table or as JSON.
+    /// Measure marching, relighting, reading and colour models, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -128,7 +129,8 @@ pub(crate) fn main() -> ExitCode {
     };
     terminal.finish();
     match outcome {
-        Ok(report) => {
+        Ok(mut report) => {
+            report.json["warnings"] = terminal.warnings().into();
             terminal::print(&if cli.json { report.json_text() } else { report.text });
             ExitCode::SUCCESS
         }

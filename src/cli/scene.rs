@@ -16,7 +16,8 @@ use super::CliError;
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the scene that is part of the program.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .raw (see below), or .toml that describes a .raw.
+    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or .toml that
+    /// describes a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
     /// Labels on the same grid as the volume, in place of the scene's. The scene's [labels] say what they show as.

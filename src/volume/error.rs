@@ -232,6 +232,26 @@ pub enum VolumeError {
         /// Voxels needed.
         expected: usize,
     },
+    /// A VTK XML file contradicts itself, or is not what it should be.
+    #[error("{}: {problem}", path.display())]
+    Vti {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The values of an array of a VTK XML file cannot be decoded.
+    #[error("{}: the array {array:?} cannot be read beyond the first {decoded} bytes of its values", path.display())]
+    VtiArray {
+        /// The file.
+        path: PathBuf,
+        /// The array.
+        array: String,
+        /// Bytes of values well before what is wrong.
+        decoded: u64,
+        /// What is wrong.
+        source: io::Error,
+    },
     /// The memory is not to be had.
     #[error("{source_name}: there is no memory for {bytes} bytes of voxels; fewer voxels take less")]
     Memory {
