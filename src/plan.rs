@@ -298,6 +298,9 @@ pub enum PlanError {
 pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError> {
     let planned = chosen(scene, progress)?;
     half::check(&planned, scene)?;
+    for told in planned.amplified(scene) {
+        tracing::warn!("{}", told.trim_end_matches('.'));
+    }
     Ok(planned)
 }
 
@@ -475,6 +478,19 @@ impl Planned {
         (self.plan.storage == StoreAs::Half).then(|| half::error(self, scene))
     }
 
+    /// A sentence for each material whose absorption the colour model would turn into amplification, and holds at 0.
+    #[must_use]
+    pub fn amplified(&self, scene: &Scene) -> Vec<String> {
+        let coloured = self.plan.transmittance == Transmittance::Coloured;
+        let Some(model) = self.model.as_ref().filter(|_| coloured) else { return Vec::new() };
+        let absorbing = scene.materials.iter().enumerate().filter(|&(m, _)| scene.absorbs(m));
+        let told = absorbing.filter_map(|(_, material)| {
+            let told = model.amplification(material.absorption.as_ref()?.spectrum())?;
+            Some(format!("Of {}, {told}.", material.name))
+        });
+        told.collect()
+    }
+
     /// How colours are followed through the volume, what a pixel keeps of them, and how true they stay.
     fn explain_colours(&self, scene: &Scene) -> Vec<String> {
         let plan = &self.plan;
@@ -496,24 +512,32 @@ impl Planned {
                 let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
                 sentences.push(format!("{passes}: a pixel's colour follows exactly, under every light, from how much it shows of each material."));
                 sentences.push(format!(
-                    "So a pixel keeps how much it shows of {}{white}{each}, and how much light passes: {kept} numbers.",
+                    "So a pixel keeps how much it shows of {}{white}{each}, and how much light passes through: {kept} numbers in all.",
                     shown()
                 ));
             }
             Some(model) => {
-                let stands = match model.nodes_nm() {
-                    Some(_) => "chosen for this scene so that they stand for all others",
-                    None => "in place of all wavelengths",
+                let followed = match model.nodes_nm() {
+                    Some(nodes) => format!(
+                        "at {} wavelengths ({} nm), chosen for this scene so that they stand for all others",
+                        nodes.len(),
+                        nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+                    ),
+                    None => format!("by {} in place of all wavelengths", model.description()),
                 };
-                sentences.push(format!("{passes}. It is followed at {}, {stands}.", model.description()));
+                sentences.push(format!("{passes}. It is followed {followed}."));
+                sentences.extend(self.amplified(scene));
                 sentences.push(format!(
-                    "So a pixel keeps {} numbers of the light that comes back{each}, and {} of what passes: {kept} numbers.",
+                    "So a pixel keeps {} numbers of the light that comes back{each}, and {} of what passes through: {kept} in all.",
                     plan.components(),
                     plan.passed()
                 ));
             }
         }
-        sentences.push("No light's colour is in them: lights can be changed later, without a new march.".to_owned());
+        sentences.push(
+            "No light's colour is in them: lights can be exchanged later, without computing the picture anew."
+                .to_owned(),
+        );
         if let Some(model) = &self.model {
             let errors = model.lights().iter().map(|(name, _, matrix)| {
                 let error = matrix.worst();
@@ -522,7 +546,7 @@ impl Planned {
             let errors: Vec<String> = errors.collect();
             if !errors.is_empty() {
                 sentences.push(format!(
-                    "Compared with all wavelengths, colours are off by a mean and a largest ΔE00 of {} (side by side, the eye just sees a difference of 1).",
+                    "Compared with following all wavelengths, colours are off, on average and at most, by ΔE00 {} (a difference of 1 can just be seen side by side).",
                     errors.join(", ")
                 ));
             }
@@ -537,7 +561,7 @@ impl Planned {
         let (filters, unused): (Vec<usize>, Vec<usize>) = hidden().partition(absorbs);
         if !filters.is_empty() {
             let filters = listed(filters.into_iter().filter_map(name));
-            sentences.push(format!("Only seen by what they take from the light behind: {filters}."));
+            sentences.push(format!("Seen only by what they take from the light: {filters}."));
         }
         if !unused.is_empty() {
             let unused = listed(unused.into_iter().filter_map(name));
@@ -564,7 +588,7 @@ impl Planned {
         sentences.push(match plan.shading.filter(|_| plan.gradient()) {
             None => "Nothing is shaded by the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "Which way values change is stored beside each value: it is the direction of surfaces, for their {}.",
+                "Surfaces get their {} by which way values change there, which is stored beside each value.",
                 match (terms.diffuse, terms.specular) {
                     (true, None) => "shading",
                     (false, _) => "highlights",
@@ -589,7 +613,10 @@ impl Planned {
             "Every ray is followed to its end".to_owned()
         };
         let skipping = if plan.skipping { "what is empty is leapt over" } else { "what is empty is walked through" };
-        sentences.push(format!("{termination}; samples are {} apart; {skipping}.", scene.accuracy.step_length));
+        sentences.push(format!(
+            "{termination}; it is sampled every {}, in the volume's own unit of length; {skipping}.",
+            scene.accuracy.step_length
+        ));
         sentences
     }
 }

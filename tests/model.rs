@@ -1,5 +1,6 @@
 //! Colour models: their errors on spectra they were not fitted on, what is exact, and what goes wrong.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "the measured errors, for whoever asks with --nocapture")]
 
 mod support;
 
@@ -309,6 +310,7 @@ fn rgb_prefiltered_by_d65_is_exact_under_d65() {
     assert!(model.worst().max <= 1e-5, "{:?}", model.worst());
 }
 
+/// COLOUR.md B4.
 #[test]
 fn a_sharpened_absorption_amplifies_unless_it_is_held() {
     let ingredients = coloured();
@@ -333,6 +335,7 @@ fn a_sharpened_absorption_amplifies_unless_it_is_held() {
     assert!(ingredients.absorptions.iter().all(|absorption| nodes.amplification(absorption).is_none()));
 }
 
+/// COLOUR.md B1.
 #[test]
 fn a_sharpened_model_fails_under_lights_with_lines() {
     for kind in [STEP, SEMIGROUP] {
@@ -344,6 +347,29 @@ fn a_sharpened_model_fails_under_lights_with_lines() {
         assert!(smooth.classes[0].1.mean <= 1.0 && spiky.all.mean >= 2.0, "{smooth:?} {spiky:?}");
         assert!(spiky.all.max >= 50.0, "{spiky:?}");
     }
+}
+
+/// COLOUR.md B1 and B4, with the numbers (`--nocapture`; `relume bench model` has them too): what negative absorption does
+/// by itself, and that holding it at 0 mends the worst of it and not the rest.
+#[test]
+fn the_failures_of_the_sharpened_model_are_shown() {
+    let row = |kind, amplification| {
+        let setting = ModelSetting { kind, lights: 1, materials: 4, dimension: 8, amplification };
+        let row = model_row(setting, SCENES, &Quiet).unwrap();
+        println!("{kind}, mixed lights, unclamped {}: {:?}, {:?}", row.unclamped, row.all, row.classes);
+        row
+    };
+    let absorbed = |row: &ModelRow| row.classes.iter().find(|(class, _)| *class == "c").unwrap().1;
+    for kind in [STEP, SEMIGROUP] {
+        let (kept, held) = (row(kind, Amplification::Kept), row(kind, Amplification::Held));
+        assert!(kept.unclamped && !held.unclamped, "{kind}");
+        assert!(absorbed(&held).mean <= absorbed(&kept).mean && absorbed(&held).max <= absorbed(&kept).max, "{kind}");
+        // B1: the mean under lights with lines is about 6, held or not; nodes' is 0.06.
+        assert!(held.all.mean >= 2.0 && EIGHT_NODES[1].all.mean <= 0.1, "{held:?}");
+    }
+    // B4: transmittance above 1, errors above 100.
+    assert!(absorbed(&row(SEMIGROUP, Amplification::Kept)).max > 100.0);
+    assert!(absorbed(&row(SEMIGROUP, Amplification::Held)).max <= 100.0);
 }
 
 #[test]
@@ -361,6 +387,7 @@ fn only_the_papers_order_depends_on_the_step() {
     }
 }
 
+/// COLOUR.md B4.
 #[test]
 fn narrow_bands_need_more_nodes() {
     let band = |centre| &Spectrum::gaussian(centre, 10.0, 0.7).unwrap() + &Spectrum::constant(0.1);

@@ -366,3 +366,22 @@ fn what_cannot_be_planned_is_refused_with_the_reason() {
     let refused = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap_err().to_string();
     assert!(refused.contains("the material shiny absorbs nothing"), "{refused}");
 }
+
+#[test]
+fn a_plan_is_told_in_words_of_light_and_pixels() {
+    let told = |text: &str| {
+        let scene = scene(text);
+        plan(&scene, &Quiet).unwrap().explain(&scene).join("\n")
+    };
+    let coloured = told(&GLASS.replace("[accuracy]", "[accuracy]\nk = 8"));
+    for part in
+        ["as through stained glass", "meets green, red.", "at 8 wavelengths (", "key", "fill", "24 in all", "ΔE00"]
+    {
+        assert!(coloured.contains(part), "{part:?} is not in\n{coloured}");
+    }
+    for jargon in ["accumulator", "march", "node", "lane", "component", "dimension"] {
+        assert!(!coloured.contains(jargon), "{jargon:?} is in\n{coloured}");
+    }
+    let sharpened = told(&GLASS.replace("[accuracy]", "[accuracy]\nk = 8\nmodel = \"sharpened-semigroup\""));
+    assert!(sharpened.contains("would amplify light; they are held at 0"), "{sharpened}");
+}
