@@ -5,6 +5,7 @@ mod half;
 use std::sync::Arc;
 
 use crate::model::{self, ColourModel, Ingredients, ModelError};
+use crate::number::readable;
 use crate::progress::Progress;
 use crate::scene::{
     AccumulateAs, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, StoreAs, positions,
@@ -607,15 +608,24 @@ impl Planned {
             }
             .to_owned(),
         );
+        let values = match plan.interpolation {
+            Interpolation::Linear => "linear",
+            Interpolation::Nearest => "those of the nearest voxel",
+        };
+        let entries = match plan.lookup {
+            Lookup::Linear => "what lies between entries of the transfer table is linear",
+            Lookup::Nearest => "each takes the nearest entry of the transfer table",
+        };
+        sentences.push(format!("Values between voxels are {values}; {entries}."));
         let termination = if scene.accuracy.termination > 0.0 {
-            format!("A ray ends once less than {} % of the light passes", 100.0 * scene.accuracy.termination)
+            format!("A ray ends once less than {} % of the light passes", readable(100.0 * scene.accuracy.termination))
         } else {
             "Every ray is followed to its end".to_owned()
         };
         let skipping = if plan.skipping { "what is empty is leapt over" } else { "what is empty is walked through" };
         sentences.push(format!(
             "{termination}; it is sampled every {}, in the volume's own unit of length; {skipping}.",
-            scene.accuracy.step_length
+            readable(scene.accuracy.step_length)
         ));
         sentences
     }

@@ -5,7 +5,7 @@ mod support;
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use exr::prelude::attribute::AttributeValue;
 use exr::prelude::{
@@ -333,6 +333,20 @@ fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(folder.path(&name), bytes).unwrap();
     folder.refused(1, &["shaders", "--check", "--folder", "."], &[&name, "shaders --write"]);
+}
+
+#[test]
+fn the_committed_shaders_are_those_that_are_compiled() {
+    let committed = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let folder = Folder::new();
+    let checked = folder.done(&["--json", "shaders", "--check", "--folder", committed.to_str().unwrap()]).json();
+    let mut checked: Vec<String> =
+        checked["files"].as_array().unwrap().iter().map(|file| file.as_str().unwrap().to_owned()).collect();
+    let entries = std::fs::read_dir(&committed).unwrap();
+    let mut there: Vec<String> = entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()).collect();
+    checked.sort();
+    there.sort();
+    assert_eq!(there, checked, "no stray files");
 }
 
 #[test]

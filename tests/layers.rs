@@ -10,7 +10,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("number", &[]),
     ("progress", &[]),
     ("spectrum", &[]),
-    ("volume", &["memory", "progress"]),
+    ("volume", &["memory", "progress", "number"]),
     ("model", &["spectrum", "progress", "number"]),
     ("scene", &["model", "spectrum", "volume", "progress", "number"]),
     ("plan", &["scene", "model", "spectrum", "volume", "progress", "number"]),

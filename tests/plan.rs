@@ -167,6 +167,26 @@ fn knobs_are_planned_as_they_are_set() {
 }
 
 #[test]
+fn a_plan_says_how_the_volume_and_its_table_are_read() {
+    let explained = |change: fn(&mut Scene)| {
+        let mut scene = scenes::named("unshaded_one");
+        change(&mut scene);
+        plan(&scene, &Quiet).unwrap().explain(&scene).join(" ")
+    };
+    let usual = explained(|_| {});
+    assert!(
+        usual.contains("Values between voxels are linear; what lies between entries of the transfer table is linear."),
+        "{usual}"
+    );
+    let nearest = explained(|scene| scene.accuracy.interpolation = Interpolation::Nearest);
+    assert!(nearest.contains("Values between voxels are those of the nearest voxel;"), "{nearest}");
+    let entry = explained(|scene| scene.transfer.lookup = Lookup::Nearest);
+    assert!(entry.contains("each takes the nearest entry"), "{entry}");
+    let thin = explained(|scene| scene.accuracy.step_length = 1e-9);
+    assert!(thin.contains("samples are 1e-9 apart"), "{thin}");
+}
+
+#[test]
 fn what_nothing_shows_is_left_out() {
     let unused = changed("unshaded_one", |scene| {
         scene.materials[1].specular = 1.0;

@@ -97,11 +97,13 @@ impl Args {
     }
 }
 
-/// A scene file is TOML with a version; other TOML describes a volume.
+/// TOML describes a scene, unless it describes voxels, by `dims` or `type` at the top or by a `[volume]` alone.
 fn is_scene(path: &PathBuf) -> bool {
     let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    let says_version = |text: &str| text.lines().any(|line| line.trim_start().starts_with("version"));
-    toml && std::fs::read_to_string(path).map_or(true, |text| says_version(&text))
+    let table = std::fs::read_to_string(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let of_voxels =
+        |table: &toml::Table| table.contains_key("dims") || table.contains_key("type") || table.keys().eq(["volume"]);
+    toml && !table.is_some_and(|table| of_voxels(&table))
 }
 
 fn of_devices() -> Result<Report, CliError> {

@@ -16,7 +16,7 @@ use super::{
     OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, StoreAs, Term, Transfer,
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
-use crate::number::{count, readable};
+use crate::number::{count, in_words, line_and_column, readable};
 use crate::progress::Progress;
 use crate::spectrum::{Reflectance, SpectrumError, SpectrumSource, nearest};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
@@ -351,9 +351,7 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
 
 /// `name:line:column` of a byte of `text`.
 fn place(name: &str, text: &str, byte: usize) -> String {
-    let before = text.get(..byte).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+    let [line, column] = line_and_column(text, byte);
     format!("{name}:{line}:{column}")
 }
 
@@ -362,7 +360,7 @@ fn with_suggestion(message: &str) -> String {
     let mut words = message.split('`').skip(1).step_by(2);
     match words.next().filter(|_| message.starts_with("unknown")).and_then(|unknown| nearest(unknown, words)) {
         Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
-        None => message.to_owned(),
+        None => in_words(message),
     }
 }
 

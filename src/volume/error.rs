@@ -53,12 +53,14 @@ pub enum VolumeError {
         problem: String,
     },
     /// A sidecar is not TOML, or has unknown or mistyped keys.
-    #[error("{}: not the layout of a raw volume", path.display())]
+    #[error("{}, line {}, column {}: {problem}", path.display(), place[0], place[1])]
     Sidecar {
         /// The sidecar.
         path: PathBuf,
-        /// Where and why.
-        source: Box<toml::de::Error>,
+        /// Line and column, from 1.
+        place: [usize; 2],
+        /// What is wrong.
+        problem: String,
     },
     /// A line of a header makes no sense.
     #[error("{}, line {line}: {problem}", path.display())]
