@@ -624,7 +624,7 @@ impl Planned {
         };
         let skipping = if plan.skipping { "what is empty is leapt over" } else { "what is empty is walked through" };
         sentences.push(format!(
-            "{termination}; it is sampled every {}, in the volume's own unit of length; {skipping}.",
+            "{termination}; samples are {} apart, in the volume's own unit of length; {skipping}.",
             readable(scene.accuracy.step_length)
         ));
         sentences
