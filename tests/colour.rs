@@ -58,6 +58,7 @@ const SHARMA_2005: [[f64; 7]; 34] = [
     [2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082],
 ];
 
+/// COLOUR.md C2.
 #[test]
 fn what_is_no_number_is_no_difference_of_zero() {
     for part in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e60] {
@@ -102,6 +103,7 @@ const PLAIN_SUMS: [(&str, &str, [f64; 3]); 15] = [
     ("LED-V1", "blue", [0.05796504135322803, 0.05113027466508058, 0.08388668189601596]),
 ];
 
+/// COLOUR.md C1.
 #[test]
 fn patches_under_lights_have_the_colours_of_another_implementation() {
     for (light, patch, expected) in PLAIN_SUMS {

@@ -5,6 +5,7 @@
 
 mod march;
 mod relight;
+mod store;
 mod upload;
 
 use std::collections::HashMap;
@@ -127,6 +128,8 @@ enum Key {
     /// With the one exponent of all highlights, where there is one.
     March(ScenePlan, Option<u32>),
     Relight(ScenePlan, relight::Target),
+    /// Of every plan.
+    Store,
 }
 
 /// A pipeline and the names of the resources it binds, in order.
@@ -172,7 +175,7 @@ impl Renderer {
             return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
         }
         // Accumulators, and a relit picture in f32.
-        let needed = (size[0] * size[1]) as u64 * (plan.pixel_bytes() + 16);
+        let needed = (size[0] * size[1]) as u64 * (plan.marched_bytes() + 16);
         if needed + volume_bytes > limits.device_heap_bytes {
             return Err(RenderError::PictureMemory {
                 size,
@@ -198,6 +201,7 @@ impl Renderer {
         let name = match key {
             Key::March(..) => "march",
             Key::Relight(..) => "relight",
+            Key::Store => "store",
         };
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources
