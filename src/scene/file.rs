@@ -5,15 +5,15 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use super::define::{byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
-    AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
-    OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
+    AccumulateAs, Accuracy, Aim, Camera, Dial, Display, Interpolation, LabelEntry, Labels, Lookup, Material,
+    MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
@@ -160,6 +160,8 @@ struct SceneFile {
     labels: BTreeMap<String, At<LabelFile>>,
     #[serde(default)]
     lights: BTreeMap<String, At<LightFile>>,
+    #[serde(default)]
+    dial: DialFile,
     camera: Option<At<CameraFile>>,
     crop: Option<At<CropFile>>,
     #[serde(default)]
@@ -257,6 +259,17 @@ enum LightKind {
     Headlight,
     Directional,
     Point,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DialFile {
+    normalise: Option<bool>,
+    master: Option<At<f64>>,
+    #[serde(default)]
+    off: Vec<At<String>>,
+    #[serde(default)]
+    nodes: BTreeMap<String, At<[f64; 2]>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -479,6 +492,7 @@ impl Text<'_> {
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let lights = self.lights(&file.lights, base)?;
+        let dial = self.dial(&file.dial, &lights)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
@@ -536,6 +550,7 @@ impl Text<'_> {
             materials,
             transfer,
             lights,
+            dial,
             shading: file.shading,
             background,
             camera,
@@ -786,6 +801,26 @@ impl Text<'_> {
                 Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
             })
             .collect()
+    }
+
+    /// The regular polygon of `lights`, changed by what the file says.
+    fn dial(&self, file: &DialFile, lights: &[SceneLight]) -> Result<Dial, SceneError> {
+        let mut dial = Dial::regular(lights.iter().map(|light| light.name.as_str()));
+        dial.normalise = file.normalise.unwrap_or(dial.normalise);
+        dial.master = self.optional("dial.master", file.master.as_ref(), &INTENSITY, dial.master)?;
+        for (name, stated) in &file.nodes {
+            let place = DVec2::from_array(*stated.get_ref());
+            let node = dial.node_mut(name).map_err(|message| self.invalid(stated, format!("dial.nodes.{message}")))?;
+            if !place.is_finite() {
+                return Err(self.invalid(stated, format!("dial.nodes.{name} has a component that is not finite")));
+            }
+            node.place = place;
+        }
+        for name in &file.off {
+            dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("dial.off: {message}")))?.on =
+                false;
+        }
+        Ok(dial)
     }
 
     fn camera(&self, file: &CameraFile) -> Result<Camera, SceneError> {

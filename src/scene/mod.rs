@@ -2,6 +2,7 @@
 
 mod camera;
 mod define;
+mod dial;
 mod file;
 mod lights;
 mod transfer;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
+pub use dial::{Dial, DialNode};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
@@ -37,6 +39,8 @@ pub struct Scene {
     pub transfer: Transfer,
     /// In the order of their names.
     pub lights: Vec<SceneLight>,
+    /// The lights on the light dial.
+    pub dial: Dial,
     /// Whether lights shade by direction at all.
     pub shading: Shading,
     /// A surface behind everything, lit by every light; `None` is black and costs nothing.

@@ -74,6 +74,12 @@ impl Light {
         Ok(Self::normalised(planck(kelvin)?))
     }
 
+    /// Y of the perfect reflector under it, to twelve decimals: exactly 1, unless the light could not be scaled so.
+    #[must_use]
+    pub fn luminance(&self) -> f64 {
+        (OBSERVER[1].dot(&self.0) * 1e12).round() / 1e12
+    }
+
     /// The powers, normalised.
     pub const fn spectrum(&self) -> &Spectrum {
         &self.0
