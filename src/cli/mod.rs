@@ -1,9 +1,12 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
+mod accuracy;
 mod bench;
 mod bench_model;
+mod dial;
 mod files;
 mod info;
+mod model;
 mod relight;
 mod render;
 mod scene;
@@ -84,6 +87,8 @@ pub(crate) enum CliError {
     Model(#[from] ModelTableError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
+    #[error("cancelled; the pictures that were written are whole")]
+    Cancelled,
     #[error("{0}")]
     Usage(String),
     #[error("{0}")]
@@ -104,7 +109,8 @@ fn exit_code(error: &CliError) -> u8 {
     match error {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
-        CliError::Reference(ReferenceError::Cancelled)
+        CliError::Cancelled
+        | CliError::Reference(ReferenceError::Cancelled)
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
         | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
@@ -121,7 +127,7 @@ pub(crate) fn main() -> ExitCode {
     let terminal = Terminal::new(cli.quiet);
     let outcome = match &cli.command {
         Command::Render(args) => render::run(args, &terminal),
-        Command::Relight(args) => relight::run(args),
+        Command::Relight(args) => relight::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal, started),
         Command::Shaders(args) => shaders::run(args, &terminal),

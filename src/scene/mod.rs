@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
+pub use define::Definition;
 pub use dial::{Dial, DialNode};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
@@ -274,11 +275,11 @@ pub enum SceneError {
         /// What is wrong and what is there.
         message: String,
     },
-    /// A `-D key=value` cannot be applied, or makes the scene one that cannot be.
-    #[error("-D {definition}: {message}")]
+    /// A `-D key=value`, or a flag that stands for one, cannot be applied, or makes the scene one that cannot be.
+    #[error("{given}: {message}")]
     Define {
-        /// As given.
-        definition: String,
+        /// The flag, as given.
+        given: String,
         /// What is wrong.
         message: String,
     },
