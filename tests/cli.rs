@@ -750,7 +750,7 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
     for (arguments, words) in [
         (&["--dial", "north"][..], "write x,y"),
         (&["--dial", "0,0", "--light", "A"], "cannot be used with"),
-        (&["--nodes-off", "lamp"], "--dial, --sweep or --tour"),
+        (&["--nodes-off", "lamp"], "--dial, --situation, --sweep or --tour"),
         (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
         (&["--sweep", "day"], "A..B"),
         (&["--sweep", "day..night"], "night: there is no such light"),

@@ -8,7 +8,7 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::accumulators::{Component, Components, Dial, Light, Node, Position, PositionKind};
+use relume::output::accumulators::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation};
 use relume::output::{
     Accumulators, Alpha, BANDS, Depth, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
@@ -318,6 +318,12 @@ fn example() -> Accumulators {
             normalise: false,
             master: 2.5,
             nodes: vec![Node { light: "A".to_owned(), place: [0.1, -1e3], on: false }],
+            situations: vec![Situation {
+                name: "night".to_owned(),
+                caption: "the eyes".to_owned(),
+                hand: [0.5, 1.0],
+                off: vec!["A".to_owned()],
+            }],
         }),
         weights: (0..6 * width * height).map(weight).collect(),
         transmittance: (0..width * height).map(|pixel| weight(pixel) / 24.0).collect(),

@@ -21,6 +21,9 @@ pub(crate) struct DialArgs {
     #[arg(long, help_heading = DIAL, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["lights", "sweep", "tour"])]
     dial: Option<DVec2>,
+    /// Mix the lights as in this situation of the dial (`relume info` lists them).
+    #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "tour"])]
+    situation: Option<String>,
     /// Move the hand straight from the node of light A to that of light B: one picture a frame.
     #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "tour"])]
     sweep: Option<String>,
@@ -64,9 +67,15 @@ impl DialArgs {
         for name in &self.nodes_off {
             dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
         }
+        let mut at = self.dial;
+        if let Some(name) = &self.situation {
+            let (of_situation, situation) =
+                dial.situation(name).map_err(|message| CliError::Usage(format!("--situation {message}")))?;
+            (dial, at) = (of_situation, Some(situation.hand));
+        }
         let moves = self.pictures().is_some();
         let frames = usize::from(self.frames);
-        let places = match (&self.sweep, self.dial) {
+        let places = match (&self.sweep, at) {
             (Some(ends), _) => {
                 let (from, to) = ends
                     .split_once("..")
@@ -81,7 +90,8 @@ impl DialArgs {
             (None, None) if self.nodes_off.is_empty() => return Ok(None),
             (None, None) => {
                 return Err(CliError::Usage(
-                    "--nodes-off changes the dial: say where its hand is, by --dial, --sweep or --tour".into(),
+                    "--nodes-off changes the dial: say where its hand is, by --dial, --situation, --sweep or --tour"
+                        .into(),
                 ));
             }
         };

@@ -10,12 +10,12 @@ use serde_json::Value;
 
 use relume::output::accumulators::{
     Component, Components as FileComponents, Dial as FileDial, Light as FileLight, Node as FileNode,
-    Position as FilePosition, PositionKind, Stored,
+    Position as FilePosition, PositionKind, Situation as FileSituation, Stored,
 };
 use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable, write_exr, write_png};
 use relume::plan::{Planned, Transmittance};
 use relume::reference;
-use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Placement, Scene};
+use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Placement, Scene, Situation};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
 use relume::tables::{Accumulation, Components, RelightMatrices};
 
@@ -99,7 +99,18 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
         place: node.place.to_array(),
         on: node.on,
     });
-    let dial = FileDial { normalise: scene.dial.normalise, master: scene.dial.master, nodes: nodes.collect() };
+    let situations = scene.dial.situations.iter().map(|situation| FileSituation {
+        name: situation.name.clone(),
+        caption: situation.caption.clone(),
+        hand: situation.hand.to_array(),
+        off: situation.off.clone(),
+    });
+    let dial = FileDial {
+        normalise: scene.dial.normalise,
+        master: scene.dial.master,
+        nodes: nodes.collect(),
+        situations: situations.collect(),
+    };
     File {
         width: accumulation.size[0],
         height: accumulation.size[1],
@@ -155,9 +166,16 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let file = File::read(path)?;
     let dial = match file.dial {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
-        Some(FileDial { normalise, master, nodes }) => {
+        Some(FileDial { normalise, master, nodes, situations }) => {
             let node = |FileNode { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
-            Dial { normalise, master, nodes: nodes.into_iter().map(node).collect() }
+            let situation = |FileSituation { name, caption, hand, off }| Situation {
+                name,
+                caption,
+                hand: DVec2::from_array(hand),
+                off,
+            };
+            let (nodes, situations) = (nodes.into_iter().map(node), situations.into_iter().map(situation));
+            Dial { normalise, master, nodes: nodes.collect(), situations: situations.collect() }
         }
     };
     let bad = |error: relume::spectrum::SpectrumError| CliError::Failed(format!("{}: {error}", path.display()));

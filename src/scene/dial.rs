@@ -17,6 +17,21 @@ pub struct Dial {
     pub normalise: bool,
     /// That luminance; where `normalise` is off, what every weight is multiplied by.
     pub master: f64,
+    /// Mixes to come back to, in the order of a tour.
+    pub situations: Vec<Situation>,
+}
+
+/// A named place of the hand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Situation {
+    /// Its name.
+    pub name: String,
+    /// What it shows, in a sentence; may be empty.
+    pub caption: String,
+    /// Where the hand is.
+    pub hand: DVec2,
+    /// The lights whose nodes are off, beside those that the dial has off.
+    pub off: Vec<String>,
 }
 
 /// A light on the dial.
@@ -40,7 +55,7 @@ impl Dial {
             place: DVec2::from_angle(TAU * (0.25 - count(corner) / corners)),
             on: true,
         };
-        Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0 }
+        Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, situations: Vec::new() }
     }
 
     /// The node of the light `name`.
@@ -52,6 +67,23 @@ impl Dial {
         let names: Vec<&str> = self.nodes.iter().map(|node| node.light.as_str()).collect();
         let unknown = format!("{name}: there is no such light; there are: {}", names.join(", "));
         self.nodes.iter_mut().find(|node| node.light == name).ok_or(unknown)
+    }
+
+    /// The situation `name`, and the dial with the nodes off that it wants off.
+    ///
+    /// # Errors
+    ///
+    /// A sentence with the names that there are.
+    pub fn situation(&self, name: &str) -> Result<(Self, Situation), String> {
+        let names: Vec<&str> = self.situations.iter().map(|situation| situation.name.as_str()).collect();
+        let found = self.situations.iter().find(|situation| situation.name == name).cloned();
+        let unknown = || format!("{name}: there is no such situation; there are: {}", names.join(", "));
+        let situation = found.ok_or_else(unknown)?;
+        let mut dial = self.clone();
+        for node in &mut dial.nodes {
+            node.on &= !situation.off.contains(&node.light);
+        }
+        Ok((dial, situation))
     }
 
     /// What each node weighs with the hand at `hand`: their sum is 1, on a node its own is exactly 1 (nodes at one place

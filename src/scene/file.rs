@@ -13,7 +13,8 @@ use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
     AccumulateAs, Accuracy, Aim, Camera, Dial, Display, Interpolation, LabelEntry, Labels, Lookup, Material,
-    MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
+    MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Situation, Term,
+    Transfer,
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
@@ -276,6 +277,27 @@ struct DialFile {
     off: Vec<At<String>>,
     #[serde(default)]
     nodes: BTreeMap<String, At<[f64; 2]>>,
+    #[serde(default)]
+    situations: Vec<SituationFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SituationFile {
+    name: String,
+    #[serde(default)]
+    caption: String,
+    hand: At<HandFile>,
+    #[serde(default)]
+    off: Vec<At<String>>,
+}
+
+/// A node by the name of its light, or a place.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a hand is the name of a light, or [x, y]")]
+enum HandFile {
+    Node(String),
+    Place([f64; 2]),
 }
 
 #[derive(Default, Deserialize)]

@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
 pub use define::Definition;
-pub use dial::{Dial, DialNode};
+pub use dial::{Dial, DialNode, Situation};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;

@@ -72,6 +72,10 @@ impl Accumulators {
                     return Err(format!("the dial has a node {:?}, and no light has this name", node.light));
                 }
             }
+            check_names("situation of the dial", dial.situations.iter().map(|situation| &*situation.name))?;
+            for situation in &dial.situations {
+                check_finite("the dial's situation ", &situation.name, &situation.hand)?;
+            }
         }
         check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;
         check_finite("", "exposure", &[self.exposure])
