@@ -444,15 +444,15 @@ impl Planned {
         }
     }
 
-    /// The largest ΔE00 that a light may add that the model was not planned for: the scene's tolerance, or, where k is
-    /// stated, what the model adds under the lights that it was planned for, if that is more.
+    /// The largest ΔE00 that the model may add under further lights: the scene's tolerance, or, where k is stated, what
+    /// it adds under the scene's own lights, if that is more.
     #[must_use]
     pub fn tolerance(&self, scene: &Scene) -> f64 {
         let Accuracy { tolerance, dimension, .. } = scene.accuracy;
-        match (&self.model, dimension) {
-            (Some(model), Some(_)) => tolerance.max(model.worst().max),
-            _ => tolerance,
-        }
+        let own = |light: &Light| scene.lights.iter().any(|known| known.spectrum == *light);
+        let lights = self.model.iter().flat_map(|model| model.lights()).filter(|(_, light, _)| own(light));
+        let worst = lights.map(|(.., matrix)| matrix.worst().max).fold(tolerance, f64::max);
+        if dimension.is_some() { worst } else { tolerance }
     }
 
     /// Different exponents of highlights, ascending; none where the plan has no highlights.
@@ -570,7 +570,7 @@ impl Planned {
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "They fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
+                "The weights fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
             )),
             _ => None,
         }

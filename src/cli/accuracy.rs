@@ -60,3 +60,9 @@ impl AccuracyArgs {
         given.iter().filter(|(_, given)| *given).map(|(flag, _)| *flag).collect()
     }
 }
+
+/// A ΔE00 above 0.
+pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0);
+    number.ok_or_else(|| "write a ΔE00 above 0, such as 0.5".to_owned())
+}

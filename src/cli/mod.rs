@@ -85,6 +85,8 @@ pub(crate) enum CliError {
     Output(#[from] OutputError),
     #[error(transparent)]
     Model(#[from] ModelTableError),
+    #[error("the colour model cannot be fitted to the lights")]
+    Lights(#[from] ModelError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
     #[error("cancelled; the pictures that were written are whole")]

@@ -2,39 +2,41 @@
 
 use serde_json::{Value, json};
 
-use relume::model::{Cloud, ColourModel, ErrorSummary, LightMatrix, Reconstruction};
+use relume::model::{Cloud, ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstruction};
 use relume::scene::Mix;
 use relume::spectrum::Light;
 
 /// Fits `model` to those lights of `mix` that it does not have, and warns of the ones whose colours may be off by more
 /// than `tolerance`, with the `way_out`. `unseen` has spectra to check them on, where such can be had.
+///
+/// # Errors
+///
+/// [`ModelError::NotFinite`] for lights, or stored models, that cannot be computed with.
 pub(crate) fn learn(
     model: &mut ColourModel,
     mix: &Mix,
     unseen: impl FnOnce() -> Option<Cloud>,
     tolerance: f64,
     way_out: &str,
-) -> Learnt {
+) -> Result<Learnt, ModelError> {
     let planned = model.lights().len();
     let is_new = |light: &Light| model.lights().iter().all(|(_, known, _)| known != light);
     if mix.0.iter().any(|light| is_new(&light.spectrum)) {
         let unseen = unseen();
         for light in &mix.0 {
-            model.learn(&light.name, &light.spectrum, unseen.as_ref());
+            model.learn(&light.name, &light.spectrum, unseen.as_ref())?;
         }
     }
     for (name, _, matrix) in &model.lights()[planned..] {
         let ErrorSummary { mean, max, .. } = matrix.worst();
-        // Written so that what is not a number is warned of.
-        let kept = max <= tolerance;
-        if !kept {
+        if max > tolerance {
             tracing::warn!(
                 "the colour model was not planned for the light {name}: colours under it may differ by ΔE00 {max:.2} \
                  ({mean:.2} on average), which is over the tolerance of {tolerance}; {way_out}"
             );
         }
     }
-    Learnt { planned }
+    Ok(Learnt { planned })
 }
 
 /// Which lights of a model it was planned for.

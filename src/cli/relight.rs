@@ -9,6 +9,7 @@ use relume::measure::{Stopwatch, Timing};
 use relume::progress::Progress;
 use relume::tables::Components;
 
+use super::accuracy::tolerance;
 use super::dial::DialArgs;
 use super::files::{self, Bits};
 use super::scene::LightArgs;
@@ -34,7 +35,7 @@ pub(crate) struct Args {
     dial: DialArgs,
     /// Warn where colours under a light that the file does not have may be off by more than this ΔE00, in place of what
     /// the file says.
-    #[arg(long, value_name = "DE")]
+    #[arg(long, value_name = "DE", value_parser = tolerance)]
     tolerance: Option<f64>,
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE", required = true)]
@@ -63,11 +64,19 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
     let mut text = String::new();
     let mut model_json = json!(null);
+    if let (Components::Surfaces(_), Some(_)) = (&saved.components, args.tolerance) {
+        let file = args.accumulators.display();
+        return Err(CliError::Usage(format!(
+            "--tolerance does nothing here: {file} keeps weights of materials, which are exact for every light"
+        )));
+    }
     let clock = Stopwatch::start();
-    if let (Components::Model(model, _), [mix]) = (&mut saved.components, &mixes[..]) {
+    if let Components::Model(model, _) = &mut saved.components {
+        // The dial mixes lights of the file.
+        let mix = if hand.is_some() { &saved.mix } else { &mixes[0] };
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
-        let learnt = model::learn(model, mix, || None, tolerance, "render again with this --light and --replan");
+        let learnt = model::learn(model, mix, || None, tolerance, "render again with this --light and --replan")?;
         (text, model_json) = (learnt.text(model), learnt.json(model));
     }
     let (mut relit, mut written) = (clock.read(), Timing::default());

@@ -120,7 +120,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (plan_full_spectrum(&scene), None)
     } else {
         let mut planned = plan_for(&scene, &lights, progress)?;
-        let learnt = learn(&scene, &mut planned, &mix);
+        let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
     let loaded = clock.read();
@@ -186,13 +186,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     Ok(Report { text, json })
 }
 
-/// Fits the colour model to the lights of `mix` that it was not planned for.
-fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Option<Learnt> {
-    let tolerance = planned.tolerance(scene);
-    let ingredients = planned.ingredients(scene);
+/// Fits the colour model, where there is one, to the lights of `mix` that it was not planned for.
+fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Result<Option<Learnt>, CliError> {
+    let (tolerance, ingredients) = (planned.tolerance(scene), planned.ingredients(scene));
+    let Some(model) = planned.model.as_mut().map(Arc::make_mut) else { return Ok(None) };
     let unseen = || relume::model::unseen(&ingredients).ok();
-    let model = Arc::make_mut(planned.model.as_mut()?);
-    Some(super::model::learn(model, mix, unseen, tolerance, "add --replan to plan it for this light too"))
+    Ok(Some(super::model::learn(model, mix, unseen, tolerance, "add --replan to plan it for this light too")?))
 }
 
 /// Refuses a picture that this computer cannot hold.

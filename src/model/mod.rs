@@ -538,9 +538,13 @@ impl ColourModel {
     /// Adds a light to the model, fitted on the cloud, and notes its error on `unseen` where that is given.
     ///
     /// A light that the model has already, under whatever name, stays as it is.
-    pub fn learn(&mut self, name: &str, light: &Light, unseen: Option<&Cloud>) {
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, cannot be computed with.
+    pub fn learn(&mut self, name: &str, light: &Light, unseen: Option<&Cloud>) -> Result<(), ModelError> {
         if self.lights.iter().any(|(_, known, _)| known == light) {
-            return;
+            return Ok(());
         }
         let mut matrix = self.fitted(light);
         if let Some(unseen) = unseen {
@@ -548,7 +552,12 @@ impl ColourModel {
             let errors = Target::new(&unseen.spectra, light).errors(&vectors, &matrix.xyz);
             matrix.unseen = Some(ErrorSummary::of(&errors));
         }
+        let worst = matrix.worst();
+        if !worst.max.is_finite() || !matrix.xyz.iter().flatten().all(|part| part.is_finite()) {
+            return Err(ModelError::NotFinite);
+        }
         self.lights.push((name.to_owned(), light.clone(), matrix));
+        Ok(())
     }
 
     fn fitted(&self, light: &Light) -> LightMatrix {

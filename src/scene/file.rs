@@ -861,6 +861,26 @@ impl Text<'_> {
             dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("dial.off: {message}")))?.on =
                 false;
         }
+        for stated in &file.situations {
+            let key = format!("dial.situations, {}", stated.name);
+            let hand = match stated.hand.get_ref() {
+                HandFile::Node(name) => {
+                    dial.node_mut(name)
+                        .map_err(|message| self.invalid(&stated.hand, format!("{key}: {message}")))?
+                        .place
+                }
+                HandFile::Place(place) if !place.iter().all(|part| part.is_finite()) => {
+                    return Err(self.invalid(&stated.hand, format!("{key}: the hand's place is not finite")));
+                }
+                HandFile::Place(place) => DVec2::from_array(*place),
+            };
+            for name in &stated.off {
+                dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("{key}: {message}")))?;
+            }
+            let off = stated.off.iter().map(|name| name.get_ref().clone()).collect();
+            let (name, caption) = (stated.name.clone(), stated.caption.clone());
+            dial.situations.push(Situation { name, caption, hand, off });
+        }
         Ok(dial)
     }
 

@@ -193,7 +193,7 @@ pub struct Accuracy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AccumulateAs {
-    /// Weights where they are exact, else the numbers of a colour model.
+    /// Weights where they are exact and fill no more vectors than the numbers of a colour model, else those.
     #[default]
     Auto,
     /// One weight per material: exact, where all that absorbs is grey.

@@ -58,7 +58,7 @@
 //! | --- | --- |
 //! | `kind` | `"nodes"`, `"sharpened"`, `"sharpened-semigroup"`, `"bands"` or `"rgb"`: how it is fitted to further lights |
 //! | `transmittance` | `"grey"` or `"coloured"`: one channel or k |
-//! | `projection` | P: k lists of 81 numbers; of `nodes`, each with a one at its wavelength and else zeros |
+//! | `projection` | P: k lists of 81 numbers from −10⁹ to 10⁹; of `nodes`, each with a one at its wavelength and else zeros |
 //! | `tolerance` | the largest ΔE00 that a further light is used with without a warning; 1 where absent |
 //! | `description`, `nodes_nm` | for people, need not be there: the model in words, and of `nodes` their wavelengths |
 //!
@@ -68,9 +68,9 @@
 //! | `error` | beside `matrix`: `mean`, `p95` and `max` of the ΔE00 of W over the cloud |
 //! | `unseen` | the same over spectra that were not used in the fit, where that was measured |
 //!
-//! **The picture** of such a file has at each pixel the XYZ Σ_p Σ_i c(p, i) · W(p, i), where W(p) is the sum of
-//! weight · W over the lights at position p, and of the background
-//! Σ_i T(i) · (P background)(i) · Σ_p W(p, i), or, where T is one number, T times its exact XYZ under all lights.
+//! **The picture** of such a file has at each pixel the XYZ that is the sum over p and i of c(p, i) · W(p, i), where W(p)
+//! is the sum of weight · W over the lights at position p; and of the background the sum over p and i of
+//! T(i) · (P background)(i) · W(p, i), or, where T is one number, T times its exact XYZ under all lights.
 
 mod read;
 mod rules;

@@ -13,6 +13,9 @@ const WEIGHTS: i64 = 1;
 /// The version of a file with a colour model.
 const MODEL: i64 = 2;
 
+/// The largest number of a projection. Those of fits are below a hundred, and huge ones would overflow in one.
+const LARGEST_SHARE: f64 = 1e9;
+
 /// The text of the attribute, as TOML has it.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -133,9 +136,9 @@ impl From<&Accumulators> for Document {
             PositionEntry { name: position.name.clone(), kind, vector }
         };
         let light = |light: &Light| {
-            let known = stored.iter().flat_map(|stored| stored.model.lights());
-            let matrix =
-                known.clone().find(|(_, known, _)| *known.spectrum().samples() == light.spectrum).map(|(.., it)| it);
+            let spectrum = Spectrum::from_samples(light.spectrum);
+            let mut known = stored.iter().flat_map(|stored| stored.model.lights());
+            let matrix = known.find(|(_, known, _)| *known.spectrum() == spectrum).map(|(.., matrix)| matrix);
             LightEntry {
                 name: light.name.clone(),
                 position: accumulators.positions[light.position].name.clone(),
@@ -274,6 +277,9 @@ fn model_draft(entry: ModelEntry, lights: &[LightEntry]) -> Result<ModelDraft, S
     let row = |(index, row): (usize, Vec<f64>)| {
         let samples = bands(&format!("row {index} of `projection`"), row)?;
         check_finite("", "projection", &samples)?;
+        if let Some(sample) = samples.iter().find(|sample| sample.abs() > LARGEST_SHARE) {
+            return Err(format!("row {index} of `projection` holds {sample:e}, which is beyond ±{LARGEST_SHARE:e}"));
+        }
         Ok(Spectrum::from_samples(samples))
     };
     let projection = entry.projection.into_iter().enumerate().map(row).collect::<Result<_, String>>()?;
