@@ -183,6 +183,7 @@ struct VolumeFile {
     file: Option<PathBuf>,
     phantom: Option<At<String>>,
     labels: Option<PathBuf>,
+    phantom_labels: Option<At<bool>>,
     downsample: Option<At<[usize; 3]>>,
     dims: Option<At<[usize; 3]>>,
     spacing: Option<At<[f64; 3]>>,
@@ -1016,11 +1017,19 @@ impl Text<'_> {
         progress: &dyn Progress,
     ) -> Result<Option<Labels>, SceneError> {
         let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
-        let Some(path) = options.labels.clone().or(stated) else {
-            return Ok(None);
-        };
+        let is_frog = file.phantom.as_ref().is_some_and(|phantom| phantom.get_ref() == Phantom::Frog.name());
+        let of_phantom = file.phantom_labels.as_ref().filter(|wanted| *wanted.get_ref());
+        if let Some(wanted) = of_phantom.filter(|_| !is_frog) {
+            return Err(self.invalid(wanted, "volume.phantom_labels: only the phantom \"frog\" has labels"));
+        }
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
-        let mut labels = volume::open(&path, &Selection::default(), progress).map_err(fail)?;
+        let mut labels = match options.labels.clone().or(stated) {
+            Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
+            None if of_phantom.is_some() && options.volume.is_none() => {
+                Volume::frog_labels(file.dims.as_ref().map(|dims| *dims.get_ref())).map_err(fail)?
+            }
+            None => return Ok(None),
+        };
         if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
