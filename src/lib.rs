@@ -5,6 +5,7 @@ pub mod memory;
 pub mod model;
 pub mod number;
 pub mod output;
+pub mod palette;
 pub mod plan;
 pub mod progress;
 pub mod reference;

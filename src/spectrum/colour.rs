@@ -88,6 +88,16 @@ pub fn lab_from_xyz(xyz: Xyz, white: Xyz) -> Lab {
     Lab([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
 }
 
+/// The inverse of [`lab_from_xyz`].
+pub fn xyz_from_lab(lab: Lab, white: Xyz) -> Xyz {
+    const KNEE: f64 = 6.0 / 29.0;
+    let expand = |f: f64| if f > KNEE { f.powi(3) } else { 3.0 * KNEE * KNEE * (f - 4.0 / 29.0) };
+    let [l, a, b] = lab.0;
+    let y = (l + 16.0) / 116.0;
+    let parts = [y + a / 500.0, y, y - b / 200.0].map(expand);
+    Xyz(std::array::from_fn(|axis| parts[axis] * white.0[axis]))
+}
+
 /// The difference ΔE00 of two colours (CIEDE2000, kL = kC = kH = 1), as Sharma, Wu and Dalal 2005 state it; their
 /// letters are used.
 pub fn ciede2000(one: Lab, two: Lab) -> f64 {

@@ -25,6 +25,11 @@ impl Reflectance {
         &self.0
     }
 
+    /// A reflectance with samples that are known to be finite.
+    pub(crate) const fn of_finite(spectrum: Spectrum) -> Self {
+        Self(spectrum)
+    }
+
     /// Whether a surface could have it: every sample is between 0 and 1.
     pub fn is_physical(&self) -> bool {
         self.0.samples().iter().all(|sample| (0.0..=1.0).contains(sample))
@@ -51,7 +56,7 @@ impl Light {
     }
 
     /// What [`Self::new`] does to finite samples.
-    pub(super) fn normalised(spectrum: Spectrum) -> Self {
+    pub(crate) fn normalised(spectrum: Spectrum) -> Self {
         // Divided by the peak first, since a luminance of huge samples would overflow.
         let peak = spectrum.samples().iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
         let relative = Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak));
