@@ -71,12 +71,19 @@ fn eight() {
     solved(&diagonal(8, NATURAL));
 }
 
-/// Daylight and tungsten are given: grey under the first, apart under the second; two more lights show one each.
+/// Daylight and tungsten are given: one grey under the first, apart under the second, around the colour that a neutral
+/// grey has there; two more lights show one material each.
 fn figure5(bounds: [f64; 2], apart: f64) -> Palette {
+    let grey = |light: &str| {
+        let neutral = relume::spectrum::Reflectance::new(relume::spectrum::Spectrum::constant(0.28)).unwrap();
+        let xyz = relume::spectrum::colour::xyz(&standard::light(light).unwrap(), &neutral);
+        relume::spectrum::colour::lab_from_xyz(xyz, relume::spectrum::colour::d65_white()).0
+    };
+    let ([l0, a0, b0], [l1, a1, b1]) = (grey("D65"), grey("A"));
     let mut cells = Vec::new();
-    for (row, [a, b]) in [[0.0, 0.0], [1.0, 1.0], [-1.0, 1.0], [0.0, -1.0]].into_iter().enumerate() {
-        cells.push((row, 0, lab(60.0, 0.0, 0.0)));
-        cells.push((row, 1, lab(60.0, 15.0 + apart * a, 40.0 + apart * b)));
+    for (row, [a, b]) in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].into_iter().enumerate() {
+        cells.push((row, 0, lab(l0, a0, b0)));
+        cells.push((row, 1, lab(l1, a1 + apart * a, b1 + apart * b)));
         cells.push((row, 2, if row == 3 { lab(60.0, 20.0, 30.0) } else { Target::Black }));
         cells.push((row, 3, if row == 2 { lab(60.0, -20.0, 30.0) } else { Target::Black }));
     }

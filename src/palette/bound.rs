@@ -12,7 +12,7 @@ use super::{Cell, LAMP, Palette, PaletteError, Place, Target};
 use crate::number::readable;
 use crate::progress::Progress;
 use crate::spectrum::BANDS;
-use crate::spectrum::colour::OBSERVER;
+use crate::spectrum::colour::{OBSERVER, Xyz};
 
 /// Below this ΔE00, a bound is what the solver's accuracy leaves.
 const REACHABLE: f64 = 0.02;
@@ -194,12 +194,9 @@ impl Relaxed<'_> {
     fn reached(&self, part: &[Cell]) -> f64 {
         let (mut squares, mut weights) = (0.0, 0.0);
         for cell in part {
-            let wanted = match cell.target {
-                Target::Like { material, light } => self.spectra.xyz(Place { material, light }),
-                target => target.xyz().map_or(DVec3::ZERO, |xyz| xyz.0.into()),
-            };
+            let wanted = cell.wanted(|place| Xyz(self.spectra.xyz(place).to_array()));
             let form = form(cell, |place| self.spectra.xyz(place));
-            squares += (form * (self.spectra.xyz(Place::of(cell)) - wanted)).length_squared();
+            squares += (form * (self.spectra.xyz(Place::of(cell)) - DVec3::from(wanted.0))).length_squared();
             weights += cell.weight.powi(2);
         }
         f64::sqrt(squares / weights)

@@ -112,6 +112,16 @@ impl Target {
     }
 }
 
+impl Cell {
+    /// The colour asked for, where `colour` tells what the other cells look like.
+    fn wanted(&self, colour: impl Fn(Place) -> Xyz) -> Xyz {
+        match self.target {
+            Target::Like { material, light } => colour(Place { material, light }),
+            target => target.xyz().unwrap_or(Xyz([0.0; 3])),
+        }
+    }
+}
+
 /// A colour model of nodes that is settled before the palette is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelTerm {

@@ -108,10 +108,7 @@ impl Solution {
         let cells = places
             .map(|place| {
                 let xyz = colour(place);
-                let target = palette.cell(place).map(|cell| match cell.target {
-                    Target::Like { material, light } => colour(Place { material, light }),
-                    target => target.xyz().unwrap_or(xyz),
-                });
+                let target = palette.cell(place).map(|cell| cell.wanted(colour));
                 CellColour {
                     material: place.material,
                     light: place.light,

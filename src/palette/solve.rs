@@ -2,12 +2,13 @@
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::solution::difference;
 use super::start::starts;
-use super::step::{Shown, Side, Spectra, groups, solved};
-use super::{ModelTerm, Palette, PaletteError, Place, Solution, Target, bound};
+use super::step::{Shown, Side, Spectra, form, groups, solved};
+use super::{ModelTerm, Palette, PaletteError, Place, Solution, bound};
 use crate::model::{self, ColourModel, Ingredients, ModelKind};
 use crate::progress::Progress;
 use crate::spectrum::colour::Xyz;
@@ -85,8 +86,7 @@ impl Search<'_> {
     /// The largest ΔE00 that a start leads to, and the spectra.
     fn run(&self, index: usize, start: Spectra, total: u64) -> Result<(f64, Spectra), PaletteError> {
         let mut spectra = start;
-        let mut best = (f64::INFINITY, spectra.clone());
-        let mut last = f64::INFINITY;
+        let (mut last, mut worst) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..ALTERNATIONS {
             if self.progress.cancelled() {
                 return Err(PaletteError::Cancelled);
@@ -101,32 +101,28 @@ impl Search<'_> {
             if !self.lights.is_empty() {
                 spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, None);
             }
-            let (squares, worst) = self.differences(&spectra);
-            if worst < best.0 {
-                best = (worst, spectra.clone());
-            }
+            let squares;
+            (squares, worst) = self.differences(&spectra);
             self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            if best.0 <= EXACT || !(last - squares > LEAST_GAIN * last || last.is_infinite()) {
+            if worst <= EXACT || last.is_finite() && (last - squares).abs() <= LEAST_GAIN * last {
                 break;
             }
             last = squares;
         }
-        if best.0 <= GOOD {
+        if worst <= GOOD {
             self.settled.fetch_min(index, Ordering::Relaxed);
         }
-        Ok(best)
+        Ok((worst, spectra))
     }
 
-    /// The weighted sum of squares and the largest of all cells' ΔE00.
+    /// What the programs make small, over all cells, and the largest ΔE00 times its weight.
     fn differences(&self, spectra: &Spectra) -> (f64, f64) {
         let colour = |place: Place| Xyz(spectra.xyz(place).to_array());
         self.palette.cells.iter().fold((0.0, 0.0), |(squares, worst), cell| {
-            let wanted = match cell.target {
-                Target::Like { material, light } => colour(Place { material, light }),
-                target => target.xyz().unwrap_or(Xyz([0.0; 3])),
-            };
-            let difference = cell.weight * difference(colour(Place::of(cell)), wanted);
-            (difference.mul_add(difference, squares), difference.max(worst))
+            let (seen, wanted) = (colour(Place::of(cell)), cell.wanted(colour));
+            let form = form(cell, |place| spectra.xyz(place));
+            let apart = form * (DVec3::from(seen.0) - DVec3::from(wanted.0));
+            (squares + apart.length_squared(), f64::max(worst, cell.weight * difference(seen, wanted)))
         })
     }
 }
