@@ -17,3 +17,4 @@ pub mod tables;
 pub mod volume;
 #[expect(unsafe_code, reason = "the one door to the Vulkan API")]
 pub mod vulkan;
+mod written;

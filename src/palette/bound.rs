@@ -52,7 +52,7 @@ pub(super) fn conflicts(palette: &Palette, spectra: &Spectra, progress: &dyn Pro
     Ok(conflicts)
 }
 
-/// The cells that unknown spectra couple, part by part.
+/// The cells that unknown spectra couple, part by part. What given spectra settle is left out: its ΔE00 says it all.
 fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
     let rows = palette.materials.len();
     let touched = |cell: &Cell| -> Vec<usize> {
@@ -71,8 +71,6 @@ fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
         let cells = palette.cells.iter().filter(|cell| touched(cell).iter().any(|node| nodes.contains(node)));
         parts.push(cells.copied().collect());
     }
-    // Where both spectra are given, the cell is alone.
-    parts.extend(palette.cells.iter().filter(|cell| touched(cell).is_empty()).map(|&cell| vec![cell]));
     parts.retain(|part| !part.is_empty());
     parts
 }
@@ -293,22 +291,19 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
         let power = palette.lights[cell.light].spectrum.as_ref();
         cell.target == Target::Black && power.is_some_and(|power| power.samples().iter().all(|&sample| sample > 0.0))
     });
-    match (black, row, open_row, open_column, core) {
-        (Some(black), _, Some(row), ..) if core.len() > 1 && palette.materials[row].bounds[0] >= 0.0 => format!(
+    match (black, open_row, open_column, core) {
+        (Some(black), Some(row), ..) if core.len() > 1 && palette.materials[row].bounds[0] >= 0.0 => format!(
             "{listed}: {} has power at every wavelength, so that a reflectance that is nowhere negative looks black under it only if it is 0 everywhere, and then it is black under every light",
             palette.lights[black.light].name
         ),
-        (_, Some(row), None, None, _) if row < palette.materials.len() && !is_open(&palette.materials, row) && column.is_some() => {
-            format!("{listed}: both spectra are given, and settle the colour")
-        }
-        (_, _, Some(row), _, [only]) if only.target.xyz().is_some_and(|xyz| xyz.0[1] > palette.materials[row].bounds[1].max(0.0)) => format!(
+        (_, Some(row), _, [only]) if only.target.xyz().is_some_and(|xyz| xyz.0[1] > palette.materials[row].bounds[1].max(0.0)) => format!(
             "{listed}: it asks for more light (Y = {}) than a reflectance {} sends back",
             readable(only.target.xyz().map_or(0.0, |xyz| (xyz.0[1] * 1e3).round() / 1e3)),
             bounds(row)
         ),
-        (_, _, Some(row), _, [_]) => format!("{listed}: no reflectance {} has this colour{}", bounds(row), if open_column.is_some() { " under any light within its bounds" } else { " there" }),
-        (_, _, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
-        (_, _, None, Some(column), _) => format!(
+        (_, Some(row), _, [_]) => format!("{listed}: no reflectance {} has this colour{}", bounds(row), if open_column.is_some() { " under any light within its bounds" } else { " there" }),
+        (_, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
+        (_, None, Some(column), _) => format!(
             "{listed}: no one light with a peak of at most {} times its mean gives all these colours",
             readable(palette.lights[column].bounds[1])
         ),

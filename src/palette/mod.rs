@@ -5,6 +5,7 @@
 
 mod bound;
 mod error;
+mod file;
 mod program;
 mod solution;
 mod solve;
@@ -15,11 +16,13 @@ use std::path::PathBuf;
 
 pub use bound::Conflict;
 pub use error::PaletteError;
+pub(crate) use file::{Misplaced, PaletteFile};
+pub use file::{load, parse};
 pub use solution::{CellColour, Facts, Merge, Solution};
 pub use solve::solve;
 
 use crate::number::readable;
-use crate::spectrum::Spectrum;
+use crate::spectrum::{Kind, Spectrum};
 use crate::spectrum::colour::{LinearSrgb, Lab, Xyz, d65_white, decode_srgb, xyz_from_lab, xyz_from_linear_srgb};
 
 /// The most rows, and the most columns, of a palette that is solved.
@@ -60,6 +63,27 @@ pub struct Member {
     /// What the squares of an open one's second differences are multiplied by, where squares of ΔE00 are made small. A
     /// light's samples count in multiples of those of an equal-energy light.
     pub smoothness: f64,
+}
+
+impl Member {
+    /// What is wrong with the bounds, where something is.
+    fn bounds_problem(&self, kind: Kind) -> Option<String> {
+        let [low, high] = self.bounds;
+        let finite = low.is_finite() && high.is_finite() && low < high;
+        let allowed = match kind {
+            Kind::Light if finite && low < 1.0 && high > 1.0 => return None,
+            Kind::Light => "in multiples of its mean, one below 1 and one above 1",
+            _ if finite => return None,
+            _ => "two finite numbers, the lower one first",
+        };
+        Some(format!("{} to {}; they are {allowed}", readable(low), readable(high)))
+    }
+
+    /// What is wrong with the smoothness, where something is.
+    fn smoothness_problem(&self) -> Option<String> {
+        let is_right = self.smoothness.is_finite() && self.smoothness > 0.0;
+        (!is_right).then(|| format!("{}; it is a finite number above 0", readable(self.smoothness)))
+    }
 }
 
 /// What one material is to look like under one light.
@@ -158,7 +182,11 @@ impl Palette {
     /// Refuses what cannot be solved at all; what can be solved badly is told by [`Solution`].
     fn check(&self) -> Result<(), PaletteError> {
         let wrong = |message: String| Err(PaletteError::Unsolvable { palette: self.source.clone(), message });
-        for (members, what, table) in [(&self.materials, "materials", "[materials.NAME]"), (&self.lights, "lights", "[lights.NAME]")] {
+        let sides = [
+            (&self.materials, "materials", "[materials.NAME]", Kind::Reflectance),
+            (&self.lights, "lights", "[lights.NAME]", Kind::Light),
+        ];
+        for (members, what, table, kind) in sides {
             if members.is_empty() {
                 return wrong(format!("it has no {what}; write at least one {table}"));
             }
@@ -166,14 +194,11 @@ impl Palette {
                 return wrong(format!("it has {} {what}, and {LARGEST} can be designed together; split it", members.len()));
             }
             for member in members {
-                let [low, high] = member.bounds;
-                let of_light = what == "lights";
-                if !(low.is_finite() && high.is_finite() && low < high) || of_light && !(low < 1.0 && high > 1.0) {
-                    let allowed = if of_light { "a number below 1 and one above 1" } else { "two finite numbers, the lower one first" };
-                    return wrong(format!("the bounds of {} are {low} and {high}; they are {allowed}", member.name));
+                if let Some(problem) = member.bounds_problem(kind) {
+                    return wrong(format!("the bounds of {} are {problem}", member.name));
                 }
-                if !(member.smoothness.is_finite() && member.smoothness > 0.0) {
-                    return wrong(format!("the smoothness of {} is {}; it is a finite number above 0", member.name, member.smoothness));
+                if let Some(problem) = member.smoothness_problem() {
+                    return wrong(format!("the smoothness of {} is {problem}", member.name));
                 }
                 if member.spectrum.as_ref().is_some_and(|spectrum| !spectrum.is_finite()) {
                     return wrong(format!("the spectrum of {} is not finite", member.name));
