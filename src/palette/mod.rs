@@ -4,6 +4,8 @@
 //! is to have under the light. Spectra are given or open; [`solve()`] finds the open ones.
 
 mod bound;
+mod contrast;
+mod drawing;
 mod error;
 mod file;
 mod program;
@@ -15,6 +17,7 @@ mod step;
 use std::path::PathBuf;
 
 pub use bound::Conflict;
+pub use contrast::Contrast;
 pub use error::PaletteError;
 pub(crate) use file::{Misplaced, PaletteFile};
 pub use file::{load, parse};

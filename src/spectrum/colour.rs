@@ -78,6 +78,18 @@ pub fn decode_srgb(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
+/// What a display shows of a colour: `#rrggbb`, clipped to what it can show.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 0 to 255")]
+pub fn display_code(colour: LinearSrgb) -> String {
+    let parts = colour.0.map(|part| (255.0 * encode_srgb(part.clamp(0.0, 1.0))).round());
+    format!("#{:02x}{:02x}{:02x}", parts[0] as u8, parts[1] as u8, parts[2] as u8)
+}
+
+/// Whether a display can show a colour, to half a step of 8 bits.
+pub fn is_displayable(colour: LinearSrgb) -> bool {
+    colour.0.iter().all(|&part| (-0.5..=255.5).contains(&(255.0 * encode_srgb(part))))
+}
+
 /// L*a*b* relative to `white` ([`d65_white`] unless a reason says otherwise).
 ///
 /// Values at or below (6/29)³ of the white's, negative ones included, take the linear branch.

@@ -2,6 +2,7 @@
 
 pub mod colour;
 mod data;
+pub mod deficiency;
 mod error;
 mod kind;
 pub mod metric;
