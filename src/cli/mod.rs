@@ -3,6 +3,7 @@
 mod accuracy;
 mod bench;
 mod bench_model;
+mod design;
 mod dial;
 mod files;
 mod info;
@@ -20,6 +21,7 @@ use clap::{Parser, Subcommand};
 use relume::measure::ModelTableError;
 use relume::model::ModelError;
 use relume::output::OutputError;
+use relume::palette::PaletteError;
 use relume::plan::PlanError;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;
@@ -48,6 +50,7 @@ Examples:
   relume info head.mhd                                what a volume holds
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png     the same view under a light bulb
+  relume design palette.toml --report palette.html    spectra that merge, vanish and keep their colour
 
 The keys of a scene file are in docs/SCENE.md. `relume help COMMAND` says more about a command.
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 interrupted.";
@@ -58,6 +61,8 @@ enum Command {
     Render(render::Args),
     /// Light saved accumulators anew: no volume, no march, no GPU.
     Relight(relight::Args),
+    /// Find spectra that have the colours a palette asks for, and tell what cannot be had.
+    Design(design::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
     /// Measure marching, relighting and colour models, as a table or as JSON.
@@ -77,6 +82,8 @@ pub(crate) enum CliError {
     Render(#[from] RenderError),
     #[error(transparent)]
     Vulkan(#[from] VulkanError),
+    #[error(transparent)]
+    Palette(#[from] PaletteError),
     #[error(transparent)]
     Plan(#[from] PlanError),
     #[error(transparent)]
@@ -113,6 +120,8 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
         CliError::Cancelled
         | CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Palette(PaletteError::Cancelled)
+        | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
         | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
@@ -130,6 +139,7 @@ pub(crate) fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Render(args) => render::run(args, &terminal),
         Command::Relight(args) => relight::run(args, &terminal),
+        Command::Design(args) => design::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal, started),
         Command::Shaders(args) => shaders::run(args, &terminal),

@@ -18,9 +18,11 @@ use super::{
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
+use crate::palette::{self, Misplaced, PaletteFile};
 use crate::progress::Progress;
-use crate::spectrum::{Reflectance, SpectrumError, SpectrumSource, nearest};
+use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
+use crate::written::{place, with_suggestion};
 
 /// The scene shown when none is named.
 const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
@@ -159,8 +161,9 @@ struct SceneFile {
     background: Option<At<SpectrumSource>>,
     #[serde(default)]
     volume: VolumeFile,
+    palette: Option<At<PaletteFile>>,
     #[serde(default)]
-    materials: BTreeMap<String, MaterialFile>,
+    materials: BTreeMap<String, At<MaterialFile>>,
     #[serde(default)]
     transfer: TransferFile,
     #[serde(default)]
@@ -200,10 +203,10 @@ struct VolumeFile {
     array: Option<String>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MaterialFile {
-    reflectance: At<SpectrumSource>,
+    reflectance: Option<At<SpectrumSource>>,
     absorption: Option<At<SpectrumSource>>,
     ambient: Option<At<f64>>,
     diffuse: Option<At<f64>>,
@@ -248,10 +251,10 @@ struct LabelFile {
     absorption: Option<At<f64>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LightFile {
-    spectrum: At<SpectrumSource>,
+    spectrum: Option<At<SpectrumSource>>,
     intensity: Option<At<f64>>,
     #[serde(default)]
     kind: LightKind,
@@ -402,20 +405,12 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
     }
 }
 
-/// `name:line:column` of a byte of `text`.
-fn place(name: &str, text: &str, byte: usize) -> String {
-    let before = text.get(..byte).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
-    format!("{name}:{line}:{column}")
-}
-
-/// serde's message about an unknown `word`, and which of the words that it expects is nearly that one.
-fn with_suggestion(message: &str) -> String {
-    let mut words = message.split('`').skip(1).step_by(2);
-    match words.next().filter(|_| message.starts_with("unknown")).and_then(|unknown| nearest(unknown, words)) {
-        Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
-        None => message.to_owned(),
+/// The error about a spectrum, with its cause.
+fn because(error: SceneError, source: SpectrumError) -> SceneError {
+    match error {
+        SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
+        SceneError::Define { given, .. } => SceneError::Define { given, message: chain(&source) },
+        other => other,
     }
 }
 
@@ -505,16 +500,73 @@ impl Text<'_> {
         value: &At<SpectrumSource>,
         resolve: impl FnOnce(&SpectrumSource) -> Result<T, SpectrumError>,
     ) -> Result<T, SceneError> {
-        resolve(value.get_ref()).map_err(|source| match self.invalid(value, key) {
-            SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
-            SceneError::Define { given, .. } => SceneError::Define { given, message: chain(&source) },
-            other => other,
-        })
+        resolve(value.get_ref()).map_err(|source| because(self.invalid(value, key), source))
+    }
+
+    /// The spectrum of a material or a light, which only a palette could have said in its place.
+    fn stated<'a, T>(
+        &self,
+        key: &str,
+        at: &At<T>,
+        spectrum: Option<&'a At<SpectrumSource>>,
+    ) -> Result<&'a At<SpectrumSource>, SceneError> {
+        spectrum.ok_or_else(|| self.invalid(at, format!("missing field `{key}`")))
+    }
+
+    /// Takes what the scene's palette designs for what the scene leaves out; the files that it was read from.
+    fn use_palette(
+        &self,
+        file: &mut SceneFile,
+        base: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Vec<PathBuf>, SceneError> {
+        let Some(stated) = &file.palette else { return Ok(Vec::new()) };
+        let failed = |source| SceneError::Palette { scene: self.name.clone(), source };
+        let mut inputs = Vec::new();
+        let palette = match &stated.get_ref().r#use {
+            Some(other) if stated.get_ref().says_more_than_use() => {
+                return Err(self.invalid(other, "a [palette] has `use`, or says all by itself"));
+            }
+            Some(path) => {
+                let path = base.join(path.get_ref());
+                inputs.push(path.clone());
+                palette::load(&path).map_err(failed)?
+            }
+            None => stated.get_ref().resolve(&self.name, base).map_err(
+                |Misplaced { byte, message, cause }| match cause {
+                    None => self.refuse(byte, message),
+                    Some(source) => because(self.refuse(byte, message), source),
+                },
+            )?,
+        };
+        inputs.extend(palette.inputs.iter().cloned());
+        let span = stated.span();
+        let solution = palette::solve(&palette, progress).map_err(failed)?;
+        for conflict in &solution.conflicts {
+            tracing::warn!("{}: {}", palette.source, conflict.reason);
+        }
+        let of = |spectrum: &Spectrum| Spanned::new(span.clone(), SpectrumSource::Samples(Box::new(spectrum.clone())));
+        for (row, reflectance) in palette.materials.iter().zip(&solution.materials) {
+            let place = match row.name.as_str() {
+                "background" => &mut file.background,
+                name => {
+                    let new = || Spanned::new(span.clone(), MaterialFile::default());
+                    &mut file.materials.entry(name.to_owned()).or_insert_with(new).get_mut().reflectance
+                }
+            };
+            place.get_or_insert_with(|| of(reflectance.spectrum()));
+        }
+        for (column, light) in palette.lights.iter().zip(&solution.lights) {
+            let new = || Spanned::new(span.clone(), LightFile::default());
+            let place = &mut file.lights.entry(column.name.clone()).or_insert_with(new).get_mut().spectrum;
+            place.get_or_insert_with(|| of(light.spectrum()));
+        }
+        Ok(inputs)
     }
 
     fn resolve(
         &self,
-        file: SceneFile,
+        mut file: SceneFile,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
@@ -523,6 +575,7 @@ impl Text<'_> {
             let message = format!("version = {}; this program reads version 1", file.version.get_ref());
             return Err(self.invalid(&file.version, message));
         }
+        let mut inputs = self.use_palette(&mut file, base, progress)?;
         let materials = self.materials(&file.materials, base)?;
         let background = match &file.background {
             None => None,
@@ -577,9 +630,10 @@ impl Text<'_> {
                 "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
-        let reflectances = file.materials.values().map(|material| &material.reflectance).chain(&file.background);
-        let spectra = reflectances.chain(file.lights.values().map(|light| &light.get_ref().spectrum));
-        let mut inputs: Vec<PathBuf> = spectra.filter_map(|source| source.get_ref().file(base)).collect();
+        let reflectances =
+            file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
+        let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
+        inputs.extend(spectra.filter_map(|source| source.get_ref().file(base)));
         inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
         Ok(Scene {
             inputs,
@@ -602,10 +656,11 @@ impl Text<'_> {
         })
     }
 
-    fn materials(&self, files: &BTreeMap<String, MaterialFile>, base: &Path) -> Result<Vec<Material>, SceneError> {
+    fn materials(&self, files: &BTreeMap<String, At<MaterialFile>>, base: &Path) -> Result<Vec<Material>, SceneError> {
         files
             .iter()
-            .map(|(name, file)| {
+            .map(|(name, stated)| {
+                let file = stated.get_ref();
                 for (key, value) in [("emission", &file.emission), ("fluorescence", &file.fluorescence)] {
                     if let Some(value) = value {
                         let message = format!(
@@ -624,7 +679,8 @@ impl Text<'_> {
                     )?,
                 };
                 let key = format!("materials.{name}.reflectance");
-                let reflectance = self.spectrum(key.clone(), &file.reflectance, |source| source.reflectance(base))?;
+                let source = self.stated("reflectance", stated, file.reflectance.as_ref())?;
+                let reflectance = self.spectrum(key.clone(), source, |source| source.reflectance(base))?;
                 warn_above_one(&key, &reflectance);
                 Ok(Material {
                     name: name.clone(),
@@ -823,7 +879,8 @@ impl Text<'_> {
             .iter()
             .map(|(name, stated)| {
                 let file = stated.get_ref();
-                let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
+                let source = self.stated("spectrum", stated, file.spectrum.as_ref())?;
+                let spectrum = self.spectrum(format!("lights.{name}.spectrum"), source, |source| source.light(base))?;
                 warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
                 let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {

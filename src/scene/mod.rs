@@ -20,6 +20,7 @@ pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
+use crate::palette::PaletteError;
 use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
 use crate::volume::{Volume, VolumeError};
 
@@ -28,7 +29,7 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
-    /// The files that were read for it, but for the scene file itself: of the volume, the labels and the spectra.
+    /// The files that were read for it, but for the scene file itself: of the volume, the labels, the palette and the spectra.
     pub inputs: Vec<PathBuf>,
     /// The grey values.
     pub volume: Arc<Volume>,
@@ -240,6 +241,14 @@ pub enum SceneError {
         what: String,
         /// Why.
         source: SpectrumError,
+    },
+    /// The scene's palette cannot be had.
+    #[error("{scene} has no palette to take its spectra from")]
+    Palette {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: PaletteError,
     },
     /// The scene's volume or its labels cannot be had.
     #[error("{scene} has no volume to show")]

@@ -25,6 +25,11 @@ impl Reflectance {
         &self.0
     }
 
+    /// A reflectance with samples that are known to be finite.
+    pub(crate) const fn of_finite(spectrum: Spectrum) -> Self {
+        Self(spectrum)
+    }
+
     /// Whether a surface could have it: every sample is between 0 and 1.
     pub fn is_physical(&self) -> bool {
         self.0.samples().iter().all(|sample| (0.0..=1.0).contains(sample))
@@ -54,7 +59,7 @@ impl Light {
     }
 
     /// What [`Self::new`] does to finite samples.
-    pub(super) fn normalised(spectrum: Spectrum) -> Self {
+    pub(crate) fn normalised(spectrum: Spectrum) -> Self {
         if (OBSERVER[1].dot(&spectrum) - 1.0).abs() <= NORMALISED {
             return Self(spectrum);
         }
