@@ -9,7 +9,7 @@ use serde_json::json;
 use toml::Table;
 
 use relume::measure::Stopwatch;
-use relume::output::{encode_png, write_atomically};
+use relume::output::{write_atomically, write_ready_png};
 use relume::plan::plan;
 use relume::progress::Progress;
 use relume::render::Renderer;
@@ -97,9 +97,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let clock = Stopwatch::start();
             relight.run(&matrices(&scene, &planned, &mix))?;
             let relit = clock.read();
-            let rgb: Vec<u8> = relight.read()?.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-            let png = encode_png(args.size[0], args.size[1], &rgb)?;
-            write_atomically(path, |out| out.write_all(&png))?;
+            let rgb: Vec<u8> =
+                relight.read()?.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+            write_ready_png(path, args.size[0], args.size[1], &rgb)?;
+            let read = |error| CliError::Failed(format!("{} cannot be read back: {error}", path.display()));
+            let png = std::fs::read(path).map_err(read)?;
             let _ = writeln!(text, "{:<4} {}  {}", situation.name, path.display(), situation.caption);
             let lights = mix.0.iter().map(|light| json!({"name": light.name, "weight": light.weight}));
             rows.push(json!({
@@ -137,13 +139,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 }
 
 /// The scene of a figure, on the volume that the command line names.
-fn load(
-    args: &Args,
-    name: &str,
-    figure: &str,
-    is_frog: bool,
-    progress: &dyn Progress,
-) -> Result<Scene, CliError> {
+fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Progress) -> Result<Scene, CliError> {
     let volume = if is_frog { &args.volume_frog } else { &args.volume_engine };
     let mut options = SceneOptions { volume: volume.clone(), ..SceneOptions::default() };
     if volume.is_some() {

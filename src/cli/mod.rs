@@ -5,6 +5,7 @@ mod bench;
 mod bench_model;
 mod design;
 mod dial;
+mod figures;
 mod files;
 mod info;
 mod model;
@@ -63,6 +64,8 @@ enum Command {
     Relight(relight::Args),
     /// Find spectra that have the colours a palette asks for, and tell what cannot be had.
     Design(design::Args),
+    /// Make the figures of the paper: what designed lights and materials show and hide.
+    Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
     /// Measure marching, relighting and colour models, as a table or as JSON.
@@ -140,6 +143,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(args) => render::run(args, &terminal),
         Command::Relight(args) => relight::run(args, &terminal),
         Command::Design(args) => design::run(args, &terminal),
+        Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal, started),
         Command::Shaders(args) => shaders::run(args, &terminal),
