@@ -240,6 +240,11 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
     }
     lines.push(("positions", or_none(&positions.join(", "))));
     lines.push(("lights", or_none(&lights.collect::<Vec<_>>().join(", "))));
+    let situations = file.dial.iter().flat_map(|dial| &dial.situations).map(|situation| situation.name.as_str());
+    let situations: Vec<&str> = situations.collect();
+    if !situations.is_empty() {
+        lines.push(("situations", situations.join(", ")));
+    }
     for (name, value) in lines {
         let _ = writeln!(text, "  {name:<10} {value}");
     }
@@ -253,6 +258,7 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
         "model": model.map(|model| Learnt::nothing(model).json(model)),
         "positions": positions,
         "lights": lights,
+        "situations": situations,
     });
     Report { text, json }
 }
@@ -294,6 +300,10 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
+    let situations: Vec<&str> = scene.dial.situations.iter().map(|situation| situation.name.as_str()).collect();
+    if !situations.is_empty() {
+        line("situations", &situations.join(", "));
+    }
     text.push_str("what a picture of it takes\n");
     for sentence in planned.explain(scene) {
         let _ = writeln!(text, "  {sentence}");
@@ -329,6 +339,7 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
                 json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
             })
             .collect::<Vec<_>>(),
+        "situations": situations,
         "plan": plan_json(scene, planned, None),
     });
     Report { text, json }
