@@ -3,50 +3,20 @@
 
 mod support;
 
-use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use exr::prelude::attribute::AttributeValue;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels as _,
-    ReadLayers as _, Text, WritableImage as _,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
+    WritableImage as _,
 };
 use serde_json::Value;
+use support::exr::{Exr, assert_same};
 use support::program::{Folder, Outcome};
 
 /// The sides of every picture here.
 const SIZE: &str = "32x32";
-
-/// An OpenEXR file as another program reads it: channels by name, and the attributes that this program added.
-struct Exr {
-    size: (usize, usize),
-    channels: BTreeMap<String, Vec<f32>>,
-    attributes: HashMap<String, String>,
-}
-
-impl Exr {
-    fn read(path: &Path) -> Self {
-        let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
-        let image = reader.first_valid_layer().all_attributes().from_file(path).unwrap();
-        let layer = image.layer_data;
-        let channels = layer
-            .channel_data
-            .list
-            .iter()
-            .map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()));
-        let attributes = layer.attributes.other.iter().filter_map(|(name, value)| match value {
-            AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
-            _ => None,
-        });
-        Self { size: (layer.size.0, layer.size.1), channels: channels.collect(), attributes: attributes.collect() }
-    }
-
-    /// Linear RGB and opacity, channel after channel.
-    fn rgba(&self) -> Vec<f32> {
-        ["R", "G", "B", "A"].iter().flat_map(|name| self.channels[*name].iter().copied()).collect()
-    }
-}
 
 /// The linear picture that the program makes with `arguments`.
 fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
@@ -57,15 +27,6 @@ fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
 /// The linear picture of the scene of every test, rendered with `arguments`.
 fn rendered(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
     picture(folder, &[&["render", "scene.toml", "--size", SIZE], arguments].concat())
-}
-
-/// Two pictures are one, but for the rounding of f32: `relative` of the larger value, and 1e-6 of white.
-fn assert_same(one: &[f32], other: &[f32], relative: f32) {
-    assert_eq!(one.len(), other.len(), "pictures of one size");
-    assert!(one.iter().any(|&value| value > 0.01), "a black picture shows nothing");
-    for (&a, &b) in one.iter().zip(other) {
-        assert!((a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-6, "{a} against {b}");
-    }
 }
 
 fn keys(value: &Value) -> Vec<&str> {
@@ -227,7 +188,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
-    assert_eq!(keys(&json), ["accumulators", "components", "lights", "positions", "size", "warnings"]);
+    assert_eq!(keys(&json), ["accumulators", "components", "lights", "model", "positions", "size", "warnings"]);
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
 }
@@ -394,7 +355,7 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["lights", "outputs", "size", "times", "warnings"]);
+    assert_eq!(keys(&json), ["lights", "model", "outputs", "size", "times", "warnings"]);
     assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 

@@ -20,7 +20,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
     ("measure", &["model", "spectrum", "progress", "number"]),
-    ("output", &["spectrum", "progress"]),
+    ("output", &["model", "spectrum", "progress"]),
     (
         "cli",
         &[

@@ -17,6 +17,8 @@ use relume::scene::{self, AccumulateAs, Aim, Material, Mix, Placement, Scene, Sc
 use relume::spectrum::{Absorption, Spectrum};
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
+use super::accuracy::AccuracyArgs;
+use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{SelectionArgs, size};
 use super::{CliError, Report, bench_load, bench_model};
@@ -42,6 +44,8 @@ pub(crate) struct Args {
     volume: Option<PathBuf>,
     #[command(flatten)]
     selection: SelectionArgs,
+    #[command(flatten)]
+    accuracy: AccuracyArgs,
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
@@ -87,6 +91,12 @@ impl Workload {
     fn needs_device(self) -> bool {
         !matches!(self, Self::Model | Self::Load)
     }
+
+    /// Whether it says itself what pixels keep, or has none.
+    fn is_fixed(&self) -> bool {
+        let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
+        fixed || !self.needs_device()
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -103,6 +113,7 @@ struct Row {
     size: [usize; 2],
     shading: &'static str,
     accumulate: &'static str,
+    model: Option<serde_json::Value>,
     components: usize,
     lanes: usize,
     positions: usize,
@@ -128,6 +139,9 @@ impl Times {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
+    if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
+        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads say what pixels keep")));
+    }
     let mut reports = Vec::new();
     if args.workloads.iter().any(|workload| workload.needs_device()) {
         reports.push(run_frames(args, progress, started)?);
@@ -197,11 +211,12 @@ fn measure(
     progress: &dyn Progress,
     begun: Instant,
 ) -> Result<Row, CliError> {
+    let options = SceneOptions { definitions: args.accuracy.definitions(), ..SceneOptions::default() };
     let mut scene = if workload == Workload::Default {
-        scene::load_embedded(&SceneOptions::default(), progress)?
+        scene::load_embedded(&options, progress)?
     } else {
         let (volume, selection) = (args.volume.clone(), args.selection.selection());
-        scene::load_peer(&SceneOptions { volume, selection, ..SceneOptions::default() }, progress)?
+        scene::load_peer(&SceneOptions { volume, selection, ..options }, progress)?
     };
     if shading == BenchShading::None {
         scene.shading = Shading::None;
@@ -209,7 +224,13 @@ fn measure(
     match workload {
         Workload::Peer | Workload::Default | Workload::Model | Workload::Load => {}
         Workload::PeerFourLights => add_peer_lights(&mut scene),
-        Workload::PeerEightMaterials => double_materials(&mut scene),
+        Workload::PeerEightMaterials => {
+            double_materials(&mut scene);
+            // Fewer numbers would do for them, and what is measured is eight weights.
+            if scene.accuracy.accumulate == AccumulateAs::Auto {
+                scene.accuracy.accumulate = AccumulateAs::Weights;
+            }
+        }
         Workload::PeerRgb => carry(&mut scene, ModelKind::Rgb, 3),
         Workload::PeerK8 => carry(&mut scene, ModelKind::Nodes, 8),
         Workload::PeerColouredRgb => {
@@ -266,6 +287,7 @@ fn measure(
             Accumulate::Weights { .. } => "weights",
             Accumulate::Spectral { .. } => "spectral",
         },
+        model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
         components: planned.plan.components(),
         lanes: planned.plan.lanes(),
         positions: planned.positions.len(),

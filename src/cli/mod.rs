@@ -1,10 +1,12 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
+mod accuracy;
 mod bench;
 mod bench_load;
 mod bench_model;
 mod files;
 mod info;
+mod model;
 mod relight;
 mod render;
 mod scene;
@@ -83,6 +85,8 @@ pub(crate) enum CliError {
     Output(#[from] OutputError),
     #[error(transparent)]
     Model(#[from] ModelTableError),
+    #[error("the colour model cannot be fitted to the lights")]
+    Lights(#[from] ModelError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
     #[error("{0}")]
