@@ -15,8 +15,7 @@ pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
 use crate::number::readable;
-use crate::plan::{Planned, ScenePlan};
-use crate::scene::Scene;
+use crate::plan::ScenePlan;
 use crate::shader::{Shader, ShaderError};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
@@ -124,8 +123,7 @@ pub struct Renderer {
 /// What tells pipelines apart.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Key {
-    /// With the one exponent of all highlights, where there is one.
-    March(ScenePlan, Option<u32>),
+    March(ScenePlan),
     Relight(ScenePlan, relight::Target),
 }
 
@@ -196,7 +194,7 @@ impl Renderer {
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let name = match key {
-            Key::March(..) => "march",
+            Key::March(_) => "march",
             Key::Relight(..) => "relight",
         };
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
@@ -226,16 +224,14 @@ impl Renderer {
     }
 }
 
-/// The shaders that render `scene` as planned, by stage: march, relight to the display, relight to linear values.
+/// The shaders of `plan`, by stage: march, relight to the display, relight to linear values.
 ///
 /// # Errors
 ///
 /// [`ShaderError`] where one does not compile.
-pub fn shaders_of(scene: &Scene, planned: &Planned) -> Result<[(&'static str, Shader); 3], ShaderError> {
-    let plan = &planned.plan;
-    let exponent = march::one_exponent(scene, planned).unwrap_or(0);
+pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
-        ("march", march::shader(plan, exponent, Dispatching::default().group)?),
+        ("march", march::shader(plan, Dispatching::default().group)?),
         ("relight_display", relight::shader(plan, relight::Target::Display)?),
         ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])
