@@ -103,7 +103,7 @@ impl RawArgs {
 pub(crate) struct LightArgs {
     /// Light it with NAME in place of the scene's lights (repeatable: lights add up).
     ///
-    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B3, "blackbody 3000", …),
+    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B1 to LED-V2, "blackbody 3000"),
     /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other
     /// goes to every light position that `relume info` lists (positions that shade alike are one) and adds up, unless
     /// POSITION names one. WEIGHT multiplies it.

@@ -4,8 +4,11 @@ use std::sync::LazyLock;
 
 use super::{BANDS, Kind, Light, Reflectance, Spectrum, SpectrumError, data};
 
-const ILLUMINANTS: [&str; 13] =
-    ["A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1"];
+/// The columns of the first table, then those of the second.
+const ILLUMINANTS: [&str; 16] = [
+    "A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1", "LED-B2",
+    "LED-B4", "LED-V2",
+];
 const PATCHES: [&str; 24] = [
     "dark skin",
     "light skin",
@@ -34,6 +37,7 @@ const PATCHES: [&str; 24] = [
 ];
 
 static ILLUMINANT_POWERS: [[f64; BANDS]; 13] = data::columns(include_str!("../../data/spectra/illuminants_5nm.csv"));
+static LED_POWERS: [[f64; BANDS]; 3] = data::columns(include_str!("../../data/spectra/led_5nm.csv"));
 static PATCH_REFLECTANCES: [[f64; BANDS]; 24] =
     data::columns(include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv"));
 
@@ -66,8 +70,9 @@ impl Standard {
 pub fn find(name: &str) -> Option<Standard> {
     let wanted = key(name);
     let position = |names: &[&str]| names.iter().position(|name| key(name) == wanted);
-    if let Some(index) = position(&ILLUMINANTS) {
-        return Some(Standard::Light(Spectrum::from_samples(ILLUMINANT_POWERS[index])));
+    let powers = |index| ILLUMINANT_POWERS.iter().chain(&LED_POWERS).nth(index);
+    if let Some(&powers) = position(&ILLUMINANTS).and_then(powers) {
+        return Some(Standard::Light(Spectrum::from_samples(powers)));
     }
     if let Some(index) = position(&PATCHES) {
         return Some(Standard::Reflectance(Spectrum::from_samples(PATCH_REFLECTANCES[index])));
@@ -183,7 +188,8 @@ mod tests {
     #[test]
     fn the_names_are_the_columns_of_the_tables() {
         for (names, csv) in [
-            (&ILLUMINANTS[..], include_str!("../../data/spectra/illuminants_5nm.csv")),
+            (&ILLUMINANTS[..13], include_str!("../../data/spectra/illuminants_5nm.csv")),
+            (&ILLUMINANTS[13..], include_str!("../../data/spectra/led_5nm.csv")),
             (&PATCHES[..], include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv")),
         ] {
             let header = csv.lines().find(|line| !line.starts_with('#')).unwrap_or_default();
