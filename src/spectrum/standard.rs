@@ -6,8 +6,8 @@ use super::{BANDS, Kind, Light, Reflectance, Spectrum, SpectrumError, data};
 
 /// The columns of the first table, then those of the second.
 const ILLUMINANTS: [&str; 16] = [
-    "A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1", "LED-B2",
-    "LED-B4", "LED-V2",
+    "A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1",
+    "LED-B2", "LED-B4", "LED-V2",
 ];
 const PATCHES: [&str; 24] = [
     "dark skin",
