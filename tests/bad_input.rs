@@ -314,6 +314,13 @@ fn labels_on_another_grid_or_of_other_values_are_refused() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn a_sidecar_that_averages_labels_is_refused() {
+    let layout = "dims = [64, 30, 18]\ntype = \"uint8\"\ndownsample = [2, 1, 1]\n";
+    let folder = Folder::new().with("l.raw", vec![0; 64 * 30 * 18]).with("l.raw.toml", layout);
+    folder.refused(1, &render(&["--labels", "l.raw"]), &["l.raw", "labels have no mean", "[volume]"]);
+}
+
+#[test]
 fn volumes_that_no_memory_holds_are_refused_with_their_bytes() {
     let folder = Folder::new();
     for phantom in ["frog", "engine", "slab", "shells"] {

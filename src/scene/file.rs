@@ -942,6 +942,11 @@ impl Text<'_> {
         };
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
         let mut labels = volume::open(&path, &Selection::default(), progress).map_err(fail)?;
+        if labels.blocks != [1; 3] {
+            let problem = "labels have no mean: write downsample into the scene's [volume], where it takes the most \
+                           frequent label of a block, not beside the labels";
+            return Err(fail(VolumeError::Layout { source_name: labels.source, problem: problem.to_owned() }));
+        }
         if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
