@@ -105,10 +105,11 @@ fn every_range_is_stated_where_it_is_left() {
         ("volume.origin=[nan,0,0]", "not finite"),
         ("volume.direction=[1,0,0,0,1,0,0,0,0]", "not orthonormal"),
         ("volume.header_bytes=-1", "a whole number from 0"),
-        ("volume.dims=[-1,1,1]", "a whole number from 0"),
-        ("transfer.entries=-1", "a whole number from 0"),
-        ("accuracy.k=-1", "a whole number from 0"),
+        ("volume.dims=[-1,1,1]", "a whole number from 1"),
+        ("transfer.entries=-1", "from 2 to 1048576"),
+        ("accuracy.k=-1", "a whole number from 1 to 16"),
         ("materials.flesh.exponent=1.5", "a whole number"),
+        ("materials.flesh.exponent=-1", "from 1 to 1024"),
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
         ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
@@ -359,7 +360,7 @@ fn a_sidecar_is_refused_where_it_is_wrong_in_one_sentence() {
     );
     folder.refused(1, &["info", "v.raw.toml"], &["v.raw.toml, line 4, column 1"]);
     let folder = folder.with("v.raw.toml", layout.replace("[4, 4, 4]", "[4, -4, 4]"));
-    folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1, column 12", "a whole number from 0"]);
+    folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1, column 12", "a whole number from 1"]);
     let folder = folder.with("v.raw.toml", "dims = [");
     folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1"]);
 }
