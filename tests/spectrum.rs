@@ -179,6 +179,9 @@ fn names_are_found_however_they_are_spelt() {
     for spelling in ["blackbody 2856", "Blackbody 2856K", "blackbody_2.856e3"] {
         assert_eq!(standard::light(spelling).unwrap(), Light::blackbody(2856.0).unwrap(), "{spelling}");
     }
+    for name in ["blackbody -300", "blackbody -3000", "black-body 3e-1", "blackbody-3000 K"] {
+        assert!(matches!(standard::light(name), Err(SpectrumError::Temperature { .. })), "{name}");
+    }
     for name in ["", "(", "blackbody", "blackbody.csv", "D66"] {
         assert_eq!(standard::find(name), None, "{name}");
     }

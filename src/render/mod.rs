@@ -60,7 +60,7 @@ pub enum RenderError {
     },
     /// The volume's texture does not fit into the device's memory.
     #[error(
-        "the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB: take --downsample, or shading = \"none\", which stores no gradients"
+        "the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB: take --downsample{}", without_gradients(*format)
     )]
     Memory {
         /// Texture size.
@@ -110,6 +110,11 @@ pub enum RenderError {
         /// The device.
         device: String,
     },
+}
+
+/// The other way out of [`RenderError::Memory`], where there is one.
+fn without_gradients(format: VolumeFormat) -> &'static str {
+    if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" }
 }
 
 /// A device and the pipelines made on it so far.
@@ -235,4 +240,21 @@ pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], Shade
         ("relight_display", relight::shader(plan, relight::Target::Display)?),
         ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn to_store_no_gradients_is_advised_where_there_are_any() {
+        for format in
+            [VolumeFormat::R16Unorm, VolumeFormat::R32Float, VolumeFormat::Rgba16Snorm, VolumeFormat::Rgba32Float]
+        {
+            let error = RenderError::Memory { needed_mb: 9, format, device: "d".to_owned(), heap_mb: 8 };
+            let message = error.to_string();
+            assert!(message.contains("--downsample"), "{message}");
+            assert_eq!(message.contains("shading = \"none\""), format.has_gradient(), "{message}");
+        }
+    }
 }

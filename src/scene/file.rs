@@ -431,6 +431,8 @@ impl Text<'_> {
             "a finite number above 0".to_owned()
         } else if *range == FINITE {
             "a finite number".to_owned()
+        } else if *range.end() >= f64::MAX {
+            format!("a finite number from {}", readable(*range.start()))
         } else {
             format!("a number from {} to {}", readable(*range.start()), readable(*range.end()))
         };

@@ -65,8 +65,8 @@ impl Standard {
 /// The standard called `name`, if there is one.
 ///
 /// Lights are [`names`]`(Kind::Light)` and `blackbody T`, with T in kelvin (`blackbody 2856` or `blackbody 2856K`);
-/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` do not matter, nor does what stands
-/// in brackets behind a name (`white 9.5 (.05 D)`).
+/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` do not matter, but for the sign of a
+/// T, nor does what stands in brackets behind a name (`white 9.5 (.05 D)`).
 pub fn find(name: &str) -> Option<Standard> {
     let wanted = key(name);
     let position = |names: &[&str]| names.iter().position(|name| key(name) == wanted);
@@ -77,8 +77,10 @@ pub fn find(name: &str) -> Option<Standard> {
     if let Some(index) = position(&PATCHES) {
         return Some(Standard::Reflectance(Spectrum::from_samples(PATCH_REFLECTANCES[index])));
     }
-    let temperature = wanted.strip_prefix("blackbody")?;
-    temperature.strip_suffix('k').unwrap_or(temperature).parse().ok().map(Standard::Blackbody)
+    let (_, temperature) = without_brackets(name).split_once(['y', 'Y']).filter(|_| wanted.starts_with("blackbody"))?;
+    let temperature = temperature.trim_matches(BLANKS);
+    let kelvin = temperature.strip_suffix(['k', 'K']).unwrap_or(temperature).trim_end_matches(BLANKS);
+    kelvin.parse().ok().map(Standard::Blackbody)
 }
 
 /// The light called `name`; see [`find`].
@@ -146,8 +148,15 @@ fn no_standard(name: &str, kind: Kind) -> SpectrumError {
 
 /// What two spellings of a name have in common.
 fn key(name: &str) -> String {
-    let bare = name.split('(').next().unwrap_or_default();
-    bare.chars().filter(|letter| !matches!(letter, ' ' | '_' | '-')).flat_map(char::to_lowercase).collect()
+    let bare = without_brackets(name).chars().filter(|letter| *letter != '-' && !BLANKS.contains(letter));
+    bare.flat_map(char::to_lowercase).collect()
+}
+
+/// What parts words.
+const BLANKS: [char; 2] = [' ', '_'];
+
+fn without_brackets(name: &str) -> &str {
+    name.split('(').next().unwrap_or_default()
 }
 
 /// What it takes to make `b` of `a`: 2 for a letter inserted, deleted or replaced, 1 for a swap of neighbours.
