@@ -405,6 +405,15 @@ fn lights_that_are_not_there_are_refused() {
 // Sizes and devices.
 
 #[test]
+fn flags_that_no_workload_has_a_use_for_are_refused() {
+    let folder = Folder::new();
+    let volume = "--volume does nothing here";
+    folder.refused(2, &["bench", "default", "--volume", "frog.mhd"], &[volume]);
+    folder.refused(2, &["bench", "default", "model", "--volume", "frog.mhd"], &[volume]);
+    folder.refused(2, &["bench", "model", "--time", "1"], &["--time does nothing here"]);
+}
+
+#[test]
 fn sizes_that_no_picture_has_are_refused() {
     let folder = Folder::new();
     for size in ["0x0", "100000x100000", "0x8", "65537x1"] {
