@@ -13,7 +13,7 @@ use exr::prelude::{
 };
 use serde_json::Value;
 use support::exr::{Exr, assert_same};
-use support::program::{Folder, Outcome};
+use support::program::{Folder, Outcome, SCENE};
 
 /// The sides of every picture here.
 const SIZE: &str = "32x32";
@@ -348,6 +348,35 @@ fn lights_add_up_and_weights_multiply() {
 }
 
 #[test]
+fn names_of_lights_may_hold_the_signs_of_positions_and_weights() {
+    let scene = SCENE.replace("[lights.lamp]", "[lights.\"lamp@day=2\"]").replace("[lights.day]", "[lights.\"d@y\"]");
+    let folder = Folder::new().with("scene.toml", scene).with("tube=3.csv", "400,1\n700,2\n").with("a@b", "500,1\n");
+    folder.done(&["render", "scene.toml", "--size", "4x4", "--accumulators", "acc.exr"]);
+    for (asked, name, positions, weight) in [
+        ("lamp@day=2", "lamp@day=2", &["lamp@day=2"][..], 0.5),
+        ("lamp@day=2=2", "lamp@day=2", &["lamp@day=2"], 1.0),
+        ("lamp@day=2@d@y=3", "lamp@day=2", &["d@y"], 1.5),
+        ("d@y", "d@y", &["d@y"], 1.0),
+        ("tube=3.csv", "tube=3.csv", &["lamp@day=2", "d@y"], 1.0),
+        ("tube=3.csv@d@y=4", "tube=3.csv", &["d@y"], 4.0),
+        ("a@b", "a@b", &["lamp@day=2", "d@y"], 1.0),
+        ("D65@d@y", "D65", &["d@y"], 1.0),
+        ("D65=2", "D65", &["lamp@day=2", "d@y"], 2.0),
+    ] {
+        let json = folder.done(&["relight", "acc.exr", "-o", "p.png", "--light", asked, "--json"]).json();
+        let lights = json["lights"].as_array().unwrap();
+        let found: Vec<_> = lights.iter().map(|light| light["position"].as_str().unwrap()).collect();
+        assert_eq!(found, positions, "{asked}");
+        assert!(lights.iter().all(|light| light["name"] == name && light["weight"] == weight), "{asked}: {json}");
+    }
+    folder.refused(
+        2,
+        &["relight", "acc.exr", "-o", "q.png", "--light", "lamp@day"],
+        &["lamp@day", "no position \"day\""],
+    );
+}
+
+#[test]
 fn a_light_can_be_a_file() {
     let folder = Folder::new().with("flat.csv", "380 3\n580 3\n780 3\n");
     // Its scale does not matter: a white surface under it has Y = 1, as under illuminant E.
@@ -422,9 +451,7 @@ fn the_reference_shows_what_the_device_shows() {
 
 #[test]
 fn a_definition_is_an_edit_of_the_file() {
-    let edited = support::program::SCENE
-        .replace("intensity = 0.5", "intensity = 0.25")
-        .replace("opacity = 0.1", "opacity = 0.3");
+    let edited = SCENE.replace("intensity = 0.5", "intensity = 0.25").replace("opacity = 0.1", "opacity = 0.3");
     let folder = Folder::new().with("edited.toml", edited + "[camera]\nprojection = \"orthographic\"\n");
     let flags = [
         "-D",
