@@ -516,6 +516,27 @@ fn outputs_that_cannot_be_are_refused_before_the_work() {
 }
 
 #[test]
+fn names_that_no_accumulator_file_can_hold_are_refused_before_the_march() {
+    let long = "x".repeat(250);
+    for (light, material, words) in [
+        ("a", "b.c", &["\"a.b\" with \"c\", and \"a\" with \"b.c\"", "\"a.b.c\""][..]),
+        ("", "b", &["a position has an empty name"]),
+        (&long, "flesh", &["256 bytes", "OpenEXR allows 255"]),
+    ] {
+        let scene = SCENE.replace("[lights.day]", &format!("[lights.\"{light}\"]"));
+        let scene = scene.replace("[lights.lamp]", "[lights.\"a.b\"]");
+        let scene = scene.replace("[materials.flesh]", &format!("[materials.\"{material}\"]"));
+        let scene = scene.replace("material = \"flesh\"", &format!("material = \"{material}\""));
+        let scene =
+            scene.replace("[materials.bone]", "[materials.c]").replace("material = \"bone\"", "material = \"c\"");
+        let folder = Folder::new().with("scene.toml", scene);
+        // So large that a test which marched it would be seen.
+        let arguments = ["render", "scene.toml", "--size", "4000x4000", "-o", "p.png", "--accumulators", "a.exr"];
+        folder.refused(1, &arguments, &[words, &["--accumulators a.exr", "rename a light or a material"]].concat());
+    }
+}
+
+#[test]
 fn every_file_that_is_read_is_kept() {
     let spectrum = "400,0.5\n700,0.5\n";
     let folder = Folder::new().with("light.exr", spectrum).with("skin.exr", spectrum).with("wall.exr", spectrum);

@@ -124,6 +124,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    if let Some(path) = &args.accumulators {
+        let pixels = Accumulation { size: args.size, weights: Vec::new(), transmittance: Vec::new() };
+        files::to_file(&scene, &planned, pixels).check_header().map_err(|error| {
+            CliError::Failed(format!("--accumulators {}: {error}; rename a light or a material", path.display()))
+        })?;
+    }
     let loaded = clock.read();
 
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
