@@ -60,14 +60,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             let selection = args.scene.selection.selection();
-            let volume = match args.scene.raw.layout() {
-                Some(layout) => {
-                    let file = Some(path.to_string_lossy().into_owned());
-                    let layout = volume::RawLayout { file, ..layout };
-                    volume::open_raw(&layout, std::path::Path::new(""), &selection, progress)?
-                }
-                None => volume::open(path, &selection, progress)?,
-            };
+            let volume = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress)?;
             let volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
                 None => volume,

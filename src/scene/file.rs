@@ -879,14 +879,7 @@ impl Text<'_> {
         let layout = options.raw.clone().or(stated);
         let selection = file.selection(options);
         let mut volume = match (path, &file.phantom) {
-            (Some(path), _) => match layout {
-                Some(layout) => {
-                    let file = Some(path.to_string_lossy().into_owned());
-                    volume::open_raw(&RawLayout { file, ..layout }, Path::new(""), &selection, progress)
-                }
-                None => volume::open(&path, &selection, progress),
-            }
-            .map_err(fail)?,
+            (Some(path), _) => volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?,
             (None, Some(phantom)) => {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;

@@ -21,7 +21,7 @@ mod vti;
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub(crate) use open::is_volume;
-pub use open::{open, open_raw};
+pub use open::{open, open_by, open_raw};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
