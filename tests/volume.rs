@@ -134,7 +134,7 @@ fn a_sidecar_says_what_to_read_as_a_scene_does() {
     refused("component = 1", "--component 1");
     refused("time = 2", "--time 2");
     refused("downsample = [0, 1, 1]", "a whole number from 1");
-    refused("downsample = [5, 1, 1]", "[5, 1, 1]");
+    refused("downsample = [5, 1, 1]", "blocks of 5×1×1 in 4×1×1 voxels");
     refused("labels = 'b.raw'", "unknown field `labels`");
     // Who opens the file may choose otherwise.
     let chosen = Selection { component: Some(0), ..Selection::default() };
@@ -185,6 +185,11 @@ fn bad_raw_files_are_refused_with_the_numbers() {
     assert!(whole_message(&error).contains("uint7"), "{}", whole_message(&error));
 
     let error = refused("dims = [5, 1, 0]\ntype = 'uint8'");
+    let message = whole_message(&error);
+    assert!(matches!(error, VolumeError::Sidecar { .. }), "{message}");
+    assert!(message.contains("line 1, column 15") && message.contains("a whole number from 1"), "{message}");
+    let layout = RawLayout { file: Some("a.raw".to_owned()), ..RawLayout::new([5, 1, 0], VoxelType::U8) };
+    let error = volume::open_raw(&layout, folder.path(), &Selection::default(), &Quiet).unwrap_err();
     assert!(matches!(error, VolumeError::Dims { .. }) && error.to_string().contains("5×1×0"), "{error}");
     let error = refused("dims = [4294967296, 4294967296, 4294967296]\ntype = 'uint8'");
     assert!(matches!(error, VolumeError::Dims { .. }), "{error}");
