@@ -15,7 +15,8 @@ use crate::spectrum::{Light, Spectrum};
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
 
-/// What one frame computes. Discrete choices only: numbers travel beside it. Equal plans share a pipeline.
+/// What one frame computes. Discrete choices only, among them the exponent that all highlights share; other numbers travel
+/// beside it. Equal plans share a pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ScenePlan {
     /// What the pixels store.
@@ -120,8 +121,8 @@ pub struct ShadingTerms {
 /// How highlights are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Specular {
-    /// One power serves all materials.
-    pub one_exponent: bool,
+    /// The exponent that serves all materials, compiled in; `None` where they have several.
+    pub one_exponent: Option<u32>,
     /// Bits of the largest exponent: squarings per power.
     pub exponent_bits: u32,
 }
@@ -389,7 +390,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let diffuse = directed && used().any(|material| material.diffuse > 0.0);
     let exponents = if directed { exponents(used()) } else { Vec::new() };
     let specular = exponents.last().map(|&largest| Specular {
-        one_exponent: exponents.len() == 1,
+        one_exponent: Some(largest).filter(|_| exponents.len() == 1),
         exponent_bits: u32::BITS - largest.leading_zeros(),
     });
     let accumulate = match &model {

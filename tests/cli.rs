@@ -13,7 +13,7 @@ use exr::prelude::{
 };
 use serde_json::Value;
 use support::exr::{Exr, assert_same};
-use support::program::{Folder, Outcome};
+use support::program::{Folder, Outcome, SCENE};
 
 /// The sides of every picture here.
 const SIZE: &str = "32x32";
@@ -169,6 +169,13 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let json = folder.done(&["info", "scene.toml", "--json"]).json();
     assert_eq!(json["plan"]["components"], 3);
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
+    let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["texture"][key].clone());
+    assert_eq!(stored(&json), [Value::from("rgba16snorm"), Value::from(32 * 30 * 18 * 8)]);
+    let sentence = "The volume is stored as 16-bit values with gradients (Rgba16Snorm), 0.1 MB, which loses nothing.";
+    assert!(text.contains(sentence), "{text}");
+    assert_eq!(json["plan"]["explanation"].as_array().unwrap().last(), Some(&Value::from(sentence)));
+    let plain = folder.done(&["info", "scene.toml", "-D", "shading=none", "--json"]).json();
+    assert_eq!(stored(&plain), [Value::from("r16unorm"), Value::from(32 * 30 * 18 * 2)]);
     assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
     assert_eq!(json["labels"], Value::Null);
     assert_eq!(json["materials"], serde_json::json!(["bone", "flesh"]));
@@ -220,10 +227,14 @@ fn bench_measures_with_the_promised_keys() {
     let workloads: Vec<_> =
         rows.iter().map(|row| (row["workload"].as_str().unwrap(), row["shading"].as_str().unwrap())).collect();
     assert_eq!(workloads, [("peer", "none"), ("peer", "diffuse"), ("default", "none"), ("default", "diffuse")]);
-    for row in rows {
-        for key in ["volume", "size", "accumulate", "lanes", "positions", "device", "startup_ms", "peak_mb"] {
+    for (number, row) in rows.iter().enumerate() {
+        for key in ["volume", "size", "accumulate", "lanes", "positions", "device", "peak_mb"] {
             assert!(!row[key].is_null(), "{key}");
         }
+        // Later rows find the device open.
+        let startup = &row["startup_ms"];
+        assert!(if number == 0 { startup["median"].as_f64() > Some(0.0) } else { startup.is_null() }, "{row}");
+        assert!(startup["min"] == startup["median"] && startup["max"] == startup["median"], "measured once: {row}");
         for stage in ["march", "relight"] {
             for clock in ["wall_ms", "cpu_ms"] {
                 let time = |of: &str| row[stage][clock][of].as_f64().unwrap();
@@ -340,6 +351,35 @@ fn lights_add_up_and_weights_multiply() {
 }
 
 #[test]
+fn names_of_lights_may_hold_the_signs_of_positions_and_weights() {
+    let scene = SCENE.replace("[lights.lamp]", "[lights.\"lamp@day=2\"]").replace("[lights.day]", "[lights.\"d@y\"]");
+    let folder = Folder::new().with("scene.toml", scene).with("tube=3.csv", "400,1\n700,2\n").with("a@b", "500,1\n");
+    folder.done(&["render", "scene.toml", "--size", "4x4", "--accumulators", "acc.exr"]);
+    for (asked, name, positions, weight) in [
+        ("lamp@day=2", "lamp@day=2", &["lamp@day=2"][..], 0.5),
+        ("lamp@day=2=2", "lamp@day=2", &["lamp@day=2"], 1.0),
+        ("lamp@day=2@d@y=3", "lamp@day=2", &["d@y"], 1.5),
+        ("d@y", "d@y", &["d@y"], 1.0),
+        ("tube=3.csv", "tube=3.csv", &["lamp@day=2", "d@y"], 1.0),
+        ("tube=3.csv@d@y=4", "tube=3.csv", &["d@y"], 4.0),
+        ("a@b", "a@b", &["lamp@day=2", "d@y"], 1.0),
+        ("D65@d@y", "D65", &["d@y"], 1.0),
+        ("D65=2", "D65", &["lamp@day=2", "d@y"], 2.0),
+    ] {
+        let json = folder.done(&["relight", "acc.exr", "-o", "p.png", "--light", asked, "--json"]).json();
+        let lights = json["lights"].as_array().unwrap();
+        let found: Vec<_> = lights.iter().map(|light| light["position"].as_str().unwrap()).collect();
+        assert_eq!(found, positions, "{asked}");
+        assert!(lights.iter().all(|light| light["name"] == name && light["weight"] == weight), "{asked}: {json}");
+    }
+    folder.refused(
+        2,
+        &["relight", "acc.exr", "-o", "q.png", "--light", "lamp@day"],
+        &["lamp@day", "no position \"day\""],
+    );
+}
+
+#[test]
 fn a_light_can_be_a_file() {
     let folder = Folder::new().with("flat.csv", "380 3\n580 3\n780 3\n");
     // Its scale does not matter: a white surface under it has Y = 1, as under illuminant E.
@@ -414,9 +454,7 @@ fn the_reference_shows_what_the_device_shows() {
 
 #[test]
 fn a_definition_is_an_edit_of_the_file() {
-    let edited = support::program::SCENE
-        .replace("intensity = 0.5", "intensity = 0.25")
-        .replace("opacity = 0.1", "opacity = 0.3");
+    let edited = SCENE.replace("intensity = 0.5", "intensity = 0.25").replace("opacity = 0.1", "opacity = 0.3");
     let folder = Folder::new().with("edited.toml", edited + "[camera]\nprojection = \"orthographic\"\n");
     let flags = [
         "-D",

@@ -119,11 +119,15 @@ fn ambient_light_alone_needs_no_gradient() {
 #[test]
 fn highlights_of_one_exponent_and_of_several() {
     let positions = PositionCounts { point: 1, ..PositionCounts::default() };
-    let specular = Some(Specular { one_exponent: true, exponent_bits: 5 });
+    let specular = Some(Specular { one_exponent: Some(20), exponent_bits: 5 });
     let shading = Some(ShadingTerms { diffuse: true, specular });
     assert_eq!(changed("specular_one", |_| {}), ScenePlan { positions, shading, ..least() });
+    // The one exponent is compiled in: a pipeline of 20 does not serve 21.
+    let other = changed("specular_one", |scene| scene.materials.iter_mut().for_each(|material| material.exponent = 21));
+    let specular = Some(Specular { one_exponent: Some(21), exponent_bits: 5 });
+    assert_eq!(other, ScenePlan { positions, shading: Some(ShadingTerms { diffuse: true, specular }), ..least() });
 
-    let specular = Some(Specular { one_exponent: false, exponent_bits: 6 });
+    let specular = Some(Specular { one_exponent: None, exponent_bits: 6 });
     let expected = ScenePlan {
         accumulate: Accumulate::Weights { materials: 4 },
         positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
@@ -306,7 +310,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         positions: PositionCounts { ambient: 1, headlight: 1, directional: 1, point: 1 },
         shading: Some(ShadingTerms {
             diffuse: true,
-            specular: Some(Specular { one_exponent: false, exponent_bits: 7 }),
+            specular: Some(Specular { one_exponent: None, exponent_bits: 7 }),
         }),
         labels: true,
         background: true,

@@ -30,7 +30,10 @@ Examples:
   relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
 
-Times are medians over the frames: CPU time of all threads, and wall time.";
+Times are medians over the frames: CPU time of all threads, and wall time; --json has {median, min, max} of each.
+startup_ms, from the start of the program to its first picture, is that of the first row of a process (n = 1), and null
+in the others: the device is open by then. peak_mb is the most memory that the process has held so far, rows before
+included.";
 
 /// `relume bench`
 #[derive(Debug, clap::Args)]
@@ -39,7 +42,7 @@ pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// The real frog for `peer`, in place of its phantom; what `load` reads.
+    /// The real frog for the workloads `peer…`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
@@ -92,10 +95,15 @@ impl Workload {
         !matches!(self, Self::Model | Self::Load)
     }
 
-    /// Whether accuracy is not for the command line to say.
+    /// Whether it shows or reads what --volume names.
+    fn takes_volume(&self) -> bool {
+        !matches!(self, Self::Default | Self::Model)
+    }
+
+    /// Whether it says itself what pixels keep, or has none.
     fn is_fixed(&self) -> bool {
-        !self.needs_device()
-            || matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8)
+        let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
+        fixed || !self.needs_device()
     }
 }
 
@@ -121,7 +129,9 @@ struct Row {
     software: bool,
     march: Times,
     relight: Times,
-    startup_ms: f64,
+    /// To the first picture of the process; none in later rows, which find the device open.
+    startup_ms: Option<Summary>,
+    /// The most memory that the process has held so far, in MB.
     peak_mb: Option<f64>,
 }
 
@@ -144,6 +154,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
             "{flag} does nothing here: these workloads say what pixels keep, or have none"
         )));
     }
+    let selection = args.selection.selection();
+    let of_volumes = [
+        ("--volume", args.volume.is_some()),
+        ("--component", selection.component.is_some()),
+        ("--time", selection.time.is_some()),
+        ("--array", selection.array.is_some()),
+    ];
+    if let Some((flag, _)) = of_volumes.iter().find(|(_, given)| *given)
+        && !args.workloads.iter().any(Workload::takes_volume)
+    {
+        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads have what they show")));
+    }
     let mut reports = Vec::new();
     if args.workloads.iter().any(|workload| workload.needs_device()) {
         reports.push(run_frames(args, progress, started)?);
@@ -152,7 +174,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         reports.push(bench_model::run(args.scenes.into(), progress)?);
     }
     if args.workloads.contains(&Workload::Load) {
-        reports.push(bench_load::run(args.volume.as_deref(), &args.selection.selection(), args.frames, progress)?);
+        reports.push(bench_load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {
@@ -172,8 +194,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     for &workload in args.workloads.iter().filter(|workload| workload.needs_device()) {
         for shading in [BenchShading::None, BenchShading::Diffuse] {
             if args.shading.is_none_or(|only| only == shading) {
-                let begun = started.take().unwrap_or_else(Instant::now);
-                rows.push(measure(args, &renderer, workload, shading, progress, begun)?);
+                rows.push(measure(args, &renderer, workload, shading, progress, started.take())?);
             }
         }
     }
@@ -190,7 +211,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
     for row in &rows {
         text.push_str(&format!(
-            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
+            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10}\n",
             row.workload,
             row.shading,
             row.positions,
@@ -199,7 +220,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
             median(row.march.wall_ms),
             median(row.relight.cpu_ms),
             median(row.relight.wall_ms),
-            row.startup_ms,
+            row.startup_ms.map_or_else(|| "-".to_owned(), |time| format!("{:.0}", time.median)),
         ));
     }
     Ok(Report { text, json: json!({ "rows": rows }) })
@@ -211,7 +232,7 @@ fn measure(
     workload: Workload,
     shading: BenchShading,
     progress: &dyn Progress,
-    begun: Instant,
+    started: Option<Instant>,
 ) -> Result<Row, CliError> {
     let options = SceneOptions { definitions: args.accuracy.definitions(), ..SceneOptions::default() };
     let mut scene = if workload == Workload::Default {
@@ -249,7 +270,7 @@ fn measure(
     let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
     let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
     let (mut marches, mut relights) = (Vec::new(), Vec::new());
-    let mut startup_ms = 0.0;
+    let mut startup_ms = None;
     const WARM_UP: u32 = 2;
     let mut relit = None;
     for frame in 0..WARM_UP + args.frames {
@@ -262,7 +283,7 @@ fn measure(
         if frame == 0 {
             let relight = renderer.relight_display(&accumulators)?;
             relight.run(&matrices)?;
-            startup_ms = begun.elapsed().as_secs_f64() * 1e3;
+            startup_ms = started.and_then(|started| summary(&[started.elapsed().as_secs_f64() * 1e3]));
         }
         if frame >= WARM_UP {
             marches.push(march);

@@ -12,6 +12,7 @@ use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene, StoreAs};
+use relume::tables::Storage;
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
 
@@ -59,14 +60,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             let selection = args.scene.selection.selection();
-            let volume = match args.scene.raw.layout() {
-                Some(layout) => {
-                    let file = Some(path.to_string_lossy().into_owned());
-                    let layout = volume::RawLayout { file, ..layout };
-                    volume::open_raw(&layout, std::path::Path::new(""), &selection, progress)?
-                }
-                None => volume::open(path, &selection, progress)?,
-            };
+            let volume = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress)?;
             let volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
                 None => volume,
@@ -78,7 +72,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let path = path.as_ref().map_or("the default scene".into(), |path| path.display().to_string());
             args.refuse(&["--voxel"], &format!("{path} is a scene; it is for volumes"))?;
             let scene = args.scene.load(progress)?;
-            Ok(of_scene(&scene, &plan(&scene, progress)?))
+            of_scene(&scene, &plan(&scene, progress)?)
         }
     }
 }
@@ -263,7 +257,8 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
     Report { text, json }
 }
 
-fn of_scene(scene: &Scene, planned: &Planned) -> Report {
+fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
+    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
     let mut text = format!("{}\n", scene.source);
     let mut line = |name: &str, value: &str| {
@@ -305,7 +300,7 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
         line("situations", &situations.join(", "));
     }
     text.push_str("what a picture of it takes\n");
-    for sentence in planned.explain(scene) {
+    for sentence in explanation(scene, planned, &storage) {
         let _ = writeln!(text, "  {sentence}");
     }
     let json = json!({
@@ -340,9 +335,9 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
             })
             .collect::<Vec<_>>(),
         "situations": situations,
-        "plan": plan_json(scene, planned, None),
+        "plan": plan_json(scene, planned, &storage, None),
     });
-    Report { text, json }
+    Ok(Report { text, json })
 }
 
 /// `text`, unless there is none.
@@ -379,8 +374,15 @@ fn bars(bins: &[u64]) -> String {
     bins.iter().map(bar).collect()
 }
 
+/// The plan in sentences, with how the volume is stored.
+fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<String> {
+    let mut sentences = planned.explain(scene);
+    sentences.push(storage.explain(scene.volume.geometry.dims));
+    sentences
+}
+
 /// A plan for programs; `learnt` says which lights its model was not planned for, where there are any.
-pub(crate) fn plan_json(scene: &Scene, planned: &Planned, learnt: Option<Learnt>) -> Value {
+pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, learnt: Option<Learnt>) -> Value {
     let plan = &planned.plan;
     let model = |model: &Arc<ColourModel>| learnt.unwrap_or_else(|| Learnt::nothing(model)).json(model);
     let names: Vec<&str> =
@@ -411,6 +413,12 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, learnt: Option<Learnt>
             StoreAs::Half => "f16",
         },
         "pixel_bytes": plan.pixel_bytes(),
-        "explanation": planned.explain(scene),
+        "texture": {
+            "format": format!("{:?}", storage.format).to_lowercase(),
+            "bytes": storage.bytes(scene.volume.geometry.dims),
+            "domain": storage.domain,
+            "loss": storage.loss,
+        },
+        "explanation": explanation(scene, planned, storage),
     })
 }

@@ -74,6 +74,7 @@ struct Marched {
     /// 8-bit sRGB RGBA.
     display: Option<Vec<u8>>,
     device: serde_json::Value,
+    storage: Storage,
     times: Vec<(&'static str, Timing)>,
     details: serde_json::Value,
 }
@@ -123,6 +124,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    if let Some(path) = &args.accumulators {
+        let pixels = Accumulation { size: args.size, weights: Vec::new(), transmittance: Vec::new() };
+        files::to_file(&scene, &planned, pixels).check_header().map_err(|error| {
+            CliError::Failed(format!("--accumulators {}: {error}; rename a light or a material", path.display()))
+        })?;
+    }
     let loaded = clock.read();
 
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
@@ -175,7 +182,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         "outputs": listed,
         "size": args.size,
         "device": marched.device,
-        "plan": super::info::plan_json(&scene, &planned, learnt),
+        "plan": super::info::plan_json(&scene, &planned, &marched.storage, learnt),
         "times": times,
         "march": marched.details,
         "peak_mb": peak_mb(),
@@ -295,6 +302,7 @@ fn on_device(
         linear: None,
         display: None,
         device: super::info::device_json(renderer.device().info()),
+        storage: uploaded.storage.clone(),
         times: Vec::new(),
         details: json!({
             "dispatches": accumulators.dispatches,
@@ -351,7 +359,7 @@ fn on_cpu(
     #[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
     let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
     let accumulation = if wanted.accumulation {
-        let exact = Exact::new(scene, planned, storage, labels.as_ref());
+        let exact = Exact::new(scene, planned, storage.clone(), labels.as_ref());
         let march = reference::march::<f64>(scene, planned, &exact, size, progress)?;
         Some(Accumulation { size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) })
     } else {
@@ -362,6 +370,7 @@ fn on_cpu(
         linear,
         display: None,
         device: json!({"name": "reference: CPU, 81 bands, f64"}),
+        storage,
         times: vec![("reference", clock.read())],
         details: json!(null),
     })

@@ -6,7 +6,6 @@ use clap::Args;
 
 use relume::progress::Progress;
 use relume::scene::{self, Definition, LightRequest, Mix, Scene, SceneOptions};
-use relume::spectrum::SpectrumSource;
 use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 
 use super::CliError;
@@ -103,10 +102,11 @@ impl RawArgs {
 pub(crate) struct LightArgs {
     /// Light it with NAME in place of the scene's lights (repeatable: lights add up).
     ///
-    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B3, "blackbody 3000", …),
+    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B1 to LED-V2, "blackbody 3000"),
     /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other
     /// goes to every light position that `relume info` lists (positions that shade alike are one) and adds up, unless
-    /// POSITION names one. WEIGHT multiplies it.
+    /// POSITION names one. WEIGHT multiplies it. Where a name holds @ or =, the text is taken whole if there is such a
+    /// light or file.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }
@@ -147,8 +147,7 @@ impl SceneArgs {
 impl LightArgs {
     /// The files that are read if no light of the scene has their name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
-        let source = |light: &LightRequest| light.name.parse::<SpectrumSource>().ok();
-        self.lights.iter().filter_map(|light| source(light)?.file(Path::new(""))).collect()
+        self.lights.iter().flat_map(|light| light.files(Path::new(""))).collect()
     }
 
     /// The mix asked for, or the one `stated`.

@@ -144,9 +144,10 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 }
 
 /// What `plan` fixes in the march shader.
-fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants {
+fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, passed] = images(plan, StoreAs::Single, "read_write");
+    let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
@@ -172,8 +173,8 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
         .bool("SPECULAR", specular.is_some())
-        .bool("ONE_EXPONENT", specular.is_some_and(|specular| specular.one_exponent))
-        .u32("ONE_EXPONENT_VALUE", one_exponent)
+        .bool("ONE_EXPONENT", one_exponent.is_some())
+        .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
         .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
         // The place of white behind the materials, where there is one.
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
@@ -185,17 +186,9 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .u32("GROUP_HEIGHT", group[1])
 }
 
-/// The exponent of all highlights, where they have one: its value is a constant of the shader, and so of the pipeline's
-/// key.
-pub(super) fn one_exponent(scene: &Scene, planned: &Planned) -> Option<u32> {
-    planned.plan.specular().filter(|specular| specular.one_exponent)?;
-    let used = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
-    used.filter(|material| material.specular > 0.0).map(|material| material.exponent).max()
-}
-
 /// The march shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
-    compile(&sources(plan), &constants(plan, one_exponent, group))
+pub(super) fn shader(plan: &ScenePlan, group: [u32; 2]) -> Result<Shader, ShaderError> {
+    compile(&sources(plan), &constants(plan, group))
 }
 
 impl MarchUniform {
@@ -288,10 +281,9 @@ impl Renderer {
         let transmittance =
             StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
-        let one_exponent = one_exponent(scene, planned);
         let (pipeline, set) = self.bind(
-            &Key::March(plan.clone(), one_exponent),
-            || shader(plan, one_exponent.unwrap_or(0), self.dispatching.group),
+            &Key::March(plan.clone()),
+            || shader(plan, self.dispatching.group),
             unsigned(size_of::<Band>()),
             |name| {
                 Some(match name {
@@ -540,7 +532,7 @@ mod tests {
             cells,
             height
         );
-        let constants = constants(&plan_of(4), 0, Dispatching::default().group);
+        let constants = constants(&plan_of(4), Dispatching::default().group);
         let theirs = crate::shader::struct_layout(&sources(&plan_of(4)), &constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
@@ -553,7 +545,7 @@ mod tests {
     #[test]
     fn four_spectral_materials_march_with_the_shader_of_three_colours() {
         let words =
-            |materials| shader(&plan_of(materials), 0, Dispatching::default().group).map(|shader| shader.words).ok();
+            |materials| shader(&plan_of(materials), Dispatching::default().group).map(|shader| shader.words).ok();
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");

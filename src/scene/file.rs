@@ -1,6 +1,7 @@
 //! The scene file: TOML as people write it, checked where it stands.
 
 use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -17,7 +18,7 @@ use super::{
     Term, Transfer,
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
-use crate::number::{count, readable};
+use crate::number::{count, readable, unsigned};
 use crate::palette::{self, Misplaced, PaletteFile};
 use crate::progress::Progress;
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
@@ -187,8 +188,8 @@ struct VolumeFile {
     phantom: Option<At<String>>,
     labels: Option<PathBuf>,
     phantom_labels: Option<At<bool>>,
-    downsample: Option<At<[usize; 3]>>,
-    dims: Option<At<[usize; 3]>>,
+    downsample: Option<[NonZeroUsize; 3]>,
+    dims: Option<[NonZeroUsize; 3]>,
     spacing: Option<At<[f64; 3]>>,
     origin: Option<At<[f64; 3]>>,
     direction: Option<At<[f64; 9]>>,
@@ -224,7 +225,7 @@ struct TransferFile {
     opacity_length: Option<At<f64>>,
     #[serde(default)]
     lookup: Lookup,
-    entries: Option<At<usize>>,
+    entries: Option<At<i64>>,
     #[serde(default)]
     intervals: Vec<IntervalFile>,
     opacity: Option<At<Vec<[f64; 2]>>>,
@@ -465,10 +466,20 @@ impl Text<'_> {
             "a finite number above 0".to_owned()
         } else if *range == FINITE {
             "a finite number".to_owned()
+        } else if *range.end() >= f64::MAX {
+            format!("a finite number from {}", readable(*range.start()))
         } else {
             format!("a number from {} to {}", readable(*range.start()), readable(*range.end()))
         };
         Err(self.invalid(value, format!("{key} = {}; it is {allowed}", readable(number))))
+    }
+
+    fn whole(&self, key: &str, value: &At<i64>, range: RangeInclusive<usize>) -> Result<usize, SceneError> {
+        let number = *value.get_ref();
+        usize::try_from(number).ok().filter(|number| range.contains(number)).ok_or_else(|| {
+            let [least, most] = [range.start(), range.end()];
+            self.invalid(value, format!("{key} = {number}; it is a whole number from {least} to {most}"))
+        })
     }
 
     fn optional(
@@ -677,9 +688,7 @@ impl Text<'_> {
                 };
                 let exponent = match &file.exponent {
                     None => 20,
-                    Some(value) => u32::try_from(*value.get_ref()).ok().filter(|exponent| (1..=1024).contains(exponent)).ok_or_else(
-                        || self.invalid(value, format!("materials.{name}.exponent = {}; it is a whole number from 1 to 1024", value.get_ref())),
-                    )?,
+                    Some(value) => unsigned(self.whole(&format!("materials.{name}.exponent"), value, 1..=1024)?),
                 };
                 let key = format!("materials.{name}.reflectance");
                 let source = self.stated("reflectance", stated, file.reflectance.as_ref())?;
@@ -772,14 +781,7 @@ impl Text<'_> {
                 return Err(self.invalid(alone, "a material curve needs an `opacity` curve beside it"));
             }
         }
-        let entries = match &file.entries {
-            None => None,
-            Some(value) if (2..=1 << 20).contains(value.get_ref()) => Some(*value.get_ref()),
-            Some(value) => {
-                return Err(self
-                    .invalid(value, format!("entries = {}; it is a whole number from 2 to 1048576", value.get_ref())));
-            }
-        };
+        let entries = file.entries.as_ref().map(|value| self.whole("entries", value, 2..=1 << 20)).transpose()?;
         Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
     }
 
@@ -1012,30 +1014,17 @@ impl Text<'_> {
         progress: &dyn Progress,
     ) -> Result<(Volume, Geometry), SceneError> {
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
-        for (key, value) in [("dims", &file.dims), ("downsample", &file.downsample)] {
-            if let Some(value) = value.as_ref().filter(|value| value.get_ref().contains(&0)) {
-                let message = format!("volume.{key} = {:?}; it is three whole numbers from 1", value.get_ref());
-                return Err(self.invalid(value, message));
-            }
-        }
         let path = options.volume.clone().or_else(|| file.file.as_ref().map(|path| base.join(path)));
         let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
         let layout = options.raw.clone().or(stated);
         let selection = file.selection(options);
         let mut volume = match (path, &file.phantom) {
-            (Some(path), _) => match layout {
-                Some(layout) => {
-                    let file = Some(path.to_string_lossy().into_owned());
-                    volume::open_raw(&RawLayout { file, ..layout }, Path::new(""), &selection, progress)
-                }
-                None => volume::open(&path, &selection, progress),
-            }
-            .map_err(fail)?,
+            (Some(path), _) => volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?,
             (None, Some(phantom)) => {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
                 selection.only(phantom.get_ref()).map_err(fail)?;
-                Volume::phantom(kind, file.dims.as_ref().map(|dims| *dims.get_ref())).map_err(fail)?
+                Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
             (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
@@ -1086,10 +1075,15 @@ impl Text<'_> {
         let mut labels = match options.labels.clone().or(stated) {
             Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
             None if of_phantom.is_some() && options.volume.is_none() => {
-                Volume::frog_labels(file.dims.as_ref().map(|dims| *dims.get_ref())).map_err(fail)?
+                Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
             None => return Ok(None),
         };
+        if labels.blocks != [1; 3] {
+            let problem = "labels have no mean: write downsample into the scene's [volume], where it takes the most \
+                           frequent label of a block, not beside the labels";
+            return Err(fail(VolumeError::Layout { source_name: labels.source, problem: problem.to_owned() }));
+        }
         if let Some(blocks) = file.blocks(options) {
             labels = labels.downsample_labels(blocks).map_err(fail)?;
         }
@@ -1118,10 +1112,10 @@ impl VolumeFile {
             return Ok(None);
         };
         let voxel_type = name.get_ref().parse().map_err(|error: VolumeError| text.invalid(name, error.to_string()))?;
-        let Some(dims) = &self.dims else {
+        let Some(dims) = self.dims else {
             return Err(text.invalid(name, "headerless voxels need `dims` beside their `type`"));
         };
-        let plain = RawLayout::new(*dims.get_ref(), voxel_type);
+        let plain = RawLayout::new(dims.map(NonZeroUsize::get), voxel_type);
         Ok(Some(RawLayout {
             slices: self.slices.clone(),
             byte_order: self.byte_order,
@@ -1142,7 +1136,7 @@ impl VolumeFile {
     /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.
     fn blocks(&self, options: &SceneOptions) -> Option<[usize; 3]> {
         let is_file = options.volume.is_some() || self.phantom.is_none();
-        let stated = self.downsample.as_ref().map(|blocks| *blocks.get_ref()).filter(|_| is_file);
+        let stated = self.downsample.map(|blocks| blocks.map(NonZeroUsize::get)).filter(|_| is_file);
         options.downsample.or(stated)
     }
 }

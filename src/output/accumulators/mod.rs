@@ -162,6 +162,14 @@ impl Components {
         }
     }
 
+    /// What channels call them.
+    fn names(&self) -> Vec<String> {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.iter().map(|surface| surface.name.clone()).collect(),
+            Self::Model(stored) => coefficient_names(stored.model.dimension()),
+        }
+    }
+
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -305,6 +313,15 @@ impl Accumulators {
         })
     }
 
+    /// Whether a file can hold these names and numbers, whatever its pixels are: to be asked before those are computed.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Inconsistent`] as of [`Self::write`].
+    pub fn check_header(&self) -> Result<(), OutputError> {
+        self.check_lists(&self.channel_names()).map_err(|detail| OutputError::Inconsistent { detail })
+    }
+
     /// Whether what passes has one number per component.
     #[must_use]
     pub fn is_coloured(&self) -> bool {
@@ -313,15 +330,7 @@ impl Accumulators {
 
     /// The names of the channels of the picture: those of [`Self::weights`] in their order, then those of what passes.
     fn channel_names(&self) -> Vec<String> {
-        match &self.components {
-            Components::Surfaces(surfaces) => {
-                let names: Vec<String> = surfaces.iter().map(|surface| surface.name.clone()).collect();
-                channel_names(&self.positions, &names, false)
-            }
-            Components::Model(Stored { model, coloured, .. }) => {
-                channel_names(&self.positions, &coefficient_names(model.dimension()), *coloured)
-            }
-        }
+        channel_names(&self.positions, &self.components.names(), self.is_coloured())
     }
 }
 

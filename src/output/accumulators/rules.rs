@@ -1,6 +1,6 @@
 //! The rules that accumulators keep, in memory and in files.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use super::{Accumulators, Components, LARGEST_CLOUD, PositionKind, Stored};
 use crate::model::LARGEST_DIMENSION;
@@ -41,13 +41,22 @@ impl Accumulators {
         }
         check_names("position", self.positions.iter().map(|position| &*position.name))?;
         check_names("light", self.lights.iter().map(|light| &*light.name))?;
-        let mut seen = HashSet::new();
         for name in channels {
             if name.len() > 255 {
                 return Err(format!("the channel name {name:?} has {} bytes, and OpenEXR allows 255", name.len()));
             }
-            if let Some(name) = seen.replace(name) {
-                return Err(format!("two pairs of a position and a component make the channel {name:?}"));
+        }
+        let components = self.components.names();
+        let pairs =
+            self.positions.iter().flat_map(|position| components.iter().map(move |name| (&position.name, name)));
+        let mut seen = HashMap::new();
+        for (channel, pair) in channels.iter().zip(pairs) {
+            if let Some(first) = seen.insert(channel, pair) {
+                let [one, other] =
+                    [first, pair].map(|(position, component)| format!("{position:?} with {component:?}"));
+                return Err(format!(
+                    "two pairs of a position and a component make the channel {channel:?}: {one}, and {other}"
+                ));
             }
         }
         for position in &self.positions {
