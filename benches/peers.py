@@ -87,7 +87,7 @@ for shading in ("diffuse", "none"):
 print(f"| relight, one position, 4 weights | {cpu(('peer', 'diffuse'), 'relight'):.2f} | | |")
 print(f"| relight, one position, 8 weights | {cpu(('peer-eight-materials', 'diffuse'), 'relight'):.2f} | | |")
 print(f"| relight, four positions, 4 weights each | {cpu(('peer-four-lights', 'diffuse'), 'relight'):.2f} | | |")
-startup = middle([row["startup_ms"] for row in ours[("default", "diffuse")]])
+startup = middle([row["startup_ms"]["median"] for row in ours[("default", "diffuse")]])
 print(f"| first picture of the default scene, wall ms | {startup:.0f} | | |")
 memory = middle([row["peak_mb"] for row in ours[("peer", "diffuse")]])
 print(f"| peak memory, shaded, MB | {memory:.0f} | {middle([row['peak_mb'] for row in vtk['diffuse']]):.0f} | |")

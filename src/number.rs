@@ -43,6 +43,7 @@ pub(crate) fn line_and_column(text: &str, byte: usize) -> [usize; 2] {
 #[must_use]
 pub(crate) fn in_words(message: &str) -> String {
     [
+        ("a nonzero usize", "a whole number from 1"),
         ("usize", "a whole number from 0"),
         ("u64", "a whole number from 0"),
         ("i64", "a whole number"),

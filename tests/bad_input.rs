@@ -86,7 +86,7 @@ fn every_range_is_stated_where_it_is_left() {
         ("transfer.opacity_length=-1", "above 0"),
         ("transfer.entries=1", "from 2 to 1048576"),
         ("transfer.intervals.0.opacity=1.1", "from 0 to 1"),
-        ("transfer.intervals.0.ramp=-1", "from 0 to"),
+        ("transfer.intervals.0.ramp=-1", "it is a finite number from 0"),
         ("transfer.intervals.0.range=[9,3]", "the lower one first"),
         ("accuracy.step=0", "above 0"),
         ("accuracy.step=inf", "above 0"),
@@ -105,10 +105,11 @@ fn every_range_is_stated_where_it_is_left() {
         ("volume.origin=[nan,0,0]", "not finite"),
         ("volume.direction=[1,0,0,0,1,0,0,0,0]", "not orthonormal"),
         ("volume.header_bytes=-1", "a whole number from 0"),
-        ("volume.dims=[-1,1,1]", "a whole number from 0"),
-        ("transfer.entries=-1", "a whole number from 0"),
-        ("accuracy.k=-1", "a whole number from 0"),
+        ("volume.dims=[-1,1,1]", "a whole number from 1"),
+        ("transfer.entries=-1", "from 2 to 1048576"),
+        ("accuracy.k=-1", "a whole number from 1 to 16"),
         ("materials.flesh.exponent=1.5", "a whole number"),
+        ("materials.flesh.exponent=-1", "from 1 to 1024"),
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
         ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
@@ -192,7 +193,11 @@ fn more_labels_than_a_texture_row_can_count_are_refused_where_they_stand() {
 
 #[test]
 fn numbers_far_from_one_are_short_in_messages() {
-    let ramp = Folder::new().refused(2, &render(&["-D", "transfer.intervals.0.ramp=-1e-300"]), &["= -1e-300", "e308"]);
+    let ramp = Folder::new().refused(
+        2,
+        &render(&["-D", "transfer.intervals.0.ramp=-1e-300"]),
+        &["= -1e-300", "a finite number from 0"],
+    );
     assert!(ramp.err.len() < 200, "{}", ramp.err);
     definition_refused("transfer.intervals.0.range=[1e300,-1e300]", &["range = [1e300, -1e300]"]);
 }
@@ -318,6 +323,13 @@ fn labels_on_another_grid_or_of_other_values_are_refused() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn a_sidecar_that_averages_labels_is_refused() {
+    let layout = "dims = [64, 30, 18]\ntype = \"uint8\"\ndownsample = [2, 1, 1]\n";
+    let folder = Folder::new().with("l.raw", vec![0; 64 * 30 * 18]).with("l.raw.toml", layout);
+    folder.refused(1, &render(&["--labels", "l.raw"]), &["l.raw", "labels have no mean", "[volume]"]);
+}
+
+#[test]
 fn volumes_that_no_memory_holds_are_refused_with_their_bytes() {
     let folder = Folder::new();
     for phantom in ["frog", "engine", "slab", "shells"] {
@@ -356,7 +368,7 @@ fn a_sidecar_is_refused_where_it_is_wrong_in_one_sentence() {
     );
     folder.refused(1, &["info", "v.raw.toml"], &["v.raw.toml, line 4, column 1"]);
     let folder = folder.with("v.raw.toml", layout.replace("[4, 4, 4]", "[4, -4, 4]"));
-    folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1, column 12", "a whole number from 0"]);
+    folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1, column 12", "a whole number from 1"]);
     let folder = folder.with("v.raw.toml", "dims = [");
     folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1"]);
 }
@@ -388,12 +400,22 @@ fn lights_that_are_not_there_are_refused() {
     folder.refused(2, &render(&["--light", "=2"]), &["needs a name"]);
     folder.refused(2, &render(&["--light", "foliage"]), &["reflectance"]);
     folder.refused(2, &render(&["--light", "blackbody 3"]), &["100 K"]);
+    folder.refused(2, &render(&["--light", "blackbody -3000"]), &["-3000", "100 K"]);
     folder.done(&render(&["--accumulators", "acc.exr"]));
     folder.refused(2, &["relight", "acc.exr", "-o", "q.png", "--light", "D66"], &["did you mean \"D65\"?"]);
     folder.refused(2, &["relight", "acc.exr", "-o", "q.png", "--light", "A@moon"], &["no position \"moon\""]);
 }
 
 // Sizes and devices.
+
+#[test]
+fn flags_that_no_workload_has_a_use_for_are_refused() {
+    let folder = Folder::new();
+    let volume = "--volume does nothing here";
+    folder.refused(2, &["bench", "default", "--volume", "frog.mhd"], &[volume]);
+    folder.refused(2, &["bench", "default", "model", "--volume", "frog.mhd"], &[volume]);
+    folder.refused(2, &["bench", "model", "--time", "1"], &["--time does nothing here"]);
+}
 
 #[test]
 fn sizes_that_no_picture_has_are_refused() {
@@ -489,11 +511,33 @@ fn outputs_that_cannot_be_are_refused_before_the_work() {
     refused(2, &["--spectral", "a.exr", "--accumulators", "a.exr"], &["a.exr is named twice"]);
     refused(2, &["--spectral", "s.toml"], &["--spectral s.toml", ".exr"]);
     refused(2, &["--accumulators", "a.png"], &["--accumulators a.png", ".exr"]);
+    refused(2, &["-o", "p.png", "--reference", "--device", "auto"], &["--reference", "--device"]);
     refused(2, &["--volume", "v.exr", "--accumulators", "./v.exr"], &["v.exr is an input"]);
     refused(2, &[], &["nothing to write", "-o FILE.png"]);
     refused(2, &["-o"], &["-o"]);
     folder.refused(2, &["relight", "scene.toml"], &["--output"]);
     folder.refused(2, &["paint"], &["paint"]);
+}
+
+#[test]
+fn names_that_no_accumulator_file_can_hold_are_refused_before_the_march() {
+    let long = "x".repeat(250);
+    for (light, material, words) in [
+        ("a", "b.c", &["\"a.b\" with \"c\", and \"a\" with \"b.c\"", "\"a.b.c\""][..]),
+        ("", "b", &["a position has an empty name"]),
+        (&long, "flesh", &["256 bytes", "OpenEXR allows 255"]),
+    ] {
+        let scene = SCENE.replace("[lights.day]", &format!("[lights.\"{light}\"]"));
+        let scene = scene.replace("[lights.lamp]", "[lights.\"a.b\"]");
+        let scene = scene.replace("[materials.flesh]", &format!("[materials.\"{material}\"]"));
+        let scene = scene.replace("material = \"flesh\"", &format!("material = \"{material}\""));
+        let scene =
+            scene.replace("[materials.bone]", "[materials.c]").replace("material = \"bone\"", "material = \"c\"");
+        let folder = Folder::new().with("scene.toml", scene);
+        // So large that a test which marched it would be seen.
+        let arguments = ["render", "scene.toml", "--size", "4000x4000", "-o", "p.png", "--accumulators", "a.exr"];
+        folder.refused(1, &arguments, &[words, &["--accumulators a.exr", "rename a light or a material"]].concat());
+    }
 }
 
 #[test]

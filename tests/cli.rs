@@ -3,50 +3,20 @@
 
 mod support;
 
-use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use exr::prelude::attribute::AttributeValue;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels as _,
-    ReadLayers as _, Text, WritableImage as _,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
+    WritableImage as _,
 };
 use serde_json::Value;
-use support::program::{Folder, Outcome};
+use support::exr::{Exr, assert_same};
+use support::program::{Folder, Outcome, SCENE};
 
 /// The sides of every picture here.
 const SIZE: &str = "32x32";
-
-/// An OpenEXR file as another program reads it: channels by name, and the attributes that this program added.
-struct Exr {
-    size: (usize, usize),
-    channels: BTreeMap<String, Vec<f32>>,
-    attributes: HashMap<String, String>,
-}
-
-impl Exr {
-    fn read(path: &Path) -> Self {
-        let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
-        let image = reader.first_valid_layer().all_attributes().from_file(path).unwrap();
-        let layer = image.layer_data;
-        let channels = layer
-            .channel_data
-            .list
-            .iter()
-            .map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()));
-        let attributes = layer.attributes.other.iter().filter_map(|(name, value)| match value {
-            AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
-            _ => None,
-        });
-        Self { size: (layer.size.0, layer.size.1), channels: channels.collect(), attributes: attributes.collect() }
-    }
-
-    /// Linear RGB and opacity, channel after channel.
-    fn rgba(&self) -> Vec<f32> {
-        ["R", "G", "B", "A"].iter().flat_map(|name| self.channels[*name].iter().copied()).collect()
-    }
-}
 
 /// The linear picture that the program makes with `arguments`.
 fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
@@ -57,15 +27,6 @@ fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
 /// The linear picture of the scene of every test, rendered with `arguments`.
 fn rendered(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
     picture(folder, &[&["render", "scene.toml", "--size", SIZE], arguments].concat())
-}
-
-/// Two pictures are one, but for the rounding of f32: `relative` of the larger value, and 1e-6 of white.
-fn assert_same(one: &[f32], other: &[f32], relative: f32) {
-    assert_eq!(one.len(), other.len(), "pictures of one size");
-    assert!(one.iter().any(|&value| value > 0.01), "a black picture shows nothing");
-    for (&a, &b) in one.iter().zip(other) {
-        assert!((a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-6, "{a} against {b}");
-    }
 }
 
 fn keys(value: &Value) -> Vec<&str> {
@@ -208,6 +169,13 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let json = folder.done(&["info", "scene.toml", "--json"]).json();
     assert_eq!(json["plan"]["components"], 3);
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
+    let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["texture"][key].clone());
+    assert_eq!(stored(&json), [Value::from("rgba16snorm"), Value::from(32 * 30 * 18 * 8)]);
+    let sentence = "The volume is stored as 16-bit values with gradients (Rgba16Snorm), 0.1 MB, which loses nothing.";
+    assert!(text.contains(sentence), "{text}");
+    assert_eq!(json["plan"]["explanation"].as_array().unwrap().last(), Some(&Value::from(sentence)));
+    let plain = folder.done(&["info", "scene.toml", "-D", "shading=none", "--json"]).json();
+    assert_eq!(stored(&plain), [Value::from("r16unorm"), Value::from(32 * 30 * 18 * 2)]);
     assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
     assert_eq!(json["labels"], Value::Null);
     assert_eq!(json["materials"], serde_json::json!(["bone", "flesh"]));
@@ -227,7 +195,10 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
-    assert_eq!(keys(&json), ["accumulators", "components", "lights", "positions", "size", "warnings"]);
+    assert_eq!(
+        keys(&json),
+        ["accumulators", "components", "lights", "model", "positions", "situations", "size", "warnings"]
+    );
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
 }
@@ -256,10 +227,14 @@ fn bench_measures_with_the_promised_keys() {
     let workloads: Vec<_> =
         rows.iter().map(|row| (row["workload"].as_str().unwrap(), row["shading"].as_str().unwrap())).collect();
     assert_eq!(workloads, [("peer", "none"), ("peer", "diffuse"), ("default", "none"), ("default", "diffuse")]);
-    for row in rows {
-        for key in ["volume", "size", "accumulate", "lanes", "positions", "device", "startup_ms", "peak_mb"] {
+    for (number, row) in rows.iter().enumerate() {
+        for key in ["volume", "size", "accumulate", "lanes", "positions", "device", "peak_mb"] {
             assert!(!row[key].is_null(), "{key}");
         }
+        // Later rows find the device open.
+        let startup = &row["startup_ms"];
+        assert!(if number == 0 { startup["median"].as_f64() > Some(0.0) } else { startup.is_null() }, "{row}");
+        assert!(startup["min"] == startup["median"] && startup["max"] == startup["median"], "measured once: {row}");
         for stage in ["march", "relight"] {
             for clock in ["wall_ms", "cpu_ms"] {
                 let time = |of: &str| row[stage][clock][of].as_f64().unwrap();
@@ -376,6 +351,35 @@ fn lights_add_up_and_weights_multiply() {
 }
 
 #[test]
+fn names_of_lights_may_hold_the_signs_of_positions_and_weights() {
+    let scene = SCENE.replace("[lights.lamp]", "[lights.\"lamp@day=2\"]").replace("[lights.day]", "[lights.\"d@y\"]");
+    let folder = Folder::new().with("scene.toml", scene).with("tube=3.csv", "400,1\n700,2\n").with("a@b", "500,1\n");
+    folder.done(&["render", "scene.toml", "--size", "4x4", "--accumulators", "acc.exr"]);
+    for (asked, name, positions, weight) in [
+        ("lamp@day=2", "lamp@day=2", &["lamp@day=2"][..], 0.5),
+        ("lamp@day=2=2", "lamp@day=2", &["lamp@day=2"], 1.0),
+        ("lamp@day=2@d@y=3", "lamp@day=2", &["d@y"], 1.5),
+        ("d@y", "d@y", &["d@y"], 1.0),
+        ("tube=3.csv", "tube=3.csv", &["lamp@day=2", "d@y"], 1.0),
+        ("tube=3.csv@d@y=4", "tube=3.csv", &["d@y"], 4.0),
+        ("a@b", "a@b", &["lamp@day=2", "d@y"], 1.0),
+        ("D65@d@y", "D65", &["d@y"], 1.0),
+        ("D65=2", "D65", &["lamp@day=2", "d@y"], 2.0),
+    ] {
+        let json = folder.done(&["relight", "acc.exr", "-o", "p.png", "--light", asked, "--json"]).json();
+        let lights = json["lights"].as_array().unwrap();
+        let found: Vec<_> = lights.iter().map(|light| light["position"].as_str().unwrap()).collect();
+        assert_eq!(found, positions, "{asked}");
+        assert!(lights.iter().all(|light| light["name"] == name && light["weight"] == weight), "{asked}: {json}");
+    }
+    folder.refused(
+        2,
+        &["relight", "acc.exr", "-o", "q.png", "--light", "lamp@day"],
+        &["lamp@day", "no position \"day\""],
+    );
+}
+
+#[test]
 fn a_light_can_be_a_file() {
     let folder = Folder::new().with("flat.csv", "380 3\n580 3\n780 3\n");
     // Its scale does not matter: a white surface under it has Y = 1, as under illuminant E.
@@ -394,8 +398,8 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["lights", "outputs", "size", "times", "warnings"]);
-    assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
+    assert_eq!(keys(&json), ["frames", "model", "outputs", "size", "times", "warnings"]);
+    assert_eq!(json["frames"][0]["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 
 /// Relighting needs no device, no scene and no volume, and reads what another program wrote by the documentation.
@@ -450,9 +454,7 @@ fn the_reference_shows_what_the_device_shows() {
 
 #[test]
 fn a_definition_is_an_edit_of_the_file() {
-    let edited = support::program::SCENE
-        .replace("intensity = 0.5", "intensity = 0.25")
-        .replace("opacity = 0.1", "opacity = 0.3");
+    let edited = SCENE.replace("intensity = 0.5", "intensity = 0.25").replace("opacity = 0.1", "opacity = 0.3");
     let folder = Folder::new().with("edited.toml", edited + "[camera]\nprojection = \"orthographic\"\n");
     let flags = [
         "-D",
@@ -761,4 +763,51 @@ fn every_key_of_a_scene_is_documented() {
             assert!(documented.lines().any(written), "{table}{key} is not in docs/SCENE.md");
         }
     }
+}
+
+/// What `relight` with `arguments` makes of the accumulators of the scene of every test.
+fn dialled(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
+    picture(folder, &[&["relight", "acc.exr"], arguments].concat())
+}
+
+#[test]
+fn the_hand_of_the_dial_mixes_lights_and_on_a_node_is_that_light_alone() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr", "-D", "dial.nodes.day=[2,1]"]);
+    let day = dialled(&folder, &["--light", "day"]);
+    assert_eq!(dialled(&folder, &["--dial", "2,1", "-o", "p.png"]), day, "the scene's place is in the file");
+    assert_eq!(dialled(&folder, &["--dial", "-9,-9", "--nodes-off", "lamp"]), day);
+    // Halfway between the two nodes each light has half: lamp has the intensity 0.5, and white is to keep the luminance 1.
+    let json = folder.done(&["relight", "acc.exr", "--sweep", "lamp..day", "--frames", "3", "-o", "s.png", "--json"]);
+    let frames = json.json()["frames"].clone();
+    assert_eq!(frames[2]["dial"], serde_json::json!([2.0, 1.0]));
+    let weights: Vec<f64> = (0..2).map(|light| frames[1]["lights"][light]["weight"].as_f64().unwrap()).collect();
+    let [lamp, day] = [weights[0], weights[1]];
+    assert!((lamp + day - 1.0).abs() < 1e-9 && (day - 2.0 * lamp).abs() < 1e-9, "{weights:?}");
+    let names = folder.names();
+    for name in ["s-0001.png", "s-0002.png", "s-0003.png"] {
+        assert!(names.iter().any(|there| there == name), "no {name} in {names:?}");
+    }
+    assert!(!names.iter().any(|name| name == "s.png"));
+    folder.done(&["relight", "acc.exr", "--tour", "--frames", "2", "-o", "t.png"]);
+    assert_eq!(std::fs::read(folder.path("t-0001.png")).unwrap(), std::fs::read(folder.path("s-0003.png")).unwrap());
+}
+
+#[test]
+fn a_dial_that_cannot_be_turned_so_is_refused() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", "4x4", "--accumulators", "acc.exr"]);
+    for (arguments, words) in [
+        (&["--dial", "north"][..], "write x,y"),
+        (&["--dial", "0,0", "--light", "A"], "cannot be used with"),
+        (&["--nodes-off", "lamp"], "--dial, --situation, --sweep or --tour"),
+        (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
+        (&["--sweep", "day"], "A..B"),
+        (&["--sweep", "day..night"], "night: there is no such light"),
+    ] {
+        folder.refused(2, &[&["relight", "acc.exr", "-o", "p.png"], arguments].concat(), &[words]);
+    }
+    let all_off = ["--dial", "0,0", "--nodes-off", "lamp", "--nodes-off", "day"];
+    let outcome = folder.done(&[&["relight", "acc.exr", "-o", "p.png"], &all_off[..]].concat());
+    assert!(outcome.err.starts_with("warning: no light of the dial is on"), "{}", outcome.err);
 }

@@ -58,6 +58,15 @@ const SHARMA_2005: [[f64; 7]; 34] = [
     [2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082],
 ];
 
+/// COLOUR.md C2.
+#[test]
+fn what_is_no_number_is_no_difference_of_zero() {
+    for part in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e60] {
+        let odd = Lab([50.0, part, 0.0]);
+        assert!(ciede2000(odd, Lab([50.0, 0.0, 0.0])).is_nan(), "{part}");
+    }
+}
+
 #[test]
 fn ciede2000_gives_the_published_differences_both_ways() {
     for [l1, a1, b1, l2, a2, b2, expected] in SHARMA_2005 {
@@ -76,7 +85,7 @@ fn a_colour_does_not_differ_from_itself() {
 }
 
 /// Plain sums in numpy over the tables of colour-science 0.4.7, without this crate.
-const PLAIN_SUMS: [(&str, &str, [f64; 3]); 15] = [
+const PLAIN_SUMS: [(&str, &str, [f64; 3]); 18] = [
     ("A", "dark skin", [0.1478674168920798, 0.10978159704108989, 0.019901079986315063]),
     ("A", "cyan", [0.11935965045631412, 0.15938571419485886, 0.13303855122628563]),
     ("A", "white 9.5", [0.9751774418128878, 0.8875122524952448, 0.3132822264237239]),
@@ -92,8 +101,12 @@ const PLAIN_SUMS: [(&str, &str, [f64; 3]); 15] = [
     ("LED-V1", "dark skin", [0.15184895459959438, 0.11050798485882248, 0.020238268025558653]),
     ("LED-V1", "cyan", [0.11886051346469437, 0.15914615461793488, 0.12440832116420693]),
     ("LED-V1", "blue", [0.05796504135322803, 0.05113027466508058, 0.08388668189601596]),
+    ("LED-B2", "dark skin", [0.13891280122006505, 0.10822640834316444, 0.02223288204485047]),
+    ("LED-B4", "blue", [0.08221302123815864, 0.05481552737682395, 0.26644811570775845]),
+    ("LED-V2", "cyan", [0.12534863926809237, 0.18182452165189034, 0.23694084510014077]),
 ];
 
+/// COLOUR.md C1.
 #[test]
 fn patches_under_lights_have_the_colours_of_another_implementation() {
     for (light, patch, expected) in PLAIN_SUMS {
@@ -114,7 +127,7 @@ fn the_perfect_reflector_has_luminance_1_under_every_light() {
 
 /// x, y as the CIE publishes them to four digits (CIE 15:2004, CIE 015:2018), here to the five of plain sums at 5 nm
 /// made without this crate.
-const CHROMATICITIES: [(&str, [f64; 2]); 7] = [
+const CHROMATICITIES: [(&str, [f64; 2]); 10] = [
     ("A", [0.44758, 0.40745]),
     ("D65", [0.31272, 0.32903]),
     ("E", [0.33333, 0.33333]),
@@ -122,6 +135,9 @@ const CHROMATICITIES: [(&str, [f64; 2]); 7] = [
     ("FL11", [0.38054, 0.37692]),
     ("LED-B1", [0.45595, 0.40780]),
     ("LED-B3", [0.37561, 0.37229]),
+    ("LED-B2", [0.43566, 0.40118]),
+    ("LED-B4", [0.34218, 0.35016]),
+    ("LED-V2", [0.37811, 0.37750]),
 ];
 
 #[test]

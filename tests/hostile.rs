@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use hostile::{Counting, Place, Reader, most_held};
 use relume::output::Accumulators;
-use relume::output::accumulators::{Component, Light, Position, PositionKind};
+use relume::output::accumulators::{Component, Components, Light, Position, PositionKind};
 use relume::progress::{Progress, Quiet};
 use relume::volume::{self, Selection, Volume, VolumeError};
 use rustix::time::{ClockId, clock_gettime};
@@ -167,12 +167,13 @@ fn accumulators_to_damage() {
     let file = Accumulators {
         width: 4,
         height: 3,
-        components: vec![Component { name: "bone".to_owned(), spectrum: ramp }],
+        components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: ramp }]),
         positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]) }],
         lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, spectrum: ramp }],
         background: None,
         exposure: 1.0,
         adapt: true,
+        dial: None,
         weights: vec![0.5; 12],
         transmittance: vec![0.25; 12],
     };

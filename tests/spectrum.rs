@@ -16,6 +16,7 @@ use tempfile::TempDir;
 
 const OBSERVER_CSV: &str = include_str!("../data/spectra/cie1931_2deg_cmf_5nm.csv");
 const ILLUMINANTS_CSV: &str = include_str!("../data/spectra/illuminants_5nm.csv");
+const LED_CSV: &str = include_str!("../data/spectra/led_5nm.csv");
 const COLORCHECKER_CSV: &str = include_str!("../data/spectra/colorchecker_ohta1997_5nm.csv");
 
 /// A table without its comment lines.
@@ -52,6 +53,7 @@ fn the_embedded_tables_are_the_published_ones() {
     for (csv, expected) in [
         (OBSERVER_CSV, "e22e732725635706b49ad1e1c6f64b9f4b353bd4ce53c22f91355b34fa5f969a"),
         (ILLUMINANTS_CSV, "26cd0bb31f0758c9e1d53612b0436dc53796595054ed0d93281d282bedb601bb"),
+        (LED_CSV, "b385aca874d4ee52e12e06931d021a3b875c9bc626e555c5c6b4e6fdc10c40b7"),
         (COLORCHECKER_CSV, "aea9fd799a02a7a900275dfe99483d09bcd410e019f16b604038eb4a84ae7013"),
     ] {
         let digest: String = Sha256::digest(published(csv)).iter().map(|byte| format!("{byte:02x}")).collect();
@@ -83,7 +85,8 @@ fn the_compiled_tables_hold_the_files_numbers() {
     for ((name, column), spectrum) in columns(OBSERVER_CSV).iter().zip(&OBSERVER) {
         assert_eq!(spectrum.samples().as_slice(), on_grid(column), "{name}");
     }
-    for (name, column) in columns(ILLUMINANTS_CSV).iter().chain(&columns(COLORCHECKER_CSV)) {
+    let tables = [ILLUMINANTS_CSV, LED_CSV, COLORCHECKER_CSV].map(columns);
+    for (name, column) in tables.iter().flatten() {
         assert_eq!(standard_spectrum(name).samples().as_slice(), on_grid(column), "{name}");
     }
 }
@@ -154,6 +157,13 @@ fn a_black_body_must_have_a_temperature() {
 }
 
 #[test]
+fn every_typical_led_lamp_of_the_cie_has_its_name() {
+    for name in ["B1", "B2", "B3", "B4", "B5", "BH1", "RGB1", "V1", "V2"] {
+        assert!(standard::light(&format!("LED-{name}")).is_ok(), "{name}");
+    }
+}
+
+#[test]
 fn names_are_found_however_they_are_spelt() {
     for (spelling, name) in [
         ("d65", "D65"),
@@ -168,6 +178,9 @@ fn names_are_found_however_they_are_spelt() {
     }
     for spelling in ["blackbody 2856", "Blackbody 2856K", "blackbody_2.856e3"] {
         assert_eq!(standard::light(spelling).unwrap(), Light::blackbody(2856.0).unwrap(), "{spelling}");
+    }
+    for name in ["blackbody -300", "blackbody -3000", "black-body 3e-1", "blackbody-3000 K"] {
+        assert!(matches!(standard::light(name), Err(SpectrumError::Temperature { .. })), "{name}");
     }
     for name in ["", "(", "blackbody", "blackbody.csv", "D66"] {
         assert_eq!(standard::find(name), None, "{name}");

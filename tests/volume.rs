@@ -116,6 +116,32 @@ fn a_sidecar_opens_the_file_or_the_slices_it_names() {
 }
 
 #[test]
+fn a_sidecar_says_what_to_read_as_a_scene_does() {
+    let folder = folder_with("a.raw", &[1, 3, 5, 9]);
+    let path = folder.path().join("a.raw");
+    let open = |more: &str, selection: &Selection| {
+        let text = format!("dims = [4, 1, 1]\ntype = 'uint8'\n{more}");
+        std::fs::write(folder.path().join("a.toml"), text).unwrap();
+        volume::open(&path, selection, &Quiet)
+    };
+    let halved = open("downsample = [2, 1, 1]\ncomponent = 0\ntime = 0", &Selection::default()).unwrap();
+    assert_eq!((halved.voxels, halved.blocks), (Voxels::U8(vec![2, 7]), [2, 1, 1]));
+    assert_eq!(halved.geometry.spacing, DVec3::new(2.0, 1.0, 1.0));
+    let refused = |more: &str, words: &str| {
+        let message = whole_message(&open(more, &Selection::default()).unwrap_err());
+        assert!(message.contains(words), "{more}: {message}");
+    };
+    refused("component = 1", "--component 1");
+    refused("time = 2", "--time 2");
+    refused("downsample = [0, 1, 1]", "a whole number from 1");
+    refused("downsample = [5, 1, 1]", "blocks of 5×1×1 in 4×1×1 voxels");
+    refused("labels = 'b.raw'", "unknown field `labels`");
+    // Who opens the file may choose otherwise.
+    let chosen = Selection { component: Some(0), ..Selection::default() };
+    assert!(open("component = 1", &chosen).is_ok(), "component 0 is there");
+}
+
+#[test]
 fn a_sidecar_names_no_file_outside_its_folder() {
     let folder = folder_with("a.raw", &[1, 2]);
     std::fs::create_dir(folder.path().join("sub")).unwrap();
@@ -159,6 +185,11 @@ fn bad_raw_files_are_refused_with_the_numbers() {
     assert!(whole_message(&error).contains("uint7"), "{}", whole_message(&error));
 
     let error = refused("dims = [5, 1, 0]\ntype = 'uint8'");
+    let message = whole_message(&error);
+    assert!(matches!(error, VolumeError::Sidecar { .. }), "{message}");
+    assert!(message.contains("line 1, column 15") && message.contains("a whole number from 1"), "{message}");
+    let layout = RawLayout { file: Some("a.raw".into()), ..RawLayout::new([5, 1, 0], VoxelType::U8) };
+    let error = volume::open_raw(&layout, folder.path(), &Selection::default(), &Quiet).unwrap_err();
     assert!(matches!(error, VolumeError::Dims { .. }) && error.to_string().contains("5×1×0"), "{error}");
     let error = refused("dims = [4294967296, 4294967296, 4294967296]\ntype = 'uint8'");
     assert!(matches!(error, VolumeError::Dims { .. }), "{error}");

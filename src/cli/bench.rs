@@ -17,6 +17,8 @@ use relume::scene::{self, AccumulateAs, Aim, Material, Mix, Placement, Scene, Sc
 use relume::spectrum::{Absorption, Spectrum};
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
+use super::accuracy::AccuracyArgs;
+use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{SelectionArgs, size};
 use super::{CliError, Report, bench_load, bench_model};
@@ -28,7 +30,10 @@ Examples:
   relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
 
-Times are medians over the frames: CPU time of all threads, and wall time.";
+Times are medians over the frames: CPU time of all threads, and wall time; --json has {median, min, max} of each.
+startup_ms, from the start of the program to its first picture, is that of the first row of a process (n = 1), and null
+in the others: the device is open by then. peak_mb is the most memory that the process has held so far, rows before
+included.";
 
 /// `relume bench`
 #[derive(Debug, clap::Args)]
@@ -37,11 +42,13 @@ pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// The real frog for `peer`, in place of its phantom; what `load` reads.
+    /// The real frog for the workloads `peer…`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
     selection: SelectionArgs,
+    #[command(flatten)]
+    accuracy: AccuracyArgs,
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
@@ -87,6 +94,17 @@ impl Workload {
     fn needs_device(self) -> bool {
         !matches!(self, Self::Model | Self::Load)
     }
+
+    /// Whether it shows or reads what --volume names.
+    fn takes_volume(&self) -> bool {
+        !matches!(self, Self::Default | Self::Model)
+    }
+
+    /// Whether it says itself what pixels keep, or has none.
+    fn is_fixed(&self) -> bool {
+        let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
+        fixed || !self.needs_device()
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -103,6 +121,7 @@ struct Row {
     size: [usize; 2],
     shading: &'static str,
     accumulate: &'static str,
+    model: Option<serde_json::Value>,
     components: usize,
     lanes: usize,
     positions: usize,
@@ -110,7 +129,9 @@ struct Row {
     software: bool,
     march: Times,
     relight: Times,
-    startup_ms: f64,
+    /// To the first picture of the process; none in later rows, which find the device open.
+    startup_ms: Option<Summary>,
+    /// The most memory that the process has held so far, in MB.
     peak_mb: Option<f64>,
 }
 
@@ -128,6 +149,23 @@ impl Times {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
+    if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
+        return Err(CliError::Usage(format!(
+            "{flag} does nothing here: these workloads say what pixels keep, or have none"
+        )));
+    }
+    let selection = args.selection.selection();
+    let of_volumes = [
+        ("--volume", args.volume.is_some()),
+        ("--component", selection.component.is_some()),
+        ("--time", selection.time.is_some()),
+        ("--array", selection.array.is_some()),
+    ];
+    if let Some((flag, _)) = of_volumes.iter().find(|(_, given)| *given)
+        && !args.workloads.iter().any(Workload::takes_volume)
+    {
+        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads have what they show")));
+    }
     let mut reports = Vec::new();
     if args.workloads.iter().any(|workload| workload.needs_device()) {
         reports.push(run_frames(args, progress, started)?);
@@ -136,7 +174,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         reports.push(bench_model::run(args.scenes.into(), progress)?);
     }
     if args.workloads.contains(&Workload::Load) {
-        reports.push(bench_load::run(args.volume.as_deref(), &args.selection.selection(), args.frames, progress)?);
+        reports.push(bench_load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {
@@ -156,8 +194,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     for &workload in args.workloads.iter().filter(|workload| workload.needs_device()) {
         for shading in [BenchShading::None, BenchShading::Diffuse] {
             if args.shading.is_none_or(|only| only == shading) {
-                let begun = started.take().unwrap_or_else(Instant::now);
-                rows.push(measure(args, &renderer, workload, shading, progress, begun)?);
+                rows.push(measure(args, &renderer, workload, shading, progress, started.take())?);
             }
         }
     }
@@ -174,7 +211,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
     for row in &rows {
         text.push_str(&format!(
-            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
+            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10}\n",
             row.workload,
             row.shading,
             row.positions,
@@ -183,7 +220,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
             median(row.march.wall_ms),
             median(row.relight.cpu_ms),
             median(row.relight.wall_ms),
-            row.startup_ms,
+            row.startup_ms.map_or_else(|| "-".to_owned(), |time| format!("{:.0}", time.median)),
         ));
     }
     Ok(Report { text, json: json!({ "rows": rows }) })
@@ -195,13 +232,14 @@ fn measure(
     workload: Workload,
     shading: BenchShading,
     progress: &dyn Progress,
-    begun: Instant,
+    started: Option<Instant>,
 ) -> Result<Row, CliError> {
+    let options = SceneOptions { definitions: args.accuracy.definitions(), ..SceneOptions::default() };
     let mut scene = if workload == Workload::Default {
-        scene::load_embedded(&SceneOptions::default(), progress)?
+        scene::load_embedded(&options, progress)?
     } else {
         let (volume, selection) = (args.volume.clone(), args.selection.selection());
-        scene::load_peer(&SceneOptions { volume, selection, ..SceneOptions::default() }, progress)?
+        scene::load_peer(&SceneOptions { volume, selection, ..options }, progress)?
     };
     if shading == BenchShading::None {
         scene.shading = Shading::None;
@@ -209,7 +247,13 @@ fn measure(
     match workload {
         Workload::Peer | Workload::Default | Workload::Model | Workload::Load => {}
         Workload::PeerFourLights => add_peer_lights(&mut scene),
-        Workload::PeerEightMaterials => double_materials(&mut scene),
+        Workload::PeerEightMaterials => {
+            double_materials(&mut scene);
+            // Fewer numbers would do for them, and what is measured is eight weights.
+            if scene.accuracy.accumulate == AccumulateAs::Auto {
+                scene.accuracy.accumulate = AccumulateAs::Weights;
+            }
+        }
         Workload::PeerRgb => carry(&mut scene, ModelKind::Rgb, 3),
         Workload::PeerK8 => carry(&mut scene, ModelKind::Nodes, 8),
         Workload::PeerColouredRgb => {
@@ -226,7 +270,7 @@ fn measure(
     let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
     let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
     let (mut marches, mut relights) = (Vec::new(), Vec::new());
-    let mut startup_ms = 0.0;
+    let mut startup_ms = None;
     const WARM_UP: u32 = 2;
     let mut relit = None;
     for frame in 0..WARM_UP + args.frames {
@@ -239,7 +283,7 @@ fn measure(
         if frame == 0 {
             let relight = renderer.relight_display(&accumulators)?;
             relight.run(&matrices)?;
-            startup_ms = begun.elapsed().as_secs_f64() * 1e3;
+            startup_ms = started.and_then(|started| summary(&[started.elapsed().as_secs_f64() * 1e3]));
         }
         if frame >= WARM_UP {
             marches.push(march);
@@ -266,6 +310,7 @@ fn measure(
             Accumulate::Weights { .. } => "weights",
             Accumulate::Spectral { .. } => "spectral",
         },
+        model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
         components: planned.plan.components(),
         lanes: planned.plan.lanes(),
         positions: planned.positions.len(),

@@ -39,6 +39,7 @@ struct Row {
     bare_mb_s: f64,
     /// CPU time of opening over that of decoding; none where what was read is less than the voxels.
     ratio: Option<f64>,
+    /// The most memory that the process has held so far, in MB.
     peak_mb: Option<f64>,
 }
 

@@ -2,18 +2,22 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
 use relume::input;
+use relume::model::ColourModel;
 use relume::number::readable;
-use relume::output::accumulators::{Accumulators, Light};
+use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
-use relume::scene::{Placement, Scene};
+use relume::scene::{Placement, Scene, StoreAs};
+use relume::tables::Storage;
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
 
+use super::model::Learnt;
 use super::scene::{SceneArgs, voxel};
 use super::{CliError, Report};
 
@@ -40,26 +44,24 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     match (&args.scene.scene, &args.scene.volume) {
-        (None, None) if args.scene.define.is_empty() => {
+        (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
             args.refuse(&all, "name a scene or a volume for it")?;
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
             let flags = ["-D", "--labels", "--downsample", "--dims", "--voxel"];
-            args.refuse(&flags, &format!("{} is no scene and no volume", path.display()))?;
+            let why = format!("{} is no scene and no volume", path.display());
+            args.refuse(&flags, &why)?;
+            args.refuse_accuracy(&why)?;
             Ok(of_accumulators(path, &Accumulators::read(path)?))
         }
         (Some(path), None) if !is_scene(path) => {
-            args.refuse(&["-D", "--labels"], &format!("{} is a volume; it is for scenes", path.display()))?;
+            let why = format!("{} is a volume; it is for scenes", path.display());
+            args.refuse(&["-D", "--labels"], &why)?;
+            args.refuse_accuracy(&why)?;
             let selection = args.scene.selection.selection();
-            let volume = match args.scene.raw.layout() {
-                Some(layout) => {
-                    let layout = volume::RawLayout { file: Some(path.clone()), ..layout };
-                    volume::open_raw(&layout, std::path::Path::new(""), &selection, progress)?
-                }
-                None => volume::open(path, &selection, progress)?,
-            };
+            let volume = volume::open_by(path, args.scene.raw.layout().as_ref(), &selection, progress)?;
             let volume = match args.scene.downsample {
                 Some(blocks) => volume.downsample(blocks)?,
                 None => volume,
@@ -71,12 +73,20 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let path = path.as_ref().map_or("the default scene".into(), |path| path.display().to_string());
             args.refuse(&["--voxel"], &format!("{path} is a scene; it is for volumes"))?;
             let scene = args.scene.load(progress)?;
-            Ok(of_scene(&scene, &plan(&scene, progress)?))
+            of_scene(&scene, &plan(&scene, progress)?)
         }
     }
 }
 
 impl Args {
+    /// Refuses flags on colour accuracy.
+    fn refuse_accuracy(&self, why: &str) -> Result<(), CliError> {
+        match self.scene.accuracy.given().first() {
+            Some(flag) => Err(CliError::Usage(format!("{flag} does nothing here: {why}"))),
+            None => Ok(()),
+        }
+    }
+
     /// Refuses each of `flags` that is given.
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
         let selection = self.scene.selection.selection();
@@ -207,17 +217,33 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
 }
 
 fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
-    let components: Vec<&str> = file.components.iter().map(|component| component.name.as_str()).collect();
     let positions: Vec<&str> = file.positions.iter().map(|position| position.name.as_str()).collect();
     let at = |light: &Light| positions.get(light.position).copied().unwrap_or_default();
     let lights = file.lights.iter().map(|light| format!("{}@{}={}", light.name, at(light), readable(light.weight)));
+    let (components, model) = match &file.components {
+        Components::Surfaces(surfaces) => (surfaces.iter().map(|surface| surface.name.clone()).collect(), None),
+        Components::Model(Stored { model, .. }) => (Vec::new(), Some(model)),
+    };
     let mut text = format!("{}: an accumulator file, for relume relight\n", path.display());
-    for (name, value) in [
-        ("size", format!("{} × {}", file.width, file.height)),
-        ("components", or_none(&components.join(", "))),
-        ("positions", or_none(&positions.join(", "))),
-        ("lights", or_none(&lights.collect::<Vec<_>>().join(", "))),
-    ] {
+    let mut lines = vec![("size", format!("{} × {}", file.width, file.height))];
+    match model {
+        None => lines.push(("components", or_none(&components.join(", ")))),
+        Some(model) => {
+            let worst = model.worst();
+            let passes = if file.is_coloured() { "what passes has a colour" } else { "what passes is grey" };
+            lines.push(("model", format!("{}; {passes}", model.description())));
+            let of = format!("{:.3} on average, p95 {:.3}, at most {:.3}", worst.mean, worst.p95, worst.max);
+            lines.push(("ΔE00", format!("{of} under its lights")));
+        }
+    }
+    lines.push(("positions", or_none(&positions.join(", "))));
+    lines.push(("lights", or_none(&lights.collect::<Vec<_>>().join(", "))));
+    let situations = file.dial.iter().flat_map(|dial| &dial.situations).map(|situation| situation.name.as_str());
+    let situations: Vec<&str> = situations.collect();
+    if !situations.is_empty() {
+        lines.push(("situations", situations.join(", ")));
+    }
+    for (name, value) in lines {
         let _ = writeln!(text, "  {name:<10} {value}");
     }
     let lights = file.lights.iter();
@@ -227,13 +253,16 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
         "accumulators": path.display().to_string(),
         "size": [file.width, file.height],
         "components": components,
+        "model": model.map(|model| Learnt::nothing(model).json(model)),
         "positions": positions,
         "lights": lights,
+        "situations": situations,
     });
     Report { text, json }
 }
 
-fn of_scene(scene: &Scene, planned: &Planned) -> Report {
+fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
+    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
     let mut text = format!("{}\n", scene.source);
     let mut line = |name: &str, value: &str| {
@@ -270,8 +299,12 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
+    let situations: Vec<&str> = scene.dial.situations.iter().map(|situation| situation.name.as_str()).collect();
+    if !situations.is_empty() {
+        line("situations", &situations.join(", "));
+    }
     text.push_str("what a picture of it takes\n");
-    for sentence in planned.explain(scene) {
+    for sentence in explanation(scene, planned, &storage) {
         let _ = writeln!(text, "  {sentence}");
     }
     let json = json!({
@@ -305,9 +338,10 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
                 json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
             })
             .collect::<Vec<_>>(),
-        "plan": plan_json(scene, planned),
+        "situations": situations,
+        "plan": plan_json(scene, planned, &storage, None),
     });
-    Report { text, json }
+    Ok(Report { text, json })
 }
 
 /// `text`, unless there is none.
@@ -344,9 +378,17 @@ fn bars(bins: &[u64]) -> String {
     bins.iter().map(bar).collect()
 }
 
-/// A plan for programs.
-pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
+/// The plan in sentences, with how the volume is stored.
+fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<String> {
+    let mut sentences = planned.explain(scene);
+    sentences.push(storage.explain(scene.volume.geometry.dims));
+    sentences
+}
+
+/// A plan for programs; `learnt` says which lights its model was not planned for, where there are any.
+pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, learnt: Option<Learnt>) -> Value {
     let plan = &planned.plan;
+    let model = |model: &Arc<ColourModel>| learnt.unwrap_or_else(|| Learnt::nothing(model)).json(model);
     let names: Vec<&str> =
         planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.as_str()).collect();
     json!({
@@ -360,6 +402,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
         },
         "components": plan.components(),
         "lanes": plan.lanes(),
+        "model": planned.model.as_ref().map(model),
         "positions": planned.positions.iter().map(|position| position.name.clone()).collect::<Vec<_>>(),
         "materials": names,
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),
@@ -369,6 +412,17 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
         "lookup": format!("{:?}", plan.lookup).to_lowercase(),
         "interpolation": format!("{:?}", plan.interpolation).to_lowercase(),
         "skipping": plan.skipping,
-        "explanation": planned.explain(scene),
+        "storage": match plan.storage {
+            StoreAs::Single => "f32",
+            StoreAs::Half => "f16",
+        },
+        "pixel_bytes": plan.pixel_bytes(),
+        "texture": {
+            "format": format!("{:?}", storage.format).to_lowercase(),
+            "bytes": storage.bytes(scene.volume.geometry.dims),
+            "domain": storage.domain,
+            "loss": storage.loss,
+        },
+        "explanation": explanation(scene, planned, storage),
     })
 }

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use relume::progress::Progress;
-use relume::scene::{self, LightRequest, Mix, Scene, SceneOptions};
-use relume::spectrum::SpectrumSource;
+use relume::scene::{self, Definition, LightRequest, Mix, Scene, SceneOptions};
 use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 
 use super::CliError;
+use super::accuracy::AccuracyArgs;
 
 /// Which scene, and what is changed about it.
 #[derive(Debug, Args)]
@@ -30,6 +30,8 @@ pub(crate) struct SceneArgs {
     /// -D transfer.intervals.0.opacity=0.5.
     #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     pub(crate) define: Vec<String>,
+    #[command(flatten)]
+    pub(crate) accuracy: AccuracyArgs,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     #[command(flatten)]
@@ -100,10 +102,11 @@ impl RawArgs {
 pub(crate) struct LightArgs {
     /// Light it with NAME in place of the scene's lights (repeatable: lights add up).
     ///
-    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B3, "blackbody 3000", …),
+    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B1 to LED-V2, "blackbody 3000"),
     /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other
     /// goes to every light position that `relume info` lists (positions that shade alike are one) and adds up, unless
-    /// POSITION names one. WEIGHT multiplies it.
+    /// POSITION names one. WEIGHT multiplies it. Where a name holds @ or =, the text is taken whole if there is such a
+    /// light or file.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }
@@ -116,7 +119,12 @@ impl SceneArgs {
             selection: self.selection.selection(),
             labels: self.labels.clone(),
             downsample: self.downsample,
-            definitions: self.define.clone(),
+            definitions: self
+                .define
+                .iter()
+                .map(|text| Definition::new(text))
+                .chain(self.accuracy.definitions())
+                .collect(),
         };
         let scene = match &self.scene {
             Some(path) => scene::load(path, &options, progress)?,
@@ -139,8 +147,7 @@ impl SceneArgs {
 impl LightArgs {
     /// The files that are read if no light of the scene has their name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
-        let source = |light: &LightRequest| light.name.parse::<SpectrumSource>().ok();
-        self.lights.iter().filter_map(|light| source(light)?.file(Path::new(""))).collect()
+        self.lights.iter().flat_map(|light| light.files(Path::new(""))).collect()
     }
 
     /// The mix asked for, or the one `stated`.

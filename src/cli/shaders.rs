@@ -37,7 +37,7 @@ fn variants(progress: &dyn Progress) -> Result<Vec<(String, Shader)>, CliError> 
     let scenes = [("default", load_embedded(&options, progress)?), ("peer", peer), ("peer_unshaded", unshaded)];
     let mut variants = Vec::new();
     for (name, scene) in scenes {
-        for (stage, shader) in shaders_of(&scene, &plan(&scene, &relume::progress::Quiet)?)? {
+        for (stage, shader) in shaders_of(&plan(&scene, &relume::progress::Quiet)?.plan)? {
             variants.push((format!("{name}_{stage}"), shader));
         }
     }

@@ -23,12 +23,7 @@ impl<'a> Picture<'a> {
     ///
     /// [`OutputError::Size`] and [`OutputError::Shape`].
     pub fn new(width: usize, height: usize, samples: &'a [f32]) -> Result<Self, OutputError> {
-        check_size(width, height)?;
-        let pixels = width * height;
-        if samples.len() != 3 * pixels && samples.len() != 4 * pixels {
-            let expected = format!("{} (RGB) or {} (RGBA)", 3 * pixels, 4 * pixels);
-            return Err(OutputError::Shape { what: "a picture", width, height, expected, found: samples.len() });
-        }
+        check_samples("a picture", width, height, samples.len())?;
         Ok(Self { width, height, samples })
     }
 
@@ -51,6 +46,17 @@ impl<'a> Picture<'a> {
     pub fn samples(&self) -> &'a [f32] {
         self.samples
     }
+}
+
+/// Refuses sizes that no picture has, and samples of `what` that are neither three nor four per pixel.
+pub(super) fn check_samples(what: &'static str, width: usize, height: usize, found: usize) -> Result<(), OutputError> {
+    check_size(width, height)?;
+    let pixels = width * height;
+    if found == 3 * pixels || found == 4 * pixels {
+        return Ok(());
+    }
+    let expected = format!("{} (RGB) or {} (RGBA)", 3 * pixels, 4 * pixels);
+    Err(OutputError::Shape { what, width, height, expected, found })
 }
 
 /// Refuses pictures without pixels and those too large for a file.

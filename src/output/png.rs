@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use super::picture::{Picture, check_size};
+use super::picture::{Picture, check_samples};
 use super::{OutputError, SOFTWARE, write_atomically};
 
 /// Bits per sample of a PNG.
@@ -57,13 +57,8 @@ pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha)
 ///
 /// [`OutputError::Size`], [`OutputError::Shape`], and those of [`write_atomically`].
 pub fn write_ready_png(path: &Path, width: usize, height: usize, samples: &[u8]) -> Result<(), OutputError> {
-    check_size(width, height)?;
-    let pixels = width * height;
-    if samples.len() != 3 * pixels && samples.len() != 4 * pixels {
-        let expected = format!("{} (RGB) or {} (RGBA)", 3 * pixels, 4 * pixels);
-        return Err(OutputError::Shape { what: "a PNG", width, height, expected, found: samples.len() });
-    }
-    write_data(path, width, height, Depth::Eight, samples.len() == 4 * pixels, samples)
+    check_samples("a PNG", width, height, samples.len())?;
+    write_data(path, width, height, Depth::Eight, samples.len() == 4 * width * height, samples)
 }
 
 /// The picture's samples as the bytes of a PNG, `N` per sample.

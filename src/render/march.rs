@@ -3,12 +3,13 @@
 use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
+use half::f16;
 
 use super::{Key, RenderError, Renderer, Uploaded};
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
-use crate::scene::{Lookup, Scene};
+use crate::scene::{Lookup, Scene, StoreAs};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
 use crate::vulkan::{Buffer, Filter, Format, HostUse, Resource, Sampler, StorageImage};
@@ -113,13 +114,28 @@ fn sources(plan: &ScenePlan) -> [(&'static str, &'static str); 3] {
     ]
 }
 
-/// The type, in WGSL, of the image of what passes.
-pub(super) fn transmittance_image(plan: &ScenePlan, access: &str) -> String {
-    let format = match plan.transmittance {
-        Transmittance::Grey => "r32float",
-        Transmittance::Coloured => "rgba32float",
+/// The formats of accumulators, and of what passes.
+pub(super) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
+    let vectors = match storage {
+        StoreAs::Single => Format::Rgba32Float,
+        StoreAs::Half => Format::Rgba16Float,
     };
-    format!("texture_storage_2d_array<{format}, {access}>")
+    match plan.transmittance {
+        Transmittance::Grey => [vectors, Format::R32Float],
+        Transmittance::Coloured => [vectors, vectors],
+    }
+}
+
+/// The types, in WGSL, of the images of accumulators and of what passes.
+pub(super) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [String; 2] {
+    formats(plan, storage).map(|format| {
+        let format = match format {
+            Format::R32Float => "r32float",
+            Format::Rgba16Float => "rgba16float",
+            _ => "rgba32float",
+        };
+        format!("texture_storage_2d_array<{format}, {access}>")
+    })
 }
 
 /// Constants that both shaders know.
@@ -128,8 +144,10 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 }
 
 /// What `plan` fixes in the march shader.
-fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants {
+fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
+    let [_, passed] = images(plan, StoreAs::Single, "read_write");
+    let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
@@ -145,7 +163,7 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .u32("EXPONENTS", unsigned(exponents))
         .bool("EQUAL_SHARES", shares == Shares::Equal)
         .bool("COLOURED", plan.transmittance == Transmittance::Coloured)
-        .alias("TransmittanceImage", &transmittance_image(plan, "read_write"))
+        .alias("TransmittanceImage", &passed)
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
         .u32("AMBIENT", unsigned(plan.positions.ambient))
@@ -155,8 +173,8 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
         .bool("SPECULAR", specular.is_some())
-        .bool("ONE_EXPONENT", specular.is_some_and(|specular| specular.one_exponent))
-        .u32("ONE_EXPONENT_VALUE", one_exponent)
+        .bool("ONE_EXPONENT", one_exponent.is_some())
+        .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
         .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
         // The place of white behind the materials, where there is one.
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
@@ -168,17 +186,9 @@ fn constants(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Constants 
         .u32("GROUP_HEIGHT", group[1])
 }
 
-/// The exponent of all highlights, where they have one: its value is a constant of the shader, and so of the pipeline's
-/// key.
-pub(super) fn one_exponent(scene: &Scene, planned: &Planned) -> Option<u32> {
-    planned.plan.specular().filter(|specular| specular.one_exponent)?;
-    let used = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
-    used.filter(|material| material.specular > 0.0).map(|material| material.exponent).max()
-}
-
 /// The march shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, one_exponent: u32, group: [u32; 2]) -> Result<Shader, ShaderError> {
-    compile(&sources(plan), &constants(plan, one_exponent, group))
+pub(super) fn shader(plan: &ScenePlan, group: [u32; 2]) -> Result<Shader, ShaderError> {
+    compile(&sources(plan), &constants(plan, group))
 }
 
 impl MarchUniform {
@@ -266,18 +276,14 @@ impl Renderer {
             crate::scene::Interpolation::Linear => Filter::Linear,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
-        let layers = unsigned(plan.layers().max(1));
-        let weights = StorageImage::new(device, "accumulators", Format::Rgba32Float, extent, layers)?;
-        let (format, layers) = match plan.transmittance {
-            Transmittance::Grey => (Format::R32Float, 1),
-            Transmittance::Coloured => (Format::Rgba32Float, unsigned(plan.passed_lanes())),
-        };
-        let transmittance = StorageImage::new(device, "transmittance", format, extent, layers)?;
+        let [vectors, passed] = formats(plan, StoreAs::Single);
+        let weights = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
+        let transmittance =
+            StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
-        let one_exponent = one_exponent(scene, planned);
         let (pipeline, set) = self.bind(
-            &Key::March(plan.clone(), one_exponent),
-            || shader(plan, one_exponent.unwrap_or(0), self.dispatching.group),
+            &Key::March(plan.clone()),
+            || shader(plan, self.dispatching.group),
             unsigned(size_of::<Band>()),
             |name| {
                 Some(match name {
@@ -320,7 +326,7 @@ impl Renderer {
             progress.report("marching", u64::from(band.first_row + rows).min(size[1] as u64), size[1] as u64);
         }
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        Ok(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
+        self.store(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
     }
 
     /// The accumulators on the host.
@@ -347,7 +353,13 @@ impl Renderer {
     fn read_numbers(&self, image: &StorageImage, first: usize, count: usize) -> Result<Vec<f32>, RenderError> {
         let mut numbers = Vec::new();
         for lane in 0..count.div_ceil(LANE) {
-            let texels: Vec<[f32; LANE]> = self.read_layer(image, unsigned(first + lane))?;
+            let texels: Vec<[f32; LANE]> = match image.format() {
+                Format::Rgba16Float => {
+                    let halves: Vec<[u16; LANE]> = self.read_layer(image, unsigned(first + lane))?;
+                    halves.into_iter().map(|texel| texel.map(|bits| f16::from_bits(bits).to_f32())).collect()
+                }
+                _ => self.read_layer(image, unsigned(first + lane))?,
+            };
             for part in 0..LANE.min(count - lane * LANE) {
                 numbers.extend(texels.iter().map(|texel| texel[part]));
             }
@@ -481,6 +493,7 @@ mod tests {
             lookup: Lookup::Nearest,
             interpolation: Interpolation::Linear,
             skipping: true,
+            storage: StoreAs::Single,
         }
     }
 
@@ -519,7 +532,7 @@ mod tests {
             cells,
             height
         );
-        let constants = constants(&plan_of(4), 0, Dispatching::default().group);
+        let constants = constants(&plan_of(4), Dispatching::default().group);
         let theirs = crate::shader::struct_layout(&sources(&plan_of(4)), &constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
@@ -532,7 +545,7 @@ mod tests {
     #[test]
     fn four_spectral_materials_march_with_the_shader_of_three_colours() {
         let words =
-            |materials| shader(&plan_of(materials), 0, Dispatching::default().group).map(|shader| shader.words).ok();
+            |materials| shader(&plan_of(materials), Dispatching::default().group).map(|shader| shader.words).ok();
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");

@@ -5,6 +5,7 @@
 
 mod march;
 mod relight;
+mod store;
 mod upload;
 
 use std::collections::HashMap;
@@ -15,8 +16,7 @@ pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
 use crate::number::readable;
-use crate::plan::{Planned, ScenePlan};
-use crate::scene::Scene;
+use crate::plan::ScenePlan;
 use crate::shader::{Shader, ShaderError};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
@@ -61,7 +61,7 @@ pub enum RenderError {
     },
     /// The volume's texture does not fit into the device's memory.
     #[error(
-        "the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB: take --downsample, or shading = \"none\", which stores no gradients"
+        "the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB: take --downsample{}", without_gradients(*format)
     )]
     Memory {
         /// Texture size.
@@ -113,6 +113,11 @@ pub enum RenderError {
     },
 }
 
+/// The other way out of [`RenderError::Memory`], where there is one.
+fn without_gradients(format: VolumeFormat) -> &'static str {
+    if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" }
+}
+
 /// A device and the pipelines made on it so far.
 #[derive(Debug)]
 pub struct Renderer {
@@ -124,9 +129,10 @@ pub struct Renderer {
 /// What tells pipelines apart.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Key {
-    /// With the one exponent of all highlights, where there is one.
-    March(ScenePlan, Option<u32>),
+    March(ScenePlan),
     Relight(ScenePlan, relight::Target),
+    /// Of every plan.
+    Store,
 }
 
 /// A pipeline and the names of the resources it binds, in order.
@@ -172,7 +178,7 @@ impl Renderer {
             return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
         }
         // Accumulators, and a relit picture in f32.
-        let needed = (size[0] * size[1]) as u64 * (plan.pixel_bytes() + 16);
+        let needed = (size[0] * size[1]) as u64 * (plan.marched_bytes() + 16);
         if needed + volume_bytes > limits.device_heap_bytes {
             return Err(RenderError::PictureMemory {
                 size,
@@ -196,8 +202,9 @@ impl Renderer {
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let name = match key {
-            Key::March(..) => "march",
+            Key::March(_) => "march",
             Key::Relight(..) => "relight",
+            Key::Store => "store",
         };
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources
@@ -226,17 +233,32 @@ impl Renderer {
     }
 }
 
-/// The shaders that render `scene` as planned, by stage: march, relight to the display, relight to linear values.
+/// The shaders of `plan`, by stage: march, relight to the display, relight to linear values.
 ///
 /// # Errors
 ///
 /// [`ShaderError`] where one does not compile.
-pub fn shaders_of(scene: &Scene, planned: &Planned) -> Result<[(&'static str, Shader); 3], ShaderError> {
-    let plan = &planned.plan;
-    let exponent = march::one_exponent(scene, planned).unwrap_or(0);
+pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
-        ("march", march::shader(plan, exponent, Dispatching::default().group)?),
+        ("march", march::shader(plan, Dispatching::default().group)?),
         ("relight_display", relight::shader(plan, relight::Target::Display)?),
         ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn to_store_no_gradients_is_advised_where_there_are_any() {
+        for format in
+            [VolumeFormat::R16Unorm, VolumeFormat::R32Float, VolumeFormat::Rgba16Snorm, VolumeFormat::Rgba32Float]
+        {
+            let error = RenderError::Memory { needed_mb: 9, format, device: "d".to_owned(), heap_mb: 8 };
+            let message = error.to_string();
+            assert!(message.contains("--downsample"), "{message}");
+            assert_eq!(message.contains("shading = \"none\""), format.has_gradient(), "{message}");
+        }
+    }
 }

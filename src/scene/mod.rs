@@ -2,6 +2,7 @@
 
 mod camera;
 mod define;
+mod dial;
 mod file;
 mod lights;
 mod transfer;
@@ -11,12 +12,15 @@ use std::sync::Arc;
 
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
+pub use define::Definition;
+pub use dial::{Dial, DialNode, Situation};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
+use crate::palette::PaletteError;
 use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
 use crate::volume::{Volume, VolumeError};
 
@@ -25,7 +29,7 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
-    /// The files that were read for it, but for the scene file itself: of the volume, the labels and the spectra.
+    /// The files that were read for it, but for the scene file itself: of the volume, the labels, the palette and the spectra.
     pub inputs: Vec<PathBuf>,
     /// The grey values.
     pub volume: Arc<Volume>,
@@ -37,6 +41,8 @@ pub struct Scene {
     pub transfer: Transfer,
     /// In the order of their names.
     pub lights: Vec<SceneLight>,
+    /// The lights on the light dial.
+    pub dial: Dial,
     /// Whether lights shade by direction at all.
     pub shading: Shading,
     /// A surface behind everything, lit by every light; `None` is black and costs nothing.
@@ -168,7 +174,7 @@ pub struct Accuracy {
     /// Δs in world units; time goes with 1/Δs, the step error of a smooth volume with Δs².
     pub step_length: f64,
     /// A ray ends once less than this share of light can pass; moves a pixel by at most this share of the brightest
-    /// thing behind (COLOUR.md B6). 0 follows every ray to its end.
+    /// thing behind (COLOUR.md B6): a ten-thousandth of white behind black is ΔE00 0.05. 0 follows every ray to its end.
     pub termination: f64,
     /// Leaping over cells that hold nothing; exact, so it moves no error.
     pub skipping: bool,
@@ -182,13 +188,28 @@ pub struct Accuracy {
     pub tolerance: f64,
     /// k, where it is stated; then `tolerance` is not looked at.
     pub dimension: Option<usize>,
+    /// How finished accumulators are stored: 16 bits take half the memory and move colours by up to what
+    /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error) says.
+    pub storage: StoreAs,
+}
+
+/// How the numbers of finished accumulators are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+pub enum StoreAs {
+    /// As they were summed up.
+    #[default]
+    #[serde(rename = "f32")]
+    Single,
+    /// Rounded to the nearest 16-bit float.
+    #[serde(rename = "f16")]
+    Half,
 }
 
 /// What pixels store.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AccumulateAs {
-    /// Weights where they are exact, else the numbers of a colour model.
+    /// Weights where they are exact and fill no more vectors than the numbers of a colour model, else those.
     #[default]
     Auto,
     /// One weight per material: exact, where all that absorbs is grey.
@@ -236,6 +257,14 @@ pub enum SceneError {
         /// Why.
         source: SpectrumError,
     },
+    /// The scene's palette cannot be had.
+    #[error("{scene} has no palette to take its spectra from")]
+    Palette {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: PaletteError,
+    },
     /// The scene's volume or its labels cannot be had.
     #[error("{scene} has no volume to show")]
     Volume {
@@ -270,11 +299,11 @@ pub enum SceneError {
         /// What is wrong and what is there.
         message: String,
     },
-    /// A `-D key=value` cannot be applied, or makes the scene one that cannot be.
-    #[error("-D {definition}: {message}")]
+    /// A `-D key=value`, or a flag that stands for one, cannot be applied, or makes the scene one that cannot be.
+    #[error("{given}: {message}")]
     Define {
-        /// As given.
-        definition: String,
+        /// The flag, as given.
+        given: String,
         /// What is wrong.
         message: String,
     },

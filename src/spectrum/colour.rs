@@ -78,6 +78,18 @@ pub fn decode_srgb(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
+/// What a display shows of a colour: `#rrggbb`, clipped to what it can show.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 0 to 255")]
+pub fn display_code(colour: LinearSrgb) -> String {
+    let parts = colour.0.map(|part| (255.0 * encode_srgb(part.clamp(0.0, 1.0))).round());
+    format!("#{:02x}{:02x}{:02x}", parts[0] as u8, parts[1] as u8, parts[2] as u8)
+}
+
+/// Whether a display can show a colour, to half a step of 8 bits.
+pub fn is_displayable(colour: LinearSrgb) -> bool {
+    colour.0.iter().all(|&part| (-0.5..=255.5).contains(&(255.0 * encode_srgb(part))))
+}
+
 /// L*a*b* relative to `white` ([`d65_white`] unless a reason says otherwise).
 ///
 /// Values at or below (6/29)³ of the white's, negative ones included, take the linear branch.
@@ -88,8 +100,19 @@ pub fn lab_from_xyz(xyz: Xyz, white: Xyz) -> Lab {
     Lab([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
 }
 
+/// The inverse of [`lab_from_xyz`].
+pub fn xyz_from_lab(lab: Lab, white: Xyz) -> Xyz {
+    const KNEE: f64 = 6.0 / 29.0;
+    let expand = |f: f64| if f > KNEE { f.powi(3) } else { 3.0 * KNEE * KNEE * (f - 4.0 / 29.0) };
+    let [l, a, b] = lab.0;
+    let y = (l + 16.0) / 116.0;
+    let parts = [y + a / 500.0, y, y - b / 200.0].map(expand);
+    Xyz(std::array::from_fn(|axis| parts[axis] * white.0[axis]))
+}
+
 /// The difference ΔE00 of two colours (CIEDE2000, kL = kC = kH = 1), as Sharma, Wu and Dalal 2005 state it; their
-/// letters are used.
+/// letters are used. Of colours that are not finite, and of those that are too far from white to be computed with (a
+/// chroma above 1e44), it is NaN.
 pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     const POW25_7: f64 = 6_103_515_625.0;
     let [l1, a1, b1] = one.0;
@@ -125,7 +148,9 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     let sh = 1.0 + 0.015 * c * t;
     let rotation = (60.0 * (-((h - 275.0) / 25.0).powi(2)).exp()).to_radians().sin();
     let (l, c, h) = (dl / sl, dc / sc, dh / sh);
-    (l * l + c * c + h * h - 2.0 * saturation(f64::midpoint(c1, c2)) * rotation * c * h).max(0.0).sqrt()
+    let square = l * l + c * c + h * h - 2.0 * saturation(f64::midpoint(c1, c2)) * rotation * c * h;
+    // What rounds below zero is zero, and what is no number stays none.
+    if square < 0.0 { 0.0 } else { square.sqrt() }
 }
 
 /// The Bradford adaptation: the matrix on XYZ that takes `from_white` to `to_white`.

@@ -25,11 +25,19 @@ impl Reflectance {
         &self.0
     }
 
+    /// A reflectance with samples that are known to be finite.
+    pub(crate) const fn of_finite(spectrum: Spectrum) -> Self {
+        Self(spectrum)
+    }
+
     /// Whether a surface could have it: every sample is between 0 and 1.
     pub fn is_physical(&self) -> bool {
         self.0.samples().iter().all(|sample| (0.0..=1.0).contains(sample))
     }
 }
+
+/// A luminance so near 1 is 1, but for the rounding of its sum.
+const NORMALISED: f64 = 1e-13;
 
 /// The relative power of a light, per wavelength, such that the perfect reflector has Y = 1 under it.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +48,7 @@ impl Light {
     /// 2-degree observer's ȳ.
     ///
     /// Where that luminance is not positive (a light of zeros, or an artificial one) they are used as they are, with
-    /// a warning.
+    /// a warning. What is normalised already comes back to the bit.
     ///
     /// # Errors
     ///
@@ -51,7 +59,10 @@ impl Light {
     }
 
     /// What [`Self::new`] does to finite samples.
-    pub(super) fn normalised(spectrum: Spectrum) -> Self {
+    pub(crate) fn normalised(spectrum: Spectrum) -> Self {
+        if (OBSERVER[1].dot(&spectrum) - 1.0).abs() <= NORMALISED {
+            return Self(spectrum);
+        }
         // Divided by the peak first, since a luminance of huge samples would overflow.
         let peak = spectrum.samples().iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
         let relative = Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak));
@@ -72,6 +83,12 @@ impl Light {
     /// [`SpectrumError::Temperature`] when `kelvin` is below 100 or not finite.
     pub fn blackbody(kelvin: f64) -> Result<Self, SpectrumError> {
         Ok(Self::normalised(planck(kelvin)?))
+    }
+
+    /// Y of the perfect reflector under it, to twelve decimals: exactly 1, unless the light could not be scaled so.
+    #[must_use]
+    pub fn luminance(&self) -> f64 {
+        (OBSERVER[1].dot(&self.0) * 1e12).round() / 1e12
     }
 
     /// The powers, normalised.

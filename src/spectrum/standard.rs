@@ -4,8 +4,11 @@ use std::sync::LazyLock;
 
 use super::{BANDS, Kind, Light, Reflectance, Spectrum, SpectrumError, data};
 
-const ILLUMINANTS: [&str; 13] =
-    ["A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1"];
+/// The columns of the first table, then those of the second.
+const ILLUMINANTS: [&str; 16] = [
+    "A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1",
+    "LED-B2", "LED-B4", "LED-V2",
+];
 const PATCHES: [&str; 24] = [
     "dark skin",
     "light skin",
@@ -34,6 +37,7 @@ const PATCHES: [&str; 24] = [
 ];
 
 static ILLUMINANT_POWERS: [[f64; BANDS]; 13] = data::columns(include_str!("../../data/spectra/illuminants_5nm.csv"));
+static LED_POWERS: [[f64; BANDS]; 3] = data::columns(include_str!("../../data/spectra/led_5nm.csv"));
 static PATCH_REFLECTANCES: [[f64; BANDS]; 24] =
     data::columns(include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv"));
 
@@ -61,19 +65,22 @@ impl Standard {
 /// The standard called `name`, if there is one.
 ///
 /// Lights are [`names`]`(Kind::Light)` and `blackbody T`, with T in kelvin (`blackbody 2856` or `blackbody 2856K`);
-/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` do not matter, nor does what stands
-/// in brackets behind a name (`white 9.5 (.05 D)`).
+/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` do not matter, but for the sign of a
+/// T, nor does what stands in brackets behind a name (`white 9.5 (.05 D)`).
 pub fn find(name: &str) -> Option<Standard> {
     let wanted = key(name);
     let position = |names: &[&str]| names.iter().position(|name| key(name) == wanted);
-    if let Some(index) = position(&ILLUMINANTS) {
-        return Some(Standard::Light(Spectrum::from_samples(ILLUMINANT_POWERS[index])));
+    let powers = |index| ILLUMINANT_POWERS.iter().chain(&LED_POWERS).nth(index);
+    if let Some(&powers) = position(&ILLUMINANTS).and_then(powers) {
+        return Some(Standard::Light(Spectrum::from_samples(powers)));
     }
     if let Some(index) = position(&PATCHES) {
         return Some(Standard::Reflectance(Spectrum::from_samples(PATCH_REFLECTANCES[index])));
     }
-    let temperature = wanted.strip_prefix("blackbody")?;
-    temperature.strip_suffix('k').unwrap_or(temperature).parse().ok().map(Standard::Blackbody)
+    let (_, temperature) = without_brackets(name).split_once(['y', 'Y']).filter(|_| wanted.starts_with("blackbody"))?;
+    let temperature = temperature.trim_matches(BLANKS);
+    let kelvin = temperature.strip_suffix(['k', 'K']).unwrap_or(temperature).trim_end_matches(BLANKS);
+    kelvin.parse().ok().map(Standard::Blackbody)
 }
 
 /// The light called `name`; see [`find`].
@@ -141,8 +148,15 @@ fn no_standard(name: &str, kind: Kind) -> SpectrumError {
 
 /// What two spellings of a name have in common.
 fn key(name: &str) -> String {
-    let bare = name.split('(').next().unwrap_or_default();
-    bare.chars().filter(|letter| !matches!(letter, ' ' | '_' | '-')).flat_map(char::to_lowercase).collect()
+    let bare = without_brackets(name).chars().filter(|letter| *letter != '-' && !BLANKS.contains(letter));
+    bare.flat_map(char::to_lowercase).collect()
+}
+
+/// What parts words.
+const BLANKS: [char; 2] = [' ', '_'];
+
+fn without_brackets(name: &str) -> &str {
+    name.split('(').next().unwrap_or_default()
 }
 
 /// What it takes to make `b` of `a`: 2 for a letter inserted, deleted or replaced, 1 for a swap of neighbours.
@@ -183,7 +197,8 @@ mod tests {
     #[test]
     fn the_names_are_the_columns_of_the_tables() {
         for (names, csv) in [
-            (&ILLUMINANTS[..], include_str!("../../data/spectra/illuminants_5nm.csv")),
+            (&ILLUMINANTS[..13], include_str!("../../data/spectra/illuminants_5nm.csv")),
+            (&ILLUMINANTS[13..], include_str!("../../data/spectra/led_5nm.csv")),
             (&PATCHES[..], include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv")),
         ] {
             let header = csv.lines().find(|line| !line.starts_with('#')).unwrap_or_default();

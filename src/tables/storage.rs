@@ -167,6 +167,20 @@ impl Storage {
         self.gradient_scale
     }
 
+    /// The storage of a volume of `dims` voxels in a sentence, for people.
+    #[must_use]
+    pub fn explain(&self, dims: [usize; 3]) -> String {
+        let bits = match self.format {
+            VolumeFormat::R16Unorm | VolumeFormat::Rgba16Snorm => "16-bit values",
+            VolumeFormat::R32Float | VolumeFormat::Rgba32Float => "32-bit floats",
+        };
+        let gradients = if self.format.has_gradient() { " with gradients" } else { "" };
+        let moves =
+            if self.loss > 0.0 { format!("moves them by up to {:.1e}", self.loss) } else { "loses nothing".into() };
+        let megabytes = count(usize::try_from(self.bytes(dims)).unwrap_or(usize::MAX)) / 1e6;
+        format!("The volume is stored as {bits}{gradients} ({:?}), {megabytes:.1} MB, which {moves}.", self.format)
+    }
+
     /// Bytes of the whole texture.
     #[must_use]
     pub fn bytes(&self, dims: [usize; 3]) -> u64 {

@@ -22,7 +22,7 @@ mod vti;
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub(crate) use open::is_volume;
-pub use open::{open, open_raw};
+pub use open::{open, open_by, open_raw};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
@@ -46,6 +46,8 @@ pub struct Volume {
     pub intercept: f64,
     /// Numbers per voxel in the file, of which one was read.
     pub components: usize,
+    /// Voxels of the file that each voxel is the mean of, along each axis.
+    pub blocks: [usize; 3],
     /// The file as it was asked for, or the name of the phantom.
     pub source: String,
     /// The files that it was read from: header, sidecar and data; none for a phantom.
@@ -73,6 +75,7 @@ impl Volume {
             slope: 1.0,
             intercept: 0.0,
             components: 1,
+            blocks: [1; 3],
             source: source.to_owned(),
             files: Vec::new(),
             metadata: Vec::new(),

@@ -80,6 +80,26 @@ fn has_header(path: &Path) -> bool {
     read.is_some() && FORMATS.iter().any(|format| (format.recognises)(&beginning))
 }
 
+/// Reads the volume in the file `path`, by `layout` where one is stated, whatever file that names, else as [`open`] does.
+///
+/// # Errors
+///
+/// As [`open_raw`].
+pub fn open_by(
+    path: &Path,
+    layout: Option<&RawLayout>,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Volume, VolumeError> {
+    match layout {
+        Some(layout) => {
+            let file = Some(path.to_owned());
+            open_raw(&RawLayout { file, ..layout.clone() }, Path::new(""), selection, progress)
+        }
+        None => open(path, selection, progress),
+    }
+}
+
 /// Reads headerless voxels; `layout.file` is relative to the folder `base`.
 ///
 /// # Errors

@@ -1,6 +1,7 @@
 //! Headerless voxels, whose layout somebody has to state.
 
 use std::io::Read;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
@@ -44,7 +45,13 @@ impl ByteOrder {
 /// spacing = [1.0, 1.0, 2.0]
 /// origin = [0.0, 0.0, 0.0]
 /// direction = [1, 0, 0,  0, 1, 0,  0, 0, 1]   # three axes, one after the other
+/// downsample = [2, 2, 1]    # average blocks of voxels
+/// component = 0             # of the one number that a voxel has
+/// time = 0                  # of the one time step
 /// ```
+///
+/// These are the keys of a scene's `[volume]`. Its others make no sense here: `labels` belong to what a scene shows,
+/// `phantom` stands in place of a file, and headerless voxels have no `array` with a name.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawLayout {
@@ -54,6 +61,7 @@ pub struct RawLayout {
     /// First number of a pattern, last number, and the step between them (1 if left out); default: 1 to `dims[2]`.
     pub slices: Option<Vec<i64>>,
     /// Voxels along x, y and z; x varies fastest.
+    #[serde(deserialize_with = "from_one")]
     pub dims: [usize; 3],
     /// The type of a voxel.
     #[serde(rename = "type", deserialize_with = "voxel_type")]
@@ -73,6 +81,13 @@ pub struct RawLayout {
     /// The directions of the axes, one after the other.
     #[serde(default = "identity")]
     pub direction: [f64; 9],
+    /// Blocks of voxels to average once they are read ([`Volume::downsample`]).
+    #[serde(default, deserialize_with = "blocks")]
+    pub downsample: Option<[usize; 3]>,
+    /// Which component of a voxel to read where the caller does not choose; there is number 0.
+    pub component: Option<usize>,
+    /// Which time step to read where the caller does not choose; there is number 0.
+    pub time: Option<usize>,
 }
 
 fn ones() -> [f64; 3] {
@@ -81,6 +96,15 @@ fn ones() -> [f64; 3] {
 
 fn identity() -> [f64; 9] {
     DMat3::IDENTITY.to_cols_array()
+}
+
+/// Whole numbers from 1, one for each axis.
+fn from_one<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 3], D::Error> {
+    Ok(<[NonZeroUsize; 3]>::deserialize(deserializer)?.map(NonZeroUsize::get))
+}
+
+fn blocks<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[usize; 3]>, D::Error> {
+    from_one(deserializer).map(Some)
 }
 
 fn voxel_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<VoxelType, D::Error> {
@@ -101,6 +125,9 @@ impl RawLayout {
             spacing: ones(),
             origin: [0.0; 3],
             direction: identity(),
+            downsample: None,
+            component: None,
+            time: None,
         }
     }
 
@@ -145,7 +172,8 @@ pub(super) fn read(
     };
     let source_name = base.join(file).display().to_string();
     let wrong = |problem| VolumeError::Layout { source_name: source_name.clone(), problem };
-    selection.only(&source_name)?;
+    let stated = Selection { component: layout.component, time: layout.time, array: None };
+    selection.or(&stated).only(&source_name)?;
     let geometry = Geometry::new(
         &source_name,
         layout.dims,
@@ -185,7 +213,10 @@ pub(super) fn read(
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
     volume.files = data.paths();
     volume.notes = notes;
-    Ok(volume)
+    match layout.downsample {
+        Some(blocks) => volume.downsample(blocks),
+        None => Ok(volume),
+    }
 }
 
 /// Reads what the sidecar `path` describes; without a key `file`, `NAME.toml` describes `NAME`.

@@ -61,7 +61,8 @@ impl Volume {
         }
         let Self { source, files, metadata, .. } = self;
         let (source, files, metadata) = (source.clone(), files.clone(), metadata.clone());
-        Self { voxels, geometry, source, files, metadata, notes, ..*self }
+        let blocks = std::array::from_fn(|axis| self.blocks[axis] * block[axis]);
+        Self { voxels, geometry, blocks, source, files, metadata, notes, ..*self }
     }
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use relume::output::Accumulators;
 use relume::progress::Quiet;
-use relume::scene::{self, SceneOptions};
+use relume::scene::{self, Definition, SceneOptions};
 use relume::spectrum::{Column, SpectrumSource};
 use relume::volume::{self, Selection, VolumeError};
 
@@ -155,9 +155,11 @@ impl Place {
         let text = std::str::from_utf8(bytes).ok()?;
         let mut parts = text.split('\0').map(str::to_owned);
         let text = parts.next()?;
-        let definitions: Vec<String> = parts.collect();
+        let definitions: Vec<Definition> = parts.map(|text| Definition::new(&text)).collect();
         // No large phantom and no file of this machine.
-        if !is_small(&text) || definitions.iter().any(|definition| definition.contains("volume")) || text.contains('/')
+        if !is_small(&text)
+            || definitions.iter().any(|definition| definition.text.contains("volume"))
+            || text.contains('/')
         {
             return None;
         }
