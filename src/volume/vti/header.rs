@@ -16,14 +16,12 @@ use crate::volume::raw::ByteOrder;
 use crate::volume::stream::{self, count};
 use crate::volume::{VolumeError, VoxelType};
 
-/// More tags than this describe no image; values between tags do not count.
-const LONGEST_MARKUP: u64 = 16 << 20;
+/// More tags than this describe no image; values between tags do not count. Of tags inside one another, four times as
+/// much is kept.
+const LONGEST_MARKUP: u64 = 12 << 20;
 
 /// More arrays than this, those of all pieces together, are a mistake.
 const MOST_ARRAYS: usize = 1 << 16;
-
-/// More tags inside one another are none of an image.
-const DEEPEST: usize = 64;
 
 /// More numbers to a voxel than this are a mistake.
 const MOST_COMPONENTS: usize = 1 << 16;
@@ -267,9 +265,6 @@ impl Builder<'_> {
     /// A tag has begun, and `at` is behind it.
     fn open(&mut self, tag: &BytesStart<'_>, at: u64) -> Result<(), VolumeError> {
         self.depth += 1;
-        if self.depth > DEEPEST {
-            return Err(self.wrong(format!("more than {DEEPEST} tags inside one another")));
-        }
         let name = tag.name();
         if self.file.is_none() && name.as_ref() != "VTKFile" {
             return Err(self.wrong(format!("begins with <{}>, not with <VTKFile>", name.as_ref())));
