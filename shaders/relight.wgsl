@@ -10,7 +10,7 @@ struct Relight {
 }
 
 @group(0) @binding(0) var<uniform> relight: Relight;
-@group(0) @binding(1) var accumulators: texture_storage_2d_array<rgba32float, read>;
+@group(0) @binding(1) var accumulators: AccumulatorImage;
 @group(0) @binding(2) var transmittances: TransmittanceImage;
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;

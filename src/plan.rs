@@ -1,12 +1,14 @@
 //! What one frame computes: what the scene needs at the accuracy asked for.
 
+mod half;
+
 use std::sync::Arc;
 
 use crate::model::{self, ColourModel, Ingredients, ModelError};
 use crate::number::readable;
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions,
+    AccumulateAs, Accuracy, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, StoreAs, positions,
 };
 use crate::spectrum::{Light, Spectrum};
 
@@ -35,6 +37,8 @@ pub struct ScenePlan {
     pub interpolation: Interpolation,
     /// Whether empty cells are leapt over.
     pub skipping: bool,
+    /// How finished accumulators are stored.
+    pub storage: StoreAs,
 }
 
 /// What the pixels store.
@@ -217,14 +221,30 @@ impl ScenePlan {
         self.positions.total() * self.lanes()
     }
 
-    /// Bytes a pixel keeps on a device.
+    /// Bytes a finished pixel keeps on a device. Where one number passes it is never stored in 16 bits: alone in its
+    /// texel, it would save little.
     #[must_use]
     pub fn pixel_bytes(&self) -> u64 {
-        let passed = match self.transmittance {
-            Transmittance::Grey => 1,
-            Transmittance::Coloured => self.passed_lanes() * LANE,
+        self.bytes_as(self.storage)
+    }
+
+    /// Bytes a pixel takes on a device while it is marched, and its finished form beside it where that is another.
+    #[must_use]
+    pub fn marched_bytes(&self) -> u64 {
+        let finished = if self.storage == StoreAs::Single { 0 } else { self.pixel_bytes() };
+        self.bytes_as(StoreAs::Single) + finished
+    }
+
+    fn bytes_as(&self, storage: StoreAs) -> u64 {
+        let number = match storage {
+            StoreAs::Single => size_of::<f32>(),
+            StoreAs::Half => size_of::<::half::f16>(),
         };
-        ((self.layers() * LANE + passed) * size_of::<f32>()) as u64
+        let passed = match self.transmittance {
+            Transmittance::Grey => size_of::<f32>(),
+            Transmittance::Coloured => self.passed_lanes() * LANE * number,
+        };
+        (self.layers() * LANE * number + passed) as u64
     }
 
     /// Whether the gradient of the data is needed.
@@ -252,6 +272,21 @@ pub enum PlanError {
         /// What absorbs.
         materials: String,
     },
+    /// Storing accumulators in 16 bits would show.
+    #[error(
+        "storing accumulators in 16 bits may move a colour by ΔE00 {error:.2}, over the tolerance of {tolerance}; take storage = \"f32\", or a tolerance of {kept}"
+    )]
+    HalfPrecision {
+        /// The most, in ΔE00, that it can move a colour by.
+        error: f64,
+        /// What may be.
+        tolerance: f64,
+        /// A tolerance that is kept.
+        kept: f64,
+    },
+    /// Accumulators are too large for 16 bits.
+    #[error("a pixel of this scene may hold numbers above 65504, the largest of 16 bits; take storage = \"f32\"")]
+    HalfRange,
     /// No colour model does what is asked for.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
@@ -272,6 +307,16 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 ///
 /// [`PlanError`].
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
+    let planned = chosen(scene, lights, progress)?;
+    half::check(&planned, scene)?;
+    for told in planned.amplified(scene) {
+        tracing::warn!("{}", told.trim_end_matches('.'));
+    }
+    Ok(planned)
+}
+
+/// The plan of `scene`, but for how it is stored.
+fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
         let coloured = scene.materials.iter().enumerate().filter(|&(m, material)| {
@@ -325,7 +370,8 @@ fn narrower(plan: &ScenePlan) -> usize {
 /// The plan that computes all 81 wavelengths: what other plans are measured against.
 #[must_use]
 pub fn plan_full_spectrum(scene: &Scene) -> Planned {
-    planned(scene, Some(Arc::new(ColourModel::full_spectrum())))
+    let planned = planned(scene, Some(Arc::new(ColourModel::full_spectrum())));
+    Planned { plan: ScenePlan { storage: StoreAs::Single, ..planned.plan }, ..planned }
 }
 
 /// The plan of `scene` with its spectra carried by `model`, or without one by weights.
@@ -370,6 +416,7 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
         lookup: scene.transfer.lookup,
         interpolation: scene.accuracy.interpolation,
         skipping: scene.accuracy.skipping,
+        storage: scene.accuracy.storage,
     };
     Planned { plan, materials, positions, model }
 }
@@ -425,10 +472,14 @@ fn is_constant(spectrum: &Spectrum) -> bool {
 fn largest_depth(scene: &Scene) -> f64 {
     let of_terms = scene.transfer.terms.iter().flat_map(|term| &term.absorption).map(|point| point.1);
     let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
-    let highest = of_terms.chain(of_labels).fold(0.0, f64::max);
+    of_terms.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
+}
+
+/// The longest way through the volume, its diagonal, in opacity lengths.
+fn longest_way(scene: &Scene) -> f64 {
     let geometry = &scene.volume.geometry;
     let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(crate::number::count))).length();
-    highest * diagonal / scene.transfer.opacity_length
+    diagonal / scene.transfer.opacity_length
 }
 
 impl Planned {
@@ -467,32 +518,74 @@ impl Planned {
         if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
     }
 
-    /// The plan in sentences, for people who know volumes but not this program.
+    /// The most, in ΔE00, that storing finished accumulators in 16 bits changes a colour of at most white's brightness
+    /// under one of the scene's lights; `None` where they are stored as they were summed up. Infinite where a number may
+    /// be too large for 16 bits.
     #[must_use]
-    pub fn explain(&self, scene: &Scene) -> Vec<String> {
+    pub fn half_precision_error(&self, scene: &Scene) -> Option<f64> {
+        (self.plan.storage == StoreAs::Half).then(|| half::error(self, scene))
+    }
+
+    /// A sentence for each material whose absorption the colour model would turn into amplification, and holds at 0.
+    #[must_use]
+    pub fn amplified(&self, scene: &Scene) -> Vec<String> {
+        let coloured = self.plan.transmittance == Transmittance::Coloured;
+        let Some(model) = self.model.as_ref().filter(|_| coloured) else { return Vec::new() };
+        let absorbing = scene.materials.iter().enumerate().filter(|&(m, _)| scene.absorbs(m));
+        let told = absorbing.filter_map(|(_, material)| {
+            let told = model.amplification(material.absorption.as_ref()?.spectrum())?;
+            Some(format!("Of {}, {told}.", material.name))
+        });
+        told.collect()
+    }
+
+    /// How colours are followed through the volume, what a pixel keeps of them, and how true they stay.
+    fn explain_colours(&self, scene: &Scene) -> Vec<String> {
         let plan = &self.plan;
-        let names = |names: Vec<&str>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-        let materials =
-            self.materials.iter().filter_map(|&i| scene.materials.get(i)).map(|m| m.name.as_str()).collect();
+        let name = |material: usize| scene.materials.get(material).map(|material| material.name.as_str());
+        let shown = || listed(self.materials.iter().filter_map(|&material| name(material)));
+        let absorbs = |material: &usize| scene.absorbs(*material);
+        let passes = match plan.transmittance {
+            Transmittance::Grey => "All wavelengths pass alike, whatever light meets on its way".to_owned(),
+            Transmittance::Coloured => format!(
+                "Light changes its colour on its way, as through stained glass, where it meets {}",
+                listed((0..scene.materials.len()).filter(absorbs).filter_map(name))
+            ),
+        };
+        let each = if plan.positions.total() > 1 { ", for each of the places that light comes from" } else { "" };
         let kept = plan.components() * plan.positions.total() + plan.passed();
-        let mut sentences = vec![match &self.model {
-            None => format!(
-                "A pixel keeps one weight per material in use ({}){} for each light position, and the light that passes: {kept} numbers. This is exact for every light, because opacity is grey and light scatters once.",
-                names(materials),
-                if plan.specular().is_some() { " and one of white for highlights" } else { "" },
-            ),
-            Some(model) => format!(
-                "A pixel keeps the colour of its light as {} numbers for each light position ({}), made of the materials {}; with the light that passes, {kept} numbers. {}",
-                plan.components(),
-                model.description(),
-                names(materials),
-                match plan.transmittance {
-                    Transmittance::Grey => "All wavelengths pass alike.",
-                    Transmittance::Coloured =>
-                        "What passes changes its colour on the way, as through stained glass, so each of them fades by itself.",
-                },
-            ),
-        }];
+        let mut sentences = Vec::new();
+        match &self.model {
+            None => {
+                let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
+                sentences.push(format!("{passes}: a pixel's colour follows exactly, under every light, from how much it shows of each material."));
+                sentences.push(format!(
+                    "So a pixel keeps how much it shows of {}{white}{each}, and how much light passes through: {kept} numbers in all.",
+                    shown()
+                ));
+            }
+            Some(model) => {
+                let followed = match model.nodes_nm() {
+                    Some(nodes) => format!(
+                        "at {} wavelengths ({} nm), chosen for this scene so that they stand for all others",
+                        nodes.len(),
+                        nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
+                    ),
+                    None => format!("by {} in place of all wavelengths", model.description()),
+                };
+                sentences.push(format!("{passes}. It is followed {followed}."));
+                sentences.extend(self.amplified(scene));
+                sentences.push(format!(
+                    "So a pixel keeps {} numbers of the light that comes back{each}, and {} of what passes through: {kept} in all.",
+                    plan.components(),
+                    plan.passed()
+                ));
+            }
+        }
+        sentences.push(
+            "No light's colour is in them: lights can be exchanged later, without computing the picture anew."
+                .to_owned(),
+        );
         sentences.extend(self.explain_choice(scene));
         if let Some(model) = &self.model {
             let errors = model.lights().iter().map(|(name, _, matrix)| {
@@ -502,49 +595,62 @@ impl Planned {
             let errors: Vec<String> = errors.collect();
             if !errors.is_empty() {
                 sentences.push(format!(
-                    "That leaves colours off by a mean and a largest difference ΔE00 of {} (1 is about what an eye can see).",
+                    "Compared with following all wavelengths, colours are off, on average and at most, by ΔE00 {} (a difference of 1 can just be seen side by side).",
                     errors.join(", ")
                 ));
             }
         }
-        let unused: Vec<&str> = (0..scene.materials.len())
-            .filter(|material| !self.materials.contains(material))
-            .filter_map(|material| scene.materials.get(material))
-            .map(|material| material.name.as_str())
-            .collect();
-        if !unused.is_empty() {
-            sentences.push(format!("Materials that nothing shows are left out: {}.", unused.join(", ")));
+        if let Some(error) = self.half_precision_error(scene) {
+            sentences.push(format!(
+                "A finished pixel is stored in 16 bits a number, {} bytes in all; that moves no colour by more than ΔE00 {error:.2}.",
+                plan.pixel_bytes()
+            ));
         }
+        let hidden = || (0..scene.materials.len()).filter(|material| !self.materials.contains(material));
+        let (filters, unused): (Vec<usize>, Vec<usize>) = hidden().partition(absorbs);
+        if !filters.is_empty() {
+            let filters = listed(filters.into_iter().filter_map(name));
+            sentences.push(format!("Seen only by what they take from the light: {filters}."));
+        }
+        if !unused.is_empty() {
+            let unused = listed(unused.into_iter().filter_map(name));
+            sentences.push(format!("Materials that nothing shows are left out: {unused}."));
+        }
+        sentences
+    }
+
+    /// The plan in sentences, for people who know volumes but not this program.
+    #[must_use]
+    pub fn explain(&self, scene: &Scene) -> Vec<String> {
+        let plan = &self.plan;
+        let mut sentences = self.explain_colours(scene);
         sentences.push(match plan.positions.total() {
-            0 => "There is no light: only the light that passes is computed.".to_owned(),
-            1 => format!(
-                "{} light{} one accumulator.",
-                scene.lights.len(),
-                if scene.lights.len() == 1 { " needs" } else { "s share" }
-            ),
+            0 => "There is no light: only what passes is computed.".to_owned(),
+            1 if scene.lights.len() == 1 => "There is one light.".to_owned(),
+            1 => format!("Shading cannot tell the {} lights apart, so they share their numbers.", scene.lights.len()),
             total => format!(
-                "{} lights shine from {total} positions that shading can tell apart ({}): one accumulator each.",
+                "{} lights shine from {total} places that shading can tell apart: {}.",
                 scene.lights.len(),
-                names(self.positions.iter().map(|position| position.name.as_str()).collect())
+                listed(self.positions.iter().map(|position| position.name.as_str()))
             ),
         });
         sentences.push(match plan.shading.filter(|_| plan.gradient()) {
-            None => "Nothing is shaded by the gradient, so no gradient is computed or stored.".to_owned(),
+            None => "Nothing is shaded by the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "The gradient is stored beside each value, for {}.",
+                "Surfaces get their {} by which way values change there, which is stored beside each value.",
                 match (terms.diffuse, terms.specular) {
-                    (true, None) => "diffuse shading",
+                    (true, None) => "shading",
                     (false, _) => "highlights",
-                    (true, Some(_)) => "diffuse shading and highlights",
+                    (true, Some(_)) => "shading and highlights",
                 }
             ),
         });
         if plan.labels {
-            sentences.push("Labels decide what a voxel is; label 0 follows the transfer function.".to_owned());
+            sentences.push("Labels decide what a voxel is; without a label, its value does.".to_owned());
         }
         sentences.push(
             if plan.background {
-                "A background is seen through what light passes; it is added when relighting."
+                "The background is seen through what passes, and relit with everything else."
             } else {
                 "The background is black and costs nothing."
             }
@@ -560,14 +666,15 @@ impl Planned {
         };
         sentences.push(format!("Values between voxels are {values}; {entries}."));
         let termination = if scene.accuracy.termination > 0.0 {
-            format!("A ray ends when less than {} of light passes", readable(scene.accuracy.termination))
+            format!("A ray ends once less than {} % of the light passes", readable(100.0 * scene.accuracy.termination))
         } else {
             "Every ray is followed to its end".to_owned()
         };
-        let skipping =
-            if plan.skipping { "cells that hold nothing are leapt over" } else { "empty cells are not leapt over" };
-        sentences
-            .push(format!("{termination}; samples are {} apart; {skipping}.", readable(scene.accuracy.step_length)));
+        let skipping = if plan.skipping { "what is empty is leapt over" } else { "what is empty is walked through" };
+        sentences.push(format!(
+            "{termination}; samples are {} apart, in the volume's own unit of length; {skipping}.",
+            readable(scene.accuracy.step_length)
+        ));
         sentences
     }
 
@@ -590,4 +697,10 @@ impl Planned {
             _ => None,
         }
     }
+}
+
+/// Names one after the other.
+fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.collect();
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }

@@ -169,7 +169,7 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let json = folder.done(&["info", "scene.toml", "--json"]).json();
     assert_eq!(json["plan"]["components"], 3);
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
-    let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["storage"][key].clone());
+    let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["volume"][key].clone());
     assert_eq!(stored(&json), [Value::from("rgba16snorm"), Value::from(32 * 30 * 18 * 8)]);
     let sentence = "The volume is stored as 16-bit values with gradients (Rgba16Snorm), 0.1 MB, which loses nothing.";
     assert!(text.contains(sentence), "{text}");

@@ -58,6 +58,7 @@ const SHARMA_2005: [[f64; 7]; 34] = [
     [2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082],
 ];
 
+/// COLOUR.md C2.
 #[test]
 fn what_is_no_number_is_no_difference_of_zero() {
     for part in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e60] {
@@ -105,6 +106,7 @@ const PLAIN_SUMS: [(&str, &str, [f64; 3]); 18] = [
     ("LED-V2", "cyan", [0.12534863926809237, 0.18182452165189034, 0.23694084510014077]),
 ];
 
+/// COLOUR.md C1.
 #[test]
 fn patches_under_lights_have_the_colours_of_another_implementation() {
     for (light, patch, expected) in PLAIN_SUMS {

@@ -6,7 +6,7 @@ mod support;
 use glam::DVec3;
 use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Interpolation, Lookup, Placement, Scene, Shading};
+use relume::scene::{AccumulateAs, Interpolation, Lookup, Placement, Scene, Shading, StoreAs};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
@@ -23,6 +23,7 @@ fn least() -> ScenePlan {
         lookup: Lookup::Linear,
         interpolation: Interpolation::Linear,
         skipping: true,
+        storage: StoreAs::Single,
     }
 }
 
@@ -55,6 +56,12 @@ fn an_unshaded_scene_has_one_position_however_many_lights() {
 fn shading_that_is_switched_off_costs_nothing() {
     assert_eq!(changed("diffuse_three", |scene| scene.shading = Shading::None), least());
     assert_eq!(changed("specular_one", |scene| scene.shading = Shading::None), least());
+}
+
+#[test]
+fn sixteen_bits_are_stored_where_they_are_asked_for() {
+    let half = ScenePlan { storage: StoreAs::Half, ..least() };
+    assert_eq!(changed("unshaded_one", |scene| scene.accuracy.storage = StoreAs::Half), half);
 }
 
 #[test]
@@ -310,6 +317,7 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         lookup: Lookup::Linear,
         interpolation: Interpolation::Linear,
         skipping: false,
+        storage: StoreAs::Single,
     };
     assert_eq!(fullest.planned.plan, expected);
 

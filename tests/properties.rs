@@ -32,10 +32,11 @@ fn single(mix: &Mix, i: usize, factor: f64) -> Mix {
     Mix(vec![light])
 }
 
+/// COLOUR.md C12.
 #[test]
 fn a_mix_is_the_sum_of_its_lights() {
     with_renderer(|renderer| {
-        for name in ["diffuse_three", "specular_three", "background"] {
+        for name in ["diffuse_three", "specular_three", "background", "coloured_three"] {
             let rungs = Rungs::new(scenes::named(name), SIZE);
             let marched = rungs.gpu_accumulators(renderer);
             let together = lit(renderer, &marched, &rungs, &rungs.mix);
@@ -50,19 +51,22 @@ fn a_mix_is_the_sum_of_its_lights() {
     });
 }
 
+/// COLOUR.md C12.
 #[test]
 fn light_scales_over_twelve_magnitudes() {
     with_renderer(|renderer| {
-        let rungs = Rungs::new(scenes::named("specular_three"), SIZE);
-        let marched = rungs.gpu_accumulators(renderer);
-        let once = lit(renderer, &marched, &rungs, &rungs.mix);
-        let scale = magnitudes(&renderer.read(&marched).unwrap(), &rungs.matrices());
-        for intensity in [1e-6, 1e-3, 1e3, 1e6] {
-            let mut mix = rungs.mix.clone();
-            mix.0.iter_mut().for_each(|light| light.weight *= intensity);
-            for ((scaled, once), scale) in lit(renderer, &marched, &rungs, &mix).iter().zip(&once).zip(&scale) {
-                let error = (*scaled / intensity - *once).abs();
-                assert!(error.cmple(LINEARITY * *scale).all(), "{intensity}: {scaled} for {once}");
+        for name in ["specular_three", "coloured_three"] {
+            let rungs = Rungs::new(scenes::named(name), SIZE);
+            let marched = rungs.gpu_accumulators(renderer);
+            let once = lit(renderer, &marched, &rungs, &rungs.mix);
+            let scale = magnitudes(&renderer.read(&marched).unwrap(), &rungs.matrices());
+            for intensity in [1e-6, 1e-3, 1e3, 1e6] {
+                let mut mix = rungs.mix.clone();
+                mix.0.iter_mut().for_each(|light| light.weight *= intensity);
+                for ((scaled, once), scale) in lit(renderer, &marched, &rungs, &mix).iter().zip(&once).zip(&scale) {
+                    let error = (*scaled / intensity - *once).abs();
+                    assert!(error.cmple(LINEARITY * *scale).all(), "{name}, {intensity}: {scaled} for {once}");
+                }
             }
         }
     });
@@ -157,6 +161,7 @@ fn slab(step: f64, material: &str) -> Rungs {
     Rungs::new(scenes::of(&text, scenes::slab([17, 17, 25], 150)), [8, 8])
 }
 
+/// COLOUR.md C13 in grey; coloured, it is in `spectral.rs`.
 #[test]
 fn halving_the_step_leaves_a_slab_as_it_is() {
     for material in ["", "xray = true"] {
@@ -214,6 +219,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
     }
 }
 
+/// COLOUR.md C11 by weights; by k numbers, it is in `spectral.rs`.
 #[test]
 fn stored_accumulators_relight_to_a_fresh_render() {
     let folder = tempfile::tempdir().unwrap();
@@ -289,7 +295,7 @@ fn bands_slices_and_workgroups_change_no_byte() {
         Dispatching { group: [1, 64], ..usual },
         Dispatching { group: [64, 1], samples: Some(1), slice: 31 },
     ];
-    for name in ["specular_three", "labels", "inside", "xray"] {
+    for name in ["specular_three", "labels", "inside", "xray", "coloured_three"] {
         let mut scene = scenes::named(name);
         scene.accuracy.termination = 1e-3;
         for skipping in [true, false] {

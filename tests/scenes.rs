@@ -1,11 +1,20 @@
 //! The scene files that come with the program: each loads, and shows every material it states.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod support;
+
 use std::path::{Path, PathBuf};
 
-use relume::plan::plan;
+use glam::DVec3;
+use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{self, Scene, SceneOptions, positions};
+use relume::reference::relight;
+use relume::scene::{self, AccumulateAs, Scene, SceneOptions, positions};
+use relume::spectrum::Spectrum;
+use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+
+use support::rungs::{Rungs, with_renderer};
+use support::tolerance::WEIGHTS_DEVICE;
 
 /// A folder of this test's own.
 fn folder(name: &str) -> PathBuf {
@@ -70,4 +79,107 @@ fn the_scanned_engine_shows_all_its_materials() {
     let volume = Some(zeros(&folder, "engine.mha", [256, 256, 128]));
     check(&load("engine_ct.toml", &SceneOptions { volume, ..SceneOptions::default() }));
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// How a scene is planned: what pixels store, what passes, and the light positions.
+fn planned(rungs: &Rungs) -> (Accumulate, Transmittance, usize) {
+    let plan = &rungs.planned.plan;
+    (plan.accumulate, plan.transmittance, plan.positions.total())
+}
+
+/// The device's picture against all 81 bands, in every pixel: within the tolerance of the scene, or exact but for rounding.
+fn shows_its_colours(rungs: &Rungs) {
+    let truth = rungs.stored_truth();
+    assert!(truth.iter().any(|colour| colour.y > 0.1), "{} is dark", rungs.scene.source);
+    with_renderer(|renderer| {
+        let shown = relight(&rungs.gpu(renderer), &rungs.xyz_matrices());
+        let worst = shown.iter().zip(&truth).map(|(one, other)| difference(*one, *other)).fold(0.0, f64::max);
+        let limit = if rungs.planned.model.is_some() { rungs.scene.accuracy.tolerance } else { WEIGHTS_DEVICE };
+        assert!(worst <= limit, "{}: ΔE00 {worst}", rungs.scene.source);
+    });
+}
+
+fn difference(one: DVec3, other: DVec3) -> f64 {
+    let lab = |colour: DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
+    ciede2000(lab(one), lab(other))
+}
+
+fn dimension(rungs: &Rungs) -> usize {
+    rungs.planned.model.as_ref().map_or(0, |model| model.dimension())
+}
+
+#[test]
+fn the_wedge_is_beer_and_lamberts_law() {
+    let rungs = Rungs::new(load("wedge.toml", &SceneOptions::default()), [40, 40]);
+    let expected = Accumulate::Spectral { dimension: dimension(&rungs), shares: Shares::Equal, exponents: 0 };
+    assert_eq!(planned(&rungs), (expected, Transmittance::Coloured, 1));
+    let light = rungs.mix.0[0].spectrum.spectrum();
+    let truth = rungs.truth();
+    let mut hues = Vec::new();
+    // The middle of each strip: its material, and its peak's optical depth at the right edge.
+    for (name, row, peak) in
+        [("tea", 6, 20.0), ("pumpkin_oil", 14, 18.0), ("chlorophyll", 23, 20.0), ("methylene_blue", 32, 20.0)]
+    {
+        let material = rungs.scene.materials.iter().find(|material| material.name == name).unwrap();
+        let shape = material.absorption.as_ref().unwrap().spectrum();
+        for x in 0..40 {
+            // The way through the box, in whole steps of ½.
+            let way = 256.0 * (f64::from(x) + 0.5) / 40.0;
+            let way = 0.5 * (way / 0.5 - 0.5).ceil();
+            let passed = |band: usize| light.samples()[band] * (-peak * way / 256.0 * shape.samples()[band]).exp();
+            let expected = DVec3::from(xyz_of(&Spectrum::from_samples(std::array::from_fn(passed))).0);
+            let found = truth[usize::try_from(x).unwrap() + 40 * row];
+            assert!((found - expected).length() <= 1e-3, "{name}, {x}: {found} for {expected}");
+            if [2, 39].contains(&x) {
+                let Lab([_, a, b]) = lab_from_xyz(Xyz(found.to_array()), d65_white());
+                hues.push(b.atan2(a).to_degrees());
+            }
+        }
+    }
+    // Each turns; the oil from green to red.
+    assert!(hues.chunks(2).all(|pair| (pair[0] - pair[1]).abs() > 10.0), "{hues:?}");
+    assert!(hues[2] > 100.0 && hues[3] < 60.0, "{hues:?}");
+    shows_its_colours(&rungs);
+}
+
+#[test]
+fn glass_shells_shine_and_colour_what_is_behind() {
+    let rungs = Rungs::new(load("glass_shells.toml", &SceneOptions::default()), [36, 32]);
+    let expected = Accumulate::Spectral { dimension: dimension(&rungs), shares: Shares::Own, exponents: 1 };
+    assert_eq!(planned(&rungs), (expected, Transmittance::Coloured, 2));
+    assert!(rungs.planned.plan.background && rungs.planned.plan.specular().is_some());
+    check(&rungs.scene);
+    shows_its_colours(&rungs);
+}
+
+#[test]
+fn the_stained_frog_is_planned_in_k_numbers_with_labels_and_without() {
+    let folder = folder("stained");
+    let rungs = Rungs::new(load("stained_frog.toml", &SceneOptions::default()), [36, 32]);
+    let expected = Accumulate::Spectral { dimension: dimension(&rungs), shares: Shares::Equal, exponents: 0 };
+    assert_eq!(planned(&rungs), (expected, Transmittance::Coloured, 2));
+    check(&rungs.scene);
+    shows_its_colours(&rungs);
+    let volume = Some(zeros(&folder, "frog.mha", [5, 4, 3]));
+    let labels = Some(zeros(&folder, "labels.mha", [5, 4, 3]));
+    let labelled = load("stained_frog.toml", &SceneOptions { volume, labels, ..SceneOptions::default() });
+    check(&labelled);
+    assert_eq!(labelled.labels.unwrap().declared.len(), 15);
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn the_inked_frog_is_the_same_by_weights_and_by_k_numbers() {
+    let by = |accumulate: AccumulateAs| {
+        let mut scene = load("inked_frog.toml", &SceneOptions::default());
+        scene.accuracy.accumulate = accumulate;
+        Rungs::new(scene, [36, 32])
+    };
+    let (weights, spectral) = (by(AccumulateAs::Weights), by(AccumulateAs::Spectral));
+    assert_eq!(planned(&weights), (Accumulate::Weights { materials: 6 }, Transmittance::Grey, 2));
+    let expected = Accumulate::Spectral { dimension: dimension(&spectral), shares: Shares::Equal, exponents: 0 };
+    assert_eq!(planned(&spectral), (expected, Transmittance::Grey, 2));
+    check(&weights.scene);
+    shows_its_colours(&weights);
+    shows_its_colours(&spectral);
 }

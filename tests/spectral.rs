@@ -6,15 +6,18 @@ mod support;
 use std::path::Path;
 
 use glam::DVec3;
-use relume::plan::{Accumulate, PlanError, Shares, Transmittance, plan};
+use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::reference::{Real, relight};
-use relume::scene::{AccumulateAs, Scene, SceneOptions, parse};
-use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::scene::{AccumulateAs, Scene, SceneLight, SceneOptions, parse};
+use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::spectrum::{Spectrum, standard};
 use relume::tables::Accumulation;
+use relume::volume::{Geometry, Volume, Voxels};
 
-use support::rungs::{Rungs, with_renderer};
-use support::scenes::GLASS;
+use support::rungs::{Rungs, in_xyz, with_renderer};
+use support::scenes::{self, GLASS};
+use support::tolerance::{RELIT_ABSOLUTE, RELIT_RELATIVE};
 
 fn scene(text: &str) -> Scene {
     parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
@@ -86,6 +89,7 @@ fn every_rung(rungs: &Rungs, mut check: impl FnMut(&str, Vec<f64>, Vec<f64>)) {
     });
 }
 
+/// COLOUR.md C13: so halving the step changes it by no more.
 #[test]
 fn a_coloured_slab_is_its_closed_form_at_every_step() {
     for step in [2.0, 1.0, 0.5, 0.25] {
@@ -111,6 +115,110 @@ fn all_bands_are_the_closed_form_too() {
     for (found, expected) in pairs {
         assert!((found - expected).abs() <= 1e-12, "{found} for {expected}");
     }
+}
+
+/// Layers of three media and of nothing, one value a slice, straight on.
+fn layers(values: &[u16]) -> Rungs {
+    let text = r#"
+        shading = "none"
+        background = "yellow green"
+        [materials.a]
+        reflectance = "orange"
+        absorption = { gaussian = [{ centre = 470, sigma = 30, height = 1.0 }] }
+        [materials.b]
+        reflectance = "cyan"
+        absorption = { gaussian = [{ centre = 600, sigma = 50, height = 1.0 }], base = 0.2 }
+        [materials.c]
+        reflectance = "purple"
+        [transfer]
+        opacity_length = 1
+        intervals = [
+            { material = "a", range = [80, 120], opacity = 0.05, absorption = 0.6 },
+            { material = "b", range = [180, 220], opacity = 0.3, absorption = 0.2 },
+            { material = "c", range = [280, 320], opacity = 0.01 },
+        ]
+        [lights.tube]
+        spectrum = "FL11"
+        [camera]
+        projection = "orthographic"
+        height = 0.5
+        azimuth = 0
+        elevation = 0
+        [accuracy]
+        interpolation = "nearest"
+        step = 0.5
+        termination = 0
+    "#;
+    let dims = [1, 1, values.len()];
+    let volume = Volume::new("layers", Voxels::U16(values.to_vec()), Geometry::unit("layers", dims).unwrap());
+    Rungs::new(scenes::of(text, volume.unwrap()), [1, 1])
+}
+
+/// COLOUR.md C3.
+#[test]
+fn layers_are_the_chain_that_is_computed_without_this_crate() {
+    let values: Vec<u16> = (0..40).map(|i: u16| [100, 300, 200, 0, 100, 100, 300][usize::from(i * i % 7)]).collect();
+    let rungs = layers(&values);
+    let spectrum = |material: usize| *rungs.scene.materials[material].reflectance.spectrum().samples();
+    let shape =
+        |material: usize| rungs.scene.materials[material].absorption.as_ref().map(|it| *it.spectrum().samples());
+    let media =
+        [(0.05_f64, 0.6, spectrum(0), shape(0)), (0.3, 0.2, spectrum(1), shape(1)), (0.01, 0.0, spectrum(2), None)];
+    let behind = rungs.scene.background.as_ref().unwrap().spectrum().samples();
+    let light = rungs.mix.0[0].spectrum.spectrum();
+    // Samples at ¼, ¾, 1¼ …: the first slice once, those between twice, the last once.
+    let samples: Vec<u16> = values.windows(2).flat_map(|pair| [pair[0], pair[1]]).collect();
+    let reflected = |band: usize| {
+        let (mut sum, mut passed) = (0.0, 1.0);
+        for &value in &samples {
+            let Some((opacity, peak, reflectance, shape)) = media.get(usize::from(value / 100).wrapping_sub(1)) else {
+                continue;
+            };
+            let scattering = -(1.0 - opacity).ln();
+            let extinction = scattering + shape.map_or(0.0, |shape| peak * shape[band]);
+            let through = (-0.5 * extinction).exp();
+            sum += passed * scattering * reflectance[band] * (1.0 - through) / extinction;
+            passed *= through;
+        }
+        light.samples()[band] * (sum + passed * behind[band])
+    };
+    let expected = DVec3::from(xyz_of(&Spectrum::from_samples(std::array::from_fn(reflected))).0);
+    let found = rungs.truth()[0];
+    assert!((found - expected).abs().max_element() <= 1e-9, "f64: {found} for {expected}");
+    let full = rungs.full_spectrum();
+    let single = relight(&full.march::<f32>(&full.stored()), &full.xyz_matrices())[0];
+    let error = ((single - expected) / expected).abs().max_element();
+    assert!(error <= 2e-6, "f32: {single} for {expected}");
+}
+
+/// COLOUR.md C11.
+#[test]
+fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
+    let text = GLASS.replace("[accuracy]", "[accuracy]\nk = 8");
+    let rungs = Rungs::new(scene(&text), [40, 40]);
+    let model = rungs.planned.model.clone().unwrap();
+    let light = standard::light("LED-RGB1").unwrap();
+    let mut mix = rungs.mix.clone();
+    mix.0.truncate(1);
+    (mix.0[0].spectrum, mix.0[0].weight) = (light.clone(), 1.0);
+    let mut changed = rungs.scene.clone();
+    let placement = rungs.planned.positions[mix.0[0].position].placement;
+    changed.lights = vec![SceneLight { name: "new".into(), spectrum: light.clone(), intensity: 1.0, placement }];
+    let replanned = Rungs::new(changed.clone(), [40, 40]);
+    let same = Planned { model: Some(model.clone()), ..replanned.planned.clone() };
+    let fresh = Rungs::planned(changed, same, [40, 40]);
+    let reported = model.matrix(&light).error.max + replanned.planned.model.as_ref().unwrap().worst().max;
+    with_renderer(|renderer| {
+        let stored = rungs.gpu(renderer);
+        let relit: Vec<DVec3> = relight(&stored, &in_xyz(&rungs.matrices_under(&mix)));
+        let render = |rungs: &Rungs| relight(&rungs.gpu(renderer), &rungs.xyz_matrices());
+        for (relit, fresh) in relit.iter().zip(render(&fresh)) {
+            let limit = RELIT_RELATIVE * fresh.abs().max_element() + RELIT_ABSOLUTE;
+            assert!((*relit - fresh).abs().max_element() <= limit, "{relit} for {fresh}");
+        }
+        let worst = differences(&relit, &render(&replanned)).into_iter().fold(0.0, f64::max);
+        assert!(worst <= reported, "ΔE00 {worst} from another model, {reported} reported");
+    });
 }
 
 #[test]
@@ -150,6 +258,7 @@ fn an_automatic_k_keeps_its_tolerance_in_the_picture() {
     }
 }
 
+/// COLOUR.md C7.
 #[test]
 fn a_grey_scene_is_the_same_by_weights_and_by_k_numbers() {
     let grey = GLASS.lines().filter(|line| !line.starts_with("absorption")).collect::<Vec<_>>().join("\n");
@@ -206,4 +315,23 @@ fn what_cannot_be_planned_is_refused_with_the_reason() {
     let text = GLASS.replace("material = \"red\"", "material = \"shiny\"");
     let refused = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap_err().to_string();
     assert!(refused.contains("the material shiny absorbs nothing"), "{refused}");
+}
+
+#[test]
+fn a_plan_is_told_in_words_of_light_and_pixels() {
+    let told = |text: &str| {
+        let scene = scene(text);
+        plan(&scene, &Quiet).unwrap().explain(&scene).join("\n")
+    };
+    let coloured = told(&GLASS.replace("[accuracy]", "[accuracy]\nk = 8"));
+    for part in
+        ["as through stained glass", "meets green, red.", "at 8 wavelengths (", "key", "fill", "24 in all", "ΔE00"]
+    {
+        assert!(coloured.contains(part), "{part:?} is not in\n{coloured}");
+    }
+    for jargon in ["accumulator", "march", "node", "lane", "component", "dimension"] {
+        assert!(!coloured.contains(jargon), "{jargon:?} is in\n{coloured}");
+    }
+    let sharpened = told(&GLASS.replace("[accuracy]", "[accuracy]\nk = 8\nmodel = \"sharpened-semigroup\""));
+    assert!(sharpened.contains("would amplify light; they are held at 0"), "{sharpened}");
 }

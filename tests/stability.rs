@@ -6,9 +6,10 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
+use relume::model::random::Random;
 use relume::plan::plan;
 use relume::progress::Quiet;
-use relume::reference::{Samples, Step, relight};
+use relume::reference::{Samples, Step, composite, pass_by, relight};
 use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
@@ -17,7 +18,7 @@ use relume::volume::{Geometry, Volume, Voxels};
 use support::bounds::{of_places, places};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
-use support::tolerance::{EQUAL_STEPS, ROUNDINGS_PER_STEP_OF_TWO, TERMINATION_DELTA_E, TERMINATION_XYZ};
+use support::tolerance::{EQUAL_STEPS, OPACITY, ROUNDINGS_PER_STEP_OF_TWO, TERMINATION_DELTA_E, TERMINATION_XYZ};
 
 /// A volume of `dims` voxels of one value, straight on along z, in parallel rays that cover its middle.
 fn straight_on(dims: [usize; 3], opacity: f64, step: f64) -> Rungs {
@@ -86,6 +87,7 @@ fn near(rung: &str, found: f32, expected: f64, relative: f64) {
     assert!(error <= relative * expected.abs(), "{rung}: {found} for {expected}");
 }
 
+/// COLOUR.md C16, with the tests of no light and no material below.
 #[test]
 fn opacity_one_lets_nothing_pass_and_zero_everything() {
     for (rung, sums) in marched(&straight_on([5, 5, 9], 1.0, 1.0)) {
@@ -136,6 +138,7 @@ fn transmittance_below_the_smallest_normal_is_harmless() {
     }
 }
 
+/// COLOUR.md C15.
 #[test]
 fn a_hundred_thousand_equal_steps_are_their_closed_form() {
     // Optical depth 1 and 5 in N = 1e5 steps (COLOUR.md C15).
@@ -360,18 +363,20 @@ fn without_materials_all_light_passes() {
     });
 }
 
-/// Pictures (XYZ) of a dense scene that follow each ray to its end, and that end rays at 1e-3.
-fn full_and_early(background: Option<Reflectance>) -> Vec<(&'static str, Vec<DVec3>, Vec<DVec3>)> {
-    let mut scene = scenes::named("diffuse_three");
+/// Pictures (XYZ) of a dense scene that follow each ray to its end, and that end rays as scenes do that do not say when.
+fn full_and_early(name: &str, background: Option<&Reflectance>) -> Vec<(&'static str, Vec<DVec3>, Vec<DVec3>)> {
+    let mut scene = scenes::named(name);
     for term in &mut scene.transfer.terms {
         term.opacity.iter_mut().for_each(|point| point.1 = 1.0 - (1.0 - point.1).powi(4));
+        term.absorption.iter_mut().for_each(|point| point.1 *= 10.0);
     }
-    scene.background = background;
+    scene.background = background.cloned();
     // All lights together are a white of Y = 1.
-    scene.lights.iter_mut().for_each(|light| light.intensity = 1.0 / 3.0);
+    let lights = float(scene.lights.len());
+    scene.lights.iter_mut().for_each(|light| light.intensity = 1.0 / lights);
     let whole = Rungs::new(scene.clone(), SIZE);
-    scene.accuracy.termination = 1e-3;
-    let ended = Rungs::new(scene, SIZE);
+    scene.accuracy.termination = usual_termination();
+    let ended = Rungs::planned(scene, whole.planned.clone(), SIZE);
     let both = marched(&whole).into_iter().zip(marched(&ended));
     both.map(|((rung, full), (_, early))| {
         assert!(full != early, "{rung}: some rays end early");
@@ -380,24 +385,142 @@ fn full_and_early(background: Option<Reflectance>) -> Vec<(&'static str, Vec<DVe
     .collect()
 }
 
+/// That of a scene which does not say.
+fn usual_termination() -> f64 {
+    scenes::of("", scenes::slab([2, 2, 2], 0)).accuracy.termination
+}
+
+fn difference(one: DVec3, other: DVec3) -> f64 {
+    let lab = |xyz: DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
+    ciede2000(lab(one), lab(other))
+}
+
+/// COLOUR.md C17, without a background and in front of a perfect reflector, the brightest thing that a ray can miss.
 #[test]
-fn ending_rays_early_moves_a_pixel_by_at_most_the_light_that_was_left() {
-    // In front of a perfect reflector, which is the brightest thing that a ray can miss or keep.
-    for (rung, full, early) in full_and_early(Some(Reflectance::new(Spectrum::constant(1.0)).unwrap())) {
-        for (full, early) in full.iter().zip(&early) {
-            let apart = (*full - *early).abs().max_element();
-            assert!(apart <= TERMINATION_XYZ, "{rung}: {early} for {full}");
+fn ending_rays_early_cannot_be_seen() {
+    let white = Reflectance::new(Spectrum::constant(1.0)).unwrap();
+    for name in ["diffuse_three", "coloured_three"] {
+        for background in [None, Some(&white)] {
+            for (rung, full, early) in full_and_early(name, background) {
+                for (&full, &early) in full.iter().zip(&early) {
+                    let apart = (full - early).abs().max_element();
+                    assert!(apart <= TERMINATION_XYZ, "{name}, {rung}: {early} for {full}");
+                    let apart = difference(full, early);
+                    assert!(apart <= TERMINATION_DELTA_E, "{name}, {rung}: {early} for {full}: ΔE {apart}");
+                }
+            }
         }
     }
 }
 
+/// COLOUR.md C17 where it shows most: white behind black. A thousandth of it would be ΔE00 0.5.
 #[test]
-fn ending_rays_early_cannot_be_seen() {
-    for (rung, full, early) in full_and_early(None) {
-        let lab = |xyz: &DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
-        for (full, early) in full.iter().zip(&early) {
-            let difference = ciede2000(lab(full), lab(early));
-            assert!(difference <= TERMINATION_DELTA_E, "{rung}: {early} for {full}: ΔE {difference}");
+fn white_behind_black_ends_as_black() {
+    for opacity in [0.01, 0.1, 0.5, 0.9] {
+        let mut rungs = straight_on([3, 3, 1001], opacity, 1.0);
+        rungs.scene.materials[0].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
+        rungs.scene.background = Some(Reflectance::new(Spectrum::constant(1.0)).unwrap());
+        rungs.scene.accuracy.termination = usual_termination();
+        let rungs = Rungs::new(rungs.scene, [1, 1]);
+        for (rung, sums) in marched(&rungs) {
+            let passed = f64::from(sums.transmittance[0]);
+            assert!(passed > 1e-9, "{rung}, {opacity}: it ends early, at {passed}");
+            let apart = difference(relight(&sums, &rungs.xyz_matrices())[0], DVec3::ZERO);
+            assert!(apart <= TERMINATION_DELTA_E, "{rung}, {opacity}: ΔE {apart}");
+        }
+    }
+}
+
+/// COLOUR.md C14: one sample of every opacity and length.
+#[test]
+fn an_opacity_is_that_of_its_length_to_the_last_bits() {
+    for opacity in [1e-8, 1e-6, 1e-4, 0.01, 0.5, 0.99, 1.0 - 1e-6, 1.0 - 1e-8_f64] {
+        for length in [1e-3, 0.03, 1.0, 7.0, 100.0] {
+            let mut scene = straight_on([1, 1, 1], opacity, length).scene;
+            let mut volume = (*scene.volume).clone();
+            volume.geometry.spacing = DVec3::splat(length);
+            scene.volume = Arc::new(volume);
+            scene.camera.projection = Projection::Orthographic { height: Some(0.1 * length) };
+            let expected = -((-opacity).ln_1p() * length).exp_m1();
+            for (rung, sums) in marched(&Rungs::new(scene, [1, 1])) {
+                near(&format!("{rung}, {opacity}, {length}"), sums.weights[0], expected, OPACITY);
+            }
+        }
+    }
+}
+
+/// COLOUR.md C15, over opacities of every size.
+#[test]
+fn random_samples_add_up_as_exactly_as_they_should() {
+    let (mut random, mut colours) = (Random::new(15), Random::new(16));
+    for samples in [10_u16, 100, 1000, 10_000] {
+        let n = f64::from(samples);
+        let limit = (1e-6 + 4e-9 * n).min(EQUAL_STEPS);
+        for _ in 0..50 {
+            for kind in 0..4 {
+                let mut opacity = || match kind {
+                    0 => random.between(1e-6, 1e-4),
+                    1 => random.between(0.0, 6.0 / n),
+                    2 => random.between(0.3, 0.7),
+                    _ if random.unit() < 0.02 => 1.0 - 1e-6,
+                    _ => random.between(0.0, 3.0 / n),
+                };
+                let (mut single, mut exact) = (([0.0_f32], 1.0_f32), ([0.0_f64], 1.0_f64));
+                for _ in 0..samples {
+                    let alpha = narrow(opacity());
+                    let source = alpha * narrow(colours.unit());
+                    composite(&mut single.0, &[source], &[single.1]);
+                    composite(&mut exact.0, &[f64::from(source)], &[exact.1]);
+                    single.1 = pass_by(single.1, alpha);
+                    exact.1 = pass_by(exact.1, f64::from(alpha));
+                }
+                near(&format!("{samples} samples"), single.0[0], exact.0[0], limit);
+            }
+        }
+    }
+}
+
+/// What is done to a scene.
+type Change<'a> = &'a dyn Fn(&mut Scene);
+
+/// COLOUR.md C16, in k numbers.
+#[test]
+fn coloured_extremes_are_finite() {
+    let glass = scenes::named("coloured_three");
+    let with = |change: Change<'_>| {
+        let mut scene = glass.clone();
+        change(&mut scene);
+        Rungs::new(scene, SIZE)
+    };
+    let absorption = |scene: &mut Scene, depth: f64| {
+        scene.transfer.terms.iter_mut().flat_map(|term| &mut term.absorption).for_each(|point| point.1 *= depth);
+    };
+    let opacity = |scene: &mut Scene, height: f64| {
+        let points = scene.transfer.terms.iter_mut().flat_map(|term| &mut term.opacity);
+        points.filter(|point| point.1 > 0.0).for_each(|point| point.1 = height);
+    };
+    let extremes: [(&str, Change<'_>); 6] = [
+        ("optical depth 1e6", &|scene| absorption(scene, 1e7)),
+        ("optical depth 1e-9", &|scene| absorption(scene, 1e-8)),
+        ("opacity 1", &|scene| opacity(scene, 1.0)),
+        ("opacity 0", &|scene| opacity(scene, 0.0)),
+        ("no light", &|scene| scene.lights.clear()),
+        ("a light of nothing", &|scene| scene.lights.iter_mut().for_each(|light| light.intensity = 0.0)),
+    ];
+    for (what, change) in extremes {
+        let rungs = with(change);
+        let matrices = rungs.matrices();
+        let behind: DVec3 = matrices.background.iter().sum();
+        for (rung, sums) in marched(&rungs) {
+            let picture = relight(&sums, &matrices);
+            assert!(picture.iter().all(|colour| colour.is_finite()), "{what}, {rung}");
+            // The first pixel's ray meets nothing: what passes is 1 in every number, and the background is itself.
+            let pixels = SIZE[0] * SIZE[1];
+            assert!(
+                sums.transmittance.iter().step_by(pixels).all(|&passed| (1.0 - passed).abs() <= 0.0),
+                "{what}, {rung}"
+            );
+            assert!((picture[0] - behind).abs().max_element() <= 1e-12 * behind.length(), "{what}, {rung}");
         }
     }
 }

@@ -100,10 +100,10 @@ impl Workload {
         !matches!(self, Self::Default | Self::Model)
     }
 
-    /// Whether it says itself what pixels keep, or has none.
+    /// Whether accuracy is not for the command line to say.
     fn is_fixed(&self) -> bool {
-        let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
-        fixed || !self.needs_device()
+        !self.needs_device()
+            || matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8)
     }
 }
 
@@ -150,7 +150,9 @@ impl Times {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
-        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads say what pixels keep")));
+        return Err(CliError::Usage(format!(
+            "{flag} does nothing here: these workloads say what pixels keep, or have none"
+        )));
     }
     let selection = args.selection.selection();
     let of_volumes = [

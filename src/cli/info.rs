@@ -11,7 +11,7 @@ use relume::number::readable;
 use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
-use relume::scene::{Placement, Scene};
+use relume::scene::{Placement, Scene, StoreAs};
 use relume::tables::Storage;
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
@@ -397,7 +397,12 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "lookup": format!("{:?}", plan.lookup).to_lowercase(),
         "interpolation": format!("{:?}", plan.interpolation).to_lowercase(),
         "skipping": plan.skipping,
-        "storage": {
+        "storage": match plan.storage {
+            StoreAs::Single => "f32",
+            StoreAs::Half => "f16",
+        },
+        "pixel_bytes": plan.pixel_bytes(),
+        "volume": {
             "format": format!("{:?}", storage.format).to_lowercase(),
             "bytes": storage.bytes(scene.volume.geometry.dims),
             "domain": storage.domain,

@@ -258,7 +258,7 @@ fn warn_of_undeclared(labels: Option<&LabelMap>) {
 
 /// Says why a picture is black; `occupied` says how many cells hold something, where that is known.
 fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option<usize>) {
-    if planned.materials.is_empty() {
+    if planned.materials.is_empty() && !(0..scene.materials.len()).any(|material| scene.absorbs(material)) {
         tracing::warn!("the scene shows no material: give its transfer function intervals with an opacity above 0");
     } else if occupied == Some(0) {
         tracing::warn!(

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::real::{dot, power, unit};
 use super::relight::light;
-use super::{Real, ReferenceError, Samples, Step};
+use super::{Real, ReferenceError, Samples, Step, store};
 use crate::number::count;
 use crate::plan::{Accumulate, LANE, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
@@ -296,7 +296,8 @@ fn pixels<R: Real, T: Send>(
         let mut row = Vec::with_capacity(size[0]);
         for x in 0..size[0] {
             sums.fill(R::default());
-            let passed = frame.march_pixel(samples, [x, y], &mut sums);
+            let mut passed = frame.march_pixel(samples, [x, y], &mut sums);
+            store(&planned.plan, &mut sums, &mut passed);
             row.push(finish(&sums, &passed));
         }
         row

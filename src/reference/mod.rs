@@ -4,11 +4,13 @@ mod march;
 mod real;
 mod relight;
 mod samples;
+mod store;
 
 pub use march::{composite, march, pass_by, render};
 pub use real::Real;
 pub use relight::{opacity, relight};
 pub use samples::{Exact, Samples, Step, Stored};
+pub use store::store;
 
 use crate::number::readable;
 

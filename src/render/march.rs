@@ -3,12 +3,13 @@
 use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
+use half::f16;
 
 use super::{Key, RenderError, Renderer, Uploaded};
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
-use crate::scene::{Lookup, Scene};
+use crate::scene::{Lookup, Scene, StoreAs};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
 use crate::vulkan::{Buffer, Filter, Format, HostUse, Resource, Sampler, StorageImage};
@@ -113,13 +114,28 @@ fn sources(plan: &ScenePlan) -> [(&'static str, &'static str); 3] {
     ]
 }
 
-/// The type, in WGSL, of the image of what passes.
-pub(super) fn transmittance_image(plan: &ScenePlan, access: &str) -> String {
-    let format = match plan.transmittance {
-        Transmittance::Grey => "r32float",
-        Transmittance::Coloured => "rgba32float",
+/// The formats of accumulators, and of what passes.
+pub(super) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
+    let vectors = match storage {
+        StoreAs::Single => Format::Rgba32Float,
+        StoreAs::Half => Format::Rgba16Float,
     };
-    format!("texture_storage_2d_array<{format}, {access}>")
+    match plan.transmittance {
+        Transmittance::Grey => [vectors, Format::R32Float],
+        Transmittance::Coloured => [vectors, vectors],
+    }
+}
+
+/// The types, in WGSL, of the images of accumulators and of what passes.
+pub(super) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [String; 2] {
+    formats(plan, storage).map(|format| {
+        let format = match format {
+            Format::R32Float => "r32float",
+            Format::Rgba16Float => "rgba16float",
+            _ => "rgba32float",
+        };
+        format!("texture_storage_2d_array<{format}, {access}>")
+    })
 }
 
 /// Constants that both shaders know.
@@ -131,6 +147,7 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
+    let [_, passed] = images(plan, StoreAs::Single, "read_write");
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
@@ -146,7 +163,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("EXPONENTS", unsigned(exponents))
         .bool("EQUAL_SHARES", shares == Shares::Equal)
         .bool("COLOURED", plan.transmittance == Transmittance::Coloured)
-        .alias("TransmittanceImage", &transmittance_image(plan, "read_write"))
+        .alias("TransmittanceImage", &passed)
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
         .u32("AMBIENT", unsigned(plan.positions.ambient))
@@ -259,13 +276,10 @@ impl Renderer {
             crate::scene::Interpolation::Linear => Filter::Linear,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
-        let layers = unsigned(plan.layers().max(1));
-        let weights = StorageImage::new(device, "accumulators", Format::Rgba32Float, extent, layers)?;
-        let (format, layers) = match plan.transmittance {
-            Transmittance::Grey => (Format::R32Float, 1),
-            Transmittance::Coloured => (Format::Rgba32Float, unsigned(plan.passed_lanes())),
-        };
-        let transmittance = StorageImage::new(device, "transmittance", format, extent, layers)?;
+        let [vectors, passed] = formats(plan, StoreAs::Single);
+        let weights = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
+        let transmittance =
+            StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
         let (pipeline, set) = self.bind(
             &Key::March(plan.clone()),
@@ -312,7 +326,7 @@ impl Renderer {
             progress.report("marching", u64::from(band.first_row + rows).min(size[1] as u64), size[1] as u64);
         }
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        Ok(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
+        self.store(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
     }
 
     /// The accumulators on the host.
@@ -339,7 +353,13 @@ impl Renderer {
     fn read_numbers(&self, image: &StorageImage, first: usize, count: usize) -> Result<Vec<f32>, RenderError> {
         let mut numbers = Vec::new();
         for lane in 0..count.div_ceil(LANE) {
-            let texels: Vec<[f32; LANE]> = self.read_layer(image, unsigned(first + lane))?;
+            let texels: Vec<[f32; LANE]> = match image.format() {
+                Format::Rgba16Float => {
+                    let halves: Vec<[u16; LANE]> = self.read_layer(image, unsigned(first + lane))?;
+                    halves.into_iter().map(|texel| texel.map(|bits| f16::from_bits(bits).to_f32())).collect()
+                }
+                _ => self.read_layer(image, unsigned(first + lane))?,
+            };
             for part in 0..LANE.min(count - lane * LANE) {
                 numbers.extend(texels.iter().map(|texel| texel[part]));
             }
@@ -473,6 +493,7 @@ mod tests {
             lookup: Lookup::Nearest,
             interpolation: Interpolation::Linear,
             skipping: true,
+            storage: StoreAs::Single,
         }
     }
 

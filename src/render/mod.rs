@@ -5,6 +5,7 @@
 
 mod march;
 mod relight;
+mod store;
 mod upload;
 
 use std::collections::HashMap;
@@ -130,6 +131,8 @@ pub struct Renderer {
 enum Key {
     March(ScenePlan),
     Relight(ScenePlan, relight::Target),
+    /// Of every plan.
+    Store,
 }
 
 /// A pipeline and the names of the resources it binds, in order.
@@ -175,7 +178,7 @@ impl Renderer {
             return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
         }
         // Accumulators, and a relit picture in f32.
-        let needed = (size[0] * size[1]) as u64 * (plan.pixel_bytes() + 16);
+        let needed = (size[0] * size[1]) as u64 * (plan.marched_bytes() + 16);
         if needed + volume_bytes > limits.device_heap_bytes {
             return Err(RenderError::PictureMemory {
                 size,
@@ -201,6 +204,7 @@ impl Renderer {
         let name = match key {
             Key::March(_) => "march",
             Key::Relight(..) => "relight",
+            Key::Store => "store",
         };
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources

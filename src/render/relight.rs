@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::march::{common, transmittance_image};
+use super::march::{common, images};
 use super::{Accumulators, Key, RenderError, Renderer};
 use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
@@ -38,11 +38,13 @@ pub struct RelightUniform {
 
 /// The relight shader of `plan`.
 pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderError> {
+    let [accumulators, passed] = images(plan, plan.storage, "read");
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
         .bool("PASSING", plan.background || target == Target::Linear)
         .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
-        .alias("TransmittanceImage", &transmittance_image(plan, "read"))
+        .alias("AccumulatorImage", &accumulators)
+        .alias("TransmittanceImage", &passed)
         .bool("DISPLAY", target == Target::Display)
         .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
         .u32("ROWS", ROWS)

@@ -14,7 +14,7 @@ use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
     AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
-    OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Term, Transfer,
+    OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, StoreAs, Term, Transfer,
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, in_words, line_and_column, readable, unsigned};
@@ -311,6 +311,8 @@ struct AccuracyFile {
     model: ModelKind,
     tolerance: Option<At<f64>>,
     k: Option<At<DimensionFile>>,
+    #[serde(default)]
+    storage: StoreAs,
 }
 
 #[derive(Deserialize)]
@@ -510,7 +512,7 @@ impl Text<'_> {
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
-        let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-3)?;
+        let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-4)?;
         let tolerance = self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), 1.0)?;
         let dimension = match file.accuracy.k.as_ref().map(|k| (k, k.get_ref())) {
             None | Some((_, DimensionFile::Planned(Auto::Auto))) => None,
@@ -542,6 +544,7 @@ impl Text<'_> {
             model: file.accuracy.model,
             tolerance,
             dimension,
+            storage: file.accuracy.storage,
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {

@@ -11,6 +11,8 @@ pub enum Format {
     R32Float,
     /// Four 16-bit numbers, −32767..=32767 read as −1..=1 (−32768 too is −1); 0 is exactly 0.
     Rgba16Snorm,
+    /// Four 16-bit floats.
+    Rgba16Float,
     /// Four f32.
     Rgba32Float,
     /// Four bytes, 0..=255 read as 0..=1.
@@ -25,10 +27,11 @@ pub enum Format {
 
 impl Format {
     /// Every format, in the order of declaration.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::R16Unorm,
         Self::R32Float,
         Self::Rgba16Snorm,
+        Self::Rgba16Float,
         Self::Rgba32Float,
         Self::Rgba8Unorm,
         Self::R8Uint,
@@ -43,7 +46,7 @@ impl Format {
             Self::R8Uint => 1,
             Self::R16Unorm | Self::R16Uint => 2,
             Self::R32Float | Self::R32Uint | Self::Rgba8Unorm => 4,
-            Self::Rgba16Snorm => 8,
+            Self::Rgba16Snorm | Self::Rgba16Float => 8,
             Self::Rgba32Float => 16,
         }
     }
@@ -59,6 +62,7 @@ impl Format {
             Self::R16Unorm => vk::Format::R16_UNORM,
             Self::R32Float => vk::Format::R32_SFLOAT,
             Self::Rgba16Snorm => vk::Format::R16G16B16A16_SNORM,
+            Self::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
             Self::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
             Self::R8Uint => vk::Format::R8_UINT,

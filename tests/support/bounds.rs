@@ -1,15 +1,17 @@
 //! How far two rungs may be apart in each number of each pixel, from how far their samples may be apart.
 //!
-//! Where a step's weights w may be off by δw, its opacity by δα and its normal by δn, an accumulator Σ T·w·shade is off
-//! by at most Σ T·(δw·shade + w·|shade′|·δn + δα·B): losing δα more of the light loses at most that share of what is
-//! behind, which is B ≤ 1 for materials that occlude as much as they scatter (Σ w = α), and the pixel's own X-ray sum
-//! where there are X-ray materials. That is itself a march, of the differences in place of the weights, and
-//! `reference::march` does it. Products of two errors are left out; they are below 1e-5 of the bounds.
+//! Where a step's sources s may be off by δs, its opacity by δα and its normal by δn, an accumulator Σ T·s·shade is off
+//! by at most Σ T·(δs·shade + |s|·|shade′|·δn + δα·B): losing δα more of the light loses at most that share of what is
+//! behind. That is B ≤ 1 for weights of materials that occlude as much as they scatter (Σ s = α); of spectra, it is the
+//! largest coefficient of a reflectance under all its shares of light; and where there are X-ray materials it is the
+//! brightest pixel's own sum. That is itself a march, of the differences in place of the sources, component by component
+//! with the transmittance of each, and `reference::march` does it. Products of two errors are left out; they are below
+//! 1e-5 of the bounds.
 
 use glam::DVec3;
-use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan};
+use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
 use relume::reference::{Real, Samples, Step};
-use relume::scene::{Lookup, Placement, Position, View};
+use relume::scene::{Lookup, Material, Placement, Position, View};
 use relume::tables::{Accumulation, RayTable, Steps, StoredVolume};
 
 use super::rungs::Rungs;
@@ -22,53 +24,120 @@ const HALFWAY: f64 = 2.0;
 /// What two rungs may take differently from a sample.
 #[derive(Debug, Default)]
 pub struct Difference {
-    pub weights: Vec<f64>,
-    pub opacity: f64,
+    pub source: Vec<f64>,
+    pub opacity: Vec<f64>,
     pub normal: f64,
 }
 
 impl Difference {
     /// At least as far as from `one` to `other`.
     fn include(&mut self, one: &Step<f64>, other: &Step<f64>) {
-        self.weights.resize(one.source.len(), 0.0);
-        for (difference, (one, other)) in self.weights.iter_mut().zip(one.source.iter().zip(&other.source)) {
-            *difference = difference.max((one - other).abs());
-        }
-        self.opacity = self.opacity.max((one.opacity[0] - other.opacity[0]).abs());
+        let widen = |differences: &mut Vec<f64>, one: &[f64], other: &[f64]| {
+            differences.resize(one.len(), 0.0);
+            for (difference, (one, other)) in differences.iter_mut().zip(one.iter().zip(other)) {
+                *difference = difference.max((one - other).abs());
+            }
+        };
+        widen(&mut self.source, &one.source, &other.source);
+        widen(&mut self.opacity, &one.opacity, &other.opacity);
         let square: f64 = one.normal.iter().zip(other.normal).map(|(a, b)| (a - b) * (a - b)).sum();
         self.normal = self.normal.max(square.sqrt());
     }
 }
 
-/// Samples that hold a bound per component and, behind them, one of the transmittance.
+/// Samples that hold a bound per component and, behind them, one per number of what passes.
 struct Bounding<'a, F> {
     rungs: &'a Rungs,
     behind: f64,
+    /// What the arithmetic of spectra may be off by, relative to Σ|terms|.
+    rounded: f64,
     sample: F,
 }
 
 impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Bounding<'_, F> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         let (found, difference) = (self.sample)(place);
-        let Rungs { scene, planned, .. } = self.rungs;
-        let lost = difference.opacity * self.behind;
-        step.source.clear();
-        let mut white = lost;
-        for ((&weight, &moved), &m) in found.source.iter().zip(&difference.weights).zip(&planned.materials) {
-            let material = &scene.materials[m];
-            let (shade, slope) = match planned.plan.shading {
+        let plan = &self.rungs.planned.plan;
+        step.source = match plan.accumulate {
+            Accumulate::Weights { .. } => self.of_weights(&found, &difference),
+            Accumulate::Spectral { dimension, .. } => self.of_spectra(&found, &difference, dimension),
+        };
+        let of = |numbers: &[f64], i: usize| numbers[i % plan.passed()];
+        let components = plan.components();
+        for (i, bound) in step.source.iter_mut().enumerate() {
+            *bound += of(&difference.opacity, i) * self.behind;
+        }
+        step.source.extend(&difference.opacity[..plan.passed()]);
+        step.opacity = (0..components).chain(0..plan.passed()).map(|i| of(&found.opacity, i)).collect();
+    }
+}
+
+impl<F> Bounding<'_, F> {
+    /// The materials in use.
+    fn used(&self) -> impl Iterator<Item = &Material> {
+        self.rungs.planned.materials.iter().map(|&m| &self.rungs.scene.materials[m])
+    }
+
+    /// How much a highlight of this exponent turns with its normal.
+    fn steepness(exponent: u32) -> f64 {
+        f64::from(exponent) * (1.0 + HALFWAY)
+    }
+
+    fn of_weights(&self, found: &Step<f64>, difference: &Difference) -> Vec<f64> {
+        let plan = &self.rungs.planned.plan;
+        let (mut bounds, mut white) = (Vec::new(), 0.0);
+        for ((&weight, &moved), material) in found.source.iter().zip(&difference.source).zip(self.used()) {
+            let (shade, slope) = match plan.shading {
                 None => (1.0, 0.0),
                 Some(_) => ((material.ambient + material.diffuse).max(1.0), material.diffuse),
             };
-            step.source.push(moved * shade + weight * slope * difference.normal + lost);
-            let slope = f64::from(material.exponent) * (1.0 + HALFWAY);
-            white += material.specular * (moved + weight * slope * difference.normal);
+            bounds.push(moved * shade + weight * slope * difference.normal);
+            white += material.specular * (moved + weight * Self::steepness(material.exponent) * difference.normal);
         }
-        if planned.plan.specular().is_some() {
-            step.source.push(white);
+        if plan.specular().is_some() {
+            bounds.push(white);
         }
-        step.source.push(difference.opacity);
-        step.opacity = found.opacity;
+        bounds
+    }
+
+    /// The largest of what each kind of position makes of a step.
+    fn of_spectra(&self, found: &Step<f64>, difference: &Difference, dimension: usize) -> Vec<f64> {
+        let Rungs { scene, planned, .. } = self.rungs;
+        let plan = &planned.plan;
+        let (parts, directed) = (plan.parts(), plan.shading.is_some());
+        let Accumulate::Spectral { shares, .. } = plan.accumulate else { return Vec::new() };
+        let first = |lanes: usize| 4 * lanes;
+        // What a number of the table may move a component by, and all that it can send there.
+        let of = |at: usize, shade: f64, slope: f64| {
+            let (size, moved) = (found.source[at].abs(), difference.source[at]);
+            moved * shade + size * (slope * difference.normal + self.rounded * shade)
+        };
+        let component = |i: usize| {
+            let mut bound: f64 = 0.0;
+            if plan.positions.ambient > 0 || !directed {
+                bound = of(first(parts.unshaded) + i, 1.0, 0.0);
+            }
+            if !directed {
+                return bound;
+            }
+            let mut lit = match shares {
+                Shares::Equal => {
+                    let share = |of: fn(&Material) -> f64| self.used().next().map_or(0.0, of);
+                    let (ambient, diffuse) = (share(|material| material.ambient), share(|material| material.diffuse));
+                    of(first(parts.unshaded) + i, ambient + diffuse, diffuse)
+                }
+                Shares::Own => of(first(parts.ambient) + i, 1.0, 0.0) + of(first(parts.diffuse) + i, 1.0, 1.0),
+            };
+            for (e, &exponent) in planned.exponents(scene).iter().enumerate() {
+                let at = match plan.transmittance {
+                    Transmittance::Grey => first(parts.highlights) + e,
+                    Transmittance::Coloured => first(parts.highlights + e * plan.lanes()) + i,
+                };
+                lit += of(at, 1.0, Self::steepness(exponent));
+            }
+            bound.max(lit)
+        };
+        (0..dimension).map(component).collect()
     }
 }
 
@@ -81,32 +150,46 @@ pub fn bounds<R: Real>(
     sample: impl Fn([f64; 3]) -> (Step<f64>, Difference) + Sync,
 ) -> Accumulation<f64> {
     let Rungs { scene, planned, size, .. } = rungs;
-    let components = planned.plan.components();
+    let (components, passed) = (planned.plan.components(), planned.plan.passed());
     let plan = ScenePlan {
-        accumulate: Accumulate::Weights { materials: components + 1 },
+        accumulate: Accumulate::Spectral { dimension: components + passed, shares: Shares::Equal, exponents: 0 },
+        transmittance: Transmittance::Coloured,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,
         ..planned.plan.clone()
     };
     let everywhere = Position { name: "everywhere".into(), placement: Placement::Ambient, lights: Vec::new() };
     let differences = Planned { plan, materials: Vec::new(), positions: vec![everywhere], model: None };
-    let behind = expected.weights.iter().fold(1.0_f64, |most, weight| most.max(weight.to_f64()));
-    let bounding = Bounding { rungs, behind, sample };
+    let behind = expected.weights.iter().fold(largest_behind(rungs), |most, weight| most.max(weight.to_f64().abs()));
+    let rounded = roundings * longest(rungs) * ROUNDING_UNIT;
+    let bounding = Bounding { rungs, behind, rounded, sample };
     let marched = relume::reference::march(scene, &differences, &bounding, *size, &relume::progress::Quiet).unwrap();
 
     let pixels = size[0] * size[1];
-    let rounded = roundings * longest(rungs) * ROUNDING_UNIT;
     let plane = |component: usize| &marched.weights[component * pixels..][..pixels];
+    // Weights are what they sum up; the terms of spectra may cancel, and have brought their roundings along.
+    let of_sum = if planned.model.is_some() { 0.0 } else { rounded };
     let weights = expected.weights.iter().enumerate().map(|(i, weight)| {
-        plane(i / pixels % components)[i % pixels] + rounded * weight.to_f64().abs() + f64::from(f32::MIN_POSITIVE)
+        plane(i / pixels % components)[i % pixels] + of_sum * weight.to_f64().abs() + f64::from(f32::MIN_POSITIVE)
     });
-    let transmittance =
-        expected.transmittance.iter().zip(plane(components)).map(|(passed, moved)| moved + rounded * passed.to_f64());
-    Accumulation {
-        size: *size,
-        weights: weights.collect(),
-        transmittance: transmittance.map(|bound| bound + f64::from(f32::MIN_POSITIVE)).collect(),
-    }
+    let transmittance = expected.transmittance.iter().enumerate().map(|(i, number)| {
+        plane(components + i / pixels)[i % pixels] + rounded * number.to_f64() + f64::from(f32::MIN_POSITIVE)
+    });
+    Accumulation { size: *size, weights: weights.collect(), transmittance: transmittance.collect() }
+}
+
+/// The most, in a component, that materials send from behind a step which hide as much as they scatter.
+fn largest_behind(rungs: &Rungs) -> f64 {
+    let Rungs { scene, planned, .. } = rungs;
+    let Some(model) = &planned.model else { return 1.0 };
+    let of_material = |&m: &usize| {
+        let material = &scene.materials[m];
+        let coefficients = model.coefficients(material.reflectance.spectrum());
+        let largest = coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs()));
+        let shares = if planned.plan.shading.is_some() { material.ambient + material.diffuse } else { 1.0 };
+        largest * shares.max(1.0) + material.specular
+    };
+    planned.materials.iter().map(of_material).fold(1.0, f64::max)
 }
 
 /// Between two f64 rungs: the scene itself, and its stored tables and volume.
@@ -140,10 +223,12 @@ pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f6
             differences.fold(0.0, f64::max) / 4.0 + moved + ROUNDING_UNIT * pick(&around[3]).abs()
         };
         let difference = Difference {
-            weights: (0..here.source.len())
-                .map(|m| second(&|step| step.source[m]) + ROUNDING_UNIT * here.source[m])
+            source: (0..here.source.len())
+                .map(|m| second(&|step| step.source[m]) + ROUNDING_UNIT * here.source[m].abs())
                 .collect(),
-            opacity: second(&|step| step.opacity[0]) + ROUNDING_UNIT * here.opacity[0],
+            opacity: (0..here.opacity.len())
+                .map(|i| second(&|step| step.opacity[i]) + ROUNDING_UNIT * here.opacity[i])
+                .collect(),
             normal: direction_error(&texel, scale, 0.5 / 32767.0),
         };
         (here, difference)

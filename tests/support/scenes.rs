@@ -9,7 +9,8 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use relume::progress::Quiet;
 use relume::scene::{LabelEntry, Labels, Scene, SceneOptions, parse};
-use relume::spectrum::{BANDS, Reflectance, Spectrum};
+use relume::spectrum::colour::OBSERVER;
+use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum, standard};
 use relume::volume::{Geometry, Volume, Voxels};
 
 /// Pictures of these scenes, across and down: not square, and no multiple of a workgroup.
@@ -33,6 +34,13 @@ pub const NAMES: &[&str] = &[
     "rotated",
     "nearest",
     "ambient_only",
+    "coloured_one",
+    "coloured_three",
+    "coloured_labels",
+    "coloured_background",
+    "coloured_xray",
+    "sharpened",
+    "sharpened_semigroup",
 ];
 
 /// Two kinds of coloured glass and a shiny one, lit from two positions, in front of a background.
@@ -269,8 +277,68 @@ pub fn named(name: &str) -> Scene {
             }
             scene
         }
+        "coloured_one" => glass("", KEY, ""),
+        "coloured_three" => {
+            let sky = "[lights.sky]\nspectrum = \"D50\"\nkind = \"ambient\"\nintensity = 0.3\n";
+            let mut scene = glass("background = 0.7", &[KEY, MORE, sky].concat(), "");
+            for (material, (specular, exponent)) in scene.materials.iter_mut().zip([(0.5, 12), (0.3, 7), (0.0, 20)]) {
+                (material.specular, material.exponent) = (specular, exponent);
+            }
+            // Own shares.
+            (scene.materials[0].ambient, scene.materials[0].diffuse) = (0.5, 0.4);
+            scene
+        }
+        "coloured_labels" => {
+            let mut scene = labels();
+            let declared = &mut scene.labels.as_mut().unwrap().declared;
+            for (entry, depth) in declared.iter_mut().zip([0.4, 0.1]) {
+                entry.absorption = depth;
+            }
+            for (material, centre) in scene.materials.iter_mut().zip([470.0, 540.0, 640.0]) {
+                material.absorption = Some(absorbing(centre));
+            }
+            scene.transfer.terms[0].absorption = vec![(30.0, 0.0), (60.0, 0.05), (120.0, 0.05), (150.0, 0.0)];
+            scene
+        }
+        "coloured_background" => glass("shading = \"none\"\nbackground = \"yellow green\"", &[KEY, MORE].concat(), ""),
+        "coloured_xray" => {
+            let mut scene = glass("shading = \"none\"", KEY, "");
+            scene.materials[2].xray = true;
+            scene
+        }
+        "sharpened" => glass("background = 0.7", KEY, "model = \"sharpened\"\nk = 6"),
+        "sharpened_semigroup" => glass("background = 0.7", KEY, "model = \"sharpened-semigroup\"\nk = 6"),
         _ => panic!("there is no scene {name}"),
     }
+}
+
+/// Glass shells in one another, each of which takes other wavelengths.
+fn glass(head: &str, lights: &str, accuracy: &str) -> Scene {
+    let materials = MATERIALS.lines().map(|line| {
+        let absorption = |centre| {
+            format!(
+                "{line}\nabsorption = {{ gaussian = [{{ centre = {centre}, sigma = 40, height = 1 }}], base = 0.05 }}"
+            )
+        };
+        match line.trim() {
+            "reflectance = \"blue sky\"" => absorption(470.0),
+            "reflectance = \"orange\"" => absorption(540.0),
+            "reflectance = \"foliage\"" => absorption(640.0),
+            _ => line.to_owned(),
+        }
+    });
+    let transfer = TRANSFER.replace("opacity = 0.06", "opacity = 0.02\nabsorption = 0.15");
+    let transfer = transfer.replace("opacity = 0.2", "opacity = 0.05\nabsorption = 0.2");
+    let transfer = transfer.replace("opacity = 0.6", "opacity = 0.15\nabsorption = 0.3");
+    let materials: String = materials.map(|line| line + "\n").collect();
+    let accuracy = [ACCURACY, accuracy, "\n"].concat();
+    of(&[head, &materials, &transfer, CAMERA, &accuracy, lights].concat(), balls())
+}
+
+/// An absorption around `centre` nm.
+fn absorbing(centre: f64) -> Absorption {
+    let band = &Spectrum::gaussian(centre, 40.0, 1.0).unwrap() + &Spectrum::constant(0.05);
+    Absorption::new(band).unwrap()
 }
 
 /// The frog phantom, its skin by value and two organs by label.
@@ -315,4 +383,21 @@ pub fn float(n: usize) -> f64 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded to 16 bits, casts saturate")]
 fn code(value: f64) -> u16 {
     value.round() as u16
+}
+
+/// A spectrum of this amplitude that is black under D65: a wave, less its projection on what the eye sees.
+pub fn black(amplitude: f64) -> Spectrum {
+    let seen: Vec<Spectrum> = OBSERVER.iter().map(|matching| standard::d65().spectrum() * matching).collect();
+    let mut axes: Vec<Spectrum> = Vec::new();
+    let less = |spectrum: &Spectrum, axes: &[Spectrum]| {
+        let part = |spectrum: Spectrum, axis: &Spectrum| &spectrum + &axis.scaled(-axis.dot(&spectrum));
+        axes.iter().fold(axes.iter().fold(spectrum.clone(), part), part)
+    };
+    for spectrum in &seen {
+        let rest = less(spectrum, &axes);
+        axes.push(rest.scaled(1.0 / rest.dot(&rest).sqrt()));
+    }
+    let wave = less(&Spectrum::from_fn(|nm| (nm / 25.0).sin()), &axes);
+    let peak = wave.samples().iter().fold(0.0_f64, |peak, sample| peak.max(sample.abs()));
+    wave.scaled(amplitude / peak)
 }

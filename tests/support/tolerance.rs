@@ -48,6 +48,10 @@ pub fn rounding(samples: u16) -> Tolerance {
 /// sums. 81 bands, a few components and some hundred steps, each rounding by 2⁻⁵³: 1e-13 at most, were all of one sign.
 pub const BASIS: f64 = 1e-12;
 
+/// ΔE00 of the sharpened model with six factors, where coloured absorbers lie behind one another, against 81 bands:
+/// reported, not hidden (COLOUR.md B1, smooth lights: the largest is 29.14).
+pub const SHARPENED: f64 = 29.14;
+
 /// Samples of a picture whose scale is the bound derived for each of them (`support/bounds.rs`): none may be beyond it.
 pub const BOUND: Tolerance =
     Tolerance { name: "bound", largest: 1.0, mean: 1.0, usual: 1.0, exceptions: 0.0, may_bless: false };
@@ -84,7 +88,10 @@ pub const RELIT_ABSOLUTE: f64 = 1e-6;
 /// Equal steps in f32 against their closed form, whatever their number (COLOUR.md C15).
 pub const EQUAL_STEPS: f64 = 2e-5;
 
-/// What ending rays at a transmittance of 1e-3 may do to XYZ (COLOUR.md C17).
+/// The opacity of one sample in f32, from a table in f64 (COLOUR.md C14).
+pub const OPACITY: f64 = 2e-6;
+
+/// What ending rays early may do to XYZ (COLOUR.md C17).
 pub const TERMINATION_XYZ: f64 = 1e-3;
 /// And to ΔE00.
 pub const TERMINATION_DELTA_E: f64 = 0.1;

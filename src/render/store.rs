@@ -1,0 +1,46 @@
+//! Finished accumulators in 16-bit floats, on the device.
+
+use super::{Accumulators, Key, RenderError, Renderer};
+use crate::plan::Transmittance;
+use crate::scene::StoreAs;
+use crate::shader::{Constants, Shader, ShaderError, compile};
+use crate::vulkan::{Format, Resource, StorageImage};
+
+/// Workgroups: long rows, as of a relight.
+const GROUP_WIDTH: u32 = 64;
+
+fn shader() -> Result<Shader, ShaderError> {
+    let constants = Constants::new().u32("GROUP_WIDTH", GROUP_WIDTH);
+    compile(&[("shaders/store.wgsl", include_str!("../../shaders/store.wgsl"))], &constants)
+}
+
+impl Renderer {
+    /// Stores what a march left as its plan says, and lets go of what it went on from.
+    pub(super) fn store(&self, marched: Accumulators) -> Result<Accumulators, RenderError> {
+        let plan = &marched.planned.plan;
+        if plan.storage == StoreAs::Single {
+            return Ok(marched);
+        }
+        let weights = self.in_half(&marched.weights)?;
+        let transmittance = match plan.transmittance {
+            Transmittance::Grey => marched.transmittance,
+            Transmittance::Coloured => self.in_half(&marched.transmittance)?,
+        };
+        Ok(Accumulators { weights, transmittance, ..marched })
+    }
+
+    fn in_half(&self, finished: &StorageImage) -> Result<StorageImage, RenderError> {
+        let ([width, height], layers) = (finished.extent(), finished.layers());
+        let stored = StorageImage::new(&self.device, finished.name(), Format::Rgba16Float, [width, height], layers)?;
+        let (pipeline, set) = self.bind(&Key::Store, shader, 0, |name| match name {
+            "finished" => Some(Resource::StorageImage(finished)),
+            "stored" => Some(Resource::StorageImage(&stored)),
+            _ => None,
+        })?;
+        self.device.run("store", |recorder| {
+            recorder.compute_to_compute();
+            recorder.dispatch(&pipeline, &set, &[], [width.div_ceil(GROUP_WIDTH), height, layers])
+        })?;
+        Ok(stored)
+    }
+}
