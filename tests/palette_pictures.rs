@@ -1,5 +1,6 @@
 //! Designed palettes in rendered pictures: what merges, vanishes and stays does so pixel by pixel, in the planned model.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
 mod support;
 
@@ -32,16 +33,24 @@ fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
         ]
         "#
     );
-    let options =
-        SceneOptions { definitions: changes.iter().map(|&change| change.to_owned()).collect(), ..SceneOptions::default() };
-    scene::parse("the test's scene", &text, &Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes"), &options, &Quiet)
-        .unwrap()
+    let options = SceneOptions {
+        definitions: changes.iter().map(|&change| change.to_owned()).collect(),
+        ..SceneOptions::default()
+    };
+    scene::parse(
+        "the test's scene",
+        &text,
+        &Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes"),
+        &options,
+        &Quiet,
+    )
+    .unwrap()
 }
 
 /// XYZ of every pixel under one light alone, marched in f32 over the stored tables, and its opacity.
 fn seen(scene: &Scene, light: &str) -> Vec<(DVec3, f64)> {
     let mut scene = scene.clone();
-    assert!(scene.lights.iter().any(|other| other.name == light));
+    assert!(scene.lights.iter().any(|other| other.name == light), "there is no light {light}");
     for other in &mut scene.lights {
         other.intensity = if other.name == light { 1.0 } else { 0.0 };
     }
@@ -90,7 +99,8 @@ fn metamers_can_be_exchanged_under_their_light_only() {
     for kept in KEPT {
         let scene = frog("metamers", "rock", "ore", &[kept]);
         let other = exchanged(&scene, "rock", "ore");
-        let (merged, parted) = (largest(&seen(&scene, "day"), &seen(&other, "day")), p95(&seen(&scene, "bulb"), &seen(&other, "bulb")));
+        let (merged, parted) =
+            (largest(&seen(&scene, "day"), &seen(&other, "day")), p95(&seen(&scene, "bulb"), &seen(&other, "bulb")));
         println!("{kept}: at most {merged:.4} under day, p95 {parted:.1} under bulb");
         assert!(merged < 1.0 && parted > 10.0);
         let scene = frog("metamers_two_lights", "rock", "ore", &[kept]);
@@ -105,7 +115,8 @@ fn metamers_can_be_exchanged_under_their_light_only() {
 fn an_xray_material_turned_black_is_as_if_it_were_not_there() {
     for kept in KEPT {
         let with = frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true"]);
-        let without = frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true", "transfer.intervals.0.opacity=0"]);
+        let without =
+            frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true", "transfer.intervals.0.opacity=0"]);
         let off = largest(&seen(&with, "removes"), &seen(&without, "removes"));
         println!("{kept}: {off:.4}");
         assert!(off <= 0.05);
@@ -116,7 +127,9 @@ fn an_xray_material_turned_black_is_as_if_it_were_not_there() {
 #[test]
 fn an_occluding_black_hides_as_much_as_nothing_of_its_opacity() {
     for kept in KEPT {
-        for (palette, hides) in [("metameric_black", &["hides"][..]), ("metameric_black_two_lights", &["hides", "hides_too"])] {
+        for (palette, hides) in
+            [("metameric_black", &["hides"][..]), ("metameric_black_two_lights", &["hides", "hides_too"])]
+        {
             let black = frog(palette, "smoke", "core", &[kept]);
             let mut dark = black.clone();
             let smoke = material(&dark, "smoke");
@@ -165,7 +178,8 @@ fn each_light_shows_its_own_material() {
 #[test]
 fn what_merges_with_the_background_leaves_no_trace() {
     let scene = frog("background", "tissue", "vessel", &[]);
-    let empty = frog("background", "tissue", "vessel", &["transfer.intervals.0.opacity=0", "transfer.intervals.1.opacity=0"]);
+    let empty =
+        frog("background", "tissue", "vessel", &["transfer.intervals.0.opacity=0", "transfer.intervals.1.opacity=0"]);
     assert!(largest(&seen(&scene, "merges"), &seen(&empty, "merges")) <= 0.1);
     assert!(p95(&seen(&scene, "parts"), &seen(&empty, "parts")) > 10.0);
 }

@@ -9,9 +9,7 @@ use relume::output::{write_atomically, write_drawing};
 use relume::palette::{self, Facts, Member, Solution};
 use relume::progress::Progress;
 use relume::spectrum::Spectrum;
-use relume::spectrum::colour::{
-    Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz,
-};
+use relume::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
 use relume::spectrum::deficiency::Deficiency;
 
 use super::{CliError, Report, files};
@@ -76,12 +74,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             Kind::Png => {
                 const PIXELS: f32 = 1.5;
                 if !write_drawing(path, &svg, PIXELS)? {
-                    tracing::warn!("{}: this system has no fonts, so the picture has no text; .svg and .html have it", path.display());
+                    tracing::warn!(
+                        "{}: this system has no fonts, so the picture has no text; .svg and .html have it",
+                        path.display()
+                    );
                 }
             }
-            Kind::Html => write_text(path, &format!(
-                "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Palette</title>\n<body style=\"margin: 0\">\n{svg}</body>\n</html>\n"
-            ))?,
+            Kind::Html => write_text(
+                path,
+                &format!(
+                    "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Palette</title>\n<body style=\"margin: 0\">\n{svg}</body>\n</html>\n"
+                ),
+            )?,
         }
     }
     let written: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
@@ -186,9 +190,7 @@ fn json(solution: &Solution) -> Value {
             "displayable": is_displayable(linear),
         })
     };
-    let name = |material: usize, light: usize| {
-        json!({ "material": palette.materials[material].name, "light": palette.lights[light].name })
-    };
+    let name = |material: usize, light: usize| json!({ "material": palette.materials[material].name, "light": palette.lights[light].name });
     let cells: Vec<Value> = solution
         .cells
         .iter()
@@ -220,7 +222,8 @@ fn json(solution: &Solution) -> Value {
             })
             .collect()
     };
-    let names = |cells: &[(usize, usize)]| -> Vec<Value> { cells.iter().map(|&(row, column)| name(row, column)).collect() };
+    let names =
+        |cells: &[(usize, usize)]| -> Vec<Value> { cells.iter().map(|&(row, column)| name(row, column)).collect() };
     let contrasts: Vec<Value> = solution
         .contrasts()
         .iter()

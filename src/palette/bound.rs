@@ -2,7 +2,7 @@
 //!
 //! Under given lights the colours are linear in the reflectances, and the problem is the palette's own. Under an open
 //! light it is relaxed: what a material sends back, a product of two unknowns, is an unknown of its own, held between
-//! the planes that such products lie between (McCormick 1976). What the relaxed problem cannot do, no spectra can.
+//! the planes that such products lie between (`McCormick` 1976). What the relaxed problem cannot do, no spectra can.
 
 use glam::DVec3;
 
@@ -37,7 +37,11 @@ pub struct Conflict {
 }
 
 /// Everything that excludes itself, as far as convex problems show.
-pub(super) fn conflicts(palette: &Palette, spectra: &Spectra, progress: &dyn Progress) -> Result<Vec<Conflict>, PaletteError> {
+pub(super) fn conflicts(
+    palette: &Palette,
+    spectra: &Spectra,
+    progress: &dyn Progress,
+) -> Result<Vec<Conflict>, PaletteError> {
     let relaxed = Relaxed { spectra, progress };
     let mut conflicts = Vec::new();
     let parts = parts(palette);
@@ -59,7 +63,8 @@ fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
         Place::both(cell)
             .flat_map(|place| {
                 let column = is_open(&palette.lights, place.light).then_some(rows + place.light);
-                let row = is_open(&palette.materials, place.material) && under_given_light(palette, &palette.cells, place.material);
+                let row = is_open(&palette.materials, place.material)
+                    && under_given_light(palette, &palette.cells, place.material);
                 [row.then_some(place.material), column]
             })
             .flatten()
@@ -120,7 +125,9 @@ impl Relaxed<'_> {
             let colour = match (&row.spectrum, rows[place.material], &column.spectrum, columns[place.light]) {
                 (Some(_), _, Some(_), _) => Seen::Fixed(self.spectra.xyz(place)),
                 (None, Some(first), Some(light), _) => Seen::through(first, light),
-                (Some(reflectance), _, None, Some(first)) => Seen::through(first, &reflectance.scaled(1.0 / equal_energy())),
+                (Some(reflectance), _, None, Some(first)) => {
+                    Seen::through(first, &reflectance.scaled(1.0 / equal_energy()))
+                }
                 (None, reflectance, None, Some(light)) => {
                     let even = crate::spectrum::Spectrum::constant(1.0 / equal_energy());
                     Seen::through(product(&mut program, row.bounds, reflectance, column.bounds, light), &even)
@@ -173,8 +180,12 @@ impl Relaxed<'_> {
         loop {
             let mut at = 0;
             while at < core.len() && core.len() > 1 {
-                let kept: Vec<Cell> =
-                    core.iter().enumerate().filter(|(index, _)| !(at..at + size).contains(index)).map(|(_, cell)| *cell).collect();
+                let kept: Vec<Cell> = core
+                    .iter()
+                    .enumerate()
+                    .filter(|(index, _)| !(at..at + size).contains(index))
+                    .map(|(_, cell)| *cell)
+                    .collect();
                 if !kept.is_empty() && !self.is_possible(palette, &kept)? {
                     core = kept;
                 } else {
@@ -216,10 +227,14 @@ impl Relaxed<'_> {
             for wider in [[-1.0, 1.0], [-4.0_f64, 4.0_f64]] {
                 let [low, high] = palette.materials[row].bounds;
                 let mut changed = palette.clone();
+                let is_wider = wider[0] < low || wider[1] > high;
                 let bounds = [wider[0].min(low), wider[1].max(high)];
                 changed.materials[row].bounds = bounds;
-                if bounds != [low, high] && self.is_possible(&changed, part)? {
-                    ways.push(format!("give {} the bounds {bounds:?}: an artificial spectrum", palette.materials[row].name));
+                if is_wider && self.is_possible(&changed, part)? {
+                    ways.push(format!(
+                        "give {} the bounds {bounds:?}: an artificial spectrum",
+                        palette.materials[row].name
+                    ));
                     break;
                 }
             }
@@ -296,12 +311,20 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
             "{listed}: {} has power at every wavelength, so that a reflectance that is nowhere negative looks black under it only if it is 0 everywhere, and then it is black under every light",
             palette.lights[black.light].name
         ),
-        (_, Some(row), _, [only]) if only.target.xyz().is_some_and(|xyz| xyz.0[1] > palette.materials[row].bounds[1].max(0.0)) => format!(
-            "{listed}: it asks for more light (Y = {}) than a reflectance {} sends back",
-            readable(only.target.xyz().map_or(0.0, |xyz| (xyz.0[1] * 1e3).round() / 1e3)),
-            bounds(row)
+        (_, Some(row), _, [only])
+            if only.target.xyz().is_some_and(|xyz| xyz.0[1] > palette.materials[row].bounds[1].max(0.0)) =>
+        {
+            format!(
+                "{listed}: it asks for more light (Y = {}) than a reflectance {} sends back",
+                readable(only.target.xyz().map_or(0.0, |xyz| (xyz.0[1] * 1e3).round() / 1e3)),
+                bounds(row)
+            )
+        }
+        (_, Some(row), _, [_]) => format!(
+            "{listed}: no reflectance {} has this colour{}",
+            bounds(row),
+            if open_column.is_some() { " under any light within its bounds" } else { " there" }
         ),
-        (_, Some(row), _, [_]) => format!("{listed}: no reflectance {} has this colour{}", bounds(row), if open_column.is_some() { " under any light within its bounds" } else { " there" }),
         (_, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
         (_, None, Some(column), _) => format!(
             "{listed}: no one light with a peak of at most {} times its mean gives all these colours",

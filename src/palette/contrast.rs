@@ -23,9 +23,8 @@ impl Solution {
     #[must_use]
     pub fn contrasts(&self) -> Vec<Contrast> {
         let rows = self.palette.materials.len();
-        let pairs = move |light: usize| {
-            (0..rows).flat_map(move |one| (one + 1..rows).map(move |two| (light, [one, two])))
-        };
+        let pairs =
+            move |light: usize| (0..rows).flat_map(move |one| (one + 1..rows).map(move |two| (light, [one, two])));
         let contrast = |(light, materials): (usize, [usize; 2])| {
             let [one, two] = [self.cell(materials[0], light)?.xyz, self.cell(materials[1], light)?.xyz];
             let deficient = Deficiency::ALL.map(|deficiency| {

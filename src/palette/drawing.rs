@@ -93,8 +93,22 @@ impl Solution {
             .collect();
         let lights: Vec<&Spectrum> = lights.iter().collect();
         let below = [
-            drawing.panel([MARGIN + 30.0, top], "reflectance", 1.0, &self.palette.materials, &materials, &self.material_facts),
-            drawing.panel([MARGIN + PANEL[0] + 90.0, top], "light, mean 1", 1.0, &self.palette.lights, &lights, &self.light_facts),
+            drawing.panel(
+                [MARGIN + 30.0, top],
+                "reflectance",
+                1.0,
+                &self.palette.materials,
+                &materials,
+                &self.material_facts,
+            ),
+            drawing.panel(
+                [MARGIN + PANEL[0] + 90.0, top],
+                "light, mean 1",
+                1.0,
+                &self.palette.lights,
+                &lights,
+                &self.light_facts,
+            ),
         ];
         drawing.height = below[0].max(below[1]);
     }
@@ -108,7 +122,8 @@ impl Solution {
         drawing.heading("How far apart materials look, ΔE00", 15.0);
         let from = LABELS + 90.0;
         let y = drawing.height + 20.0;
-        let observers = std::iter::once("all cones".to_owned()).chain(Deficiency::ALL.map(|deficiency| deficiency.to_string()));
+        let observers =
+            std::iter::once("all cones".to_owned()).chain(Deficiency::ALL.map(|deficiency| deficiency.to_string()));
         for (column, observer) in observers.enumerate() {
             drawing.text([count(column).mul_add(OBSERVER, from), y], 12.0, &observer);
         }
@@ -118,15 +133,19 @@ impl Solution {
             if light != Some(contrast.light) {
                 light = Some(contrast.light);
                 drawing.height += LINE;
-                drawing.text([MARGIN, drawing.height], 12.0, &format!("under {}", self.palette.lights[contrast.light].name));
+                drawing.text(
+                    [MARGIN, drawing.height],
+                    12.0,
+                    &format!("under {}", self.palette.lights[contrast.light].name),
+                );
             }
             drawing.height += LINE;
             let y = drawing.height;
             let names = contrast.materials.map(|material| shortened(&self.palette.materials[material].name, 14));
             drawing.text([MARGIN + 12.0, y], 11.0, &names.join(" – "));
-            let colours = contrast.materials.map(|material| {
-                self.cell(material, contrast.light).map_or(Xyz([0.0; 3]), |cell| cell.xyz)
-            });
+            let colours = contrast
+                .materials
+                .map(|material| self.cell(material, contrast.light).map_or(Xyz([0.0; 3]), |cell| cell.xyz));
             let values = std::iter::once(contrast.normal).chain(contrast.deficient);
             for (column, value) in values.enumerate() {
                 let x = count(column).mul_add(OBSERVER, from);
@@ -160,7 +179,10 @@ impl Solution {
                 ways => format!("Ways out: {}.", ways.join("; or ")),
             });
         }
-        let name = |(material, light): (usize, usize)| match (self.palette.materials.get(material), self.palette.lights.get(light)) {
+        let name = |(material, light): (usize, usize)| match (
+            self.palette.materials.get(material),
+            self.palette.lights.get(light),
+        ) {
             (Some(row), Some(column)) => format!("{} under {}", row.name, column.name),
             _ => String::new(),
         };
@@ -240,13 +262,18 @@ impl Drawing {
     }
 
     fn rectangle(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], colour: &str) {
-        writeln!(self.body, "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{colour}\"/>").ok();
+        writeln!(
+            self.body,
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{colour}\"/>"
+        )
+        .ok();
         self.reach(x + width);
     }
 
     fn line(&mut self, from: [f64; 2], to: [f64; 2], colour: &str) {
         let ([x1, y1], [x2, y2]) = (from, to);
-        writeln!(self.body, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\"/>").ok();
+        writeln!(self.body, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\"/>")
+            .ok();
     }
 
     /// Curves over the wavelengths, with a legend; where it ends below.
@@ -260,7 +287,12 @@ impl Drawing {
         facts: &[Facts],
     ) -> f64 {
         let extreme = |start: f64, pick: fn(f64, f64) -> f64| {
-            spectra.iter().flat_map(|spectrum| spectrum.samples()).copied().filter(|sample| sample.is_finite()).fold(start, pick)
+            spectra
+                .iter()
+                .flat_map(|spectrum| spectrum.samples())
+                .copied()
+                .filter(|sample| sample.is_finite())
+                .fold(start, pick)
         };
         let (low, high) = (extreme(0.0, f64::min), extreme(least_top, f64::max));
         let at = |nm: f64, value: f64| {
@@ -291,9 +323,22 @@ impl Drawing {
             let style = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-dasharray=\"{dashes}\"");
             writeln!(self.body, "<polyline points=\"{}\" {style}/>", points.join(" ")).ok();
             bottom += 16.0;
-            writeln!(self.body, "<polyline points=\"{:.1},{:.1} {:.1},{:.1}\" {style}/>", x, bottom - 4.0, x + 26.0, bottom - 4.0).ok();
-            let negative = if facts.negative > 0.0 { format!(", {:.0} % negative", 100.0 * facts.negative) } else { String::new() };
-            let range = format!("{}: {:.2} to {:.2}{negative}", shortened(&titled(member), 24), facts.lowest, facts.highest);
+            writeln!(
+                self.body,
+                "<polyline points=\"{:.1},{:.1} {:.1},{:.1}\" {style}/>",
+                x,
+                bottom - 4.0,
+                x + 26.0,
+                bottom - 4.0
+            )
+            .ok();
+            let negative = if facts.negative > 0.0 {
+                format!(", {:.0} % negative", 100.0 * facts.negative)
+            } else {
+                String::new()
+            };
+            let range =
+                format!("{}: {:.2} to {:.2}{negative}", shortened(&titled(member), 24), facts.lowest, facts.highest);
             self.text([x + 32.0, bottom], 11.0, &range);
         }
         self.reach(x + PANEL[0]);

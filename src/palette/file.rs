@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use toml::{Spanned, Value};
+use toml::Spanned;
 
 use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target};
 use crate::model::LARGEST_DIMENSION;
@@ -55,8 +55,11 @@ struct ColumnFile {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(untagged, expecting = "a cell is a text (\"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\") or a table \
-                                of one of `target` (such a text), `xyz`, `lab`, and `weight`")]
+#[serde(
+    untagged,
+    expecting = "a cell is a text (\"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\") or a table \
+                                of one of `target` (such a text), `xyz`, `lab`, and `weight`"
+)]
 enum CellFile {
     Text(String),
     Table(CellTable),
@@ -155,7 +158,14 @@ impl PaletteFile {
             let key = format!("materials.{name}");
             let of = |source: &SpectrumSource| Ok(source.reflectance(base)?.spectrum().clone());
             let spectrum = spectrum(&format!("{key}.reflectance"), file.reflectance.as_ref(), base, &mut inputs, of)?;
-            materials.push(member(&key, name, spectrum, file.bounds.as_ref(), file.smoothness.as_ref(), Kind::Reflectance)?);
+            materials.push(member(
+                &key,
+                name,
+                spectrum,
+                file.bounds.as_ref(),
+                file.smoothness.as_ref(),
+                Kind::Reflectance,
+            )?);
         }
         let mut lights = Vec::new();
         for (name, at) in in_order(&self.lights) {
@@ -179,10 +189,16 @@ impl PaletteFile {
             let ModelFile { k, weight } = at.get_ref();
             let weight = weight.unwrap_or(1.0);
             if !(1..=LARGEST_DIMENSION).contains(k) {
-                return Err(Misplaced::new(at, format!("model.k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}")));
+                return Err(Misplaced::new(
+                    at,
+                    format!("model.k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}"),
+                ));
             }
             if !(weight.is_finite() && weight > 0.0) {
-                return Err(Misplaced::new(at, format!("model.weight = {}; it is a finite number above 0", readable(weight))));
+                return Err(Misplaced::new(
+                    at,
+                    format!("model.weight = {}; it is a finite number above 0", readable(weight)),
+                ));
             }
             Ok(ModelTerm { dimension: *k, weight })
         });
@@ -296,16 +312,28 @@ fn target(
     };
     let weight = table.weight.unwrap_or(1.0);
     if !(weight.is_finite() && weight > 0.0) {
-        return Err(format!("weight = {}; it is a finite number above 0 (\"free\" asks for nothing)", readable(weight)));
+        return Err(format!(
+            "weight = {}; it is a finite number above 0 (\"free\" asks for nothing)",
+            readable(weight)
+        ));
     }
     Ok(Some((target, weight)))
+}
+
+/// A text as a TOML string on one line, which can be a key too.
+fn quoted(text: &str) -> String {
+    let letter = |letter: char| match letter {
+        '"' | '\\' => format!("\\{letter}"),
+        letter if letter.is_control() => format!("\\u{:04x}", u32::from(letter)),
+        letter => letter.to_string(),
+    };
+    format!("\"{}\"", text.chars().map(letter).collect::<String>())
 }
 
 impl Solution {
     /// The palette as a file in which all spectra are given: loaded, it has the very colours of this solution.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let quoted = |name: &str| Value::String(name.to_owned()).to_string();
         let palette = &self.palette;
         let mut text = format!(
             "# Designed by relume {} from {}.\n# The largest ΔE00 from what [cells] asks for is {:.4}.\nversion = 1\n",
@@ -317,7 +345,14 @@ impl Solution {
             for (member, spectrum) in members.iter().zip(spectra) {
                 let [low, high] = member.bounds;
                 // Writing to a String cannot fail.
-                write!(text, "\n[{table}.{}]\n{key} = {{ samples = {:?} }}\nbounds = [{low:?}, {high:?}]\nsmoothness = {:?}\n", quoted(&member.name), spectrum.samples(), member.smoothness).ok();
+                write!(
+                    text,
+                    "\n[{table}.{}]\n{key} = {{ samples = {:?} }}\nbounds = [{low:?}, {high:?}]\nsmoothness = {:?}\n",
+                    quoted(&member.name),
+                    spectrum.samples(),
+                    member.smoothness
+                )
+                .ok();
             }
         };
         members("materials", "reflectance", &palette.materials, &mut self.materials.iter().map(|row| row.spectrum()));

@@ -25,8 +25,8 @@ pub use solution::{CellColour, Facts, Merge, Solution};
 pub use solve::solve;
 
 use crate::number::readable;
+use crate::spectrum::colour::{Lab, LinearSrgb, Xyz, d65_white, decode_srgb, xyz_from_lab, xyz_from_linear_srgb};
 use crate::spectrum::{Kind, Spectrum};
-use crate::spectrum::colour::{LinearSrgb, Lab, Xyz, d65_white, decode_srgb, xyz_from_lab, xyz_from_linear_srgb};
 
 /// The most rows, and the most columns, of a palette that is solved.
 pub const LARGEST: usize = 32;
@@ -171,7 +171,9 @@ impl Palette {
             Some(Target::Lab(lab)) => format!("Lab {}", numbers(lab.0)),
             Some(Target::Black) => "black".to_owned(),
             Some(Target::Like { material: row, light: column }) => {
-                let name = |members: &[Member], index: usize| members.get(index).map_or_else(String::new, |member| member.name.clone());
+                let name = |members: &[Member], index: usize| {
+                    members.get(index).map_or_else(String::new, |member| member.name.clone())
+                };
                 let (row_name, column_name) = (name(&self.materials, row), name(&self.lights, column));
                 match (row == material, column == light) {
                     (false, true) => format!("as {row_name}"),
@@ -194,7 +196,10 @@ impl Palette {
                 return wrong(format!("it has no {what}; write at least one {table}"));
             }
             if members.len() > LARGEST {
-                return wrong(format!("it has {} {what}, and {LARGEST} can be designed together; split it", members.len()));
+                return wrong(format!(
+                    "it has {} {what}, and {LARGEST} can be designed together; split it",
+                    members.len()
+                ));
             }
             for member in members {
                 if let Some(problem) = member.bounds_problem(kind) {
@@ -214,7 +219,10 @@ impl Palette {
                 Target::Like { material, light } => Place { material, light },
                 _ => at,
             };
-            if [at, other].iter().any(|place| place.material >= self.materials.len() || place.light >= self.lights.len()) {
+            if [at, other]
+                .iter()
+                .any(|place| place.material >= self.materials.len() || place.light >= self.lights.len())
+            {
                 return wrong(format!("the cell {index} is of a material or a light that is not there"));
             }
             let name = self.name(at);
@@ -225,12 +233,17 @@ impl Palette {
                 return wrong(format!("the cell {name} is to look as itself; leave it out to let it be free"));
             }
             if !(cell.weight.is_finite() && cell.weight > 0.0) {
-                return wrong(format!("the weight of the cell {name} is {}; it is a finite number above 0", cell.weight));
+                return wrong(format!(
+                    "the weight of the cell {name} is {}; it is a finite number above 0",
+                    cell.weight
+                ));
             }
             // Far beyond any light; squares of what is larger lose what else is asked for.
             const LARGEST_PART: f64 = 1e3;
             if cell.target.xyz().is_some_and(|xyz| !xyz.0.iter().all(|part| part.abs() <= LARGEST_PART)) {
-                return wrong(format!("the colour of the cell {name} is not finite, or above {LARGEST_PART} times white"));
+                return wrong(format!(
+                    "the colour of the cell {name} is not finite, or above {LARGEST_PART} times white"
+                ));
             }
         }
         if let Some(term) = &self.model
@@ -275,4 +288,3 @@ impl Place {
         std::iter::once(Self::of(cell)).chain(other)
     }
 }
-

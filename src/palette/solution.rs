@@ -120,7 +120,11 @@ impl Solution {
             })
             .collect();
         let facts = |side: Side, spectra: &[Spectrum]| {
-            side.members(palette).iter().zip(spectra).map(|(member, spectrum)| Facts::new(member, side, spectrum)).collect()
+            side.members(palette)
+                .iter()
+                .zip(spectra)
+                .map(|(member, spectrum)| Facts::new(member, side, spectrum))
+                .collect()
         };
         Self {
             palette: palette.clone(),

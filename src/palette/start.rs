@@ -20,15 +20,22 @@ const WEAKEST: f64 = 1e-4;
 
 /// The starts, all with grey for open materials; only one where no light is open.
 pub(super) fn starts(palette: &Palette) -> Vec<Spectra> {
-    let open: Vec<usize> = (0..palette.lights.len()).filter(|&light| palette.lights[light].spectrum.is_none()).collect();
+    let open: Vec<usize> =
+        (0..palette.lights.len()).filter(|&light| palette.lights[light].spectrum.is_none()).collect();
     let of = |lights: Vec<Spectrum>| Spectra {
-        materials: palette.materials.iter().map(|row| row.spectrum.clone().unwrap_or(Spectrum::constant(GREY))).collect(),
+        materials: palette
+            .materials
+            .iter()
+            .map(|row| row.spectrum.clone().unwrap_or(Spectrum::constant(GREY)))
+            .collect(),
         lights,
     };
     let given = |light: usize, otherwise: Spectrum| palette.lights[light].spectrum.clone().unwrap_or(otherwise);
     let with = |open_lights: &dyn Fn(usize) -> Spectrum| {
         let position = |light: usize| open.iter().position(|&other| other == light);
-        of((0..palette.lights.len()).map(|light| given(light, position(light).map_or(Spectrum::constant(0.0), open_lights))).collect())
+        of((0..palette.lights.len())
+            .map(|light| given(light, position(light).map_or(Spectrum::constant(0.0), open_lights)))
+            .collect())
     };
     if open.is_empty() {
         return vec![with(&|_| Spectrum::constant(0.0))];
@@ -57,7 +64,8 @@ fn random_comb(random: &mut Random) -> Spectrum {
 
 /// A light of luminance 1.
 fn bells(centres: &[f64], width: f64) -> Spectrum {
-    let bells = Spectrum::from_fn(|nm| centres.iter().map(|centre| (-0.5 * ((nm - centre) / width).powi(2)).exp()).sum());
+    let bells =
+        Spectrum::from_fn(|nm| centres.iter().map(|centre| (-0.5 * ((nm - centre) / width).powi(2)).exp()).sum());
     bells.scaled(1.0 / OBSERVER[1].dot(&bells))
 }
 
@@ -113,7 +121,9 @@ fn nearest(palette: &Palette, side: Side, index: usize, spectra: &Spectra) -> Sp
     let weakest = WEAKEST * stacked.norm();
     let change = stacked.pseudo_inverse(weakest).ok().map(|inverse| inverse * DVector::from_vec(missing));
     match change {
-        Some(change) if change.len() == BANDS => was + &Spectrum::from_samples(std::array::from_fn(|band| change[band])),
+        Some(change) if change.len() == BANDS => {
+            was + &Spectrum::from_samples(std::array::from_fn(|band| change[band]))
+        }
         _ => was.clone(),
     }
 }

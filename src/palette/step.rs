@@ -135,10 +135,13 @@ pub(super) fn groups(palette: &Palette, side: Side) -> Vec<Vec<usize>> {
     let members = side.members(palette);
     let links = palette.cells.iter().map(|cell| Place::both(cell).map(|place| side.index(place)).collect());
     let is_open = |&index: &usize| members.get(index).is_some_and(|member| member.spectrum.is_none());
-    connected(members.len(), links).into_iter().filter_map(|group| {
-        let open: Vec<usize> = group.into_iter().filter(is_open).collect();
-        (!open.is_empty()).then_some(open)
-    }).collect()
+    connected(members.len(), links)
+        .into_iter()
+        .filter_map(|group| {
+            let open: Vec<usize> = group.into_iter().filter(is_open).collect();
+            (!open.is_empty()).then_some(open)
+        })
+        .collect()
 }
 
 /// The parts that `count` things fall into when each of `links` ties some together.
@@ -161,14 +164,30 @@ pub(super) fn connected(count: usize, links: impl Iterator<Item = Vec<usize>>) -
     parts.into_values().collect()
 }
 
-/// What a colour model shows in place of colours: XYZ rows over the wavelengths per light, and how much that counts.
+/// What a colour model shows in place of colours, and how much that counts.
 pub(super) struct Shown {
+    /// XYZ over the wavelengths of a reflectance, per light: what the model's matrix makes of its nodes.
     pub(super) xyz: Vec<[Spectrum; 3]>,
+    /// Per material, the spectrum that the model takes it for. The model fits its matrix to each light anew; as a light
+    /// changes, the colour of this spectrum is what the matrix nearly follows.
+    pub(super) rebuilt: Vec<Spectrum>,
     pub(super) weight: f64,
 }
 
+impl Shown {
+    pub(super) fn colour(&self, place: Place, reflectance: &Spectrum) -> Xyz {
+        Xyz(self.xyz[place.light].each_ref().map(|axis| axis.dot(reflectance)))
+    }
+}
+
 /// The open spectra of one side, for the other side as it is.
-pub(super) fn solved(palette: &Palette, side: Side, groups: &[Vec<usize>], spectra: &Spectra, shown: Option<&Shown>) -> Spectra {
+pub(super) fn solved(
+    palette: &Palette,
+    side: Side,
+    groups: &[Vec<usize>],
+    spectra: &Spectra,
+    shown: Option<&Shown>,
+) -> Spectra {
     let answers: Vec<Vec<(usize, Spectrum)>> =
         groups.par_iter().map(|group| solved_group(palette, side, group, spectra, shown)).collect();
     let mut solved = spectra.clone();
@@ -181,7 +200,13 @@ pub(super) fn solved(palette: &Palette, side: Side, groups: &[Vec<usize>], spect
     solved
 }
 
-fn solved_group(palette: &Palette, side: Side, group: &[usize], spectra: &Spectra, shown: Option<&Shown>) -> Vec<(usize, Spectrum)> {
+fn solved_group(
+    palette: &Palette,
+    side: Side,
+    group: &[usize],
+    spectra: &Spectra,
+    shown: Option<&Shown>,
+) -> Vec<(usize, Spectrum)> {
     let members = side.members(palette);
     let mut program = Program::default();
     let firsts: Vec<usize> = group
@@ -212,8 +237,11 @@ fn solved_group(palette: &Palette, side: Side, group: &[usize], spectra: &Spectr
             target => Seen::Fixed(target.xyz().map_or(DVec3::ZERO, |xyz| xyz.0.into())),
         };
         alike(&mut program, form, &seen(place), &wanted);
-        if let (Some(shown), Side::Materials, Some(first)) = (shown, side, first(place)) {
-            let model = Seen::Linear { first, xyz: Box::new(shown.xyz[place.light].clone()) };
+        if let (Some(shown), Some(first)) = (shown, first(place)) {
+            let model = match side {
+                Side::Materials => Seen::Linear { first, xyz: Box::new(shown.xyz[place.light].clone()) },
+                Side::Lights => Seen::through(first, &shown.rebuilt[place.material].scaled(1.0 / equal_energy())),
+            };
             alike(&mut program, form * shown.weight, &model, &seen(place));
         }
     }
@@ -228,7 +256,8 @@ fn solved_group(palette: &Palette, side: Side, group: &[usize], spectra: &Spectr
             Side::Lights => of_unit_luminance(samples, member.bounds[0]),
         }
     };
-    let found = group.iter().zip(&firsts).filter_map(|(&index, &first)| Some((index, spectrum(first, &members[index])?)));
+    let found =
+        group.iter().zip(&firsts).filter_map(|(&index, &first)| Some((index, spectrum(first, &members[index])?)));
     found.collect()
 }
 

@@ -17,8 +17,8 @@ use super::{
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable};
-use crate::progress::Progress;
 use crate::palette::{self, Misplaced, PaletteFile};
+use crate::progress::Progress;
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
 use crate::written::{place, with_suggestion};
@@ -459,7 +459,12 @@ impl Text<'_> {
     }
 
     /// Takes what the scene's palette designs for what the scene leaves out; the files that it was read from.
-    fn use_palette(&self, file: &mut SceneFile, base: &Path, progress: &dyn Progress) -> Result<Vec<PathBuf>, SceneError> {
+    fn use_palette(
+        &self,
+        file: &mut SceneFile,
+        base: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Vec<PathBuf>, SceneError> {
         let Some(stated) = &file.palette else { return Ok(Vec::new()) };
         let failed = |source| SceneError::Palette { scene: self.name.clone(), source };
         let mut inputs = Vec::new();
@@ -472,12 +477,12 @@ impl Text<'_> {
                 inputs.push(path.clone());
                 palette::load(&path).map_err(failed)?
             }
-            None => {
-                stated.get_ref().resolve(&self.name, base).map_err(|Misplaced { byte, message, cause }| match cause {
+            None => stated.get_ref().resolve(&self.name, base).map_err(
+                |Misplaced { byte, message, cause }| match cause {
                     None => self.refuse(byte, message),
                     Some(source) => because(self.refuse(byte, message), source),
-                })?
-            }
+                },
+            )?,
         };
         inputs.extend(palette.inputs.iter().cloned());
         let span = stated.span();
@@ -485,9 +490,7 @@ impl Text<'_> {
         for conflict in &solution.conflicts {
             tracing::warn!("{}: {}", palette.source, conflict.reason);
         }
-        let of = |spectrum: &Spectrum| {
-            Spanned::new(span.clone(), SpectrumSource::Samples(Box::new(spectrum.clone())))
-        };
+        let of = |spectrum: &Spectrum| Spanned::new(span.clone(), SpectrumSource::Samples(Box::new(spectrum.clone())));
         for (row, reflectance) in palette.materials.iter().zip(&solution.materials) {
             let place = match row.name.as_str() {
                 "background" => &mut file.background,
@@ -571,7 +574,8 @@ impl Text<'_> {
                 "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
-        let reflectances = file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
+        let reflectances =
+            file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
         let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
         inputs.extend(spectra.filter_map(|source| source.get_ref().file(base)));
         inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
