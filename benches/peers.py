@@ -36,11 +36,12 @@ def middle(values):
     return statistics.median(values)
 
 
+WORKLOADS = ("peer", "peer-rgb", "peer-k8", "peer-four-lights", "peer-eight-materials", "peer-coloured-rgb", "peer-coloured-k8")
 vtk, ours = {"none": [], "diffuse": []}, {}
 for run in range(given.runs):
     for shading, flag in (("none", "0"), ("diffuse", "1")):
         vtk[shading].append(peer("peer_vtk.py", "--mapper", "fixed", "--size", "800", "--shade", flag))
-        for workload in ("peer", "peer-four-lights", "peer-eight-materials"):
+        for workload in WORKLOADS:
             ours.setdefault((workload, shading), []).append(bench(workload, shading))
     ours.setdefault(("default", "diffuse"), []).append(bench("default", "diffuse"))
 
@@ -76,6 +77,13 @@ one, four = cpu(("peer", "diffuse")), cpu(("peer-four-lights", "diffuse"))
 print(f"| march, shaded, four positions against one | {four:.0f} | {one:.0f} | {four / one:.2f} |")
 eight = cpu(("peer-eight-materials", "diffuse"))
 print(f"| march, shaded, eight materials against four | {eight:.0f} | {one:.0f} | {eight / one:.2f} |")
+for shading in ("diffuse", "none"):
+    rgb = cpu(("peer-rgb", shading))
+    for what, workload in (("81 bands behind four weights", "peer"), ("k = 8, grey,", "peer-k8")):
+        mine = cpu((workload, shading))
+        print(f"| march, shading {shading}, {what} against own RGB | {mine:.0f} | {rgb:.0f} | {mine / rgb:.2f} |")
+    mine, rgb = cpu(("peer-coloured-k8", shading)), cpu(("peer-coloured-rgb", shading))
+    print(f"| march, shading {shading}, k = 8, coloured, against own coloured RGB | {mine:.0f} | {rgb:.0f} | {mine / rgb:.2f} |")
 print(f"| relight, one position, 4 weights | {cpu(('peer', 'diffuse'), 'relight'):.2f} | | |")
 print(f"| relight, one position, 8 weights | {cpu(('peer-eight-materials', 'diffuse'), 'relight'):.2f} | | |")
 print(f"| relight, four positions, 4 weights each | {cpu(('peer-four-lights', 'diffuse'), 'relight'):.2f} | | |")

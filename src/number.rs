@@ -1,4 +1,4 @@
-//! Counts as numbers and numbers as counts, where a plain cast is right.
+//! Counts as numbers and numbers as counts, where a plain cast is right; numbers and places in words, for messages.
 
 /// A count of pixels, voxels, entries or samples; exact below 2⁵³.
 #[expect(clippy::cast_precision_loss, reason = "counts are far below 2⁵³")]
@@ -29,6 +29,29 @@ pub fn readable(number: f64) -> String {
     } else {
         format!("{number:e}")
     }
+}
+
+/// The line and the column of a byte of `text`, from 1.
+#[must_use]
+pub(crate) fn line_and_column(text: &str, byte: usize) -> [usize; 2] {
+    let before = text.get(..byte).unwrap_or(text);
+    let line = before.matches('\n').count() + 1;
+    [line, before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1]
+}
+
+/// A message of serde with its names of Rust's numbers in words.
+#[must_use]
+pub(crate) fn in_words(message: &str) -> String {
+    [
+        ("usize", "a whole number from 0"),
+        ("u64", "a whole number from 0"),
+        ("i64", "a whole number"),
+        ("f64", "a number"),
+    ]
+    .into_iter()
+    .fold(message.to_owned(), |text, (name, words)| {
+        text.replace(&format!("expected {name}"), &format!("expected {words}"))
+    })
 }
 
 #[cfg(test)]

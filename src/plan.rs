@@ -3,9 +3,12 @@
 use std::sync::Arc;
 
 use crate::model::{self, ColourModel, Ingredients, ModelError};
+use crate::number::readable;
 use crate::progress::Progress;
-use crate::scene::{AccumulateAs, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions};
-use crate::spectrum::Spectrum;
+use crate::scene::{
+    AccumulateAs, Accuracy, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, positions,
+};
+use crate::spectrum::{Light, Spectrum};
 
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
@@ -259,6 +262,15 @@ pub enum PlanError {
 ///
 /// [`PlanError`].
 pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError> {
+    plan_for(scene, &[], progress)
+}
+
+/// [`plan`], with a colour model for more lights than the scene's own, by name.
+///
+/// # Errors
+///
+/// [`PlanError`].
+pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
         let coloured = scene.materials.iter().enumerate().filter(|&(m, material)| {
@@ -269,19 +281,44 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
         return Err(PlanError::NotGrey { materials: materials.join(", ") });
     }
     let exact = weights.plan.transmittance == Transmittance::Grey;
-    let fit = |dimension: Option<usize>| -> Result<Planned, PlanError> {
-        let (accuracy, ingredients) = (&scene.accuracy, ingredients(scene, &weights));
-        let model = match dimension {
-            Some(dimension) => model::fit(&ingredients, accuracy.model, dimension, progress),
-            None => model::fit_automatic(&ingredients, accuracy.model, accuracy.tolerance, progress),
-        };
-        Ok(planned(scene, Some(Arc::new(model?))))
+    let Accuracy { model: kind, tolerance, dimension, accumulate, .. } = scene.accuracy;
+    let narrower = narrower(&weights.plan);
+    let ingredients = || {
+        let mut ingredients = weights.ingredients(scene);
+        for (name, light) in lights {
+            if ingredients.lights.iter().all(|(_, known)| known != light) {
+                ingredients.lights.push((name.clone(), light.clone()));
+            }
+        }
+        ingredients
     };
-    match scene.accuracy.accumulate {
-        AccumulateAs::Weights => Ok(weights),
-        AccumulateAs::Auto if exact => Ok(weights),
-        AccumulateAs::Auto | AccumulateAs::Spectral => fit(scene.accuracy.dimension),
-    }
+    let model = match (accumulate, dimension) {
+        (AccumulateAs::Weights, _) => None,
+        (AccumulateAs::Auto, Some(dimension)) if exact && dimension > narrower => None,
+        (AccumulateAs::Auto, None) if exact && narrower == 0 => None,
+        (AccumulateAs::Auto, None) if exact => {
+            match model::fit_narrow(&ingredients(), kind, tolerance, narrower, progress) {
+                Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
+                // What cannot be fitted has weights.
+                fitted => fitted.unwrap_or_default(),
+            }
+        }
+        (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
+            let ingredients = ingredients();
+            let mut model = model::fit(&ingredients, kind, dimension, progress)?;
+            model.check_on(&model::unseen(&ingredients)?);
+            Some(model)
+        }
+        (AccumulateAs::Auto | AccumulateAs::Spectral, None) => {
+            Some(model::fit_automatic(&ingredients(), kind, tolerance, progress)?)
+        }
+    };
+    Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
+}
+
+/// The most numbers of a colour model that take fewer vectors than the weights of `plan`.
+fn narrower(plan: &ScenePlan) -> usize {
+    plan.lanes().saturating_sub(1) * LANE
 }
 
 /// The plan that computes all 81 wavelengths: what other plans are measured against.
@@ -382,22 +419,6 @@ fn is_constant(spectrum: &Spectrum) -> bool {
     high - low <= 1e-12 * high.abs()
 }
 
-/// What the light of `scene` can meet.
-fn ingredients(scene: &Scene, planned: &Planned) -> Ingredients {
-    let coloured = planned.plan.transmittance == Transmittance::Coloured;
-    let absorbing: Vec<usize> =
-        (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
-    let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
-    Ingredients {
-        reflectances: planned.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
-        absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
-        background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
-        highlights: planned.plan.specular().is_some(),
-        lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
-        largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
-    }
-}
-
 /// The largest optical depth of absorption that a ray can meet: the highest point of the transfer function, along the
 /// volume's diagonal.
 fn largest_depth(scene: &Scene) -> f64 {
@@ -410,6 +431,34 @@ fn largest_depth(scene: &Scene) -> f64 {
 }
 
 impl Planned {
+    /// What the light of `scene` can meet, under its own lights.
+    #[must_use]
+    pub fn ingredients(&self, scene: &Scene) -> Ingredients {
+        let coloured = self.plan.transmittance == Transmittance::Coloured;
+        let absorbing: Vec<usize> =
+            (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
+        let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
+        Ingredients {
+            reflectances: self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
+            absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
+            background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
+            highlights: self.plan.specular().is_some(),
+            lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
+            largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
+        }
+    }
+
+    /// The largest ΔE00 that the model may add under further lights: the scene's tolerance, or, where k is stated, what
+    /// it adds under the scene's own lights, if that is more (to three decimals).
+    #[must_use]
+    pub fn tolerance(&self, scene: &Scene) -> f64 {
+        let Accuracy { tolerance, dimension, .. } = scene.accuracy;
+        let own = |light: &Light| scene.lights.iter().any(|known| known.spectrum == *light);
+        let lights = self.model.iter().flat_map(|model| model.lights()).filter(|(_, light, _)| own(light));
+        let worst = lights.map(|(.., matrix)| matrix.worst().max).fold(tolerance, f64::max);
+        if dimension.is_some() { (worst * 1000.0).ceil() / 1000.0 } else { tolerance }
+    }
+
     /// Different exponents of highlights, ascending; none where the plan has no highlights.
     #[must_use]
     pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
@@ -443,6 +492,7 @@ impl Planned {
                 },
             ),
         }];
+        sentences.extend(self.explain_choice(scene));
         if let Some(model) = &self.model {
             let errors = model.lights().iter().map(|(name, _, matrix)| {
                 let error = matrix.worst();
@@ -499,14 +549,44 @@ impl Planned {
             }
             .to_owned(),
         );
+        let values = match plan.interpolation {
+            Interpolation::Linear => "linear",
+            Interpolation::Nearest => "those of the nearest voxel",
+        };
+        let entries = match plan.lookup {
+            Lookup::Linear => "what lies between entries of the transfer table is linear",
+            Lookup::Nearest => "each takes the nearest entry of the transfer table",
+        };
+        sentences.push(format!("Values between voxels are {values}; {entries}."));
         let termination = if scene.accuracy.termination > 0.0 {
-            format!("A ray ends when less than {} of light passes", scene.accuracy.termination)
+            format!("A ray ends when less than {} of light passes", readable(scene.accuracy.termination))
         } else {
             "Every ray is followed to its end".to_owned()
         };
         let skipping =
             if plan.skipping { "cells that hold nothing are leapt over" } else { "empty cells are not leapt over" };
-        sentences.push(format!("{termination}; samples are {} apart; {skipping}.", scene.accuracy.step_length));
         sentences
+            .push(format!("{termination}; samples are {} apart; {skipping}.", readable(scene.accuracy.step_length)));
+        sentences
+    }
+
+    /// Why numbers of a colour model are kept where weights would be exact, or weights where fewer numbers were tried.
+    fn explain_choice(&self, scene: &Scene) -> Option<String> {
+        let Accuracy { accumulate, dimension, tolerance, .. } = scene.accuracy;
+        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
+        let lanes = self.plan.lanes();
+        match &self.model {
+            Some(_) if exact => {
+                let weights = self.materials.len() + usize::from(self.plan.specular().is_some());
+                let wider = weights.div_ceil(LANE);
+                Some(format!(
+                    "Weights of the materials would be exact, and are had by accumulate = \"weights\", but fill {wider} vectors of four where these fill {lanes}."
+                ))
+            }
+            None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
+                "The weights fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
+            )),
+            _ => None,
+        }
     }
 }

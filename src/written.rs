@@ -1,12 +1,11 @@
 //! Where in a written text something stands, and which word an unknown one was meant to be.
 
+use crate::number::{in_words, line_and_column};
 use crate::spectrum::nearest;
 
 /// `name:line:column` of a byte of `text`.
 pub(crate) fn place(name: &str, text: &str, byte: usize) -> String {
-    let before = text.get(..byte).unwrap_or(text);
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1;
+    let [line, column] = line_and_column(text, byte);
     format!("{name}:{line}:{column}")
 }
 
@@ -15,6 +14,6 @@ pub(crate) fn with_suggestion(message: &str) -> String {
     let mut words = message.split('`').skip(1).step_by(2);
     match words.next().filter(|_| message.starts_with("unknown")).and_then(|unknown| nearest(unknown, words)) {
         Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
-        None => message.to_owned(),
+        None => in_words(message),
     }
 }

@@ -60,9 +60,9 @@ fn unknown_keys_are_refused_at_every_level_where_they_stand() {
 
 #[test]
 fn wrong_types_and_words_are_refused_where_they_stand() {
-    scene_refused("version = 1", "version = \"1\"", "1:11", &["invalid type: string \"1\"", "expected i64"]);
+    scene_refused("version = 1", "version = \"1\"", "1:11", &["invalid type: string \"1\"", "expected a whole number"]);
     scene_refused("[32, 30, 18]", "[32, 30]", "4:8", &["an array of length 3"]);
-    scene_refused("intensity = 0.5", "intensity = true", "22:13", &["expected f64"]);
+    scene_refused("intensity = 0.5", "intensity = true", "22:13", &["expected a number"]);
     scene_refused("\"directional\"", "\"direct\"", "17:8", &["unknown variant `direct`", "`headlight`"]);
     scene_refused("spectrum = \"A\"", "spectrum = true", "20:12", &["a spectrum"]);
     scene_refused("spectrum = \"A\"\n", "", "19:1", &["missing field `spectrum`"]);
@@ -104,7 +104,11 @@ fn every_range_is_stated_where_it_is_left() {
         ("volume.spacing=[1,1,0]", "a positive number"),
         ("volume.origin=[nan,0,0]", "not finite"),
         ("volume.direction=[1,0,0,0,1,0,0,0,0]", "not orthonormal"),
-        ("volume.header_bytes=-1", "-1"),
+        ("volume.header_bytes=-1", "a whole number from 0"),
+        ("volume.dims=[-1,1,1]", "a whole number from 0"),
+        ("transfer.entries=-1", "a whole number from 0"),
+        ("accuracy.k=-1", "a whole number from 0"),
+        ("materials.flesh.exponent=1.5", "a whole number"),
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
         ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
@@ -324,16 +328,47 @@ fn volumes_that_no_memory_holds_are_refused_with_their_bytes() {
 #[test]
 fn files_that_are_given_as_what_they_are_not_are_recognised() {
     let folder = Folder::new().with("v.mhd", HEADER).with("v.raw", [0; 64]).with("header", HEADER);
-    for name in ["v.mhd", "v.raw", "header"] {
+    let folder = folder.with("n.nrrd", "NRRD0004\n").with("x.vti", "<?xml version=\"1.0\"?>\n<VTKFile type=");
+    for name in ["v.mhd", "v.raw", "header", "n.nrrd", "x.vti"] {
         let hint = format!("use --volume {name}");
         folder.refused(1, &["render", name, "-o", "p.png"], &["this is a volume", &hint]);
     }
-    for name in ["v.mhd", "header"] {
+    for name in ["v.mhd", "header", "n.nrrd", "x.vti"] {
         let layout = ["--dims", "4x4x4", "--type", "uint8"];
         let why = ["this file has a header", "--dims"];
         folder.refused(1, &[&["info", name], &layout[..]].concat(), &why);
         folder.refused(1, &render(&[&["--volume", name], &layout[..]].concat()), &why);
     }
+}
+
+#[test]
+fn a_sidecar_is_refused_where_it_is_wrong_in_one_sentence() {
+    let layout = "dims = [4, 4, 4]\ntype = \"uint8\"\n";
+    let folder = Folder::new().with("v.raw", [0; 64]).with("v.raw.toml", format!("{layout}\nnonsense = 1\n"));
+    folder.refused(
+        1,
+        &["info", "v.raw"],
+        &["v.raw.toml, line 4, column 1", "unknown field `nonsense`", "`header_bytes`"],
+    );
+    folder.refused(1, &["info", "v.raw.toml"], &["v.raw.toml, line 4, column 1"]);
+    let folder = folder.with("v.raw.toml", layout.replace("[4, 4, 4]", "[4, -4, 4]"));
+    folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1, column 12", "a whole number from 0"]);
+    let folder = folder.with("v.raw.toml", "dims = [");
+    folder.refused(1, &["info", "v.raw"], &["v.raw.toml, line 1"]);
+}
+
+#[test]
+fn a_scene_without_a_version_is_still_a_scene() {
+    let folder = Folder::new().with("old.toml", SCENE.replace("version = 1\n", ""));
+    folder.refused(1, &["info", "old.toml"], &["old.toml:1:1", "missing field `version`"]);
+}
+
+#[test]
+fn a_step_that_no_ray_can_take_is_refused_in_few_digits() {
+    let step = ["-D", "accuracy.step=1e-300"];
+    let folder = Folder::new();
+    folder.refused(1, &render(&step), &["length 1e-300"]);
+    folder.refused(1, &render(&[&step[..], &["--reference"]].concat()), &["length 1e-300"]);
 }
 
 // Lights.

@@ -3,50 +3,20 @@
 
 mod support;
 
-use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use exr::prelude::attribute::AttributeValue;
 use exr::prelude::{
-    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, ReadChannels as _,
-    ReadLayers as _, Text, WritableImage as _,
+    AnyChannel, AnyChannels, Compression, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
+    WritableImage as _,
 };
 use serde_json::Value;
+use support::exr::{Exr, assert_same};
 use support::program::{Folder, Outcome};
 
 /// The sides of every picture here.
 const SIZE: &str = "32x32";
-
-/// An OpenEXR file as another program reads it: channels by name, and the attributes that this program added.
-struct Exr {
-    size: (usize, usize),
-    channels: BTreeMap<String, Vec<f32>>,
-    attributes: HashMap<String, String>,
-}
-
-impl Exr {
-    fn read(path: &Path) -> Self {
-        let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
-        let image = reader.first_valid_layer().all_attributes().from_file(path).unwrap();
-        let layer = image.layer_data;
-        let channels = layer
-            .channel_data
-            .list
-            .iter()
-            .map(|channel| (channel.name.to_string(), channel.sample_data.values_as_f32().collect()));
-        let attributes = layer.attributes.other.iter().filter_map(|(name, value)| match value {
-            AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
-            _ => None,
-        });
-        Self { size: (layer.size.0, layer.size.1), channels: channels.collect(), attributes: attributes.collect() }
-    }
-
-    /// Linear RGB and opacity, channel after channel.
-    fn rgba(&self) -> Vec<f32> {
-        ["R", "G", "B", "A"].iter().flat_map(|name| self.channels[*name].iter().copied()).collect()
-    }
-}
 
 /// The linear picture that the program makes with `arguments`.
 fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
@@ -57,15 +27,6 @@ fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
 /// The linear picture of the scene of every test, rendered with `arguments`.
 fn rendered(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
     picture(folder, &[&["render", "scene.toml", "--size", SIZE], arguments].concat())
-}
-
-/// Two pictures are one, but for the rounding of f32: `relative` of the larger value, and 1e-6 of white.
-fn assert_same(one: &[f32], other: &[f32], relative: f32) {
-    assert_eq!(one.len(), other.len(), "pictures of one size");
-    assert!(one.iter().any(|&value| value > 0.01), "a black picture shows nothing");
-    for (&a, &b) in one.iter().zip(other) {
-        assert!((a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-6, "{a} against {b}");
-    }
 }
 
 fn keys(value: &Value) -> Vec<&str> {
@@ -114,7 +75,7 @@ fn render_tells_programs_what_it_did() {
     let folder = Folder::new();
     let outcome = folder.done(&["render", "scene.toml", "--size", SIZE, "-o", "p.png", "--json"]);
     let json = outcome.json();
-    assert_eq!(keys(&json), ["device", "march", "outputs", "peak_mb", "plan", "size", "times"]);
+    assert_eq!(keys(&json), ["device", "march", "outputs", "peak_mb", "plan", "size", "times", "warnings"]);
     assert_eq!(json["outputs"], serde_json::json!(["p.png"]));
     assert_eq!(json["size"], serde_json::json!([32, 32]));
     assert_eq!(json["plan"]["positions"], serde_json::json!(["lamp", "day"]));
@@ -208,6 +169,12 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let json = folder.done(&["info", "scene.toml", "--json"]).json();
     assert_eq!(json["plan"]["components"], 3);
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
+    assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
+    assert_eq!(json["labels"], Value::Null);
+    assert_eq!(json["materials"], serde_json::json!(["bone", "flesh"]));
+    let lights: Vec<_> =
+        json["lights"].as_array().unwrap().iter().map(|light| (&light["name"], &light["kind"])).collect();
+    assert!(lights.contains(&(&"day".into(), &"directional".into())), "{lights:?}");
 }
 
 #[test]
@@ -221,7 +188,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
-    assert_eq!(keys(&json), ["accumulators", "components", "lights", "positions", "size"]);
+    assert_eq!(keys(&json), ["accumulators", "components", "lights", "model", "positions", "size", "warnings"]);
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
 }
@@ -284,6 +251,40 @@ fn bench_measures_colour_models_without_a_device() {
 }
 
 #[test]
+fn bench_measures_reading_beside_decoding() {
+    let numbers = (0_u16..4096).flat_map(|n| n.wrapping_mul(40503).to_le_bytes()).collect::<Vec<u8>>();
+    let gzip = |bytes: &[u8]| {
+        use std::io::Write as _;
+        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        encoder.write_all(bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    let header = "NRRD0004\ntype: uint16\ndimension: 3\nsizes: 16 16 16\nendian: little\nencoding: gzip\n";
+    let folder = Folder::new()
+        .with("attached.nrrd", [header.as_bytes(), b"\n", &gzip(&numbers)].concat())
+        .with("detached.nhdr", format!("{header}data file: v.gz\n"))
+        .with("v.gz", gzip(&numbers))
+        .with("v.raw", &numbers);
+    for (name, stream) in [("attached.nrrd", Some("gzip")), ("detached.nhdr", Some("gzip")), ("v.raw", None)] {
+        let layout = "dims = [16, 16, 16]\ntype = \"uint16\"\n";
+        std::fs::write(folder.path("v.raw.toml"), layout).unwrap();
+        let load = folder.done(&["bench", "load", "--volume", name, "--frames", "3", "--json"]).json()["load"].clone();
+        assert_eq!((&load["volume"], &load["stream"]), (&name.into(), &stream.into()));
+        assert_eq!(load["voxels_mb"], 0.008192, "{name}");
+        let number = |key: &str| load[key].as_f64().unwrap();
+        let near = |ours: f64, theirs: f64| (ours / theirs - 1.0).abs() < 1e-9;
+        let median = |key: &str| load[key]["cpu_ms"]["median"].as_f64().unwrap();
+        assert!(near(number("ratio"), median("open") / median("bare")), "{load}");
+        assert!(near(number("open_mb_s"), 8.192 / median("open")), "{load}");
+        // Of packed data only these are decoded, not the header.
+        let bare = if stream.is_some() { 8.192 } else { 8.192 + f64::from(u16::try_from(layout.len()).unwrap()) / 1e3 };
+        assert!(near(number("bare_mb_s"), bare / median("bare")), "{load}");
+    }
+    let text = folder.done(&["bench", "load", "--volume", "attached.nrrd", "--frames", "1"]).out;
+    assert!(text.contains("MB/s") && text.contains("inflating its gzip stream"), "{text}");
+}
+
+#[test]
 fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     let folder = Folder::new();
     folder.done(&["shaders", "--write", "--folder", "."]);
@@ -293,6 +294,20 @@ fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     *bytes.last_mut().unwrap() ^= 1;
     std::fs::write(folder.path(&name), bytes).unwrap();
     folder.refused(1, &["shaders", "--check", "--folder", "."], &[&name, "shaders --write"]);
+}
+
+#[test]
+fn the_committed_shaders_are_those_that_are_compiled() {
+    let committed = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("spirv");
+    let folder = Folder::new();
+    let checked = folder.done(&["--json", "shaders", "--check", "--folder", committed.to_str().unwrap()]).json();
+    let mut checked: Vec<String> =
+        checked["files"].as_array().unwrap().iter().map(|file| file.as_str().unwrap().to_owned()).collect();
+    let entries = std::fs::read_dir(&committed).unwrap();
+    let mut there: Vec<String> = entries.map(|entry| entry.unwrap().path().to_str().unwrap().to_owned()).collect();
+    checked.sort();
+    there.sort();
+    assert_eq!(there, checked, "no stray files");
 }
 
 #[test]
@@ -340,7 +355,7 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["lights", "outputs", "size", "times"]);
+    assert_eq!(keys(&json), ["lights", "model", "outputs", "size", "times", "warnings"]);
     assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 
@@ -508,6 +523,10 @@ fn labels_that_are_not_used_or_not_declared_are_reported() {
     }
     let declared = warnings(&folder, &["-D", "labels.3={material=\"flesh\",opacity=1}"]);
     assert_eq!(declared, ["", ""], "labels that are not there are no matter");
+    let quiet = folder.done(&[&["render", "scene.toml", "-o", "p.png", "--json", "--quiet"], &flags[..]].concat());
+    assert_eq!(quiet.err, "");
+    let told = quiet.json()["warnings"][0].as_str().unwrap().to_owned();
+    assert!(told.starts_with("--labels labels.mhd: the scene declares no labels"), "{told}");
 }
 
 #[test]

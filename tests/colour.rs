@@ -59,6 +59,14 @@ const SHARMA_2005: [[f64; 7]; 34] = [
 ];
 
 #[test]
+fn what_is_no_number_is_no_difference_of_zero() {
+    for part in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e60] {
+        let odd = Lab([50.0, part, 0.0]);
+        assert!(ciede2000(odd, Lab([50.0, 0.0, 0.0])).is_nan(), "{part}");
+    }
+}
+
+#[test]
 fn ciede2000_gives_the_published_differences_both_ways() {
     for [l1, a1, b1, l2, a2, b2, expected] in SHARMA_2005 {
         let (one, two) = (Lab([l1, a1, b1]), Lab([l2, a2, b2]));

@@ -333,6 +333,21 @@ fn the_ladder_catches_two_materials_swapped() {
 }
 
 #[test]
+fn the_ladder_catches_a_hundredth_of_a_step_in_every_scene() {
+    for name in scenes::NAMES {
+        let mut rungs = Rungs::new(scenes::named(name), SIZE);
+        let expected = rungs.march::<f64>(&rungs.stored::<f64>());
+        let places = places(&rungs);
+        let bound = of_places(&rungs, &expected, [places.error; 3], ROUNDINGS_PER_STEP_OF_TWO);
+        let still = accumulators(&rungs.march::<f32>(&rungs.stored::<f32>()), &expected, &bound, &places.undecided);
+        assert!(still.share <= 1.0, "{name}: the same picture: {still:?}");
+        rungs.scene.accuracy.step_length *= 1.01;
+        let moved = accumulators(&rungs.march::<f32>(&rungs.stored::<f32>()), &expected, &bound, &places.undecided);
+        assert!(moved.share > 10.0, "{name}: {moved:?}");
+    }
+}
+
+#[test]
 fn the_ladder_catches_half_a_pixel_of_shift() {
     let still = shifted(0.0);
     assert!(still.share <= 1.0, "the same picture: {still:?}");

@@ -10,8 +10,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("number", &[]),
     ("progress", &[]),
     ("spectrum", &[]),
-    ("written", &["spectrum"]),
-    ("volume", &["memory", "progress"]),
+    ("written", &["spectrum", "number"]),
+    ("volume", &["memory", "progress", "number"]),
     ("model", &["spectrum", "progress", "number"]),
     ("palette", &["model", "spectrum", "progress", "number", "written"]),
     ("scene", &["palette", "model", "spectrum", "volume", "progress", "number", "written"]),
@@ -22,7 +22,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
     ("measure", &["model", "spectrum", "progress", "number"]),
-    ("output", &["spectrum", "progress"]),
+    ("output", &["model", "spectrum", "progress"]),
     (
         "cli",
         &[

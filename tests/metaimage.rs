@@ -183,6 +183,7 @@ fn slices_are_found_by_list_and_by_pattern() {
         list("LIST", "a1\na2\n"),
         list("LIST", "a1\r\na2"),
         list("LIST 2", "a1\na2"),
+        list("LIST 2D", "a1\na2"),
         list("LIST 1", "row 0\nrow 1\nrow 2\nrow 3\n"),
         list("LIST 3", "all"),
         header(&["ElementDataFile = a%d"]),

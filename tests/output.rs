@@ -8,7 +8,7 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::accumulators::{Component, Light, Position, PositionKind};
+use relume::output::accumulators::{Component, Components, Light, Position, PositionKind};
 use relume::output::{
     Accumulators, Alpha, BANDS, Depth, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
@@ -263,7 +263,7 @@ fn a_spectral_exr_has_the_channels_and_words_of_its_layout() {
     let path = folder.path().join("spectral.exr");
     let (width, height) = (3, 20);
     let number = |value: usize| f32::from(u16::try_from(value).unwrap());
-    write_spectral(&path, width, height, |y, row| {
+    write_spectral(&path, width, height, &[("note", "by hand")], |y, row| {
         for (x, (radiance, preview)) in row.radiance.iter_mut().zip(row.preview).enumerate() {
             for (band, value) in radiance.iter_mut().enumerate() {
                 *value = number((y * width + x) * 100 + band);
@@ -283,6 +283,7 @@ fn a_spectral_exr_has_the_channels_and_words_of_its_layout() {
     assert_eq!(words("spectralLayoutVersion"), "1.0");
     assert_eq!(words("emissiveUnits"), "W.m^-2.sr^-1");
     assert_eq!(words("polarisationHandedness"), "right");
+    assert_eq!(words("note"), "by hand");
 }
 
 // ---- accumulators ----
@@ -297,10 +298,10 @@ fn example() -> Accumulators {
     Accumulators {
         width,
         height,
-        components: vec![
+        components: Components::Surfaces(vec![
             Component { name: "Knöchel".to_owned(), spectrum: ramp(0.1) },
             Component { name: "white".to_owned(), spectrum: [1.0; BANDS] },
-        ],
+        ]),
         positions: vec![
             Position { name: "key".to_owned(), kind: PositionKind::Directional([0.3, -1.0, 2.5]) },
             Position { name: "all around".to_owned(), kind: PositionKind::Ambient },
@@ -329,7 +330,7 @@ fn accumulators_come_back_as_they_were() {
     // Position 1, component 0.
     assert_eq!(values(&layer, "all around.KnÃ¶chel"), full.weights[2 * 72..3 * 72]);
     let empty = Accumulators {
-        components: vec![],
+        components: Components::Surfaces(vec![]),
         positions: vec![],
         lights: vec![],
         background: None,
@@ -392,7 +393,7 @@ fn a_file_of_another_program_is_read() {
     let expected = Accumulators {
         width: 2,
         height: 2,
-        components: vec![Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] }],
+        components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] }]),
         positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Headlight }],
         lights: vec![Light { name: "E".to_owned(), position: 0, weight: 2.0, spectrum: [1.0; BANDS] }],
         background: None,
@@ -410,7 +411,8 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
     let path = folder.path().join("foreign.exr");
     let good = small_text();
     let cases = [
-        (good.replace("version = 1", "version = 2"), "version 2 is not known here"),
+        (good.replace("version = 1", "version = 3"), "version 3 is not known here"),
+        (good.replace("version = 1", "version = 2"), "a file of version 2 has a `[model]`"),
         (good.replace("version = 1\n", ""), "missing field `version`"),
         (good.replace("weight = 2", "wieght = 2"), "line 11: unknown field `wieght`"),
         (good.replace("version = 1", "version = 1\ngamma = 2"), "line 2: unknown field `gamma`"),
@@ -489,8 +491,9 @@ fn accumulators_that_contradict_themselves_are_not_written() {
         |it| {
             it.positions[0].name = "a.b".to_owned();
             it.positions[1].name = "a".to_owned();
-            it.components[0].name = "c".to_owned();
-            it.components[1].name = "b.c".to_owned();
+            let Components::Surfaces(surfaces) = &mut it.components else { panic!("weights") };
+            surfaces[0].name = "c".to_owned();
+            surfaces[1].name = "b.c".to_owned();
         },
         "two pairs of a position and a component make the channel \"a.b.c\"",
     );

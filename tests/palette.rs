@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
+use relume::measure::Stopwatch;
 use relume::model::random::Random;
 use relume::palette::{
     Cell, Conflict, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target, load, parse,
@@ -64,9 +65,16 @@ fn apart(one: Xyz, two: Xyz) -> f64 {
 
 /// The solution, whose colours and differences are what its spectra make by the integrals themselves.
 fn solved(palette: &Palette) -> Solution {
-    let begun = std::time::Instant::now();
+    let clock = Stopwatch::start();
     let solution = solve(palette, &Quiet).unwrap();
-    println!("{}: {:.2} s, worst {:.4}", palette.source, begun.elapsed().as_secs_f64(), solution.worst());
+    let time = clock.read();
+    println!(
+        "{}: {:.0} ms ({:.0} ms of CPU), worst {:.4}",
+        palette.source,
+        time.wall_ms,
+        time.cpu_ms,
+        solution.worst()
+    );
     for conflict in &solution.conflicts {
         println!("  {conflict:?}");
     }

@@ -6,7 +6,7 @@ mod support;
 use glam::DVec3;
 use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{Interpolation, Lookup, Placement, Scene, Shading};
+use relume::scene::{AccumulateAs, Interpolation, Lookup, Placement, Scene, Shading};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
@@ -127,6 +127,65 @@ fn highlights_of_one_exponent_and_of_several() {
     assert_eq!((expected.components(), expected.lanes(), expected.parts().lanes, expected.layers()), (5, 2, 1, 8));
 }
 
+/// The scene of three materials with so many more, each a mixture of `spectra` of the three.
+fn with_mixtures(more: usize, spectra: usize) -> Scene {
+    let mut scene = scenes::named("unshaded_one");
+    let own: Vec<Spectrum> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
+    for index in 0..more {
+        let share = float(index + 1) / float(more + 1);
+        let mixed = &own[index % spectra].scaled(share) + &own[(index + 1) % spectra].scaled(1.0 - share);
+        let mut material = scene.materials[0].clone();
+        (material.name, material.reflectance) = (format!("more {index}"), Reflectance::new(mixed).unwrap());
+        let mut term = scene.transfer.terms[0].clone();
+        term.material.0.iter_mut().for_each(|point| point.1 = scene.materials.len());
+        scene.materials.push(material);
+        scene.transfer.terms.push(term);
+    }
+    scene
+}
+
+#[test]
+fn weights_are_kept_where_they_are_no_wider() {
+    let accumulate = |scene: &Scene| plan(scene, &Quiet).unwrap().plan.accumulate;
+    assert_eq!(accumulate(&with_mixtures(1, 3)), Accumulate::Weights { materials: 4 });
+    // Three spectra are three numbers, however many materials are mixed of them.
+    for more in [2, 7] {
+        let planned = plan(&with_mixtures(more, 3), &Quiet).unwrap();
+        let Accumulate::Spectral { dimension, .. } = planned.plan.accumulate else { panic!("{:?}", planned.plan) };
+        assert!(dimension <= 4 && planned.plan.lanes() == 1, "{:?}", planned.plan);
+        let model = planned.model.as_ref().unwrap();
+        assert!(model.worst().max <= 1.0, "{:?}", model.worst());
+        let said = planned.explain(&with_mixtures(more, 3)).join(" ");
+        assert!(said.contains("would be exact") && said.contains("3 vectors") == (more == 7), "{said}");
+    }
+    // Who asks for weights gets them.
+    let mut scene = with_mixtures(7, 3);
+    scene.accuracy.accumulate = AccumulateAs::Weights;
+    assert_eq!(accumulate(&scene), Accumulate::Weights { materials: 10 });
+    // A stated k is taken where it is narrower, and only there.
+    scene.accuracy.accumulate = AccumulateAs::Auto;
+    for (k, weights) in [(3, false), (8, false), (9, true), (12, true)] {
+        scene.accuracy.dimension = Some(k);
+        let found = accumulate(&scene);
+        assert_eq!(matches!(found, Accumulate::Weights { .. }), weights, "k = {k}: {found:?}");
+    }
+}
+
+#[test]
+fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
+    // Narrow bands apart from one another: as many degrees of freedom as materials.
+    let mut scene = with_mixtures(3, 3);
+    for (index, material) in scene.materials.iter_mut().enumerate() {
+        let band = Spectrum::gaussian(430.0 + 45.0 * float(index), 12.0, 0.9).unwrap();
+        material.reflectance = Reflectance::new(band).unwrap();
+    }
+    scene.accuracy.tolerance = 0.1;
+    let planned = plan(&scene, &Quiet).unwrap();
+    assert_eq!(planned.plan.accumulate, Accumulate::Weights { materials: 6 });
+    let said = planned.explain(&scene).join(" ");
+    assert!(said.contains("would differ by more than ΔE00 0.1"), "{said}");
+}
+
 #[test]
 fn labels_and_a_background_are_planned_where_they_are() {
     let labels = ScenePlan { positions: directional(), shading: DIFFUSE, labels: true, ..least() };
@@ -157,6 +216,26 @@ fn knobs_are_planned_as_they_are_set() {
         }),
         ScenePlan { skipping: false, interpolation: Interpolation::Nearest, lookup: Lookup::Nearest, ..least() }
     );
+}
+
+#[test]
+fn a_plan_says_how_the_volume_and_its_table_are_read() {
+    let explained = |change: fn(&mut Scene)| {
+        let mut scene = scenes::named("unshaded_one");
+        change(&mut scene);
+        plan(&scene, &Quiet).unwrap().explain(&scene).join(" ")
+    };
+    let usual = explained(|_| {});
+    assert!(
+        usual.contains("Values between voxels are linear; what lies between entries of the transfer table is linear."),
+        "{usual}"
+    );
+    let nearest = explained(|scene| scene.accuracy.interpolation = Interpolation::Nearest);
+    assert!(nearest.contains("Values between voxels are those of the nearest voxel;"), "{nearest}");
+    let entry = explained(|scene| scene.transfer.lookup = Lookup::Nearest);
+    assert!(entry.contains("each takes the nearest entry"), "{entry}");
+    let thin = explained(|scene| scene.accuracy.step_length = 1e-9);
+    assert!(thin.contains("samples are 1e-9 apart"), "{thin}");
 }
 
 #[test]

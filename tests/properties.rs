@@ -6,7 +6,7 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
-use relume::output::accumulators::{Accumulators, Component, Position, PositionKind};
+use relume::output::accumulators::{Accumulators, Component, Components as FileComponents, Position, PositionKind};
 use relume::reference::relight;
 use relume::render::{Dispatching, Renderer};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
@@ -203,7 +203,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
     Accumulators {
         width: SIZE[0],
         height: SIZE[1],
-        components: spectra.iter().enumerate().map(component).collect(),
+        components: FileComponents::Surfaces(spectra.iter().enumerate().map(component).collect()),
         positions: planned.positions.iter().map(position).collect(),
         lights: Vec::new(),
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),

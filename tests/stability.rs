@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use relume::plan::plan;
-use relume::reference::relight;
-use relume::scene::{Aim, Projection, Scene};
+use relume::progress::Quiet;
+use relume::reference::{Samples, Step, relight};
+use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::tables::{Accumulation, Storage};
@@ -297,7 +298,7 @@ fn the_loss_that_is_stated_covers_what_64_bits_lose() {
         let mut scene = scenes::named("unshaded_one");
         scene.volume = Arc::new(volume(voxels));
         let statistics = scene.volume.statistics().unwrap();
-        Storage::new(&plan(&scene, &relume::progress::Quiet).unwrap().plan, &scene.volume, &statistics).loss
+        Storage::new(&plan(&scene, &Quiet).unwrap().plan, &scene.volume, &statistics).loss
     };
     // From 2^62 on f64 are 1024 apart: all 64 values become the first, and the last moves by 63.
     let offset = 1_i64 << 62;
@@ -463,4 +464,46 @@ fn a_volume_of_any_size_is_the_same_picture() {
             assert!(error <= 1e-4, "spacing {spacing:e}: {error}");
         }
     });
+}
+
+#[test]
+fn normals_of_a_sphere_in_flat_voxels_point_out_of_it() {
+    // A ball about the middle of 61 × 61 × 21 voxels of 1 × 1 × 3, whose value falls with the distance from it.
+    let (dims, spacing) = ([61, 61, 21], DVec3::new(1.0, 1.0, 3.0));
+    let half = DVec3::from_array(dims.map(|n| 0.5 * (float(n) - 1.0))) * spacing;
+    let mut scene = scenes::named("diffuse_one");
+    let mut volume = scenes::sampled(dims, |p| 60000.0 - 1200.0 * (p * half).length());
+    volume.geometry = Geometry::new("ball", dims, spacing, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
+    scene.volume = Arc::new(volume);
+    let rungs = Rungs::new(scene, SIZE);
+    let mut off = 0.0_f64;
+    for i in 0..1000 {
+        // A spiral around the sphere of radius 19.
+        let z = (float(i) + 0.5) / 500.0 - 1.0;
+        let (sin, cos) = (float(i) * 2.399_963).sin_cos();
+        let out = DVec3::new(cos * (1.0 - z * z).sqrt(), sin * (1.0 - z * z).sqrt(), z);
+        let voxel = (19.0 * out + half) / spacing;
+        let place = (voxel + 0.5) / DVec3::from_array(dims.map(float));
+        let [mut exact, mut stored] = [Step::<f64>::default(), Step::<f64>::default()];
+        rungs.exact().sample(place.to_array(), &mut exact);
+        rungs.stored::<f64>().sample(place.to_array(), &mut stored);
+        for step in [exact, stored] {
+            off = off.max(DVec3::from_array(step.normal).angle_between(-out).to_degrees());
+        }
+    }
+    assert!(off <= 1.0, "{off}°");
+}
+
+#[test]
+fn whole_numbers_of_all_16_bits_lose_nothing_beside_gradients() {
+    let full =
+        Volume::new("full", Voxels::U16(vec![0, 31000, 31001, 65535]), Geometry::unit("full", [4, 1, 1]).unwrap());
+    let full = full.unwrap();
+    let mut scene = scenes::named("diffuse_one");
+    for shading in [Shading::Gradient, Shading::None] {
+        scene.shading = shading;
+        let storage = Storage::new(&plan(&scene, &Quiet).unwrap().plan, &full, &full.statistics().unwrap());
+        // Less than the half that would round one whole number to another.
+        assert!(storage.loss < 0.01, "{:?} moves values by {}", storage.format, storage.loss);
+    }
 }

@@ -14,18 +14,7 @@ use relume::progress::{Progress, Quiet};
 use relume::volume::{
     self, ByteOrder, Geometry, RawLayout, Selection, Statistics, Volume, VolumeError, VoxelType, Voxels,
 };
-use volumes::{hex, shared};
-
-/// What is wrong, with all its causes.
-fn whole_message(error: &VolumeError) -> String {
-    let mut message = error.to_string();
-    let mut source = std::error::Error::source(error);
-    while let Some(cause) = source {
-        message = format!("{message}: {cause}");
-        source = cause.source();
-    }
-    message
-}
+use volumes::{hex, shared, whole_message};
 
 fn unit(dims: [usize; 3], voxels: Voxels) -> Volume {
     Volume::new("test", voxels, Geometry::unit("test", dims).unwrap()).unwrap()

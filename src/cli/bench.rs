@@ -1,4 +1,4 @@
-//! `relume bench`: how long marching and relighting take; how good colour models are.
+//! `relume bench`: how long marching, relighting and reading take; how good colour models are.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -9,20 +9,25 @@ use serde::Serialize;
 use serde_json::json;
 
 use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
-use relume::plan::plan;
+use relume::model::ModelKind;
+use relume::plan::{Accumulate, plan};
 use relume::progress::Progress;
 use relume::render::Renderer;
-use relume::scene::{self, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::scene::{self, AccumulateAs, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::spectrum::{Absorption, Spectrum};
 use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 
+use super::accuracy::AccuracyArgs;
+use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{SelectionArgs, size};
-use super::{CliError, Report, bench_model};
+use super::{CliError, Report, bench_load, bench_model};
 
 const EXAMPLES: &str = "\
 Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
+  relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
 
 Times are medians over the frames: CPU time of all threads, and wall time.";
@@ -34,15 +39,17 @@ pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// The real frog for `peer`, in place of its phantom.
+    /// The real frog for `peer`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
     selection: SelectionArgs,
+    #[command(flatten)]
+    accuracy: AccuracyArgs,
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
-    /// Frames to measure, after two that warm up.
+    /// Frames to measure, after two that warm up; how often `load` reads.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Scenes that colour models are measured on.
@@ -64,10 +71,32 @@ enum Workload {
     PeerFourLights,
     /// The same with twice as many materials: eight weights a pixel.
     PeerEightMaterials,
+    /// The same carried as linear RGB: what a renderer without spectra does.
+    PeerRgb,
+    /// The same carried as the eight numbers of a colour model.
+    PeerK8,
+    /// The peer's materials dyed, carried as linear RGB.
+    PeerColouredRgb,
+    /// The dyed materials carried as the eight numbers of a colour model.
+    PeerColouredK8,
     /// The embedded default scene.
     Default,
     /// Colour models on seeded scenes: no march, no device.
     Model,
+    /// Reading a volume, beside what decodes its bytes: no device.
+    Load,
+}
+
+impl Workload {
+    fn needs_device(self) -> bool {
+        !matches!(self, Self::Model | Self::Load)
+    }
+
+    /// Whether accuracy is not for the command line to say.
+    fn is_fixed(&self) -> bool {
+        !self.needs_device()
+            || matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -84,6 +113,7 @@ struct Row {
     size: [usize; 2],
     shading: &'static str,
     accumulate: &'static str,
+    model: Option<serde_json::Value>,
     components: usize,
     lanes: usize,
     positions: usize,
@@ -96,33 +126,42 @@ struct Row {
 }
 
 #[derive(Serialize)]
-struct Times {
-    wall_ms: Option<Summary>,
-    cpu_ms: Option<Summary>,
+pub(super) struct Times {
+    pub(super) wall_ms: Option<Summary>,
+    pub(super) cpu_ms: Option<Summary>,
 }
 
 impl Times {
-    fn of(times: &[Timing]) -> Self {
+    pub(super) fn of(times: &[Timing]) -> Self {
         let over = |value: fn(&Timing) -> f64| summary(&times.iter().map(value).collect::<Vec<_>>());
         Self { wall_ms: over(|time| time.wall_ms), cpu_ms: over(|time| time.cpu_ms) }
     }
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
-    let is_model = |workload: &Workload| *workload == Workload::Model;
-    let frames = if args.workloads.iter().all(is_model) { None } else { Some(run_frames(args, progress, started)?) };
-    let models = match args.workloads.iter().any(is_model) {
-        true => Some(bench_model::run(args.scenes.into(), progress)?),
-        false => None,
-    };
-    let mut both = Report { text: String::new(), json: json!({}) };
-    for report in frames.into_iter().chain(models) {
-        both.text.push_str(&report.text);
-        if let (Some(all), serde_json::Value::Object(part)) = (both.json.as_object_mut(), report.json) {
+    if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
+        return Err(CliError::Usage(format!(
+            "{flag} does nothing here: these workloads say what pixels keep, or have none"
+        )));
+    }
+    let mut reports = Vec::new();
+    if args.workloads.iter().any(|workload| workload.needs_device()) {
+        reports.push(run_frames(args, progress, started)?);
+    }
+    if args.workloads.contains(&Workload::Model) {
+        reports.push(bench_model::run(args.scenes.into(), progress)?);
+    }
+    if args.workloads.contains(&Workload::Load) {
+        reports.push(bench_load::run(args.volume.as_deref(), &args.selection.selection(), args.frames, progress)?);
+    }
+    let mut all = Report { text: String::new(), json: json!({}) };
+    for report in reports {
+        all.text.push_str(&report.text);
+        if let (Some(all), serde_json::Value::Object(part)) = (all.json.as_object_mut(), report.json) {
             all.extend(part);
         }
     }
-    Ok(both)
+    Ok(all)
 }
 
 /// Measures what needs a device.
@@ -130,7 +169,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
     let mut rows = Vec::new();
     let mut started = Some(started);
-    for &workload in args.workloads.iter().filter(|&&workload| workload != Workload::Model) {
+    for &workload in args.workloads.iter().filter(|workload| workload.needs_device()) {
         for shading in [BenchShading::None, BenchShading::Diffuse] {
             if args.shading.is_none_or(|only| only == shading) {
                 let begun = started.take().unwrap_or_else(Instant::now);
@@ -146,12 +185,12 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         if name.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" }
     );
     text.push_str(
-        "workload          shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
+        "workload             shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
     );
     let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
     for row in &rows {
         text.push_str(&format!(
-            "{:<17} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
+            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10.0}\n",
             row.workload,
             row.shading,
             row.positions,
@@ -174,21 +213,36 @@ fn measure(
     progress: &dyn Progress,
     begun: Instant,
 ) -> Result<Row, CliError> {
-    let mut scene = match workload {
-        Workload::Default | Workload::Model => scene::load_embedded(&SceneOptions::default(), progress)?,
-        Workload::Peer | Workload::PeerFourLights | Workload::PeerEightMaterials => {
-            let (volume, selection) = (args.volume.clone(), args.selection.selection());
-            let options = SceneOptions { volume, selection, ..SceneOptions::default() };
-            scene::load_peer(&options, progress)?
-        }
+    let options = SceneOptions { definitions: args.accuracy.definitions(), ..SceneOptions::default() };
+    let mut scene = if workload == Workload::Default {
+        scene::load_embedded(&options, progress)?
+    } else {
+        let (volume, selection) = (args.volume.clone(), args.selection.selection());
+        scene::load_peer(&SceneOptions { volume, selection, ..options }, progress)?
     };
     if shading == BenchShading::None {
         scene.shading = Shading::None;
     }
     match workload {
+        Workload::Peer | Workload::Default | Workload::Model | Workload::Load => {}
         Workload::PeerFourLights => add_peer_lights(&mut scene),
-        Workload::PeerEightMaterials => double_materials(&mut scene),
-        Workload::Peer | Workload::Default | Workload::Model => {}
+        Workload::PeerEightMaterials => {
+            double_materials(&mut scene);
+            // Fewer numbers would do for them, and what is measured is eight weights.
+            if scene.accuracy.accumulate == AccumulateAs::Auto {
+                scene.accuracy.accumulate = AccumulateAs::Weights;
+            }
+        }
+        Workload::PeerRgb => carry(&mut scene, ModelKind::Rgb, 3),
+        Workload::PeerK8 => carry(&mut scene, ModelKind::Nodes, 8),
+        Workload::PeerColouredRgb => {
+            dye(&mut scene)?;
+            carry(&mut scene, ModelKind::Rgb, 3);
+        }
+        Workload::PeerColouredK8 => {
+            dye(&mut scene)?;
+            carry(&mut scene, ModelKind::Nodes, 8);
+        }
     }
     let planned = plan(&scene, progress)?;
     let statistics = scene.volume.statistics()?;
@@ -231,7 +285,11 @@ fn measure(
         volume: scene.volume.source.clone(),
         size: args.size,
         shading: if shading == BenchShading::None { "none" } else { "diffuse" },
-        accumulate: "weights",
+        accumulate: match planned.plan.accumulate {
+            Accumulate::Weights { .. } => "weights",
+            Accumulate::Spectral { .. } => "spectral",
+        },
+        model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
         components: planned.plan.components(),
         lanes: planned.plan.lanes(),
         positions: planned.positions.len(),
@@ -254,6 +312,26 @@ fn add_peer_lights(scene: &mut Scene) {
         let placement = Placement::Directional(DVec3::from_array(direction).normalize());
         scene.lights.push(SceneLight { name: name.to_owned(), placement, ..key.clone() });
     }
+}
+
+/// Carries spectra in `dimension` numbers of a colour model, though weights would be exact.
+fn carry(scene: &mut Scene, model: ModelKind, dimension: usize) {
+    scene.accuracy.accumulate = AccumulateAs::Spectral;
+    scene.accuracy.model = model;
+    scene.accuracy.dimension = Some(dimension);
+}
+
+/// Gives every material a dye of its own, whose optical depth at its peak is that of what the material scatters.
+fn dye(scene: &mut Scene) -> Result<(), CliError> {
+    const PEAKS_NM: [f64; 4] = [450.0, 510.0, 570.0, 630.0];
+    for (material, peak) in scene.materials.iter_mut().zip(PEAKS_NM.into_iter().cycle()) {
+        let dye = Spectrum::gaussian(peak, 40.0, 1.0).and_then(Absorption::new);
+        material.absorption = Some(dye.map_err(|error| CliError::Failed(error.to_string()))?);
+    }
+    for term in &mut scene.transfer.terms {
+        term.absorption = term.opacity.iter().map(|&(value, opacity)| (value, -(-opacity).ln_1p())).collect();
+    }
+    Ok(())
 }
 
 /// Shows every material twice, the second time under another name.

@@ -1,19 +1,24 @@
 //! Accumulators and pictures between the renderer and files.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::ValueEnum;
 use glam::DVec3;
 use rayon::prelude::*;
+use serde_json::Value;
 
-use relume::output::accumulators::{Component, Light as FileLight, Position as FilePosition, PositionKind};
+use relume::output::accumulators::{
+    Component, Components as FileComponents, Light as FileLight, Position as FilePosition, PositionKind, Stored,
+};
 use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable, write_exr, write_png};
-use relume::plan::Planned;
+use relume::plan::{Planned, Transmittance};
 use relume::scene::{Display, Mix, MixLight, Placement, Scene};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
 use relume::tables::{Accumulation, Components};
 
 use super::CliError;
+use super::model::reconstruction_json;
 
 /// Bits of a PNG's channels.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -62,37 +67,16 @@ pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
-/// The reflectances that accumulators stand for.
-///
-/// # Errors
-///
-/// Pixels that store the numbers of a colour model stand for none.
-pub(crate) fn surfaces(scene: &Scene, planned: &Planned) -> Result<Vec<Spectrum>, CliError> {
-    match Components::new(scene, planned) {
-        Components::Surfaces(surfaces) => Ok(surfaces),
-        Components::Model(..) => Err(CliError::Failed(
-            "accumulator files and spectral pictures are written from weights of materials only, and this scene is planned with a colour model (see `relume info`): write .png or .exr pictures, or, where all absorption is grey, add -D accuracy.accumulate=weights".into(),
-        )),
-    }
-}
-
-/// The accumulator file of a march of `scene`, whose components are `surfaces`.
-pub(crate) fn to_file(
-    scene: &Scene,
-    planned: &Planned,
-    surfaces: &[Spectrum],
-    accumulation: Accumulation<f32>,
-) -> File {
-    let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
-    // White has a name of its own, whatever the materials are called.
-    let names: Vec<String> = names.collect();
-    let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
-    let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();
-    let components = surfaces
-        .iter()
-        .zip(names.into_iter().chain([white]))
-        .map(|(spectrum, name)| Component { name, spectrum: *spectrum.samples() })
-        .collect();
+/// The accumulator file of a march of `scene`.
+pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> File {
+    let components = match Components::new(scene, planned) {
+        Components::Surfaces(surfaces) => FileComponents::Surfaces(named(scene, planned, &surfaces)),
+        Components::Model(model, transmittance) => FileComponents::Model(Stored {
+            model: Arc::unwrap_or_clone(model),
+            coloured: transmittance == Transmittance::Coloured,
+            tolerance: planned.tolerance(scene),
+        }),
+    };
     let positions = planned.positions.iter().map(|position| FilePosition {
         name: position.name.clone(),
         kind: match position.placement {
@@ -122,6 +106,17 @@ pub(crate) fn to_file(
     }
 }
 
+/// The materials in use and white, as a file names them.
+fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Component> {
+    let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
+    // White has a name of its own, whatever the materials are called.
+    let names: Vec<String> = names.collect();
+    let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
+    let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();
+    let named = surfaces.iter().zip(names.into_iter().chain([white]));
+    named.map(|(spectrum, name)| Component { name, spectrum: *spectrum.samples() }).collect()
+}
+
 /// An accumulator file, ready to be relit.
 pub(crate) struct Saved {
     pub(crate) components: Components,
@@ -130,6 +125,8 @@ pub(crate) struct Saved {
     pub(crate) background: Option<Reflectance>,
     pub(crate) display: Display,
     pub(crate) accumulation: Accumulation<f32>,
+    /// The largest ΔE00 that a light may add that the file does not have.
+    pub(crate) tolerance: f64,
 }
 
 /// Reads the accumulator file `path`.
@@ -141,10 +138,18 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         Ok(MixLight { name: light.name, spectrum, weight: light.weight, position: light.position })
     });
     let background = file.background.map(|samples| Reflectance::new(Spectrum::from_samples(samples)).map_err(bad));
+    let (components, tolerance) = match file.components {
+        FileComponents::Surfaces(surfaces) => {
+            let spectra = surfaces.iter().map(|surface| Spectrum::from_samples(surface.spectrum));
+            (Components::Surfaces(spectra.collect()), f64::INFINITY)
+        }
+        FileComponents::Model(Stored { model, coloured, tolerance }) => {
+            let transmittance = if coloured { Transmittance::Coloured } else { Transmittance::Grey };
+            (Components::Model(Arc::new(model), transmittance), tolerance)
+        }
+    };
     Ok(Saved {
-        components: Components::Surfaces(
-            file.components.iter().map(|component| Spectrum::from_samples(component.spectrum)).collect(),
-        ),
+        components,
         positions: file.positions.into_iter().map(|position| position.name).collect(),
         mix: Mix(lights.collect::<Result<_, CliError>>()?),
         background: background.transpose()?,
@@ -154,35 +159,72 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
             weights: file.weights,
             transmittance: file.transmittance,
         },
+        tolerance,
     })
 }
 
-/// Writes the spectrum of every pixel under `mix`.
+/// Reflectances, per unit of what a pixel keeps.
+struct Reflectances {
+    /// Of each component.
+    components: Vec<Spectrum>,
+    /// Of the background, for each number of what passes.
+    behind: Vec<Spectrum>,
+    /// How good they are, where they are not exact.
+    quality: Option<Value>,
+}
+
+impl Reflectances {
+    fn new(components: &Components, background: Option<&Reflectance>) -> Self {
+        let exact = || background.map(|surface| surface.spectrum().clone()).into_iter().collect();
+        match components {
+            Components::Surfaces(surfaces) => Self { components: surfaces.clone(), behind: exact(), quality: None },
+            Components::Model(model, transmittance) => {
+                let made = model.reconstruction();
+                let quality = Some(reconstruction_json(model, &made));
+                let behind = match (transmittance, background) {
+                    (Transmittance::Coloured, Some(surface)) => {
+                        let parts = model.coefficients(surface.spectrum());
+                        made.spectra.iter().zip(parts).map(|(spectrum, part)| spectrum.scaled(part)).collect()
+                    }
+                    _ => exact(),
+                };
+                Self { components: made.spectra, behind, quality }
+            }
+        }
+    }
+}
+
+/// Writes the spectrum of every pixel under `mix`; says how good they are where they are not exact.
 #[expect(clippy::cast_possible_truncation, reason = "spectra are stored in f32")]
 pub(crate) fn write_spectra(
     path: &Path,
-    components: &[Spectrum],
+    components: &Components,
     positions: usize,
     background: Option<&Reflectance>,
     mix: &Mix,
     accumulation: &Accumulation<f32>,
     preview: &[f32],
-) -> Result<(), CliError> {
+) -> Result<Option<Value>, CliError> {
+    let reflectances = Reflectances::new(components, background);
     let (light_at, all) = mix.light_at(positions);
-    let parts: Vec<Spectrum> =
-        light_at.iter().flat_map(|light| components.iter().map(move |component| light * component)).collect();
-    let behind = background.map(|surface| &all * surface.spectrum());
+    let parts =
+        light_at.iter().flat_map(|light| reflectances.components.iter().map(move |component| light * component));
+    let parts: Vec<Spectrum> = parts.collect();
+    let behind: Vec<Spectrum> = reflectances.behind.iter().map(|surface| &all * surface).collect();
     let [width, height] = accumulation.size;
     let pixels = width * height;
-    relume::output::write_spectral(path, width, height, |y, row| {
+    let quality = reflectances.quality.as_ref().map(Value::to_string);
+    let notes: Vec<(&str, &str)> = quality.iter().map(|text| ("relumeReconstruction", text.as_str())).collect();
+    relume::output::write_spectral(path, width, height, &notes, |y, row| {
         row.radiance.par_iter_mut().enumerate().for_each(|(x, radiance)| {
             let pixel = y * width + x;
             let mut sum = [0.0; BANDS];
-            let passed = f64::from(accumulation.transmittance[pixel]);
-            let weights = (0..parts.len()).map(|part| f64::from(accumulation.weights[part * pixels + pixel]));
-            for (spectrum, weight) in parts.iter().zip(weights).chain(behind.iter().map(|behind| (behind, passed))) {
-                for (sum, sample) in sum.iter_mut().zip(spectrum.samples()) {
-                    *sum += weight * sample;
+            let kept = [(&parts, &accumulation.weights), (&behind, &accumulation.transmittance)];
+            for (spectra, numbers) in kept {
+                for (spectrum, &number) in spectra.iter().zip(numbers.iter().skip(pixel).step_by(pixels)) {
+                    for (sum, sample) in sum.iter_mut().zip(spectrum.samples()) {
+                        *sum += f64::from(number) * sample;
+                    }
                 }
             }
             *radiance = sum.map(|sample| sample as f32);
@@ -191,7 +233,7 @@ pub(crate) fn write_spectra(
             colour.copy_from_slice(&preview[(y * width + x) * 4..][..3]);
         }
     })?;
-    Ok(())
+    Ok(reflectances.quality)
 }
 
 /// Refuses outputs that cannot be written, or would overwrite an input or each other, before work is done for them.

@@ -2,17 +2,20 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use relume::model::ColourModel;
 use relume::number::readable;
-use relume::output::accumulators::{Accumulators, Light};
+use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
 
+use super::model::Learnt;
 use super::scene::{SceneArgs, voxel};
 use super::{CliError, Report};
 
@@ -23,7 +26,7 @@ Examples:
   relume info ct.raw --dims 512x512x200 --type int16 --json
   relume info scene.toml                        what a scene shows, and what a picture of it costs";
 
-const ARGUMENT: &str = "A volume (.mhd, .mha, .raw), a scene (.toml), or an accumulator file (.exr). \
+const ARGUMENT: &str = "A scene (.toml), an accumulator file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
                         Without one, the Vulkan devices";
 
 /// `relume info`
@@ -39,18 +42,22 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     match (&args.scene.scene, &args.scene.volume) {
-        (None, None) if args.scene.define.is_empty() => {
+        (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
             args.refuse(&all, "name a scene or a volume for it")?;
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
             let flags = ["-D", "--labels", "--downsample", "--dims", "--voxel"];
-            args.refuse(&flags, &format!("{} is no scene and no volume", path.display()))?;
+            let why = format!("{} is no scene and no volume", path.display());
+            args.refuse(&flags, &why)?;
+            args.refuse_accuracy(&why)?;
             Ok(of_accumulators(path, &Accumulators::read(path)?))
         }
         (Some(path), None) if !is_scene(path) => {
-            args.refuse(&["-D", "--labels"], &format!("{} is a volume; it is for scenes", path.display()))?;
+            let why = format!("{} is a volume; it is for scenes", path.display());
+            args.refuse(&["-D", "--labels"], &why)?;
+            args.refuse_accuracy(&why)?;
             let selection = args.scene.selection.selection();
             let volume = match args.scene.raw.layout() {
                 Some(layout) => {
@@ -77,6 +84,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 }
 
 impl Args {
+    /// Refuses flags on colour accuracy.
+    fn refuse_accuracy(&self, why: &str) -> Result<(), CliError> {
+        match self.scene.accuracy.given().first() {
+            Some(flag) => Err(CliError::Usage(format!("{flag} does nothing here: {why}"))),
+            None => Ok(()),
+        }
+    }
+
     /// Refuses each of `flags` that is given.
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
         let selection = self.scene.selection.selection();
@@ -97,11 +112,13 @@ impl Args {
     }
 }
 
-/// A scene file is TOML with a version; other TOML describes a volume.
+/// TOML describes a scene, unless it describes voxels, by `dims` or `type` at the top or by a `[volume]` alone.
 fn is_scene(path: &PathBuf) -> bool {
     let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    let says_version = |text: &str| text.lines().any(|line| line.trim_start().starts_with("version"));
-    toml && std::fs::read_to_string(path).map_or(true, |text| says_version(&text))
+    let table = std::fs::read_to_string(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let of_voxels =
+        |table: &toml::Table| table.contains_key("dims") || table.contains_key("type") || table.keys().eq(["volume"]);
+    toml && !table.is_some_and(|table| of_voxels(&table))
 }
 
 fn of_devices() -> Result<Report, CliError> {
@@ -202,17 +219,28 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
 }
 
 fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
-    let components: Vec<&str> = file.components.iter().map(|component| component.name.as_str()).collect();
     let positions: Vec<&str> = file.positions.iter().map(|position| position.name.as_str()).collect();
     let at = |light: &Light| positions.get(light.position).copied().unwrap_or_default();
     let lights = file.lights.iter().map(|light| format!("{}@{}={}", light.name, at(light), readable(light.weight)));
+    let (components, model) = match &file.components {
+        Components::Surfaces(surfaces) => (surfaces.iter().map(|surface| surface.name.clone()).collect(), None),
+        Components::Model(Stored { model, .. }) => (Vec::new(), Some(model)),
+    };
     let mut text = format!("{}: an accumulator file, for relume relight\n", path.display());
-    for (name, value) in [
-        ("size", format!("{} × {}", file.width, file.height)),
-        ("components", or_none(&components.join(", "))),
-        ("positions", or_none(&positions.join(", "))),
-        ("lights", or_none(&lights.collect::<Vec<_>>().join(", "))),
-    ] {
+    let mut lines = vec![("size", format!("{} × {}", file.width, file.height))];
+    match model {
+        None => lines.push(("components", or_none(&components.join(", ")))),
+        Some(model) => {
+            let worst = model.worst();
+            let passes = if file.is_coloured() { "what passes has a colour" } else { "what passes is grey" };
+            lines.push(("model", format!("{}; {passes}", model.description())));
+            let of = format!("{:.3} on average, p95 {:.3}, at most {:.3}", worst.mean, worst.p95, worst.max);
+            lines.push(("ΔE00", format!("{of} under its lights")));
+        }
+    }
+    lines.push(("positions", or_none(&positions.join(", "))));
+    lines.push(("lights", or_none(&lights.collect::<Vec<_>>().join(", "))));
+    for (name, value) in lines {
         let _ = writeln!(text, "  {name:<10} {value}");
     }
     let lights = file.lights.iter();
@@ -222,6 +250,7 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
         "accumulators": path.display().to_string(),
         "size": [file.width, file.height],
         "components": components,
+        "model": model.map(|model| Learnt::nothing(model).json(model)),
         "positions": positions,
         "lights": lights,
     });
@@ -269,7 +298,40 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Report {
     for sentence in planned.explain(scene) {
         let _ = writeln!(text, "  {sentence}");
     }
-    Report { text, json: json!({"scene": scene.source, "plan": plan_json(scene, planned)}) }
+    let json = json!({
+        "scene": scene.source,
+        "volume": {
+            "source": volume.source,
+            "dims": geometry.dims,
+            "type": volume.voxels.type_name(),
+            "spacing": geometry.spacing.to_array(),
+        },
+        "labels": scene.labels.as_ref().map(|labels| json!({
+            "source": labels.volume.source,
+            "declared": labels
+                .declared
+                .iter()
+                .map(|entry| json!({"label": entry.label, "name": entry.name}))
+                .collect::<Vec<_>>(),
+        })),
+        "materials": materials,
+        "lights": scene
+            .lights
+            .iter()
+            .map(|light| {
+                let (kind, place) = match light.placement {
+                    Placement::Ambient => ("ambient", None),
+                    Placement::Headlight => ("headlight", None),
+                    Placement::Directional(direction) => ("directional", Some(direction)),
+                    Placement::Point(point) => ("point", Some(point)),
+                };
+                let place = place.map(|place| place.to_array());
+                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
+            })
+            .collect::<Vec<_>>(),
+        "plan": plan_json(scene, planned, None),
+    });
+    Report { text, json }
 }
 
 /// `text`, unless there is none.
@@ -306,9 +368,10 @@ fn bars(bins: &[u64]) -> String {
     bins.iter().map(bar).collect()
 }
 
-/// A plan for programs.
-pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
+/// A plan for programs; `learnt` says which lights its model was not planned for, where there are any.
+pub(crate) fn plan_json(scene: &Scene, planned: &Planned, learnt: Option<Learnt>) -> Value {
     let plan = &planned.plan;
+    let model = |model: &Arc<ColourModel>| learnt.unwrap_or_else(|| Learnt::nothing(model)).json(model);
     let names: Vec<&str> =
         planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.as_str()).collect();
     json!({
@@ -322,6 +385,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned) -> Value {
         },
         "components": plan.components(),
         "lanes": plan.lanes(),
+        "model": planned.model.as_ref().map(model),
         "positions": planned.positions.iter().map(|position| position.name.clone()).collect::<Vec<_>>(),
         "materials": names,
         "diffuse": plan.shading.is_some_and(|terms| terms.diffuse),

@@ -1,10 +1,13 @@
 //! What the command line says, and what comes back: one result on standard output, one error on standard error.
 
+mod accuracy;
 mod bench;
+mod bench_load;
 mod bench_model;
 mod design;
 mod files;
 mod info;
+mod model;
 mod relight;
 mod render;
 mod scene;
@@ -62,7 +65,7 @@ enum Command {
     Design(design::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure marching, relighting and colour models, as a table or as JSON.
+    /// Measure marching, relighting, reading and colour models, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -89,6 +92,8 @@ pub(crate) enum CliError {
     Output(#[from] OutputError),
     #[error(transparent)]
     Model(#[from] ModelTableError),
+    #[error("the colour model cannot be fitted to the lights")]
+    Lights(#[from] ModelError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
     #[error("{0}")]
@@ -138,7 +143,8 @@ pub(crate) fn main() -> ExitCode {
     };
     terminal.finish();
     match outcome {
-        Ok(report) => {
+        Ok(mut report) => {
+            report.json["warnings"] = terminal.warnings().into();
             terminal::print(&if cli.json { report.json_text() } else { report.text });
             ExitCode::SUCCESS
         }

@@ -1,6 +1,7 @@
 //! `relume render`: a scene marched once, and what can be written of it.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde_json::json;
 
@@ -8,16 +9,18 @@ use relume::measure::{Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
 use relume::output::write_ready_png;
-use relume::plan::{Planned, plan, plan_full_spectrum};
+use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::Renderer;
-use relume::scene::{Mix, Scene};
+use relume::scene::{Mix, Scene, positions};
+use relume::spectrum::Light;
 use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
 use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Bits, PictureKind, picture_kind};
+use super::model::Learnt;
 use super::scene::{LightArgs, SceneArgs, size};
 use super::{CliError, Report};
 
@@ -40,6 +43,9 @@ pub(crate) struct Args {
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
+    /// Plan the colour model also for the lights of --light, where one is needed.
+    #[arg(long)]
+    replan: bool,
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
@@ -105,12 +111,19 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     files::check_outputs(&outputs, &inputs)?;
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
-    let planned = plan(&scene, progress)?;
-    let wants_surfaces = args.spectral.is_some() || args.accumulators.is_some();
-    let surfaces = if wants_surfaces { files::surfaces(&scene, &planned)? } else { Vec::new() };
-    let loaded = clock.read();
-    let positions: Vec<String> = planned.positions.iter().map(|position| position.name.clone()).collect();
+    let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
     let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
+    let lights: Vec<(String, Light)> =
+        mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
+    // The reference computes all wavelengths, and needs no model but for files.
+    let (planned, learnt) = if args.reference && args.accumulators.is_none() && args.spectral.is_none() {
+        (plan_full_spectrum(&scene), None)
+    } else {
+        let mut planned = plan_for(&scene, &lights, progress)?;
+        let learnt = learn(&scene, &mut planned, &mix)?;
+        (planned, learnt)
+    };
+    let loaded = clock.read();
 
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
     let wanted = Wanted {
@@ -135,12 +148,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             _ => {}
         }
     }
+    let mut reconstruction = None;
     if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, &marched.accumulation, &marched.linear) {
-        let (positions, background) = (planned.positions.len(), scene.background.as_ref());
-        files::write_spectra(path, &surfaces, positions, background, &mix, accumulation, linear)?;
+        let (components, background) = (Components::new(&scene, &planned), scene.background.as_ref());
+        reconstruction =
+            files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        files::to_file(&scene, &planned, &surfaces, accumulation).write(path)?;
+        files::to_file(&scene, &planned, accumulation).write(path)?;
     }
     let written = clock.read();
 
@@ -149,19 +164,34 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     times.push(("write", written));
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     let spent: Vec<String> = times.iter().map(|(name, time)| format!("{name} {:.0} ms", time.wall_ms)).collect();
-    let text = format!("wrote {}\n{}\n", listed.join(", "), spent.join(", "));
+    let new = match (&planned.model, learnt) {
+        (Some(model), Some(learnt)) => learnt.text(model),
+        _ => String::new(),
+    };
+    let text = format!("wrote {}\n{new}{}\n", listed.join(", "), spent.join(", "));
     let times: serde_json::Map<String, serde_json::Value> =
         times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
-    let json = json!({
+    let mut json = json!({
         "outputs": listed,
         "size": args.size,
         "device": marched.device,
-        "plan": super::info::plan_json(&scene, &planned),
+        "plan": super::info::plan_json(&scene, &planned, learnt),
         "times": times,
         "march": marched.details,
         "peak_mb": peak_mb(),
     });
+    if args.spectral.is_some() {
+        json["reconstruction"] = json!(reconstruction);
+    }
     Ok(Report { text, json })
+}
+
+/// Fits the colour model, where there is one, to the lights of `mix` that it was not planned for.
+fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Result<Option<Learnt>, CliError> {
+    let (tolerance, ingredients) = (planned.tolerance(scene), planned.ingredients(scene));
+    let Some(model) = planned.model.as_mut().map(Arc::make_mut) else { return Ok(None) };
+    let unseen = || relume::model::unseen(&ingredients).ok();
+    Ok(Some(super::model::learn(model, mix, unseen, tolerance, "add --replan to plan it for this light too")?))
 }
 
 /// Refuses a picture that this computer cannot hold.

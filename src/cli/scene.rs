@@ -5,18 +5,20 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use relume::progress::Progress;
-use relume::scene::{self, LightRequest, Mix, Scene, SceneOptions};
+use relume::scene::{self, Definition, LightRequest, Mix, Scene, SceneOptions};
 use relume::spectrum::SpectrumSource;
 use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 
 use super::CliError;
+use super::accuracy::AccuracyArgs;
 
 /// Which scene, and what is changed about it.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the scene that is part of the program.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .raw (see below), or .toml that describes a .raw.
+    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or .toml that
+    /// describes a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
     /// Labels on the same grid as the volume, in place of the scene's. The scene's [labels] say what they show as.
@@ -29,6 +31,8 @@ pub(crate) struct SceneArgs {
     /// -D transfer.intervals.0.opacity=0.5.
     #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     pub(crate) define: Vec<String>,
+    #[command(flatten)]
+    pub(crate) accuracy: AccuracyArgs,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     #[command(flatten)]
@@ -115,7 +119,12 @@ impl SceneArgs {
             selection: self.selection.selection(),
             labels: self.labels.clone(),
             downsample: self.downsample,
-            definitions: self.define.clone(),
+            definitions: self
+                .define
+                .iter()
+                .map(|text| Definition::new(text))
+                .chain(self.accuracy.definitions())
+                .collect(),
         };
         let scene = match &self.scene {
             Some(path) => scene::load(path, &options, progress)?,

@@ -9,8 +9,11 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
 use signal_hook::consts::SIGINT;
 use signal_hook::flag::{register, register_conditional_shutdown};
+use tracing::field::{Field, Visit};
+use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::registry::LookupSpan;
 
 /// The exit code of what Ctrl-C ended: 128 and the number of the signal, as shells have it.
@@ -22,13 +25,17 @@ pub(crate) struct Terminal {
     bar: ProgressBar,
     stage: Mutex<String>,
     interrupted: Arc<AtomicBool>,
+    warnings: Warnings,
 }
 
 impl Terminal {
     pub(crate) fn new(quiet: bool) -> Self {
-        let level = if quiet { tracing::Level::ERROR } else { tracing::Level::WARN };
+        let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::WARN };
+        let printed =
+            tracing_subscriber::fmt::layer().with_writer(std::io::stderr).event_format(Plain).with_filter(shown);
+        let warnings = Warnings::default();
         let subscriber =
-            tracing_subscriber::fmt().with_writer(std::io::stderr).with_max_level(level).event_format(Plain).finish();
+            tracing_subscriber::registry().with(printed).with(warnings.clone().with_filter(LevelFilter::WARN));
         // Fails only where somebody else has set one: then theirs is used.
         tracing::subscriber::set_global_default(subscriber).ok();
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
@@ -46,12 +53,17 @@ impl Terminal {
         // Heard, so that it does not kill the program: the write that outgrows `ulimit -f` then fails, and is told of.
         #[cfg(unix)]
         register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
-        Self { bar, stage: Mutex::default(), interrupted }
+        Self { bar, stage: Mutex::default(), interrupted, warnings }
     }
 
     /// Takes the progress bar away.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
+    }
+
+    /// What was warned of, `--quiet` or not.
+    pub(crate) fn warnings(&self) -> Vec<String> {
+        self.warnings.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
@@ -68,6 +80,30 @@ impl Progress for Terminal {
 
     fn cancelled(&self) -> bool {
         self.interrupted.load(Ordering::Relaxed)
+    }
+}
+
+/// Keeps what is warned of, for `--json`.
+#[derive(Clone, Debug, Default)]
+struct Warnings(Arc<Mutex<Vec<String>>>);
+
+impl<S: tracing::Subscriber> Layer<S> for Warnings {
+    fn on_event(&self, event: &tracing::Event<'_>, _: Context<'_, S>) {
+        let mut message = Message::default();
+        event.record(&mut message);
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(message.0);
+    }
+}
+
+/// The text of an event.
+#[derive(Default)]
+struct Message(String);
+
+impl Visit for Message {
+    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+        if field.name() == "message" {
+            self.0 = format!("{value:?}");
+        }
     }
 }
 

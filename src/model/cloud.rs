@@ -83,7 +83,7 @@ impl Cloud {
 
 /// The nearest number that f32 holds.
 #[expect(clippy::cast_possible_truncation, reason = "the rounding is the purpose")]
-fn single(number: f64) -> f64 {
+pub(super) fn single(number: f64) -> f64 {
     f64::from(number as f32)
 }
 

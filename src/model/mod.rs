@@ -16,6 +16,8 @@ mod reconstruction;
 mod sharpened;
 mod target;
 
+use std::ops::RangeInclusive;
+
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -74,7 +76,7 @@ pub struct LightMatrix {
     pub xyz: Vec<[f64; 3]>,
     /// ΔE00 over the cloud that the model was fitted on.
     pub error: ErrorSummary,
-    /// ΔE00 over spectra that were not used in the fit, where the dimension was chosen automatically.
+    /// ΔE00 over spectra that were not used in the fit, where that was measured.
     pub unseen: Option<ErrorSummary>,
 }
 
@@ -138,34 +140,21 @@ pub fn fit_automatic(
     tolerance: f64,
     progress: &dyn Progress,
 ) -> Result<ColourModel, ModelError> {
-    if tolerance.is_nan() || tolerance <= 0.0 {
-        return Err(ModelError::NotATolerance { tolerance });
-    }
+    check_tolerance(tolerance)?;
     let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
-    let unseen = Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)?;
-    let (least, largest) = if kind == ModelKind::Rgb { (3, 3) } else { (1, LARGEST_DIMENSION) };
-    let mut nearest = (f64::INFINITY, largest);
-    for dimension in least..=largest {
-        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * MARGIN * tolerance };
-        let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, hopeless, progress)?;
-        let needed = needed_tolerance(&model.worst());
-        if needed <= tolerance {
-            model.check_on(&unseen);
-            if needed_tolerance(&model.worst()) <= tolerance {
-                return Ok(model);
-            }
-        }
-        if needed < nearest.0 {
-            nearest = (needed, dimension);
-        }
-    }
-    let dimension = nearest.1;
+    let unseen = unseen(ingredients)?;
+    let dimensions = dimensions(kind, LARGEST_DIMENSION);
+    let largest = *dimensions.end();
+    let dimension = match least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)? {
+        Ok(model) => return Ok(model),
+        Err(nearest) => nearest,
+    };
     let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, f64::INFINITY, progress)?;
     model.check_on(&unseen);
     let worst = model.worst();
     let way_out = match kind {
-        ModelKind::Nodes => ", and rendering all bands has no such error",
-        _ => ", and the model nodes may keep yours",
+        ModelKind::Nodes => "; --reference renders all bands, slowly and without this error",
+        _ => "; --model nodes may keep yours",
     };
     Err(ModelError::Tolerance {
         kind,
@@ -176,6 +165,71 @@ pub fn fit_automatic(
         kept: (needed_tolerance(&worst) * 1000.0).ceil() / 1000.0,
         way_out: way_out.to_owned(),
     })
+}
+
+/// The model of [`fit_automatic`] if it has at most `largest` coefficients; `None` where so few do not keep `tolerance`.
+///
+/// # Errors
+///
+/// Those of [`fit_automatic`] but [`ModelError::Tolerance`].
+pub fn fit_narrow(
+    ingredients: &Ingredients,
+    kind: ModelKind,
+    tolerance: f64,
+    largest: usize,
+    progress: &dyn Progress,
+) -> Result<Option<ColourModel>, ModelError> {
+    check_tolerance(tolerance)?;
+    let (cloud, unseen) = (Cloud::new(ingredients, &FIT, FIT_SEED)?, unseen(ingredients)?);
+    let dimensions = dimensions(kind, largest.min(LARGEST_DIMENSION));
+    Ok(least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)?.ok())
+}
+
+/// Spectra that are not used in fits for `ingredients`: what automatic dimensions and new lights are checked on.
+///
+/// # Errors
+///
+/// [`ModelError::Sample`] and [`ModelError::NotFinite`].
+pub fn unseen(ingredients: &Ingredients) -> Result<Cloud, ModelError> {
+    Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)
+}
+
+fn check_tolerance(tolerance: f64) -> Result<(), ModelError> {
+    if tolerance.is_nan() || tolerance <= 0.0 { Err(ModelError::NotATolerance { tolerance }) } else { Ok(()) }
+}
+
+/// The dimensions up to `largest` that a model of `kind` can have.
+fn dimensions(kind: ModelKind, largest: usize) -> RangeInclusive<usize> {
+    if kind == ModelKind::Rgb { 3..=largest.min(3) } else { 1..=largest }
+}
+
+/// The model of the first of `dimensions` that keeps `tolerance`, or the dimension that comes nearest.
+fn least(
+    cloud: &Cloud,
+    unseen: &Cloud,
+    lights: &[(String, Light)],
+    kind: ModelKind,
+    tolerance: f64,
+    dimensions: RangeInclusive<usize>,
+    progress: &dyn Progress,
+) -> Result<Result<ColourModel, usize>, ModelError> {
+    let largest = *dimensions.end();
+    let mut nearest = (f64::INFINITY, largest);
+    for dimension in dimensions {
+        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * MARGIN * tolerance };
+        let mut model = fit_targets(cloud, lights, kind, dimension, hopeless, progress)?;
+        let needed = needed_tolerance(&model.worst());
+        if needed <= tolerance {
+            model.check_on(unseen);
+            if needed_tolerance(&model.worst()) <= tolerance {
+                return Ok(Ok(model));
+            }
+        }
+        if needed < nearest.0 {
+            nearest = (needed, dimension);
+        }
+    }
+    Ok(Err(nearest.1))
 }
 
 /// The least tolerance that errors like these keep.
@@ -234,7 +288,9 @@ fn fit_targets(
     let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
         let mut model =
             ColourModel { kind, projection, cloud: cloud.spectra.clone(), vectors: Vec::new(), lights: Vec::new() };
+        // As the cloud's spectra are, so that a file of f32 brings the very same ones back.
         model.vectors = model.vectors_of(cloud, Amplification::Held);
+        model.vectors.iter_mut().flatten().for_each(|part| *part = cloud::single(*part));
         let matrices: Vec<LightMatrix> = lights.par_iter().map(|(_, light)| model.fitted(light)).collect();
         let named = lights.iter().zip(matrices);
         model.lights = named.map(|((name, light), matrix)| (name.clone(), light.clone(), matrix)).collect();
@@ -328,6 +384,7 @@ impl ColourModel {
         let k = self.dimension();
         let plural = if k == 1 { "" } else { "s" };
         match self.kind {
+            ModelKind::Nodes if k == BANDS => format!("all {BANDS} wavelengths"),
             ModelKind::Nodes => {
                 let nodes: Vec<String> = self.nodes_nm().iter().flatten().map(f64::to_string).collect();
                 format!("{k} node{plural} ({} nm)", nodes.join(", "))
@@ -362,7 +419,7 @@ impl ColourModel {
         &self.cloud
     }
 
-    /// The coefficients of each spectrum of the cloud, as componentwise arithmetic makes them.
+    /// The coefficients of each spectrum of the cloud, as componentwise arithmetic makes them; f32 holds them exactly.
     pub fn cloud_vectors(&self) -> &[Vec<f64>] {
         &self.vectors
     }
@@ -458,8 +515,8 @@ impl ColourModel {
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
     }
 
-    /// Notes the errors on spectra that were not used in the fit.
-    fn check_on(&mut self, unseen: &Cloud) {
+    /// Notes the errors of the model's lights on spectra that were not used in the fit.
+    pub fn check_on(&mut self, unseen: &Cloud) {
         let vectors = self.vectors_of(unseen, Amplification::Held);
         self.lights.par_iter_mut().for_each(|(_, light, matrix)| {
             let target = Target::new(&unseen.spectra, light);
@@ -476,6 +533,31 @@ impl ColourModel {
             Some((.., matrix)) => matrix.clone(),
             None => self.fitted(light),
         }
+    }
+
+    /// Adds a light to the model, fitted on the cloud, and notes its error on `unseen` where that is given.
+    ///
+    /// A light that the model has already, under whatever name, stays as it is.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, cannot be computed with.
+    pub fn learn(&mut self, name: &str, light: &Light, unseen: Option<&Cloud>) -> Result<(), ModelError> {
+        if self.lights.iter().any(|(_, known, _)| known == light) {
+            return Ok(());
+        }
+        let mut matrix = self.fitted(light);
+        if let Some(unseen) = unseen {
+            let vectors = self.vectors_of(unseen, Amplification::Held);
+            let errors = Target::new(&unseen.spectra, light).errors(&vectors, &matrix.xyz);
+            matrix.unseen = Some(ErrorSummary::of(&errors));
+        }
+        let worst = matrix.worst();
+        if !worst.max.is_finite() || !matrix.xyz.iter().flatten().all(|part| part.is_finite()) {
+            return Err(ModelError::NotFinite);
+        }
+        self.lights.push((name.to_owned(), light.clone(), matrix));
+        Ok(())
     }
 
     fn fitted(&self, light: &Light) -> LightMatrix {

@@ -8,63 +8,92 @@ use ::exr::block::writer::ChunksWriter;
 use ::exr::block::{self, UncompressedBlock, enumerate_ordered_header_block_indices};
 use ::exr::error::Error as ExrError;
 use ::exr::math::Vec2;
-use ::exr::meta::BlockDescription;
 use ::exr::meta::attribute::{AttributeValue, ChannelDescription, Chromaticities, LineOrder, SampleType, Text};
 use ::exr::meta::header::Header;
+use ::exr::meta::{BlockDescription, Headers};
 use ::exr::prelude::Compression;
 
 use super::picture::check_size;
 use super::{OutputError, SOFTWARE, write_atomically};
 
-/// Writes an OpenEXR file of one part: 32-bit float channels in scan lines, compressed by zlib sixteen lines at a time.
+/// One part of an OpenEXR file.
+pub(super) struct Part<'a> {
+    /// Its name; none where it is the only one.
+    pub(super) name: Option<&'a str>,
+    /// Pixels across and down.
+    pub(super) size: (usize, usize),
+    /// The names of its channels, in the order of the values.
+    pub(super) channels: &'a [String],
+    /// Attributes that are strings.
+    pub(super) attributes: &'a [(&'a str, &'a str)],
+}
+
+impl Part<'_> {
+    /// The channels as they lie in the file, which wants them in the order of their names.
+    fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.channels.len()).collect();
+        order.sort_by_key(|&channel| self.channels[channel].as_bytes());
+        order
+    }
+
+    fn header(&self) -> Header {
+        let sorted = self.order().into_iter().map(|channel| ChannelDescription {
+            name: text(&self.channels[channel]),
+            sample_type: SampleType::F32,
+            quantize_linearly: false,
+            sampling: Vec2(1, 1),
+        });
+        let mut header = Header::new(text(self.name.unwrap_or_default()), self.size, sorted.collect()).with_encoding(
+            Compression::ZIP16,
+            BlockDescription::ScanLines,
+            LineOrder::Increasing,
+        );
+        header.own_attributes.layer_name = self.name.map(text);
+        header.own_attributes.software_name = Some(text(SOFTWARE));
+        header.own_attributes.other = self
+            .attributes
+            .iter()
+            .map(|&(name, value)| (text(name), AttributeValue::Text(text(value))))
+            .collect::<HashMap<_, _>>();
+        header.shared_attributes.chromaticities = Some(SRGB);
+        header
+    }
+}
+
+/// Writes an OpenEXR file: 32-bit float channels in scan lines, compressed by zlib sixteen lines at a time.
 ///
-/// `rows(y, count, data)` is called from the top of the picture on and fills `data` with the rows `y` to `y + count`:
-/// row by row, in each the channels in the order of `names`, in each its `width` values. `attributes` are strings;
-/// their text and the names are stored as UTF-8.
+/// `rows(part, y, data)` is called from the top of each of `parts` on and fills `data` with its rows from `y` on: row by
+/// row, in each the channels in their order, in each its values from left to right. Attributes and names are stored as
+/// UTF-8. The window of the whole file is that of the first part.
 ///
 /// # Errors
 ///
 /// [`OutputError::Size`], and those of [`write_atomically`].
 pub(super) fn write(
     path: &Path,
-    (width, height): (usize, usize),
-    names: &[String],
-    attributes: &[(&str, &str)],
+    parts: &[Part<'_>],
     mut rows: impl FnMut(usize, usize, &mut [f32]),
 ) -> Result<(), OutputError> {
-    check_size(width, height)?;
-    // The file wants its channels in the order of their names.
-    let mut order: Vec<usize> = (0..names.len()).collect();
-    order.sort_by_key(|&channel| names[channel].as_bytes());
-    let sorted = order.iter().map(|&channel| ChannelDescription {
-        name: text(&names[channel]),
-        sample_type: SampleType::F32,
-        quantize_linearly: false,
-        sampling: Vec2(1, 1),
-    });
-    let mut header = Header::new(text(""), (width, height), sorted.collect()).with_encoding(
-        Compression::ZIP16,
-        BlockDescription::ScanLines,
-        LineOrder::Increasing,
-    );
-    header.own_attributes.layer_name = None;
-    header.own_attributes.software_name = Some(text(SOFTWARE));
-    header.own_attributes.other = attributes
-        .iter()
-        .map(|&(name, value)| (text(name), AttributeValue::Text(text(value))))
-        .collect::<HashMap<_, _>>();
-    header.shared_attributes.chromaticities = Some(SRGB);
-    let row = width * names.len();
+    for part in parts {
+        check_size(part.size.0, part.size.1)?;
+    }
+    let mut headers: Headers = parts.iter().map(Part::header).collect();
+    if let Some(shared) = headers.first().map(|header| header.shared_attributes.clone()) {
+        headers.iter_mut().for_each(|header| header.shared_attributes = shared.clone());
+    }
+    let orders: Vec<Vec<usize>> = parts.iter().map(Part::order).collect();
     write_atomically(path, |sink| {
-        block::write(sink, std::iter::once(header).collect(), true, |meta, writer| {
+        block::write(sink, headers, true, |meta, writer| {
             let mut given = Vec::new();
             let blocks = enumerate_ordered_header_block_indices(&meta.headers).map(|(index, block)| {
-                let (first, count) = (block.pixel_position.y(), block.pixel_size.height());
-                given.resize(count * row, f32::NAN);
-                rows(first, count, &mut given);
-                let mut data = Vec::with_capacity(count * row * size_of::<f32>());
+                let (width, order) = (parts[block.layer].size.0, &orders[block.layer]);
+                let row = width * order.len();
+                given.clear();
+                given.resize(block.pixel_size.height() * row, f32::NAN);
+                rows(block.layer, block.pixel_position.y(), &mut given);
+                let mut data = Vec::with_capacity(given.len() * size_of::<f32>());
                 for line in given.chunks_exact(row) {
-                    for &channel in &order {
+                    for &channel in order {
                         let values = &line[channel * width..][..width];
                         data.extend_from_slice(bytemuck::cast_slice(values));
                     }

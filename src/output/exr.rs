@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{OutputError, Picture, channels};
+use super::channels::{self, Part};
+use super::{OutputError, Picture};
 
 /// Writes `picture` to `path` as it is: channels R, G, B and, with four samples per pixel, A (the opacity; the colours
 /// are premultiplied, as OpenEXR has it), 32-bit float, with the primaries of sRGB as attribute.
@@ -13,8 +14,9 @@ use super::{OutputError, Picture, channels};
 pub fn write_exr(path: &Path, picture: &Picture<'_>) -> Result<(), OutputError> {
     let (width, channels) = (picture.width(), picture.channels());
     let names: Vec<String> = ["R", "G", "B", "A"].iter().take(channels).map(|&name| name.to_owned()).collect();
-    channels::write(path, (width, picture.height()), &names, &[], |first, count, data| {
-        let samples = &picture.samples()[first * width * channels..][..count * width * channels];
+    let part = Part { name: None, size: (width, picture.height()), channels: &names, attributes: &[] };
+    channels::write(path, &[part], |_, first, data| {
+        let samples = &picture.samples()[first * width * channels..][..data.len()];
         for (line, pixels) in data.chunks_exact_mut(width * channels).zip(samples.chunks_exact(width * channels)) {
             for (channel, values) in line.chunks_exact_mut(width).enumerate() {
                 for (value, pixel) in values.iter_mut().zip(pixels.chunks_exact(channels)) {

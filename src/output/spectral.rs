@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{BANDS, FIRST_NM, OutputError, STEP_NM, channels};
+use super::channels::{self, Part};
+use super::{BANDS, FIRST_NM, OutputError, STEP_NM};
 
 /// One row of a spectral picture, to be filled from left to right.
 #[derive(Debug)]
@@ -17,6 +18,8 @@ pub struct SpectralRow<'a> {
 /// 32-bit float, with the attributes `spectralLayoutVersion` = "1.0", `emissiveUnits` = "W.m^-2.sr^-1" and
 /// `polarisationHandedness` = "right".
 ///
+/// `notes` are more attributes, strings under their names.
+///
 /// `fill(y, row)` is called once for each row, from the top on; only the rows of one compressed block are in memory.
 ///
 /// # Errors
@@ -26,16 +29,19 @@ pub fn write_spectral(
     path: &Path,
     width: usize,
     height: usize,
+    notes: &[(&str, &str)],
     mut fill: impl FnMut(usize, SpectralRow<'_>),
 ) -> Result<(), OutputError> {
     let wavelengths_nm = (FIRST_NM..).step_by(usize::from(STEP_NM)).take(BANDS);
     let bands = wavelengths_nm.map(|wavelength_nm| format!("S0.{wavelength_nm},000nm"));
     let names: Vec<String> = bands.chain(["R", "G", "B"].map(str::to_owned)).collect();
-    let attributes =
+    let layout =
         [("spectralLayoutVersion", "1.0"), ("emissiveUnits", "W.m^-2.sr^-1"), ("polarisationHandedness", "right")];
+    let attributes = [&layout, notes].concat();
     let mut radiance = vec![[0.0; BANDS]; width];
     let mut preview = vec![[0.0; 3]; width];
-    channels::write(path, (width, height), &names, &attributes, |first, _, data| {
+    let part = Part { name: None, size: (width, height), channels: &names, attributes: &attributes };
+    channels::write(path, &[part], |_, first, data| {
         for (y, line) in (first..).zip(data.chunks_exact_mut(width * names.len())) {
             fill(y, SpectralRow { radiance: &mut radiance, preview: &mut preview });
             let (bands, colours) = line.split_at_mut(width * BANDS);

@@ -2,7 +2,7 @@
 //!
 //! Under given lights the colours are linear in the reflectances, and the problem is the palette's own. Under an open
 //! light it is relaxed: what a material sends back, a product of two unknowns, is an unknown of its own, held between
-//! the planes that such products lie between (`McCormick` 1976). What the relaxed problem cannot do, no spectra can.
+//! the planes that such products lie between (McCormick 1976). What the relaxed problem cannot do, no spectra can.
 
 use glam::DVec3;
 

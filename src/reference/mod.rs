@@ -10,6 +10,8 @@ pub use real::Real;
 pub use relight::{opacity, relight};
 pub use samples::{Exact, Samples, Step, Stored};
 
+use crate::number::readable;
+
 /// A reference that was not finished.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -18,7 +20,7 @@ pub enum ReferenceError {
     #[error("the reference was cancelled")]
     Cancelled,
     /// A ray has more samples than can be counted.
-    #[error("a ray has more than 8388608 samples of length {step_length}; take a longer step")]
+    #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
     TooManySamples {
         /// Δs in world units.
         step_length: f64,

@@ -14,6 +14,7 @@ pub use march::{Accumulators, Dispatching, MarchUniform};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
+use crate::number::readable;
 use crate::plan::{Planned, ScenePlan};
 use crate::scene::Scene;
 use crate::shader::{Shader, ShaderError};
@@ -41,7 +42,7 @@ pub enum RenderError {
     #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
     Camera,
     /// A ray has more samples than can be counted.
-    #[error("a ray has more than 8388608 samples of length {step_length}; take a longer step")]
+    #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
     TooManySamples {
         /// Δs in world units.
         step_length: f64,

@@ -3,6 +3,23 @@
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
+/// What changes a value of a scene file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Definition {
+    /// How it was given, for messages: `-D camera.fov=3`, `--k 8`.
+    pub given: String,
+    /// `key.path=value`.
+    pub text: String,
+}
+
+impl Definition {
+    /// What `-D` is given.
+    #[must_use]
+    pub fn new(text: &str) -> Self {
+        Self { given: format!("-D {text}"), text: text.to_owned() }
+    }
+}
+
 /// Applies `key.path=value` to `table`. Numbers in the path index lists; a value that is no TOML is a string.
 pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> {
     let (path, value) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
@@ -34,9 +51,9 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> 
 }
 
 /// The last of `definitions` that says something about `path`, above it or below it.
-pub(super) fn responsible<'a>(definitions: &'a [String], path: &[String]) -> Option<&'a String> {
+pub(super) fn responsible<'a>(definitions: &'a [Definition], path: &[String]) -> Option<&'a Definition> {
     definitions.iter().rev().find(|definition| {
-        let keys = definition.split('=').next().unwrap_or_default().split('.').map(str::trim);
+        let keys = definition.text.split('=').next().unwrap_or_default().split('.').map(str::trim);
         !path.is_empty() && keys.zip(path).all(|(key, part)| key == part)
     })
 }
@@ -121,10 +138,10 @@ mod tests {
 
     #[test]
     fn definitions_answer_for_what_is_below_and_above_them() {
-        let definitions = ["camera.fov=3", "lights.a.kind=x", "lights.a.kind=y"].map(str::to_owned);
+        let definitions = ["camera.fov=3", "lights.a.kind=x", "lights.a.kind=y"].map(Definition::new);
         let who = |path: &str| {
             let path: Vec<String> = path.split('.').map(str::to_owned).collect();
-            responsible(&definitions, &path).map_or("", |definition| definition)
+            responsible(&definitions, &path).map_or("", |definition| &definition.text)
         };
         assert_eq!(who("camera.fov"), "camera.fov=3");
         assert_eq!(who("lights.a"), "lights.a.kind=y");

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
-use super::define::{byte_of, define, path_at, responsible};
+use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
     AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
@@ -41,8 +41,8 @@ pub struct SceneOptions {
     pub labels: Option<PathBuf>,
     /// In place of the scene's `downsample`.
     pub downsample: Option<[usize; 3]>,
-    /// `key=value` pairs, applied in order.
-    pub definitions: Vec<String>,
+    /// Changed values, applied in order.
+    pub definitions: Vec<Definition>,
 }
 
 /// Reads the scene file `path`.
@@ -121,17 +121,23 @@ pub fn parse(
     }
     let mut table: Table = stated.deserialize()?;
     for definition in &options.definitions {
-        define(&mut table, definition)
-            .map_err(|message| SceneError::Define { definition: definition.clone(), message })?;
+        define(&mut table, &definition.text)
+            .map_err(|message| SceneError::Define { given: definition.given.clone(), message })?;
     }
-    let changed = toml::to_string(&table).map_err(|error| SceneError::Define {
-        definition: options.definitions.join(" "),
-        message: error.to_string(),
-    })?;
+    let changed = toml::to_string(&table)
+        .map_err(|error| SceneError::Define { given: all_given(&options.definitions), message: error.to_string() })?;
     let changed_by = Some((text, options.definitions.as_slice()));
     let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by };
     let file = defined.deserialize()?;
     defined.resolve(file, base, options, progress)
+}
+
+/// The flags that changed a scene, as given.
+fn all_given(definitions: &[Definition]) -> String {
+    let mut given: Vec<&str> = definitions.iter().map(|definition| &*definition.given).collect();
+    // One flag can stand for several definitions.
+    given.dedup();
+    given.join(" ")
 }
 
 /// A scene's text and its name.
@@ -139,7 +145,7 @@ struct Text<'a> {
     name: String,
     text: &'a str,
     /// Where `text` is not what the file says: the file's own text, and what changed it.
-    changed: Option<(&'a str, &'a [String])>,
+    changed: Option<(&'a str, &'a [Definition])>,
 }
 
 /// Anything the file says, with where it says it.
@@ -306,7 +312,20 @@ struct AccuracyFile {
     #[serde(default)]
     model: ModelKind,
     tolerance: Option<At<f64>>,
-    k: Option<At<usize>>,
+    k: Option<At<DimensionFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "k is a whole number from 1 to 16, or \"auto\"")]
+enum DimensionFile {
+    Stated(i64),
+    Planned(Auto),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Auto {
+    Auto,
 }
 
 #[derive(Default, Deserialize)]
@@ -354,7 +373,7 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
 fn because(error: SceneError, source: SpectrumError) -> SceneError {
     match error {
         SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
-        SceneError::Define { definition, .. } => SceneError::Define { definition, message: chain(&source) },
+        SceneError::Define { given, .. } => SceneError::Define { given, message: chain(&source) },
         other => other,
     }
 }
@@ -386,8 +405,8 @@ impl Text<'_> {
                 let path = path_at(self.text, byte);
                 match (responsible(definitions, &path), byte_of(original, &path)) {
                     (Some(definition), _) => {
-                        let message = with_names(original, definition, message);
-                        SceneError::Define { definition: definition.clone(), message }
+                        let message = with_names(original, &definition.text, message);
+                        SceneError::Define { given: definition.given.clone(), message }
                     }
                     (None, byte) => SceneError::Invalid { at: place(&self.name, original, byte.unwrap_or(0)), message },
                 }
@@ -537,12 +556,12 @@ impl Text<'_> {
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
         let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-3)?;
         let tolerance = self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), 1.0)?;
-        let dimension = match &file.accuracy.k {
-            None => None,
-            Some(k) if (1..=LARGEST_DIMENSION).contains(k.get_ref()) => Some(*k.get_ref()),
-            Some(k) => {
-                let message = format!("k = {}; it is a whole number from 1 to {LARGEST_DIMENSION}", k.get_ref());
-                return Err(self.invalid(k, message));
+        let dimension = match file.accuracy.k.as_ref().map(|k| (k, k.get_ref())) {
+            None | Some((_, DimensionFile::Planned(Auto::Auto))) => None,
+            Some((at, DimensionFile::Stated(k))) => {
+                let dimension = usize::try_from(*k).ok().filter(|k| (1..=LARGEST_DIMENSION).contains(k));
+                let message = format!("k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}, or \"auto\"");
+                Some(dimension.ok_or_else(|| self.invalid(at, message))?)
             }
         };
         let exposure = self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), 1.0)?;
@@ -582,7 +601,7 @@ impl Text<'_> {
         Ok(Scene {
             inputs,
             source: match self.changed {
-                Some((_, definitions)) => format!("{} with -D {}", self.name, definitions.join(" -D ")),
+                Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
                 None => self.name.clone(),
             },
             volume: Arc::new(volume),

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
+pub use define::Definition;
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
@@ -189,7 +190,7 @@ pub struct Accuracy {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AccumulateAs {
-    /// Weights where they are exact, else the numbers of a colour model.
+    /// Weights where they are exact and fill no more vectors than the numbers of a colour model, else those.
     #[default]
     Auto,
     /// One weight per material: exact, where all that absorbs is grey.
@@ -279,11 +280,11 @@ pub enum SceneError {
         /// What is wrong and what is there.
         message: String,
     },
-    /// A `-D key=value` cannot be applied, or makes the scene one that cannot be.
-    #[error("-D {definition}: {message}")]
+    /// A `-D key=value`, or a flag that stands for one, cannot be applied, or makes the scene one that cannot be.
+    #[error("{given}: {message}")]
     Define {
-        /// As given.
-        definition: String,
+        /// The flag, as given.
+        given: String,
         /// What is wrong.
         message: String,
     },

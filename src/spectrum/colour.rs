@@ -111,7 +111,8 @@ pub fn xyz_from_lab(lab: Lab, white: Xyz) -> Xyz {
 }
 
 /// The difference ΔE00 of two colours (CIEDE2000, kL = kC = kH = 1), as Sharma, Wu and Dalal 2005 state it; their
-/// letters are used.
+/// letters are used. Of colours that are not finite, and of those that are too far from white to be computed with (a
+/// chroma above 1e44), it is NaN.
 pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     const POW25_7: f64 = 6_103_515_625.0;
     let [l1, a1, b1] = one.0;
@@ -147,7 +148,9 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     let sh = 1.0 + 0.015 * c * t;
     let rotation = (60.0 * (-((h - 275.0) / 25.0).powi(2)).exp()).to_radians().sin();
     let (l, c, h) = (dl / sl, dc / sc, dh / sh);
-    (l * l + c * c + h * h - 2.0 * saturation(f64::midpoint(c1, c2)) * rotation * c * h).max(0.0).sqrt()
+    let square = l * l + c * c + h * h - 2.0 * saturation(f64::midpoint(c1, c2)) * rotation * c * h;
+    // What rounds below zero is zero, and what is no number stays none.
+    if square < 0.0 { 0.0 } else { square.sqrt() }
 }
 
 /// The Bradford adaptation: the matrix on XYZ that takes `from_white` to `to_white`.

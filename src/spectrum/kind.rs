@@ -36,6 +36,9 @@ impl Reflectance {
     }
 }
 
+/// A luminance so near 1 is 1, but for the rounding of its sum.
+const NORMALISED: f64 = 1e-13;
+
 /// The relative power of a light, per wavelength, such that the perfect reflector has Y = 1 under it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light(Spectrum);
@@ -45,7 +48,7 @@ impl Light {
     /// 2-degree observer's ȳ.
     ///
     /// Where that luminance is not positive (a light of zeros, or an artificial one) they are used as they are, with
-    /// a warning.
+    /// a warning. What is normalised already comes back to the bit.
     ///
     /// # Errors
     ///
@@ -57,6 +60,9 @@ impl Light {
 
     /// What [`Self::new`] does to finite samples.
     pub(crate) fn normalised(spectrum: Spectrum) -> Self {
+        if (OBSERVER[1].dot(&spectrum) - 1.0).abs() <= NORMALISED {
+            return Self(spectrum);
+        }
         // Divided by the peak first, since a luminance of huge samples would overflow.
         let peak = spectrum.samples().iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
         let relative = Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak));

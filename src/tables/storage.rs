@@ -88,7 +88,7 @@ impl Storage {
         let span = (domain[1] - domain[0]) / slope.abs();
         let whole = !matches!(voxel_type, VoxelType::F32 | VoxelType::F64);
         let gradient = plan.gradient();
-        let narrow = whole && span <= UNORM16;
+        let narrow = whole && span <= if gradient { 2.0 * SNORM16 } else { UNORM16 };
         let format = match (gradient, narrow) {
             (false, true) => VolumeFormat::R16Unorm,
             (false, false) => VolumeFormat::R32Float,

@@ -6,11 +6,12 @@ use std::path::{Component, Path, PathBuf};
 use super::raw::ByteOrder;
 use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
+use super::voxels::with_type;
 use super::{VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::Progress;
 
 /// Bytes decoded between two looks at the listener.
-const SLAB_BYTES: usize = 1 << 22;
+pub(super) const SLAB_BYTES: usize = 1 << 22;
 
 /// A file and how many numbers it holds.
 #[derive(Clone, Debug)]
@@ -73,18 +74,7 @@ impl Data {
     ///
     /// No more memory is taken than the lengths of the files justify, and none before all of them have been looked at.
     pub(super) fn read(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
-        match self.voxel_type {
-            VoxelType::U8 => self.read_as::<u8>(progress, notes),
-            VoxelType::I8 => self.read_as::<i8>(progress, notes),
-            VoxelType::U16 => self.read_as::<u16>(progress, notes),
-            VoxelType::I16 => self.read_as::<i16>(progress, notes),
-            VoxelType::U32 => self.read_as::<u32>(progress, notes),
-            VoxelType::I32 => self.read_as::<i32>(progress, notes),
-            VoxelType::U64 => self.read_as::<u64>(progress, notes),
-            VoxelType::I64 => self.read_as::<i64>(progress, notes),
-            VoxelType::F32 => self.read_as::<f32>(progress, notes),
-            VoxelType::F64 => self.read_as::<f64>(progress, notes),
-        }
+        with_type!(self.voxel_type, T => self.read_as::<T>(progress, notes))
     }
 
     fn read_as<T: Voxel>(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
@@ -123,8 +113,8 @@ impl Data {
         if self.encoding == Encoding::Text {
             let mut stream = stream::at(path, start)?;
             let whole = slabs.parse(file, &mut stream)?;
-            let mut more = || stream::next_word(&mut stream).map_err(|source| stream::failed(path, source));
-            if whole && more()?.is_some() {
+            let mut more = || stream::next_word(&mut stream, &mut Vec::new()).map(|word| word.is_some());
+            if whole && more().map_err(|source| stream::failed(path, source))? {
                 notes.push(format!("{}: more than the {} numbers the header makes it", path.display(), file.numbers));
             }
             return Ok(());
@@ -271,43 +261,13 @@ impl<T: Voxel> Slabs<'_, T> {
         stream: &mut dyn Read,
         failed: impl Fn(io::Error, u64) -> VolumeError,
     ) -> Result<bool, VolumeError> {
-        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
         let swap = self.swap;
-        self.take(file, |slab, first| {
-            let wanted = size_of_val(slab);
-            let got = read_fully(stream, bytemuck::cast_slice_mut(slab)).map_err(|e| failed(e, bytes(first)))?;
-            if got < wanted {
-                let found = bytes(first) + count(got);
-                return Err(VolumeError::Short { path: file.path.clone(), found, expected: bytes(file.numbers) });
-            }
-            if swap {
-                slab.iter_mut().for_each(|voxel| *voxel = voxel.with_bytes_swapped());
-            }
-            Ok(())
-        })
+        self.take(file, |slab, first| Next::of(file, first).decode(slab, stream, swap, &failed))
     }
 
     /// Appends the voxels of `file`, written as text.
     fn parse(&mut self, file: &DataFile, stream: &mut dyn io::BufRead) -> Result<bool, VolumeError> {
-        self.take(file, |slab, first| {
-            for (voxel, index) in slab.iter_mut().zip(first..) {
-                let word = stream::next_word(stream).map_err(|source| stream::failed(&file.path, source))?;
-                let Some(text) = word else {
-                    return Err(VolumeError::ShortText {
-                        path: file.path.clone(),
-                        found: index,
-                        expected: file.numbers,
-                    });
-                };
-                *voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
-                    path: file.path.clone(),
-                    index,
-                    text: text.clone(),
-                    voxel_type: T::TYPE.name(),
-                })?;
-            }
-            Ok(())
-        })
+        self.take(file, |slab, first| Next::of(file, first).parse(slab, stream))
     }
 
     /// Leaves out `bytes` of `stream`, or what there is of them; how many that were.
@@ -346,12 +306,79 @@ impl<T: Voxel> Slabs<'_, T> {
     }
 
     fn report(&self, file: &DataFile) -> Result<(), VolumeError> {
-        let name = file.path.file_name().unwrap_or(file.path.as_os_str()).to_string_lossy();
         let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
-        self.progress.report(&format!("reading {name}"), bytes(self.at), bytes(self.numbers));
-        if self.progress.cancelled() {
-            return Err(VolumeError::Cancelled { source_name: file.path.display().to_string() });
+        report(&file.path, bytes(self.at), bytes(self.numbers), self.progress)
+    }
+}
+
+/// The numbers of a file from `first` on, of which there should be `expected` in all.
+pub(super) struct Next<'a> {
+    pub(super) path: &'a Path,
+    pub(super) first: usize,
+    pub(super) expected: usize,
+}
+
+impl<'a> Next<'a> {
+    fn of(file: &'a DataFile, first: usize) -> Self {
+        Self { path: &file.path, first, expected: file.numbers }
+    }
+
+    /// Fills `slab` from bytes, swapped if they are of the other order; `failed` makes the error, given the bytes
+    /// decoded until then.
+    pub(super) fn decode<T: Voxel>(
+        &self,
+        slab: &mut [T],
+        stream: &mut dyn Read,
+        swap: bool,
+        failed: impl Fn(io::Error, u64) -> VolumeError,
+    ) -> Result<(), VolumeError> {
+        let bytes = |numbers: usize| count(numbers) * count(size_of::<T>());
+        let (wanted, before) = (size_of_val(slab), bytes(self.first));
+        let got = read_fully(stream, bytemuck::cast_slice_mut(slab)).map_err(|source| failed(source, before))?;
+        if got < wanted {
+            let (found, expected) = (before + count(got), bytes(self.expected));
+            return Err(VolumeError::Short { path: self.path.to_owned(), found, expected });
+        }
+        if swap {
+            slab.iter_mut().for_each(|voxel| *voxel = voxel.with_bytes_swapped());
         }
         Ok(())
     }
+
+    /// Fills `slab` from text.
+    pub(super) fn parse<T: Voxel>(&self, slab: &mut [T], stream: &mut dyn io::BufRead) -> Result<(), VolumeError> {
+        let path = || self.path.to_owned();
+        let mut word = Vec::new();
+        for (voxel, index) in slab.iter_mut().zip(self.first..) {
+            let text = stream::next_word(stream, &mut word).map_err(|source| stream::failed(self.path, source))?;
+            let Some(text) = text else {
+                return Err(VolumeError::ShortText { path: path(), found: index, expected: self.expected });
+            };
+            *voxel = T::parse(&text).ok_or_else(|| VolumeError::Text {
+                path: path(),
+                index,
+                text: text.to_string(),
+                voxel_type: T::TYPE.name(),
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// So many zeros, of which the system makes memory when they are first written to.
+pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Result<Vec<T>, VolumeError> {
+    bytemuck::try_zeroed_vec(length).map_err(|()| VolumeError::Memory {
+        source_name: path.display().to_string(),
+        bytes: count(length).saturating_mul(count(size_of::<T>())),
+    })
+}
+
+/// Says that so many of all bytes of `path` are read; the error that ends the reading if that is wanted.
+pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    progress.report(&format!("reading {name}"), done, all);
+    if progress.cancelled() {
+        return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
+    }
+    Ok(())
 }

@@ -53,12 +53,14 @@ pub enum VolumeError {
         problem: String,
     },
     /// A sidecar is not TOML, or has unknown or mistyped keys.
-    #[error("{}: not the layout of a raw volume", path.display())]
+    #[error("{}, line {}, column {}: {problem}", path.display(), place[0], place[1])]
     Sidecar {
         /// The sidecar.
         path: PathBuf,
-        /// Where and why.
-        source: Box<toml::de::Error>,
+        /// Line and column, from 1.
+        place: [usize; 2],
+        /// What is wrong.
+        problem: String,
     },
     /// A line of a header makes no sense.
     #[error("{}, line {line}: {problem}", path.display())]
@@ -231,6 +233,26 @@ pub enum VolumeError {
         found: usize,
         /// Voxels needed.
         expected: usize,
+    },
+    /// A VTK XML file contradicts itself, or is not what it should be.
+    #[error("{}: {problem}", path.display())]
+    Vti {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// The values of an array of a VTK XML file cannot be decoded.
+    #[error("{}: the array {array:?} cannot be read beyond the first {decoded} bytes of its values", path.display())]
+    VtiArray {
+        /// The file.
+        path: PathBuf,
+        /// The array.
+        array: String,
+        /// Bytes of values well before what is wrong.
+        decoded: u64,
+        /// What is wrong.
+        source: io::Error,
     },
     /// The memory is not to be had.
     #[error("{source_name}: there is no memory for {bytes} bytes of voxels; fewer voxels take less")]

@@ -280,7 +280,9 @@ impl<'a> Header<'a> {
         }
         if words.first() == Some(&"LIST") {
             // Each file has so many axes: one fewer than the volume, unless the second word says otherwise.
-            let given = words.get(1).and_then(|word| word.parse().ok()).filter(|n| (1..=axes.len()).contains(n));
+            // The second word begins with their number: "2" and "2D" are the same to MetaIO.
+            let number = |word: &&str| word.split(|letter: char| !letter.is_ascii_digit()).next()?.parse().ok();
+            let given = words.get(1).and_then(number).filter(|n| (1..=axes.len()).contains(n));
             let in_file = given.unwrap_or(axes.len() - 1);
             if words.len() > 1 && given.is_none() {
                 return Err(self

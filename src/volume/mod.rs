@@ -16,6 +16,7 @@ mod select;
 mod statistics;
 mod stream;
 mod voxels;
+mod vti;
 
 pub use error::VolumeError;
 pub use geometry::Geometry;

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{RawLayout, Selection, Volume, VolumeError, metaimage, nrrd, raw, stream};
+use super::{RawLayout, Selection, Volume, VolumeError, metaimage, nrrd, raw, stream, vti};
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -17,9 +17,10 @@ struct Format {
 }
 
 /// A new reader is a new line.
-const FORMATS: [Format; 4] = [
+const FORMATS: [Format; 5] = [
     Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
     Format { name: "NRRD", extensions: &["nrrd", "nhdr"], recognises: nrrd::recognises, read: nrrd::read },
+    Format { name: "VTK XML image data", extensions: &["vti"], recognises: vti::recognises, read: vti::read },
     Format {
         name: "raw with a sidecar",
         extensions: &["raw", "dat", "bin"],
@@ -34,13 +35,14 @@ const BEGINNING: u64 = 4096;
 
 /// Reads the volume in a file, whose format is known by its extension, else by how the file begins.
 ///
-/// Of a file that holds several, `selection` says which; memory is bounded by that one and a slab of 4 MiB; `progress` counts decoded bytes.
+/// Of a file that holds several, `selection` says which. Memory is bounded by that one and a slab of 4 MiB, of VTK files
+/// one block of their compressed values; `progress` counts decoded bytes.
 ///
 /// # Errors
 ///
 /// [`VolumeError::UnknownFormat`] where no reader knows the file, [`VolumeError::Choose`] where it holds several volumes
-/// and `selection` does not say which, [`VolumeError::NoSuch`] where what it says is not there, [`VolumeError::Cancelled`] when `progress` asks to
-/// stop, and whatever is wrong with the file.
+/// and `selection` does not say which, [`VolumeError::NoSuch`] where what it says is not there,
+/// [`VolumeError::Cancelled`] when `progress` asks to stop, and whatever is wrong with the file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
@@ -69,7 +71,7 @@ pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
 fn has_header(path: &Path) -> bool {
     let mut beginning = Vec::new();
     let read = stream::open(path).ok().and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning).ok());
-    read.is_some() && metaimage::recognises(&beginning)
+    read.is_some() && FORMATS.iter().any(|format| (format.recognises)(&beginning))
 }
 
 /// Reads headerless voxels; `layout.file` is relative to the folder `base`.

@@ -10,6 +10,7 @@ use super::data::{self, Data, DataFile};
 use super::pattern::{self, Pattern};
 use super::stream::{self, Encoding, Start};
 use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
+use crate::number::{in_words, line_and_column};
 use crate::progress::Progress;
 
 /// A layout is a few lines; what is longer is none.
@@ -117,7 +118,10 @@ impl RawLayout {
         let mut text = String::new();
         let read = stream::open(path)?.take(LONGEST_SIDECAR).read_to_string(&mut text);
         read.map_err(|source| stream::failed(path, source))?;
-        let wrong = |source| VolumeError::Sidecar { path: path.to_owned(), source: Box::new(source) };
+        let wrong = |error: toml::de::Error| {
+            let place = line_and_column(&text, error.span().map_or(0, |span| span.start));
+            VolumeError::Sidecar { path: path.to_owned(), place, problem: in_words(error.message()) }
+        };
         let table: toml::Table = toml::from_str(&text).map_err(wrong)?;
         let layout = if table.contains_key("volume") {
             toml::from_str::<Wrapped>(&text).map(|wrapped| wrapped.volume)

@@ -36,7 +36,6 @@ impl Selection {
     }
 
     /// Which of the arrays `names` of the file `source` to read.
-    #[cfg_attr(not(test), expect(dead_code, reason = "for formats whose files name their arrays"))]
     pub(super) fn array(&self, source: &str, names: &[&str]) -> Result<usize, VolumeError> {
         let there = || format!("the arrays {}", names.join(", "));
         match (&self.array, names) {

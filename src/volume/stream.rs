@@ -1,5 +1,6 @@
 //! Bytes of a data file, as they were before they were encoded.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
@@ -10,7 +11,7 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use super::VolumeError;
 
 /// Deflate packs at most 1032 bytes into one (258 bytes into a match of two bits).
-const DEFLATE_LIMIT: u64 = 1032;
+pub(super) const DEFLATE_LIMIT: u64 = 1032;
 
 /// A block of bzip2 is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
 const BZIP2_LIMIT: u64 = 1 << 21;
@@ -228,29 +229,20 @@ pub(super) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<
 /// The longest word that can be a number; longer ones are cut, and then are none.
 const LONGEST_WORD: usize = 400;
 
-/// The next run of bytes between white space or commas; `None` at the end.
-pub(super) fn next_word(stream: &mut dyn BufRead) -> io::Result<Option<String>> {
-    let mut word = Vec::new();
+/// The next run of bytes between white space or commas, which `word` is to hold; `None` at the end.
+pub(super) fn next_word<'a>(stream: &mut dyn BufRead, word: &'a mut Vec<u8>) -> io::Result<Option<Cow<'a, str>>> {
+    let parts = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
+    word.clear();
     loop {
         let buffer = stream.fill_buf()?;
-        if buffer.is_empty() {
-            break;
-        }
-        let (mut used, mut ended) = (0, false);
-        for &byte in buffer {
-            used += 1;
-            if !(byte.is_ascii_whitespace() || byte == b',') {
-                word.push(byte);
-            }
-            ended = !word.is_empty() && (byte.is_ascii_whitespace() || byte == b',') || word.len() == LONGEST_WORD;
-            if ended {
-                break;
-            }
-        }
-        stream.consume(used);
+        let blank = if word.is_empty() { buffer.iter().take_while(|byte| parts(byte)).count() } else { 0 };
+        let rest = &buffer[blank..buffer.len().min(blank + LONGEST_WORD - word.len())];
+        let length = rest.iter().position(parts).unwrap_or(rest.len());
+        word.extend_from_slice(&rest[..length]);
+        let ended = buffer.is_empty() || length < rest.len() || word.len() == LONGEST_WORD;
+        stream.consume(blank + length);
         if ended {
-            break;
+            return Ok((!word.is_empty()).then(|| String::from_utf8_lossy(word)));
         }
     }
-    Ok((!word.is_empty()).then(|| String::from_utf8_lossy(&word).into_owned()))
 }

@@ -255,6 +255,23 @@ macro_rules! with_voxels {
 }
 pub(crate) use with_voxels;
 
+/// Evaluates an expression with the type that a [`VoxelType`] names: `with_type!(voxel_type, T => read::<T>())`.
+macro_rules! with_type {
+    ($voxel_type:expr, $stored:ident => $body:expr) => {
+        with_type!(@ $voxel_type, $stored => $body; U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, U64 u64, I64 i64,
+                   F32 f32, F64 f64)
+    };
+    (@ $voxel_type:expr, $stored:ident => $body:expr; $($variant:ident $type:ident),*) => {
+        match $voxel_type {$(
+            $crate::volume::VoxelType::$variant => {
+                type $stored = $type;
+                $body
+            }
+        )*}
+    };
+}
+pub(crate) use with_type;
+
 impl Voxels {
     /// How many voxels there are.
     #[must_use]

@@ -3,6 +3,7 @@
 
 pub mod bounds;
 pub mod device;
+pub mod exr;
 pub mod golden;
 pub mod program;
 pub mod rungs;

@@ -35,6 +35,56 @@ pub const NAMES: &[&str] = &[
     "ambient_only",
 ];
 
+/// Two kinds of coloured glass and a shiny one, lit from two positions, in front of a background.
+pub const GLASS: &str = r#"
+version = 1
+background = 0.6
+[volume]
+phantom = "gaussian"
+dims = [32, 32, 32]
+[materials.red]
+reflectance = "dark skin"
+absorption = { gaussian = [{ centre = 480, sigma = 40, height = 1.0 }] }
+[materials.green]
+reflectance = "foliage"
+absorption = { gaussian = [{ centre = 620, sigma = 30, height = 1.0 }], base = 0.1 }
+ambient = 0.4
+diffuse = 0.5
+specular = 0.3
+exponent = 12
+[materials.shiny]
+reflectance = 0.5
+specular = 0.2
+exponent = 5
+[[transfer.intervals]]
+material = "red"
+range = [0.05, 0.3]
+ramp = 0.05
+opacity = 0.02
+absorption = 0.15
+[[transfer.intervals]]
+material = "green"
+range = [0.4, 0.7]
+ramp = 0.05
+opacity = 0.05
+absorption = 0.2
+[[transfer.intervals]]
+material = "shiny"
+range = [0.8, 1.0]
+ramp = 0.05
+opacity = 0.3
+[lights.key]
+spectrum = "D65"
+kind = "directional"
+direction = [0.3, -0.8, -0.6]
+[lights.fill]
+spectrum = "FL11"
+kind = "ambient"
+intensity = 0.3
+[accuracy]
+termination = 0
+"#;
+
 /// Three balls in one another: a shell, a middle and a core, by grey value.
 const MATERIALS: &str = r#"
     [materials.core]

@@ -22,6 +22,17 @@ pub fn hex(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// What is wrong, with all its causes.
+pub fn whole_message(error: &VolumeError) -> String {
+    let mut message = error.to_string();
+    let mut source = std::error::Error::source(error);
+    while let Some(cause) = source {
+        message = format!("{message}: {cause}");
+        source = cause.source();
+    }
+    message
+}
+
 /// Reads every file that is `ours` and holds it against `expected.json`; how many there were.
 pub fn check_all(
     folder: &Path,

@@ -1,0 +1,312 @@
+//! Accumulator files: what a march leaves per pixel, with all that relighting it takes.
+//!
+//! # The file
+//!
+//! An OpenEXR file of flat parts with scan lines or tiles (of several resolutions only the full one counts), any
+//! lossless compression, no subsampling. Each side of the picture has 1 to 65,536 pixels. It may have been written by
+//! any program. What its pixels keep are weights of materials or the numbers of a colour model.
+//!
+//! The attribute `relume` of the picture's part is a string (OpenEXR type `string`, UTF-8) of TOML text; other
+//! attributes are ignored. Spectra in it are at 380, 385, … 780 nm. Names are not empty, hold no control characters,
+//! and are unique in their list; other keys than those listed here are refused. Any of the lists may be empty or absent.
+//!
+//! | key | value |
+//! | --- | --- |
+//! | `version` | 1 with weights, 2 with a colour model |
+//! | `exposure` | factor on the linear picture; 1 where absent |
+//! | `adapt` | whether the white of the mixed light is adapted to D65 (Bradford); false where absent |
+//! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black where absent |
+//! | `[[components]]` | with weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
+//! | `[model]` | with a colour model: see below |
+//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`: three numbers, for the last two only, the direction towards the light (or the opposite one, where no material is specular: both sides of a surface shine, so the two are one position) or its place, in world units |
+//! | `[[lights]]` | `name`; `position`: the name of one; `weight`: its intensity; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also what is said below |
+//!
+//! Channels are 32-bit or 16-bit float, all values finite; their order does not matter, and there are no others.
+//!
+//! # Weights of materials
+//!
+//! One part, of any name, with the channels
+//!
+//! - `transmittance`: the share of light from behind the volume that reaches the camera, T;
+//! - for every position p and every component c one channel with the name of the position, a full stop and the name of
+//!   the component (`key.bone`, `key.white`): the weight m of this component under this position, which is
+//!   the sum over the ray's samples of T · opacity · share of the component · shading.
+//!
+//! **The picture** of such a file has at each pixel and wavelength
+//! Σ_p (Σ_c m(p, c) · reflectance(c)) · light(p) + T · background · Σ_p light(p), where
+//! light(p) is the sum of weight · spectrum over the lights at position p.
+//!
+//! # The numbers of a colour model
+//!
+//! A model has k coefficients, 1 to 16, counted from 0: coefficient i of a spectrum is the sum of its products with
+//! row i of the projection P. The part with the attribute `relume` has the channels
+//!
+//! - `transmittance`, or, where what passes changes its colour on the way, `transmittance_0`, `transmittance_1`, …,
+//!   T(i) for every coefficient;
+//! - for every position p and every coefficient i one channel with the name of the position, a full stop and i
+//!   (`key.0`, `key.1`, …): the number c(p, i).
+//!
+//! Two more parts hold what the model was fitted on, n spectra (1 to 16,384) that pixels can have under light of
+//! equal power, so that the model can be fitted to further lights:
+//!
+//! - `cloud`, 81 × n pixels with the channel `spectrum`: row j is spectrum j;
+//! - `coefficients`, k × n pixels with the channel `coefficient`: row j has the k coefficients that arithmetic on k
+//!   numbers makes of spectrum j. The model `nodes` has no such part: its coefficients are P times the spectrum.
+//!
+//! | key of `[model]` | value |
+//! | --- | --- |
+//! | `kind` | `"nodes"`, `"sharpened"`, `"sharpened-semigroup"`, `"bands"` or `"rgb"`: how it is fitted to further lights |
+//! | `transmittance` | `"grey"` or `"coloured"`: one channel or k |
+//! | `projection` | P: k lists of 81 numbers from −10⁹ to 10⁹; of `nodes`, each with a one at its wavelength and else zeros |
+//! | `tolerance` | the largest ΔE00 that a further light is used with without a warning; 1 where absent |
+//! | `description`, `nodes_nm` | for people, need not be there: the model in words, and of `nodes` their wavelengths |
+//!
+//! | key of `[[lights]]` | value |
+//! | --- | --- |
+//! | `matrix` | W: k lists of three numbers, the XYZ per unit of each coefficient under this light of weight 1; where absent it is fitted |
+//! | `error` | beside `matrix`: `mean`, `p95` and `max` of the ΔE00 of W over the cloud |
+//! | `unseen` | the same over spectra that were not used in the fit, where that was measured |
+//!
+//! **The picture** of such a file has at each pixel the XYZ that is the sum over p and i of c(p, i) · W(p, i), where W(p)
+//! is the sum of weight · W over the lights at position p; and of the background the sum over p and i of
+//! T(i) · (P background)(i) · W(p, i), or, where T is one number, T times its exact XYZ under all lights.
+
+mod read;
+mod rules;
+mod text;
+
+use std::path::Path;
+
+use super::channels::{self, Part};
+use super::picture::check_size;
+use super::{BANDS, OutputError};
+use crate::model::{ColourModel, ModelKind};
+use crate::spectrum::Spectrum;
+
+/// The name of the attribute that holds the text.
+const ATTRIBUTE: &str = "relume";
+
+/// The name of the channel, or of the channels, of what passes.
+const TRANSMITTANCE: &str = "transmittance";
+
+/// The name of the picture's part in files of several parts.
+const PICTURE: &str = "accumulators";
+
+/// The part that holds the spectra a model was fitted on, and its channel.
+const CLOUD: (&str, &str) = ("cloud", "spectrum");
+
+/// The part that holds the coefficients of those spectra, and its channel.
+const COEFFICIENTS: (&str, &str) = ("coefficients", "coefficient");
+
+/// The most spectra a cloud has: many times those of any fit, and few enough to be fitted to while one waits.
+const LARGEST_CLOUD: usize = 16_384;
+
+/// What a march leaves per pixel, and what it takes to make a picture of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accumulators {
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+    /// What the numbers of a pixel stand for.
+    pub components: Components,
+    /// Where light comes from: one set of numbers each.
+    pub positions: Vec<Position>,
+    /// The lights that the picture was rendered with.
+    pub lights: Vec<Light>,
+    /// The reflectance behind the volume, lit by every light; `None` is black.
+    pub background: Option<[f64; BANDS]>,
+    /// Factor on the linear picture.
+    pub exposure: f64,
+    /// Whether the white of the mixed light is adapted to D65.
+    pub adapt: bool,
+    /// The numbers, rows from the top: of position p, component c and a pixel at
+    /// `(p * components.len() + c) * width * height + pixel`.
+    pub weights: Vec<f32>,
+    /// What passes each pixel, 0–1: one number, or one per component c at `c * width * height + pixel`.
+    pub transmittance: Vec<f32>,
+}
+
+/// What the numbers of a pixel stand for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Components {
+    /// Weights of what scatters light: materials, and the white of their specular part.
+    Surfaces(Vec<Component>),
+    /// The coefficients of a colour model.
+    Model(Stored),
+}
+
+/// A colour model as a file keeps it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stored {
+    /// The model, with the spectra it was fitted on and the matrices of the file's lights.
+    pub model: ColourModel,
+    /// Whether what passes has one number per coefficient.
+    pub coloured: bool,
+    /// The largest ΔE00 that a further light is used with without a warning.
+    pub tolerance: f64,
+}
+
+impl Components {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Surfaces(surfaces) => surfaces.len(),
+            Self::Model(stored) => stored.model.dimension(),
+        }
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// What scatters light: a material, or the white of the specular part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// Unique among the components.
+    pub name: String,
+    /// Reflectance, 380–780 nm.
+    pub spectrum: [f64; BANDS],
+}
+
+/// Where lights shine from, as far as shading can tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Position {
+    /// Unique among the positions.
+    pub name: String,
+    /// How it shades.
+    pub kind: PositionKind,
+}
+
+/// How a position shades.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PositionKind {
+    /// From everywhere: shading 1.
+    Ambient,
+    /// From the camera.
+    Headlight,
+    /// From infinitely far, in this direction from the volume, or the opposite one where no material is specular, in
+    /// world space.
+    Directional([f64; 3]),
+    /// From this point in world space.
+    Point([f64; 3]),
+}
+
+/// A light in a picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Unique among the lights.
+    pub name: String,
+    /// Index of its position in [`Accumulators::positions`].
+    pub position: usize,
+    /// Its intensity.
+    pub weight: f64,
+    /// Relative power, 380–780 nm, such that the perfect reflector has Y = 1 under weight 1.
+    pub spectrum: [f64; BANDS],
+}
+
+impl Accumulators {
+    /// Writes the file described at [the top of this module](self) to `path`. A model's spectra and their coefficients
+    /// are rounded to f32, which holds those of a fit exactly.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Size`]; [`OutputError::Inconsistent`] when a name, a number or a length breaks the rules of the
+    /// file; and those of [`super::write_atomically`].
+    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
+        let inconsistent = |detail| OutputError::Inconsistent { detail };
+        check_size(self.width, self.height)?;
+        self.check().map_err(inconsistent)?;
+        let text = text::written(self).map_err(inconsistent)?;
+        let (size, pixels) = ((self.width, self.height), self.width * self.height);
+        let (names, attributes) = (self.channel_names(), [(ATTRIBUTE, &*text)]);
+        let planes: Vec<&[f32]> =
+            self.weights.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels)).collect();
+        let picture = |first: usize, data: &mut [f32]| {
+            for (y, line) in (first..).zip(data.chunks_exact_mut(size.0 * names.len())) {
+                for (values, plane) in line.chunks_exact_mut(size.0).zip(&planes) {
+                    values.copy_from_slice(&plane[y * size.0..][..size.0]);
+                }
+            }
+        };
+        let Components::Model(Stored { model, .. }) = &self.components else {
+            let part = Part { name: None, size, channels: &names, attributes: &attributes };
+            return channels::write(path, &[part], |_, first, data| picture(first, data));
+        };
+        let (spectra, channels_of) = (model.cloud().len(), [CLOUD.1, COEFFICIENTS.1].map(str::to_owned));
+        let table = |(name, _): (&'static str, &str), width, channel| Part {
+            name: Some(name),
+            size: (width, spectra),
+            channels: &channels_of[channel..=channel],
+            attributes: &[],
+        };
+        let parts = [
+            Part { name: Some(PICTURE), size, channels: &names, attributes: &attributes },
+            table(CLOUD, BANDS, 0),
+            table(COEFFICIENTS, model.dimension(), 1),
+        ];
+        let parts = if has_coefficients(model.kind()) { &parts[..] } else { &parts[..2] };
+        channels::write(path, parts, |part, first, data| match part {
+            0 => picture(first, data),
+            1 => fill(data, model.cloud()[first..].iter().flat_map(Spectrum::samples)),
+            _ => fill(data, model.cloud_vectors()[first..].iter().flatten()),
+        })
+    }
+
+    /// Whether what passes has one number per component.
+    #[must_use]
+    pub fn is_coloured(&self) -> bool {
+        matches!(&self.components, Components::Model(Stored { coloured: true, .. }))
+    }
+
+    /// The names of the channels of the picture: those of [`Self::weights`] in their order, then those of what passes.
+    fn channel_names(&self) -> Vec<String> {
+        match &self.components {
+            Components::Surfaces(surfaces) => {
+                let names: Vec<String> = surfaces.iter().map(|surface| surface.name.clone()).collect();
+                channel_names(&self.positions, &names, false)
+            }
+            Components::Model(Stored { model, coloured, .. }) => {
+                channel_names(&self.positions, &coefficient_names(model.dimension()), *coloured)
+            }
+        }
+    }
+}
+
+/// The names of the channels that pixels have at these positions with components of these names; what passes comes last,
+/// `coloured` with a number per component.
+fn channel_names(positions: &[Position], components: &[String], coloured: bool) -> Vec<String> {
+    let of = |position: &Position| {
+        let names = components.iter().map(|component| format!("{}.{component}", position.name));
+        names.collect::<Vec<_>>()
+    };
+    let mut names: Vec<String> = positions.iter().flat_map(of).collect();
+    if coloured {
+        names.extend(components.iter().map(|component| format!("{TRANSMITTANCE}_{component}")));
+    } else {
+        names.push(TRANSMITTANCE.to_owned());
+    }
+    names
+}
+
+/// What coefficients are called in channels.
+fn coefficient_names(dimension: usize) -> Vec<String> {
+    (0..dimension).map(|index| index.to_string()).collect()
+}
+
+/// Whether a file holds the coefficients of the cloud, since the projection alone does not make them.
+fn has_coefficients(kind: ModelKind) -> bool {
+    kind != ModelKind::Nodes
+}
+
+/// Stores numbers as f32.
+#[expect(clippy::cast_possible_truncation, reason = "files hold f32")]
+fn fill<'a>(data: &mut [f32], numbers: impl Iterator<Item = &'a f64>) {
+    for (value, &number) in data.iter_mut().zip(numbers) {
+        *value = number as f32;
+    }
+}

@@ -1,0 +1,248 @@
+//! How accumulator files are read: nothing in one is believed before it is checked.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use ::exr::block::reader::{ChunksReader, Reader};
+use ::exr::block::{self, UncompressedBlock};
+use ::exr::error::Error as ExrError;
+use ::exr::math::Vec2;
+use ::exr::meta::attribute::{AttributeValue, SampleType};
+use ::exr::meta::header::Header;
+use ::exr::prelude::f16;
+
+use super::rules::{check_cloud, check_planes};
+use super::text::{self, ModelDraft};
+use super::{
+    ATTRIBUTE, Accumulators, BANDS, CLOUD, COEFFICIENTS, Components, OutputError, Stored, channel_names,
+    coefficient_names, has_coefficients,
+};
+use crate::model::ColourModel;
+use crate::output::channels;
+use crate::output::picture::check_size;
+use crate::spectrum::Spectrum;
+
+/// No compression of OpenEXR makes more of a byte than this (zlib's limit is 1032).
+const LARGEST_EXPANSION: u64 = 1100;
+
+/// A part of the file, and what is wanted of it.
+struct Wanted {
+    /// Which part it is.
+    part: usize,
+    /// What messages add to the names of its channels.
+    place: &'static str,
+    /// Pixels across and down.
+    size: Vec2<usize>,
+    /// Names of the planes.
+    names: Vec<String>,
+    /// Which plane each channel of the file fills.
+    planes: Vec<usize>,
+    /// The planes, one after the other; what no block of the file holds stays NaN.
+    data: Vec<f32>,
+}
+
+impl Accumulators {
+    /// Reads the file described at [the top of this module](super).
+    ///
+    /// Nothing is allocated for pixels before the file is known to be long enough to hold them.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Read`] when the file cannot be opened or read, [`OutputError::Damaged`] when it is no whole
+    /// OpenEXR file, [`OutputError::NotAccumulators`] when its parts and channels are not those of accumulators,
+    /// [`OutputError::Attribute`] when the text is wrong.
+    pub fn read(path: &Path) -> Result<Self, OutputError> {
+        let unreadable = |source| OutputError::Read { path: path.to_owned(), source };
+        let damaged = |error| match error {
+            ExrError::Io(source) => OutputError::Read { path: path.to_owned(), source },
+            ExrError::Invalid(detail) | ExrError::NotSupported(detail) => {
+                OutputError::Damaged { path: path.to_owned(), detail: detail.into_owned() }
+            }
+            ExrError::Aborted => OutputError::Damaged { path: path.to_owned(), detail: "stopped".to_owned() },
+        };
+        let too_long = |detail| OutputError::Damaged { path: path.to_owned(), detail };
+        let foreign = |detail| OutputError::NotAccumulators { path: path.to_owned(), detail };
+        let wrong_text = |detail| OutputError::Attribute { path: path.to_owned(), detail };
+
+        let file = File::open(path).map_err(unreadable)?;
+        let file_bytes = file.metadata().map_err(unreadable)?.len();
+        let reader = block::read(BufReader::new(file), false).map_err(damaged)?;
+        let headers = reader.headers();
+        let (part, text) = picture_part(headers).map_err(foreign)?;
+        let (mut this, model) = text::parse(&text).map_err(wrong_text)?;
+        Vec2(this.width, this.height) = headers[part].layer_size;
+        check_size(this.width, this.height)?;
+        let names = match &model {
+            None => this.channel_names(),
+            Some(model) => channel_names(&this.positions, &coefficient_names(model.projection.len()), model.coloured),
+        };
+        this.check_lists(&names).map_err(wrong_text)?;
+        let mut wanted = vec![Wanted::new(headers, part, "", names).map_err(foreign)?];
+        if let Some(model) = &model {
+            wanted.extend(parts_of(model, headers).map_err(foreign)?);
+        }
+        if wanted.len() < headers.len() {
+            let all = headers.len();
+            return Err(foreign(format!("it has {all} parts, and {} belong to accumulators", wanted.len())));
+        }
+        allocate(&mut wanted, headers, file_bytes).map_err(too_long)?;
+        read_blocks(reader, &mut wanted).map_err(damaged)?;
+        for part in &wanted {
+            part.check().map_err(foreign)?;
+        }
+
+        let mut parts = wanted.into_iter().map(|part| part.data);
+        let mut numbers = parts.next().unwrap_or_default();
+        if let Some(model) = model {
+            let (cloud, coefficients) = (parts.next().unwrap_or_default(), parts.next());
+            let stored = model.stored(&cloud, coefficients.as_deref()).map_err(wrong_text)?;
+            this.components = Components::Model(stored);
+        }
+        this.transmittance = numbers.split_off(numbers.len() - this.passed() * this.width * this.height);
+        this.weights = numbers;
+        Ok(this)
+    }
+}
+
+impl Wanted {
+    /// The planes called `names` of part number `part`, which has their channels and no others.
+    fn new(headers: &[Header], part: usize, place: &'static str, names: Vec<String>) -> Result<Self, String> {
+        let header = &headers[part];
+        if header.deep {
+            return Err("it is a deep picture".to_owned());
+        }
+        let mut missing: HashMap<&str, usize> =
+            names.iter().enumerate().map(|(plane, name)| (&**name, plane)).collect();
+        let mut planes = Vec::new();
+        for channel in &header.channels.list {
+            let name = String::from_utf8_lossy(channel.name.as_slice());
+            let Some(plane) = missing.remove(&*name) else {
+                let owner = if place.is_empty() { "belongs to no position and component" } else { "is none of it" };
+                return Err(format!("its channel {name:?}{place} {owner}, or is there twice"));
+            };
+            if channel.sampling != Vec2(1, 1) {
+                return Err(format!("its channel {name:?}{place} is subsampled"));
+            }
+            if channel.sample_type == SampleType::U32 {
+                return Err(format!("its channel {name:?}{place} holds integers, not floating-point numbers"));
+            }
+            planes.push(plane);
+        }
+        if let Some((name, _)) = missing.into_iter().min_by_key(|&(_, plane)| plane) {
+            return Err(format!("the channel {name:?}{place} is missing"));
+        }
+        Ok(Self { part, place, size: header.layer_size, names, planes, data: Vec::new() })
+    }
+
+    /// Whether every value is there and finite.
+    fn check(&self) -> Result<(), String> {
+        let pixels = self.size.0 * self.size.1;
+        check_planes(&self.names, self.data.chunks_exact(pixels), self.size.0, self.place)
+    }
+
+    /// Copies a decoded block into the planes that its channels fill.
+    fn copy(&mut self, header: &Header, block: &UncompressedBlock) -> Result<(), ExrError> {
+        let Vec2(width, height) = self.size;
+        for line in block.lines(&header.channels) {
+            let (Vec2(x, y), channel) = (line.location.position, line.location.channel);
+            let begin = (self.planes[channel] * height + y) * width + x;
+            let Some(row) = self.data.get_mut(begin..begin + line.location.sample_count) else {
+                return Err(ExrError::Invalid("a block lies outside the picture".into()));
+            };
+            match header.channels.list[channel].sample_type {
+                SampleType::F32 => line.read_samples_into_slice(row)?,
+                SampleType::F16 => {
+                    for (value, sample) in row.iter_mut().zip(line.read_samples::<f16>()) {
+                        *value = sample?.to_f32();
+                    }
+                }
+                SampleType::U32 => return Err(ExrError::Invalid("a channel of integers".into())),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Which part is the picture, and the text of its attribute.
+fn picture_part(headers: &[Header]) -> Result<(usize, String), String> {
+    let attribute = |header: &Header| header.own_attributes.other.get(&channels::text(ATTRIBUTE)).cloned();
+    match headers.iter().enumerate().find_map(|(part, header)| Some((part, attribute(header)?))) {
+        Some((part, AttributeValue::Text(text))) => match String::from_utf8(text.as_slice().to_vec()) {
+            Ok(text) => Ok((part, text)),
+            Err(error) => Err(format!("the attribute `{ATTRIBUTE}` is not UTF-8: {error}")),
+        },
+        Some(_) => Err(format!("the attribute `{ATTRIBUTE}` is not a string")),
+        None => Err(format!("it has no attribute `{ATTRIBUTE}`")),
+    }
+}
+
+/// The parts that hold what a model was fitted on.
+fn parts_of(model: &ModelDraft, headers: &[Header]) -> Result<Vec<Wanted>, String> {
+    let find = |(name, channel): (&str, &str), place, width| {
+        let is_it = |header: &Header| header.own_attributes.layer_name == Some(channels::text(name));
+        let part = headers.iter().position(is_it).ok_or_else(|| format!("the part {name:?} is missing"))?;
+        let wanted = Wanted::new(headers, part, place, vec![channel.to_owned()])?;
+        let Vec2(found, spectra) = wanted.size;
+        if found != width {
+            return Err(format!("its part {name:?} is {found} pixels wide, not {width}"));
+        }
+        check_cloud(spectra)?;
+        Ok(wanted)
+    };
+    let cloud = find(CLOUD, " of the part \"cloud\"", BANDS)?;
+    if !has_coefficients(model.kind) {
+        return Ok(vec![cloud]);
+    }
+    let coefficients = find(COEFFICIENTS, " of the part \"coefficients\"", model.projection.len())?;
+    match (cloud.size.1, coefficients.size.1) {
+        (spectra, rows) if spectra == rows => Ok(vec![cloud, coefficients]),
+        (spectra, rows) => Err(format!("it has {spectra} spectra in its cloud and {rows} rows of coefficients")),
+    }
+}
+
+/// Makes room for all planes, in a file long enough to hold them.
+fn allocate(wanted: &mut [Wanted], headers: &[Header], file_bytes: u64) -> Result<(), String> {
+    let bytes = |part: &Wanted| {
+        let pixels = (part.size.0 as u64).saturating_mul(part.size.1 as u64);
+        (headers[part.part].channels.bytes_per_pixel as u64).saturating_mul(pixels)
+    };
+    let promised = wanted.iter().map(bytes).fold(0, u64::saturating_add);
+    if promised > file_bytes.saturating_mul(LARGEST_EXPANSION) {
+        return Err(format!("it is {file_bytes} bytes long, and its header promises {promised} bytes of pixels"));
+    }
+    for part in wanted {
+        let values = part.names.len().saturating_mul(part.size.0).saturating_mul(part.size.1);
+        if part.data.try_reserve_exact(values).is_err() {
+            return Err(format!("its {values} values do not fit into memory"));
+        }
+        part.data.resize(values, f32::NAN);
+    }
+    Ok(())
+}
+
+/// Decodes what is wanted.
+fn read_blocks(reader: Reader<BufReader<File>>, wanted: &mut [Wanted]) -> Result<(), ExrError> {
+    reader.filter_chunks(false, |_, tile, _| tile.is_largest_resolution_level())?.decompress_sequential(
+        false,
+        |meta, block| match wanted.iter_mut().find(|part| part.part == block.index.layer) {
+            Some(part) => part.copy(&meta.headers[part.part], &block),
+            None => Ok(()),
+        },
+    )
+}
+
+impl ModelDraft {
+    /// The model, with the spectra that it was fitted on and their coefficients, row by row.
+    fn stored(self, cloud: &[f32], coefficients: Option<&[f32]>) -> Result<Stored, String> {
+        let dimension = self.projection.len();
+        let spectrum = |row: &[f32]| Spectrum::from_samples(std::array::from_fn(|band| f64::from(row[band])));
+        let vectors = coefficients
+            .map(|all| all.chunks_exact(dimension).map(|row| row.iter().copied().map(f64::from).collect()).collect());
+        let spectra = cloud.chunks_exact(BANDS).map(spectrum).collect();
+        let model = ColourModel::from_parts(self.kind, self.projection, spectra, vectors, self.lights);
+        let model = model.map_err(|error| error.to_string())?;
+        Ok(Stored { model, coloured: self.coloured, tolerance: self.tolerance })
+    }
+}

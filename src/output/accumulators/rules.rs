@@ -1,0 +1,137 @@
+//! The rules that accumulators keep, in memory and in files.
+
+use std::collections::HashSet;
+
+use super::{Accumulators, Components, LARGEST_CLOUD, PositionKind, Stored};
+use crate::model::LARGEST_DIMENSION;
+
+impl Accumulators {
+    /// Whether all of it keeps the rules of the file.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let names = self.channel_names();
+        self.check_lists(&names)?;
+        if let Components::Model(stored) = &self.components {
+            self.check_model(stored)?;
+        }
+        let pixels = self.width * self.height;
+        let passed = self.passed() * pixels;
+        let expected = names.len() * pixels - passed;
+        if self.weights.len() != expected {
+            return Err(format!("{expected} weights are needed, and there are {}", self.weights.len()));
+        }
+        if self.transmittance.len() != passed {
+            return Err(format!("{passed} transmittances are needed, and there are {}", self.transmittance.len()));
+        }
+        let planes = self.weights.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels));
+        check_planes(&names, planes, self.width, "")
+    }
+
+    /// Numbers a pixel has of what passes.
+    pub(super) fn passed(&self) -> usize {
+        if self.is_coloured() { self.components.len() } else { 1 }
+    }
+
+    /// Whether names and numbers of the lists keep the rules of the file; `channels` are the names that they make.
+    pub(super) fn check_lists(&self, channels: &[String]) -> Result<(), String> {
+        if let Components::Surfaces(surfaces) = &self.components {
+            check_names("component", surfaces.iter().map(|surface| &*surface.name))?;
+            for surface in surfaces {
+                check_finite("the component ", &surface.name, &surface.spectrum)?;
+            }
+        }
+        check_names("position", self.positions.iter().map(|position| &*position.name))?;
+        check_names("light", self.lights.iter().map(|light| &*light.name))?;
+        let mut seen = HashSet::new();
+        for name in channels {
+            if name.len() > 255 {
+                return Err(format!("the channel name {name:?} has {} bytes, and OpenEXR allows 255", name.len()));
+            }
+            if let Some(name) = seen.replace(name) {
+                return Err(format!("two pairs of a position and a component make the channel {name:?}"));
+            }
+        }
+        for position in &self.positions {
+            if let PositionKind::Directional(vector) | PositionKind::Point(vector) = position.kind {
+                check_finite("the position ", &position.name, &vector)?;
+            }
+        }
+        for light in &self.lights {
+            check_finite("the light ", &light.name, &light.spectrum)?;
+            check_finite("the light ", &light.name, &[light.weight])?;
+            if light.position >= self.positions.len() {
+                let (name, positions) = (&light.name, self.positions.len());
+                return Err(format!("the light {name:?} is at position {}, and there are {positions}", light.position));
+            }
+        }
+        check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;
+        check_finite("", "exposure", &[self.exposure])
+    }
+
+    /// Whether a file can hold the model.
+    fn check_model(&self, stored: &Stored) -> Result<(), String> {
+        check_finite("", "tolerance", &[stored.tolerance])?;
+        check_dimension(stored.model.dimension())?;
+        check_cloud(stored.model.cloud().len())
+    }
+}
+
+/// Refuses dimensions that no model has.
+pub(super) fn check_dimension(dimension: usize) -> Result<(), String> {
+    if (1..=LARGEST_DIMENSION).contains(&dimension) {
+        Ok(())
+    } else {
+        Err(format!("its colour model has {dimension} coefficients, and one has 1 to {LARGEST_DIMENSION}"))
+    }
+}
+
+/// Refuses clouds of so many spectra.
+pub(super) fn check_cloud(spectra: usize) -> Result<(), String> {
+    if (1..=LARGEST_CLOUD).contains(&spectra) {
+        Ok(())
+    } else {
+        Err(format!("its colour model was fitted on {spectra} spectra, and one is on 1 to {LARGEST_CLOUD}"))
+    }
+}
+
+/// Refuses numbers that are infinite or NaN.
+pub(super) fn check_finite(what: &str, name: &str, numbers: &[f64]) -> Result<(), String> {
+    match numbers.iter().find(|number| !number.is_finite()) {
+        Some(number) => Err(format!("{what}{name:?} holds {number}, which is not a finite number")),
+        None => Ok(()),
+    }
+}
+
+/// Whether there is a finite value for every pixel of each of `planes`, which have these names and rows of `width`;
+/// `place` is what messages add to the names.
+pub(super) fn check_planes<'a>(
+    names: &[String],
+    planes: impl Iterator<Item = &'a [f32]>,
+    width: usize,
+    place: &str,
+) -> Result<(), String> {
+    let bad = |plane: &[f32]| plane.iter().position(|value| !value.is_finite());
+    match names.iter().zip(planes).find_map(|(name, plane)| bad(plane).map(|pixel| (name, pixel))) {
+        Some((name, pixel)) => {
+            let (x, y) = (pixel % width, pixel / width);
+            Err(format!("the channel {name:?}{place} has no finite value at pixel ({x}, {y})"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Refuses names that are empty, hold control characters, or occur twice.
+fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), String> {
+    let mut seen = HashSet::new();
+    for name in names {
+        if name.is_empty() {
+            return Err(format!("a {what} has an empty name"));
+        }
+        if name.chars().any(char::is_control) {
+            return Err(format!("the name of the {what} {name:?} holds a control character"));
+        }
+        if !seen.insert(name) {
+            return Err(format!("two of the {what}s are called {name:?}"));
+        }
+    }
+    Ok(())
+}

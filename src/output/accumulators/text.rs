@@ -1,0 +1,304 @@
+//! The text inside an accumulator file.
+
+use serde::{Deserialize, Serialize};
+
+use super::rules::{check_dimension, check_finite};
+use super::{Accumulators, BANDS, Component, Components, Light, Position, PositionKind, Stored};
+use crate::model::{ErrorSummary, LightMatrix, ModelKind};
+use crate::spectrum::{Light as LightSpectrum, Spectrum};
+
+/// The version of a file of weights.
+const WEIGHTS: i64 = 1;
+
+/// The version of a file with a colour model.
+const MODEL: i64 = 2;
+
+/// The largest number of a projection. Those of fits are below a hundred, and huge ones would overflow in one.
+const LARGEST_SHARE: f64 = 1e9;
+
+/// The text of the attribute, as TOML has it.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    version: i64,
+    #[serde(default = "one")]
+    exposure: f64,
+    #[serde(default)]
+    adapt: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    background: Option<Vec<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    model: Option<ModelEntry>,
+    #[serde(default)]
+    components: Vec<ComponentEntry>,
+    #[serde(default)]
+    positions: Vec<PositionEntry>,
+    #[serde(default)]
+    lights: Vec<LightEntry>,
+}
+
+/// All that is read of a text of another version.
+#[derive(Deserialize)]
+struct VersionOnly {
+    version: i64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelEntry {
+    kind: ModelKind,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    description: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    nodes_nm: Option<Vec<f64>>,
+    transmittance: Passing,
+    #[serde(default = "one")]
+    tolerance: f64,
+    projection: Vec<Vec<f64>>,
+}
+
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Passing {
+    Grey,
+    Coloured,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ComponentEntry {
+    name: String,
+    spectrum: Vec<f64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PositionEntry {
+    name: String,
+    kind: Kind,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    vector: Option<[f64; 3]>,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    Ambient,
+    Headlight,
+    Directional,
+    Point,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LightEntry {
+    name: String,
+    position: String,
+    weight: f64,
+    spectrum: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    matrix: Option<Vec<[f64; 3]>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    error: Option<ErrorSummary>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    unseen: Option<ErrorSummary>,
+}
+
+/// The exposure, or the tolerance, of a file that says nothing about it.
+fn one() -> f64 {
+    1.0
+}
+
+/// The text of `accumulators`.
+pub(super) fn written(accumulators: &Accumulators) -> Result<String, String> {
+    toml::to_string(&Document::from(accumulators)).map_err(|error| error.to_string())
+}
+
+impl From<&Accumulators> for Document {
+    fn from(accumulators: &Accumulators) -> Self {
+        let (surfaces, stored) = match &accumulators.components {
+            Components::Surfaces(surfaces) => (surfaces.as_slice(), None),
+            Components::Model(stored) => (&[][..], Some(stored)),
+        };
+        let component = |component: &Component| ComponentEntry {
+            name: component.name.clone(),
+            spectrum: component.spectrum.to_vec(),
+        };
+        let position = |position: &Position| {
+            let (kind, vector) = match position.kind {
+                PositionKind::Ambient => (Kind::Ambient, None),
+                PositionKind::Headlight => (Kind::Headlight, None),
+                PositionKind::Directional(vector) => (Kind::Directional, Some(vector)),
+                PositionKind::Point(vector) => (Kind::Point, Some(vector)),
+            };
+            PositionEntry { name: position.name.clone(), kind, vector }
+        };
+        let light = |light: &Light| {
+            let spectrum = Spectrum::from_samples(light.spectrum);
+            let mut known = stored.iter().flat_map(|stored| stored.model.lights());
+            let matrix = known.find(|(_, known, _)| *known.spectrum() == spectrum).map(|(.., matrix)| matrix);
+            LightEntry {
+                name: light.name.clone(),
+                position: accumulators.positions[light.position].name.clone(),
+                weight: light.weight,
+                spectrum: light.spectrum.to_vec(),
+                matrix: matrix.map(|matrix| matrix.xyz.clone()),
+                error: matrix.map(|matrix| matrix.error),
+                unseen: matrix.and_then(|matrix| matrix.unseen),
+            }
+        };
+        let model = |stored: &Stored| ModelEntry {
+            kind: stored.model.kind(),
+            description: Some(stored.model.description()),
+            nodes_nm: stored.model.nodes_nm(),
+            transmittance: if stored.coloured { Passing::Coloured } else { Passing::Grey },
+            tolerance: stored.tolerance,
+            projection: stored.model.projection().iter().map(|row| row.samples().to_vec()).collect(),
+        };
+        Self {
+            version: if stored.is_some() { MODEL } else { WEIGHTS },
+            exposure: accumulators.exposure,
+            adapt: accumulators.adapt,
+            background: accumulators.background.map(|background| background.to_vec()),
+            model: stored.map(model),
+            components: surfaces.iter().map(component).collect(),
+            positions: accumulators.positions.iter().map(position).collect(),
+            lights: accumulators.lights.iter().map(light).collect(),
+        }
+    }
+}
+
+/// A colour model without what it was fitted on.
+pub(super) struct ModelDraft {
+    pub(super) kind: ModelKind,
+    pub(super) coloured: bool,
+    pub(super) tolerance: f64,
+    pub(super) projection: Vec<Spectrum>,
+    /// Those of the file's lights that have a matrix.
+    pub(super) lights: Vec<(String, LightSpectrum, LightMatrix)>,
+}
+
+/// What `text` says, without pixels; where it tells of a colour model, the components are that one's, and left empty.
+pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), String> {
+    let located = |error: toml::de::Error| match error.span().and_then(|span| text.get(..span.start)) {
+        Some(before) => format!("line {}: {}", before.matches('\n').count() + 1, error.message()),
+        None => error.message().to_owned(),
+    };
+    let VersionOnly { version } = toml::from_str(text).map_err(located)?;
+    if version != WEIGHTS && version != MODEL {
+        return Err(format!(
+            "version {version} is not known here; this program knows the versions {WEIGHTS} and {MODEL}"
+        ));
+    }
+    let mut document: Document = toml::from_str(text).map_err(located)?;
+    match (version, &document.model) {
+        (WEIGHTS, Some(_)) => return Err(format!("a file with a `[model]` has the version {MODEL}")),
+        (MODEL, None) => return Err(format!("a file of version {MODEL} has a `[model]`")),
+        (MODEL, Some(_)) if !document.components.is_empty() => {
+            return Err("a file with a `[model]` has no `[[components]]`".to_owned());
+        }
+        _ => {}
+    }
+    let component = |entry: ComponentEntry| {
+        let spectrum = bands(&format!("the component {:?}", entry.name), entry.spectrum)?;
+        Ok(Component { name: entry.name, spectrum })
+    };
+    let model = document.model.take().map(|entry| model_draft(entry, &document.lights)).transpose()?;
+    if let Some(light) = document.lights.iter().find(|light| model.is_none() && light.has_matrix()) {
+        return Err(format!("the light {:?} has a matrix, and there is no `[model]`", light.name));
+    }
+    let components = document.components.into_iter().map(component).collect::<Result<_, String>>()?;
+    let positions = document.positions.into_iter().map(position).collect::<Result<Vec<_>, String>>()?;
+    let light = |entry: LightEntry| {
+        let spectrum = bands(&format!("the light {:?}", entry.name), entry.spectrum)?;
+        let Some(position) = positions.iter().position(|position| position.name == entry.position) else {
+            return Err(format!(
+                "the light {:?} is at the position {:?}, which is not listed",
+                entry.name, entry.position
+            ));
+        };
+        Ok(Light { name: entry.name, position, weight: entry.weight, spectrum })
+    };
+    let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
+    let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
+    let Document { exposure, adapt, .. } = document;
+    let accumulators = Accumulators {
+        width: 0,
+        height: 0,
+        components: Components::Surfaces(components),
+        positions,
+        lights,
+        background,
+        exposure,
+        adapt,
+        weights: Vec::new(),
+        transmittance: Vec::new(),
+    };
+    Ok((accumulators, model))
+}
+
+impl LightEntry {
+    fn has_matrix(&self) -> bool {
+        self.matrix.is_some() || self.error.is_some() || self.unseen.is_some()
+    }
+}
+
+/// The samples of the spectrum that `owner` has.
+fn bands(owner: &str, spectrum: Vec<f64>) -> Result<[f64; BANDS], String> {
+    <[f64; BANDS]>::try_from(spectrum)
+        .map_err(|spectrum| format!("{owner} has {} numbers, and a spectrum has {BANDS}", spectrum.len()))
+}
+
+fn position(entry: PositionEntry) -> Result<Position, String> {
+    let kind = match (entry.kind, entry.vector) {
+        (Kind::Ambient, None) => PositionKind::Ambient,
+        (Kind::Headlight, None) => PositionKind::Headlight,
+        (Kind::Directional, Some(vector)) => PositionKind::Directional(vector),
+        (Kind::Point, Some(vector)) => PositionKind::Point(vector),
+        (Kind::Ambient | Kind::Headlight, Some(_)) => {
+            return Err(format!("the position {:?} needs no `vector`: its kind has none", entry.name));
+        }
+        (Kind::Directional | Kind::Point, None) => {
+            return Err(format!("the position {:?} needs a `vector` of three numbers", entry.name));
+        }
+    };
+    Ok(Position { name: entry.name, kind })
+}
+
+/// The model of `entry`, with the matrices of `lights`.
+fn model_draft(entry: ModelEntry, lights: &[LightEntry]) -> Result<ModelDraft, String> {
+    check_dimension(entry.projection.len())?;
+    check_finite("", "tolerance", &[entry.tolerance])?;
+    let dimension = entry.projection.len();
+    let row = |(index, row): (usize, Vec<f64>)| {
+        let samples = bands(&format!("row {index} of `projection`"), row)?;
+        check_finite("", "projection", &samples)?;
+        if let Some(sample) = samples.iter().find(|sample| sample.abs() > LARGEST_SHARE) {
+            return Err(format!("row {index} of `projection` holds {sample:e}, which is beyond ±{LARGEST_SHARE:e}"));
+        }
+        Ok(Spectrum::from_samples(samples))
+    };
+    let projection = entry.projection.into_iter().enumerate().map(row).collect::<Result<_, String>>()?;
+    let matrix = |light: &LightEntry| -> Result<Option<(String, LightSpectrum, LightMatrix)>, String> {
+        let name = &light.name;
+        let (Some(xyz), Some(error)) = (&light.matrix, light.error) else {
+            return match light.has_matrix() {
+                true => Err(format!("the light {name:?} needs both `matrix` and `error`, or neither")),
+                false => Ok(None),
+            };
+        };
+        if xyz.len() != dimension {
+            return Err(format!("the matrix of the light {name:?} has {} columns, not {dimension}", xyz.len()));
+        }
+        check_finite("the matrix of the light ", name, xyz.as_flattened())?;
+        for error in [Some(error), light.unseen].into_iter().flatten() {
+            check_finite("the error of the light ", name, &[error.mean, error.p95, error.max])?;
+        }
+        let samples = bands(&format!("the light {name:?}"), light.spectrum.clone())?;
+        let spectrum = LightSpectrum::new(Spectrum::from_samples(samples)).map_err(|error| error.to_string())?;
+        Ok(Some((name.clone(), spectrum, LightMatrix { xyz: xyz.clone(), error, unseen: light.unseen })))
+    };
+    let lights = lights.iter().filter_map(|light| matrix(light).transpose()).collect::<Result<_, String>>()?;
+    let coloured = entry.transmittance == Passing::Coloured;
+    Ok(ModelDraft { kind: entry.kind, coloured, tolerance: entry.tolerance, projection, lights })
+}

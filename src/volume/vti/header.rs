@@ -1,0 +1,455 @@
+//! The tags of a VTK XML file: which arrays there are, and where their values begin.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use glam::{DMat3, DVec3};
+use quick_xml::events::{BytesStart, Event};
+use quick_xml::{Reader, XmlVersion};
+
+use super::bytes::Compressor;
+use super::grid::{Extent, Frame};
+use crate::progress::Progress;
+use crate::volume::raw::ByteOrder;
+use crate::volume::stream::{self, count};
+use crate::volume::{VolumeError, VoxelType};
+
+/// More tags than this describe no image; values between tags do not count.
+const LONGEST_MARKUP: u64 = 16 << 20;
+
+/// More arrays than this, those of all pieces together, are a mistake.
+const MOST_ARRAYS: usize = 1 << 16;
+
+/// More numbers to a voxel than this are a mistake.
+const MOST_COMPONENTS: usize = 1 << 16;
+
+/// What the numbers of an array belong to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Section {
+    /// The corners of the grid.
+    Points,
+    /// What lies between the corners.
+    Cells,
+    /// The data set as a whole.
+    Fields,
+}
+
+impl Section {
+    const ALL: [Self; 3] = [Self::Points, Self::Cells, Self::Fields];
+
+    /// VTK's name of it.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Points => "PointData",
+            Self::Cells => "CellData",
+            Self::Fields => "FieldData",
+        }
+    }
+}
+
+/// Where the values of an array begin; places are bytes of the file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// Numbers between tags.
+    Text(u64),
+    /// Bytes between tags, as base64.
+    Base64(u64),
+    /// So many characters into the appended section.
+    Appended(u64),
+}
+
+/// An array that the tags announce.
+#[derive(Clone, Debug)]
+pub(super) struct Array {
+    pub(super) section: Section,
+    pub(super) name: String,
+    /// The type as the file calls it.
+    pub(super) type_name: String,
+    pub(super) components: usize,
+    /// Whether its section names it as the scalars to show.
+    pub(super) active: bool,
+    /// How many tuples, where it is said, as it is in field data.
+    pub(super) tuples: Option<usize>,
+    pub(super) place: Place,
+}
+
+impl Array {
+    /// The type of its values; `None` for strings and bits.
+    pub(super) fn voxel_type(&self) -> Option<VoxelType> {
+        self.type_name.parse().ok()
+    }
+
+    /// Whether it is the same array as `other`, of another piece or time.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        self.section == other.section && self.name == other.name
+    }
+}
+
+/// A part of the image.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub(super) extent: Extent,
+    pub(super) arrays: Vec<Array>,
+}
+
+/// Where appended values begin.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Appended {
+    pub(super) base64: bool,
+    pub(super) start: u64,
+}
+
+/// All that the tags say.
+#[derive(Debug)]
+pub(super) struct Header {
+    pub(super) path: PathBuf,
+    /// Bytes of the file.
+    pub(super) length: u64,
+    pub(super) byte_order: ByteOrder,
+    /// Whether a word before values has eight bytes, not four.
+    pub(super) wide: bool,
+    pub(super) compressor: Option<Compressor>,
+    pub(super) frame: Frame,
+    pub(super) fields: Vec<Array>,
+    pub(super) pieces: Vec<Piece>,
+    pub(super) appended: Option<Appended>,
+}
+
+impl Header {
+    /// Reads the tags as far as the appended section, and steps over the values between them.
+    pub(super) fn read(path: &Path, progress: &dyn Progress) -> Result<Self, VolumeError> {
+        let wrong = |problem: String| VolumeError::Vti { path: path.to_owned(), problem };
+        let failed = |source| stream::failed(path, source);
+        let stream = stream::at(path, 0)?;
+        let length = stream.get_ref().metadata().map_err(failed)?.len();
+        let mut xml = Reader::from_reader(Markup { stream, at: 0, limit: LONGEST_MARKUP });
+        let mut builder = Builder {
+            path,
+            depth: 0,
+            file: None,
+            frame: None,
+            section: None,
+            scalars: None,
+            in_piece: false,
+            fields: Vec::new(),
+            pieces: Vec::new(),
+            arrays: 0,
+            base64: None,
+        };
+        let mut buffer = Vec::new();
+        loop {
+            // The reader never sees text: it would hold all of it.
+            while xml.get_mut().skip_some_text().map_err(failed)? {
+                if progress.cancelled() {
+                    return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
+                }
+            }
+            buffer.clear();
+            let event = xml.read_event_into(&mut buffer).map_err(|error| match error {
+                quick_xml::Error::Io(error) => failed(io::Error::new(error.kind(), error.to_string())),
+                error => wrong(format!("is no sound XML: {error}")),
+            })?;
+            let at = xml.get_ref().at;
+            match event {
+                Event::Start(tag) => builder.open(&tag, at)?,
+                Event::Empty(tag) => {
+                    builder.open(&tag, at)?;
+                    builder.close(tag.name().as_ref());
+                }
+                Event::End(tag) => builder.close(tag.name().as_ref()),
+                Event::DocType(_) => return Err(wrong("a document type has no place in a VTK file".to_owned())),
+                Event::Eof => return builder.finish(length, None),
+                _ => {}
+            }
+            if let Some(base64) = builder.base64 {
+                let start = xml.get_mut().past_underscore().map_err(failed)?;
+                let start = start.ok_or_else(|| wrong("AppendedData does not begin with _".to_owned()))?;
+                return builder.finish(length, Some(Appended { base64, start }));
+            }
+        }
+    }
+
+    pub(super) fn wrong(&self, problem: String) -> VolumeError {
+        VolumeError::Vti { path: self.path.clone(), problem }
+    }
+}
+
+/// Bytes on their way to the XML reader: counted, and limited but for what is skipped.
+struct Markup {
+    stream: BufReader<File>,
+    at: u64,
+    limit: u64,
+}
+
+impl Markup {
+    /// Steps over text in the buffer; `false` when a tag or the end has come.
+    fn skip_some_text(&mut self) -> io::Result<bool> {
+        let buffer = self.stream.fill_buf()?;
+        let tag = memchr::memchr(b'<', buffer);
+        let text = tag.unwrap_or(buffer.len());
+        let more = tag.is_none() && text > 0;
+        self.limit += count(text);
+        self.consume(text);
+        Ok(more)
+    }
+
+    /// Steps over blanks and an underscore, and says where it is then; `None` where something else comes.
+    fn past_underscore(&mut self) -> io::Result<Option<u64>> {
+        let mut byte = [0];
+        while self.read(&mut byte)? == 1 {
+            match byte[0] {
+                b'_' => return Ok(Some(self.at)),
+                blank if blank.is_ascii_whitespace() => {}
+                _ => break,
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl Read for Markup {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.fill_buf()?.read(bytes)?;
+        self.consume(read);
+        Ok(read)
+    }
+}
+
+impl BufRead for Markup {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if self.at >= self.limit {
+            return Err(io::Error::other(format!("more than {LONGEST_MARKUP} bytes of tags")));
+        }
+        self.stream.fill_buf()
+    }
+
+    fn consume(&mut self, amount: usize) {
+        self.at += count(amount);
+        self.stream.consume(amount);
+    }
+}
+
+/// A header while its tags come in.
+struct Builder<'a> {
+    path: &'a Path,
+    /// How many tags are open.
+    depth: usize,
+    file: Option<FileTag>,
+    frame: Option<Frame>,
+    section: Option<Section>,
+    /// The array that the section names as the scalars to show.
+    scalars: Option<String>,
+    in_piece: bool,
+    fields: Vec<Array>,
+    pieces: Vec<Piece>,
+    /// How many arrays there are in all pieces.
+    arrays: usize,
+    /// Whether appended values are base64, once their tag has come.
+    base64: Option<bool>,
+}
+
+struct FileTag {
+    byte_order: ByteOrder,
+    wide: bool,
+    compressor: Option<Compressor>,
+}
+
+impl Builder<'_> {
+    fn wrong(&self, problem: String) -> VolumeError {
+        VolumeError::Vti { path: self.path.to_owned(), problem }
+    }
+
+    /// A tag has begun, and `at` is behind it.
+    fn open(&mut self, tag: &BytesStart<'_>, at: u64) -> Result<(), VolumeError> {
+        self.depth += 1;
+        let name = tag.name();
+        if self.file.is_none() && name.as_ref() != "VTKFile" {
+            return Err(self.wrong(format!("begins with <{}>, not with <VTKFile>", name.as_ref())));
+        }
+        match name.as_ref() {
+            "VTKFile" => self.file = Some(self.file_tag(tag)?),
+            "ImageData" => self.frame = Some(self.frame(tag)?),
+            "Piece" => {
+                let extent = self.attribute(tag, "Extent")?;
+                let extent = extent.ok_or_else(|| self.wrong("a Piece has no Extent".to_owned()))?;
+                let extent = self.parse(&extent, "Extent of a Piece", "six whole numbers of 32 bits")?;
+                self.pieces.push(Piece { extent, arrays: Vec::new() });
+                self.in_piece = true;
+                self.count()?;
+            }
+            "PointData" | "CellData" | "FieldData" => {
+                self.section = Section::ALL.into_iter().find(|section| section.name() == name.as_ref());
+                self.scalars = self.attribute(tag, "Scalars")?;
+            }
+            "DataArray" | "Array" => {
+                let Some(section) = self.section else { return Ok(()) };
+                let array = self.array(tag, section, at)?;
+                match self.pieces.last_mut() {
+                    Some(piece) if self.in_piece => piece.arrays.push(array),
+                    _ if section == Section::Fields => self.fields.push(array),
+                    _ => return Err(self.wrong(format!("the array {:?} is in no Piece", array.name))),
+                }
+                self.count()?;
+            }
+            "AppendedData" => {
+                self.base64 = Some(match self.attribute(tag, "encoding")?.as_deref() {
+                    Some("raw") => false,
+                    // VTK's own default.
+                    Some("base64") | None => true,
+                    Some(other) => return Err(self.wrong(format!("appended data are raw or base64, not {other}"))),
+                });
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn close(&mut self, name: &str) {
+        self.depth = self.depth.saturating_sub(1);
+        match name {
+            "Piece" => self.in_piece = false,
+            "PointData" | "CellData" | "FieldData" => self.section = None,
+            _ => {}
+        }
+    }
+
+    fn count(&mut self) -> Result<(), VolumeError> {
+        self.arrays += 1;
+        if self.arrays > MOST_ARRAYS {
+            return Err(self.wrong(format!("more than {MOST_ARRAYS} pieces and arrays")));
+        }
+        Ok(())
+    }
+
+    fn file_tag(&self, tag: &BytesStart<'_>) -> Result<FileTag, VolumeError> {
+        match self.attribute(tag, "type")?.as_deref() {
+            Some("ImageData") => {}
+            Some("PImageData") => {
+                return Err(self.wrong("is PImageData, a list of other files; give one of those".to_owned()));
+            }
+            other => {
+                return Err(self.wrong(format!("holds {}, not ImageData", other.unwrap_or("nothing that it names"))));
+            }
+        }
+        let byte_order = match self.attribute(tag, "byte_order")?.as_deref() {
+            Some("LittleEndian") => ByteOrder::Little,
+            Some("BigEndian") => ByteOrder::Big,
+            // As VTK reads it.
+            None => ByteOrder::NATIVE,
+            Some(other) => {
+                return Err(self.wrong(format!("byte_order is LittleEndian or BigEndian, not {other}")));
+            }
+        };
+        let wide = match self.attribute(tag, "header_type")?.as_deref() {
+            Some("UInt32") | None => false,
+            Some("UInt64") => true,
+            Some(other) => return Err(self.wrong(format!("header_type is UInt32 or UInt64, not {other}"))),
+        };
+        let compressor = match self.attribute(tag, "compressor")?.as_deref() {
+            None | Some("") => None,
+            Some(name) => Some(Compressor::named(name).ok_or_else(|| {
+                self.wrong(format!(
+                    "compressor {name} is not one of {}",
+                    Compressor::ALL.map(Compressor::name).join(", ")
+                ))
+            })?),
+        };
+        Ok(FileTag { byte_order, wide, compressor })
+    }
+
+    fn frame(&self, tag: &BytesStart<'_>) -> Result<Frame, VolumeError> {
+        let extent = self.attribute(tag, "WholeExtent")?;
+        let extent = extent.ok_or_else(|| self.wrong("ImageData has no WholeExtent".to_owned()))?;
+        let numbers = |name: &'static str, default: &str| -> Result<Vec<f64>, VolumeError> {
+            let text = self.attribute(tag, name)?.unwrap_or_else(|| default.to_owned());
+            let numbers = text.split_whitespace().map(f64::from_str).collect::<Result<Vec<_>, _>>();
+            let wanted = default.split(' ').count();
+            numbers
+                .ok()
+                .filter(|numbers| numbers.len() == wanted)
+                .ok_or_else(|| self.wrong(format!("{name} {} should be {wanted} numbers", shortened(&text))))
+        };
+        // Row by row in the file; column i is axis i.
+        let direction = numbers("Direction", "1 0 0 0 1 0 0 0 1")?;
+        let direction = DMat3::from_cols_slice(&direction).transpose();
+        Ok(Frame {
+            extent: self.parse(&extent, "WholeExtent", "six whole numbers of 32 bits")?,
+            origin: DVec3::from_slice(&numbers("Origin", "0 0 0")?),
+            spacing: DVec3::from_slice(&numbers("Spacing", "1 1 1")?),
+            direction,
+        })
+    }
+
+    fn array(&self, tag: &BytesStart<'_>, section: Section, at: u64) -> Result<Array, VolumeError> {
+        let name = self.attribute(tag, "Name")?.unwrap_or_default();
+        let type_name = self.attribute(tag, "type")?.unwrap_or_default();
+        let whole = |key: &'static str| match self.attribute(tag, key)? {
+            None => Ok(None),
+            Some(text) => {
+                self.parse::<usize>(&text, &format!("{key} of the array {name:?}"), "a whole number").map(Some)
+            }
+        };
+        // VTK writes 0 where it means 1.
+        let components = whole("NumberOfComponents")?.unwrap_or(1).max(1);
+        if components > MOST_COMPONENTS {
+            return Err(self.wrong(format!("the array {name:?} has {components} components")));
+        }
+        let tuples = whole("NumberOfTuples")?;
+        // As VTK decides it: what has an offset is appended, and what is not binary is text.
+        let format = self.attribute(tag, "format")?;
+        let place = match (self.attribute(tag, "offset")?, format.as_deref()) {
+            (Some(offset), _) => {
+                Place::Appended(self.parse(&offset, &format!("offset of the array {name:?}"), "a whole number")?)
+            }
+            (None, Some("appended")) => return Err(self.wrong(format!("the appended array {name:?} has no offset"))),
+            (None, Some("binary")) => Place::Base64(at),
+            (None, Some("ascii") | None) => Place::Text(at),
+            (None, Some(other)) => {
+                return Err(self.wrong(format!("the array {name:?} is ascii, binary or appended, not {other}")));
+            }
+        };
+        let active = self.scalars.as_ref() == Some(&name);
+        Ok(Array { section, name, type_name, components, active, tuples, place })
+    }
+
+    /// An attribute of a tag; of XML's entities only those every XML file has.
+    fn attribute(&self, tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, VolumeError> {
+        // The check for repeated names takes the square of their number.
+        for attribute in tag.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|error| self.wrong(format!("a tag is damaged: {error}")))?;
+            if attribute.key.as_ref() == name {
+                let value = attribute.normalized_value(XmlVersion::Implicit1_0);
+                let value = value.map_err(|error| self.wrong(format!("{name} is damaged: {error}")))?;
+                // Names are printed, and must not move the cursor.
+                return Ok(Some(value.replace(char::is_control, " ")));
+            }
+        }
+        Ok(None)
+    }
+
+    fn parse<T: FromStr>(&self, text: &str, name: &str, what: &str) -> Result<T, VolumeError> {
+        text.trim().parse().map_err(|_| self.wrong(format!("{name} {} should be {what}", shortened(text))))
+    }
+
+    fn finish(self, length: u64, appended: Option<Appended>) -> Result<Header, VolumeError> {
+        if appended.is_none() && self.depth > 0 {
+            return Err(self.wrong("ends in the middle, before all tags are closed".to_owned()));
+        }
+        let Some(FileTag { byte_order, wide, compressor }) = self.file else {
+            return Err(self.wrong("there is no <VTKFile> in it".to_owned()));
+        };
+        let Some(frame) = self.frame else {
+            return Err(self.wrong("there is no <ImageData> in it".to_owned()));
+        };
+        let (path, fields, pieces) = (self.path.to_owned(), self.fields, self.pieces);
+        Ok(Header { path, length, byte_order, wide, compressor, frame, fields, pieces, appended })
+    }
+}
+
+/// The beginning of what a file says, for a message.
+fn shortened(text: &str) -> String {
+    let start: String = text.chars().take(60).collect();
+    format!("{start:?}")
+}

@@ -1,0 +1,372 @@
+//! VTK XML image data, `.vti`: tags that describe a grid and its arrays, and values between or behind them.
+//!
+//! Tags and meanings as in `vtkXMLImageDataReader` and `vtkXMLDataParser` (VTK 9). The registry's crate for such files,
+//! `vtkio`, is not used: it fails on files that VTK wrote, `engine.vti` of vtk-js-datasets among them.
+
+mod bytes;
+mod grid;
+mod header;
+
+use std::collections::HashSet;
+use std::io::{BufRead, Read};
+use std::path::Path;
+
+use self::bytes::{Base64, Blocks, Compressor, UntilTag, Words};
+use self::grid::Block;
+use self::header::{Array, Header, Place, Section};
+use super::data::{self, Next, SLAB_BYTES};
+use super::raw::ByteOrder;
+use super::stream::{self, count};
+use super::voxels::{with_type, with_voxels};
+use super::{Selection, Volume, VolumeError, Voxel, Voxels};
+use crate::progress::{Progress, Quiet};
+
+/// Neighbouring pieces share points: along each axis, pieces of one cell have nearly twice as many as there are.
+const MOST_SHARED: usize = 8;
+
+/// A digit and what parts it from the next are two bytes in the file, and at most eight in memory.
+const PLAIN_LIMIT: u64 = 4;
+
+/// Field data of more numbers than this are not shown.
+const MOST_SHOWN: usize = 16;
+
+/// Whether a file that begins with these bytes is VTK XML.
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    String::from_utf8_lossy(beginning).contains("<VTKFile")
+}
+
+/// Reads one component of one array of VTK XML image data.
+///
+/// No more memory is taken than the lengths of the values in the file justify, none before all pieces have been looked at,
+/// and never more than the volume, one block of compressed values, and for several pieces a bit per voxel.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let source = path.display().to_string();
+    let header = Header::read(path, progress)?;
+    let chosen = choose(&header, selection, &source)?;
+    let step = selection.time(&source, steps(&header, chosen))?;
+    let voxel_type = chosen.voxel_type().ok_or_else(|| header.wrong(format!("{} are no numbers", chosen.type_name)))?;
+    let what = format!("the {voxel_type} array {} of {}", chosen.name, chosen.section.name());
+    let component = selection.component(&source, chosen.components, &what)?;
+    let geometry = header.frame.geometry(&source, chosen.section)?;
+    let whole = header.frame.block(chosen.section, &header.frame.extent);
+    let parts = parts(&header, chosen, step)?;
+    let mut notes = Vec::new();
+    let voxels =
+        with_type!(voxel_type, T => read_parts::<T>(&header, &parts, &whole, component, progress, &mut notes))?;
+
+    let mut volume = Volume::new(&source, voxels, geometry)?;
+    volume.notes = notes;
+    volume.files.push(path.to_owned());
+    volume.components = chosen.components;
+    volume.metadata = metadata(&header, chosen);
+    if chosen.section == Section::Cells {
+        volume.notes.push(format!(
+            "{source}: {} are values of cells; each is a voxel at the centre of its cell, half a spacing from the corners",
+            chosen.name
+        ));
+    }
+    Ok(volume)
+}
+
+/// The arrays of the first piece that has points; all others have the same.
+fn arrays(header: &Header) -> impl Iterator<Item = &Array> {
+    let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::Points, &piece.extent).is_empty());
+    pieces.take(1).flat_map(|piece| &piece.arrays)
+}
+
+/// The arrays of numbers at points and cells, each once.
+fn candidates(header: &Header) -> Vec<&Array> {
+    let mut seen = HashSet::new();
+    let numbers = |array: &&Array| array.section != Section::Fields && array.voxel_type().is_some();
+    arrays(header).filter(numbers).filter(|array| seen.insert((array.section, &array.name))).collect()
+}
+
+/// How many time steps of an array there are: VTK writes one after the other, by the same name.
+fn steps(header: &Header, chosen: &Array) -> usize {
+    arrays(header).filter(|array| array.is_same(chosen)).count()
+}
+
+/// The array that is chosen, else the one that is active, of points before cells, else the only one.
+fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<&'a Array, VolumeError> {
+    let candidates = candidates(header);
+    if candidates.is_empty() {
+        return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
+    }
+    if selection.array.is_none() {
+        let active = |section| candidates.iter().copied().find(|array| array.active && array.section == section);
+        if let Some(active) = active(Section::Points).or_else(|| active(Section::Cells)) {
+            return Ok(active);
+        }
+    }
+    // An array of points and one of cells may have the same name.
+    let names = |section| -> HashSet<&str> {
+        candidates.iter().filter(|array| array.section == section).map(|array| array.name.as_str()).collect()
+    };
+    let (points, cells) = (names(Section::Points), names(Section::Cells));
+    let label = |array: &&Array| match array.name.as_str() {
+        name if points.contains(name) && cells.contains(name) => format!("{}/{name}", array.section.name()),
+        name => name.to_owned(),
+    };
+    let labels: Vec<String> = candidates.iter().map(label).collect();
+    let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
+    selection.array(source, &labels).map(|index| candidates[index])
+}
+
+/// What one piece has of an array.
+struct Part<'a> {
+    array: &'a Array,
+    block: Block,
+}
+
+/// What every piece has of the array `chosen` at a time step; pieces without points have none.
+fn parts<'a>(header: &'a Header, chosen: &Array, step: usize) -> Result<Vec<Part<'a>>, VolumeError> {
+    let blocks = header.pieces.iter().map(|piece| (piece, header.frame.block(chosen.section, &piece.extent)));
+    blocks
+        .filter(|(_, block)| !block.is_empty())
+        .map(|(piece, block)| {
+            let array = piece.arrays.iter().filter(|array| array.is_same(chosen)).nth(step).ok_or_else(|| {
+                header.wrong(format!("a piece lacks the array {:?}, which another one has", chosen.name))
+            })?;
+            if (array.voxel_type(), array.components) != (chosen.voxel_type(), chosen.components) {
+                return Err(header.wrong(format!("the array {:?} differs in type between pieces", chosen.name)));
+            }
+            Ok(Part { array, block })
+        })
+        .collect()
+}
+
+/// Refuses parts that lie outside the whole, repeat it for ever, or are more than the file can hold.
+fn check_parts<T: Voxel>(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
+    if parts.iter().any(|part| part.block.runs(whole).is_none()) {
+        return Err(header.wrong("a Piece lies outside the WholeExtent".to_owned()));
+    }
+    let all = whole.voxels().unwrap_or(usize::MAX);
+    let sum = parts.iter().try_fold(0_usize, |sum, part| sum.checked_add(part.block.voxels()?));
+    let Some(sum) = sum.filter(|sum| sum / MOST_SHARED <= all) else {
+        return Err(header.wrong("its pieces lie on top of each other".to_owned()));
+    };
+    for part in parts {
+        Values::open::<T>(header, part)?;
+    }
+    // Each of them fits by itself, but all could be the same bytes of the file.
+    let limit = header.compressor.map_or(PLAIN_LIMIT, Compressor::limit);
+    let bytes = count(sum).saturating_mul(count(size_of::<T>()));
+    if bytes > header.length.saturating_mul(limit) {
+        let length = header.length;
+        return Err(header.wrong(format!("a file of {length} bytes cannot hold {bytes} bytes of values")));
+    }
+    Ok(())
+}
+
+/// Refuses parts that leave out some of the whole; they are known to lie in it.
+fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
+    let all = whole.voxels().unwrap_or(usize::MAX);
+    let sum: usize = parts.iter().filter_map(|part| part.block.voxels()).sum();
+    let mut left_out = all.saturating_sub(sum);
+    if parts.len() > 1 && left_out == 0 {
+        let mut covered = data::zeroed::<u64>(&header.path, all.div_ceil(64))?;
+        for (start, length) in parts.iter().filter_map(|part| part.block.runs(whole)).flatten() {
+            for voxel in start..start + length {
+                covered[voxel / 64] |= 1 << (voxel % 64);
+            }
+        }
+        left_out = all - covered.iter().map(|word| word.count_ones() as usize).sum::<usize>();
+    }
+    if left_out > 0 {
+        return Err(header.wrong(format!("its pieces leave out {left_out} of {all} voxels")));
+    }
+    Ok(())
+}
+
+/// Reads one component of all parts of an array. What was odd but harmless goes to `notes`.
+fn read_parts<T: Voxel>(
+    header: &Header,
+    parts: &[Part<'_>],
+    whole: &Block,
+    component: usize,
+    progress: &dyn Progress,
+    notes: &mut Vec<String>,
+) -> Result<Voxels, VolumeError> {
+    // All of them are looked at before there is memory for any.
+    check_parts::<T>(header, parts, whole)?;
+    check_gaps(header, parts, whole)?;
+    let mut voxels = data::zeroed::<T>(&header.path, whole.voxels().unwrap_or(usize::MAX))?;
+    let all = parts.iter().map(|part| count(part.block.voxels().unwrap_or(0))).sum::<u64>() * count(size_of::<T>());
+    let (mut done, mut reported) = (0, 0);
+    let mut tuples = Vec::new();
+    for part in parts {
+        let mut values = Values::open::<T>(header, part)?;
+        let components = part.array.components;
+        for (start, length) in part.block.runs(whole).into_iter().flatten() {
+            let slab = (SLAB_BYTES / size_of::<T>() / components).max(1);
+            for slab in voxels[start..start + length].chunks_mut(slab) {
+                if components == 1 {
+                    values.fill(slab)?;
+                } else {
+                    tuples.resize(slab.len() * components, T::zeroed());
+                    values.fill(&mut tuples)?;
+                    for (voxel, tuple) in slab.iter_mut().zip(tuples.chunks_exact(components)) {
+                        *voxel = tuple[component];
+                    }
+                }
+                done += count(size_of_val(slab));
+                if done == all || done - reported >= count(SLAB_BYTES) {
+                    data::report(&header.path, done, all, progress)?;
+                    reported = done;
+                }
+            }
+        }
+        notes.extend(values.rest()?);
+    }
+    Ok(T::into_voxels(voxels))
+}
+
+/// The values of a part of an array, one after the other.
+struct Values<'a> {
+    header: &'a Header,
+    array: &'a Array,
+    stream: Stream,
+    /// Numbers read, and how many there should be.
+    at: usize,
+    numbers: usize,
+}
+
+enum Stream {
+    Bytes(Box<dyn Read>),
+    Text(Box<dyn BufRead>),
+}
+
+impl<'a> Values<'a> {
+    /// Goes to the first value; there are bytes enough for all of them.
+    fn open<T: Voxel>(header: &'a Header, part: &Part<'a>) -> Result<Self, VolumeError> {
+        let array = part.array;
+        let path = &header.path;
+        let numbers = part.block.voxels().and_then(|voxels| voxels.checked_mul(array.components));
+        let numbers = numbers.filter(|numbers| numbers.checked_mul(size_of::<T>()).is_some());
+        let numbers = numbers.ok_or_else(|| header.wrong(format!("the array {:?} is too large", array.name)))?;
+        let expected = count(numbers) * count(size_of::<T>());
+        let (start, base64) = match (array.place, header.appended) {
+            (Place::Text(at), _) => (at, false),
+            (Place::Base64(at), _) => (at, true),
+            (Place::Appended(offset), Some(appended)) => (appended.start.saturating_add(offset), appended.base64),
+            (Place::Appended(_), None) => {
+                return Err(header.wrong(format!("the array {:?} is appended, but nothing is", array.name)));
+            }
+        };
+        let length = header.length;
+        let there = length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
+            header.wrong(format!("the values of {:?} begin at byte {start}, but the file has {length}", array.name))
+        })?;
+        let text = stream::at(path, start)?;
+        let stream = if matches!(array.place, Place::Text(_)) {
+            // A number and what parts it from the next take two bytes; the last needs no parting.
+            if there.div_ceil(2) < count(numbers) {
+                let found = usize::try_from(there.div_ceil(2)).unwrap_or(usize::MAX);
+                return Err(VolumeError::ShortText { path: path.clone(), found, expected: numbers });
+            }
+            Stream::Text(Box::new(UntilTag::new(text)))
+        } else {
+            let unpacked = if base64 {
+                unpacked(header, Base64::new(UntilTag::new(text)), expected, there / 4 * 3 + 3)
+            } else {
+                unpacked(header, text, expected, there)
+            };
+            let failed =
+                |source| VolumeError::VtiArray { path: path.clone(), array: array.name.clone(), decoded: 0, source };
+            Stream::Bytes(unpacked.map_err(failed)?)
+        };
+        Ok(Self { header, array, stream, at: 0, numbers })
+    }
+
+    /// The next numbers.
+    fn fill<T: Voxel>(&mut self, slab: &mut [T]) -> Result<(), VolumeError> {
+        let path = &self.header.path;
+        let next = Next { path, first: self.at, expected: self.numbers };
+        match &mut self.stream {
+            Stream::Bytes(stream) => {
+                let array = &self.array.name;
+                let swap = self.header.byte_order != ByteOrder::NATIVE;
+                next.decode(slab, stream, swap, |source, decoded| VolumeError::VtiArray {
+                    path: path.clone(),
+                    array: array.clone(),
+                    decoded,
+                    source,
+                })?;
+            }
+            Stream::Text(stream) => next.parse(slab, stream)?,
+        }
+        self.at += slab.len();
+        Ok(())
+    }
+
+    /// A sentence about text that goes on behind the last number; lengths of bytes are compared before they are read.
+    fn rest(&mut self) -> Result<Option<String>, VolumeError> {
+        let Stream::Text(stream) = &mut self.stream else { return Ok(None) };
+        let path = &self.header.path;
+        let more = stream::next_word(stream, &mut Vec::new()).map(|word| word.is_some());
+        let sentence = || {
+            let (name, numbers) = (&self.array.name, self.numbers);
+            format!("{}: {name} has more than the {numbers} numbers that its extent makes it", path.display())
+        };
+        Ok(more.map_err(|source| stream::failed(path, source))?.then(sentence))
+    }
+}
+
+/// The bytes of values, of which there are `expected`, out of at most `there` as they are stored.
+fn unpacked<R: Read + 'static>(
+    header: &Header,
+    mut stored: R,
+    expected: u64,
+    there: u64,
+) -> std::io::Result<Box<dyn Read>> {
+    let words = Words { wide: header.wide, byte_order: header.byte_order };
+    if let Some(compressor) = header.compressor {
+        return Ok(Box::new(Blocks::new(stored, compressor, words, expected, there)?));
+    }
+    let said = words.next(&mut stored)?;
+    if said != expected {
+        return Err(bytes::wrong(format!("it says to have {said} bytes, but its extent makes it {expected}")));
+    }
+    let there = there.saturating_sub(words.bytes());
+    if there < expected {
+        return Err(bytes::wrong(format!("it needs {expected} bytes, but the file has {there}")));
+    }
+    Ok(Box::new(stored))
+}
+
+/// What else the file says: which arrays there are, which of them was read, and short field data.
+fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
+    let list = |section: Section| {
+        let arrays = candidates(header).into_iter().filter(|array| array.section == section);
+        let described = arrays.map(|array| match array.components {
+            1 => format!("{} ({})", array.name, array.type_name),
+            components => format!("{} ({components} × {})", array.name, array.type_name),
+        });
+        described.collect::<Vec<_>>().join(", ")
+    };
+    let mut metadata = vec![("array".to_owned(), format!("{} of {}", chosen.name, chosen.section.name()))];
+    for section in [Section::Points, Section::Cells] {
+        let arrays = list(section);
+        if !arrays.is_empty() {
+            metadata.push((section.name().to_owned(), arrays));
+        }
+    }
+    for array in &header.fields {
+        let numbers = array.tuples.and_then(|tuples| tuples.checked_mul(array.components));
+        let numbers = numbers.filter(|numbers| (1..=MOST_SHOWN).contains(numbers));
+        if let (Some(numbers), Some(voxel_type)) = (numbers, array.voxel_type()) {
+            let row = Block::row(numbers);
+            let scalar = Array { components: 1, ..array.clone() };
+            let parts = [Part { array: &scalar, block: row }];
+            // What is no part of the image is not worth an error.
+            if let Ok(values) =
+                with_type!(voxel_type, T => read_parts::<T>(header, &parts, &row, 0, &Quiet, &mut Vec::new()))
+            {
+                let values: Vec<String> =
+                    with_voxels!(&values, stored => stored.iter().map(|value| format!("{value:?}")).collect());
+                metadata.push((array.name.clone(), values.join(" ")));
+            }
+        }
+    }
+    metadata
+}

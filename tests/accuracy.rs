@@ -1,0 +1,150 @@
+//! Colour accuracy on the command line: flags, what is said of models, and lights that they were not planned for.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use serde_json::Value;
+
+use support::program::Folder;
+use support::scenes::GLASS;
+
+fn folder() -> Folder {
+    Folder::new().with("glass.toml", GLASS).with("line.csv", "390 0\n395 0\n400 1\n405 0\n410 0\n")
+}
+
+/// The plan of a scene as `info` tells programs.
+fn planned(folder: &Folder, arguments: &[&str]) -> (Value, String) {
+    let json = folder.done(&[&["info", "--json"], arguments].concat()).json();
+    (json["plan"].clone(), json["scene"].as_str().unwrap().to_owned())
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap()
+}
+
+#[test]
+fn flags_take_the_place_of_the_scenes_accuracy() {
+    let stated = GLASS.replace("[accuracy]", "[accuracy]\nk = 12\nmodel = \"bands\"");
+    let folder = folder().with("stated.toml", stated);
+    let (plan, source) = planned(&folder, &["stated.toml"]);
+    assert_eq!((&plan["model"]["k"], &plan["model"]["kind"], &*source), (&12.into(), &"bands".into(), "stated.toml"));
+    let (plan, source) = planned(&folder, &["stated.toml", "--k", "5", "--model", "nodes"]);
+    assert_eq!((&plan["model"]["k"], &plan["model"]["kind"]), (&5.into(), &"nodes".into()));
+    assert_eq!(plan["model"]["nodes_nm"].as_array().unwrap().len(), 5);
+    assert_eq!(source, "stated.toml with --model nodes --k 5");
+    // A tolerance takes the place of a stated k.
+    let (plan, source) = planned(&folder, &["stated.toml", "--tolerance", "2", "--model", "nodes"]);
+    assert!(plan["model"]["k"].as_u64().unwrap() < 12 && number(&plan["model"]["max"]) <= 2.0, "{plan}");
+    assert_eq!(source, "stated.toml with --model nodes --tolerance 2");
+    for light in plan["model"]["lights"].as_array().unwrap() {
+        assert!(number(&light["mean"]) <= number(&light["p95"]) && number(&light["p95"]) <= number(&light["max"]));
+        assert_eq!(light["planned"], true);
+    }
+    for kind in ["nodes", "sharpened", "sharpened-semigroup", "bands", "rgb"] {
+        let (plan, _) = planned(&folder, &["glass.toml", "--model", kind, "--k", "3"]);
+        assert_eq!(plan["model"]["kind"], kind);
+    }
+    let (plan, _) = planned(&folder, &["scene.toml"]);
+    assert_eq!((&plan["accumulate"], &plan["model"]), (&"weights".into(), &Value::Null));
+    let (plan, _) = planned(&folder, &["scene.toml", "--accumulate", "spectral"]);
+    assert_eq!((&plan["accumulate"], &plan["transmittance"]), (&"spectral".into(), &"grey".into()));
+    let (plan, _) = planned(&folder, &["glass.toml", "-D", "accuracy.k=auto"]);
+    assert!(number(&plan["model"]["max"]) <= 1.0, "{plan}");
+}
+
+#[test]
+fn flags_that_mean_nothing_are_refused() {
+    let folder = folder().with("v.raw", [7; 64]);
+    let folder = folder.with("v.mhd", "NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = v.raw\n");
+    folder.refused(2, &["info", "glass.toml", "--k", "3", "--tolerance", "1"], &["--k <N>", "--tolerance <DE>"]);
+    folder.refused(2, &["info", "glass.toml", "--k", "17"], &["--k 17", "from 1 to 16"]);
+    folder.refused(2, &["info", "glass.toml", "--tolerance", "0"], &["--tolerance 0", "from 0.001 to 100"]);
+    folder.refused(2, &["info", "glass.toml", "--tolerance", "nan"], &["--tolerance NaN"]);
+    folder.refused(2, &["info", "glass.toml", "--model", "knots"], &["knots", "sharpened-semigroup"]);
+    folder.refused(2, &["info", "glass.toml", "-D", "accuracy.k=few"], &["-D accuracy.k=few", "\"auto\""]);
+    folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not exact"]);
+    folder.refused(2, &["info", "v.mhd", "--k", "3"], &["--k does nothing here", "is a volume"]);
+    folder.refused(2, &["bench", "model", "--k", "3"], &["--k does nothing here"]);
+    folder.done(&["render", "glass.toml", "--size", "8x8", "--accumulators", "acc.exr"]);
+    folder.refused(2, &["info", "acc.exr", "--tolerance", "3"], &["--tolerance does nothing here"]);
+    folder.refused(2, &["relight", "acc.exr", "-o", "p.png", "--tolerance", "0"], &["--tolerance", "above 0"]);
+}
+
+/// When no k keeps the tolerance, the program says what does, and goes on with what it says.
+#[test]
+fn a_tolerance_that_cannot_be_kept_is_told_with_what_to_type() {
+    let folder = folder();
+    for flags in [&["--tolerance", "0.001"][..], &["--tolerance", "0.5", "--model", "sharpened"]] {
+        let render = [&["render", "glass.toml", "--size", "8x8"], flags].concat();
+        let refused = folder.refused(1, &[&render[..], &["-o", "p.png"]].concat(), &["no k up to 16", "--k "]);
+        let words: Vec<&str> = refused.err.split([' ', ';', '\n']).collect();
+        let after = |flag: &str| words[words.iter().rposition(|&word| word == flag).unwrap() + 1];
+        let model = &flags[2..];
+        let kept = after("--tolerance");
+        let way_out = [&["info", "glass.toml", "--json", "--tolerance", kept], model].concat();
+        let plan = &folder.done(&way_out).json()["plan"]["model"];
+        assert!(number(&plan["max"]) <= kept.parse().unwrap(), "{plan}");
+        let stated = [&["info", "glass.toml", "--json", "--k", after("--k")], model].concat();
+        assert_eq!(folder.done(&stated).json()["plan"]["model"]["k"], after("--k").parse::<u64>().unwrap());
+    }
+    folder.done(&["render", "glass.toml", "--size", "4x4", "--tolerance", "0.001", "--reference", "-o", "p.png"]);
+}
+
+#[test]
+fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
+    let folder = folder();
+    let render = ["render", "glass.toml", "--size", "8x8", "--light", "line.csv", "--json"];
+    let new = |json: &Value| {
+        let lights = json["model"]["lights"].as_array().unwrap();
+        lights.iter().find(|light| light["name"] == "line.csv").unwrap().clone()
+    };
+    // One line, where daylight and a tube have little to show.
+    let outcome = folder.done(&[&render[..], &["-o", "p.exr", "--accumulators", "acc.exr"]].concat());
+    let light = new(&outcome.json()["plan"]);
+    assert!(light["planned"] == false && number(&light["max"]) > 1.0, "{light}");
+    for word in ["was not planned for the light line.csv", "over the tolerance of 1", "--replan"] {
+        assert!(outcome.err.contains(word), "no {word:?} in {}", outcome.err);
+    }
+    // From the file it is as bad, and the way out is to render again.
+    let outcome = folder.done(&["relight", "acc.exr", "--light", "line.csv", "-o", "q.png", "--json"]);
+    assert!(outcome.err.contains("render again with this --light and --replan"), "{}", outcome.err);
+    assert!(number(&new(&outcome.json())["max"]) > 1.0);
+    // Lights of the scene are known by their spectra, whatever they are called.
+    let known = folder.done(&["relight", "acc.exr", "--light", "D65", "--light", "FL11@key", "-o", "q.png", "--json"]);
+    let json = known.json();
+    assert!(json["model"]["lights"].as_array().unwrap().iter().all(|light| light["planned"] == true), "{json}");
+    let relit = ["relight", "acc.exr", "--light", "line.csv", "-o", "q.png", "--tolerance", "100"];
+    let outcome = folder.done(&relit);
+    assert_eq!(outcome.err, "", "within this tolerance");
+    assert!(outcome.out.contains("line.csv is new to the colour model: ΔE00 "), "{}", outcome.out);
+    // Planned for, it keeps the tolerance.
+    let outcome = folder.done(&[&render[..], &["-o", "p.exr", "--replan"]].concat());
+    let light = new(&outcome.json()["plan"]);
+    assert!(light["planned"] == true && number(&light["max"]) <= 1.0, "{light}");
+    assert!(!outcome.err.contains("planned"), "{}", outcome.err);
+    // Where k is stated, the lights of the scene say what is usual.
+    let few = ["render", "glass.toml", "--size", "8x8", "-o", "p.exr", "--k", "3", "--light", "FL2"];
+    let outcome = folder.done(&few);
+    assert!(outcome.out.contains("FL2 is new") && !outcome.err.contains("planned"), "{}{}", outcome.out, outcome.err);
+    // A light that was rendered with stretches no tolerance.
+    folder.done(&[&few[..8], &["--light", "line.csv", "--accumulators", "few.exr"]].concat());
+    let outcome = folder.done(&["relight", "few.exr", "--light", "line.csv", "-o", "q.png"]);
+    assert!(outcome.err.contains("over the tolerance"), "{}", outcome.err);
+    // Weights are exact for every light.
+    folder.done(&["render", "scene.toml", "--size", "8x8", "--accumulators", "w.exr"]);
+    folder.refused(2, &["relight", "w.exr", "-o", "q.png", "--tolerance", "1"], &["--tolerance does nothing here"]);
+    let weights = ["render", "scene.toml", "--size", "8x8", "-o", "p.exr", "--light", "line.csv", "--replan", "--json"];
+    let outcome = folder.done(&weights);
+    assert!(outcome.json()["plan"]["model"].is_null() && outcome.err.is_empty(), "{}", outcome.err);
+}
+
+#[test]
+fn bench_measures_with_the_accuracy_asked_for() {
+    let arguments = ["bench", "peer", "--size", "8x8", "--frames", "1", "--shading", "none", "--json"];
+    let json = folder().done(&[&arguments[..], &["--accumulate", "spectral", "--k", "6"]].concat()).json();
+    let row = &json["rows"][0];
+    assert_eq!(
+        (&row["accumulate"], &row["model"]["k"], &row["components"]),
+        (&"spectral".into(), &6.into(), &6.into())
+    );
+}
