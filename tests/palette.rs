@@ -609,7 +609,7 @@ fn a_palette_stands_in_a_scene_too() {
     assert_eq!(used.materials[0].reflectance, standard::reflectance("white 9.5").unwrap());
     let define = |definition: &str| {
         let text = format!("version = 1\n[volume]\nphantom = \"slab\"\ndims = [4, 4, 4]\n{text}");
-        let options = SceneOptions { definitions: vec![definition.to_owned()], ..SceneOptions::default() };
+        let options = SceneOptions { definitions: vec![scene::Definition::new(definition)], ..SceneOptions::default() };
         scene::parse("a scene", &text, Path::new(""), &options, &Quiet)
     };
     let dark = define("palette.cells.flesh.day=#202020").unwrap();

@@ -34,7 +34,7 @@ fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
         "#
     );
     let options = SceneOptions {
-        definitions: changes.iter().map(|&change| change.to_owned()).collect(),
+        definitions: changes.iter().map(|&change| scene::Definition::new(change)).collect(),
         ..SceneOptions::default()
     };
     scene::parse(
