@@ -5,6 +5,7 @@ pub mod memory;
 pub mod model;
 pub mod number;
 pub mod output;
+pub mod palette;
 pub mod plan;
 pub mod progress;
 pub mod reference;
@@ -16,3 +17,4 @@ pub mod tables;
 pub mod volume;
 #[expect(unsafe_code, reason = "the one door to the Vulkan API")]
 pub mod vulkan;
+mod written;

@@ -169,7 +169,7 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let json = folder.done(&["info", "scene.toml", "--json"]).json();
     assert_eq!(json["plan"]["components"], 3);
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
-    let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["volume"][key].clone());
+    let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["texture"][key].clone());
     assert_eq!(stored(&json), [Value::from("rgba16snorm"), Value::from(32 * 30 * 18 * 8)]);
     let sentence = "The volume is stored as 16-bit values with gradients (Rgba16Snorm), 0.1 MB, which loses nothing.";
     assert!(text.contains(sentence), "{text}");
@@ -195,7 +195,10 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
-    assert_eq!(keys(&json), ["accumulators", "components", "lights", "model", "positions", "size", "warnings"]);
+    assert_eq!(
+        keys(&json),
+        ["accumulators", "components", "lights", "model", "positions", "situations", "size", "warnings"]
+    );
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
 }
@@ -395,8 +398,8 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
         assert_same(&fresh, &relit, 1e-5);
     }
     let json = folder.done(&["relight", "acc.exr", "--light", "A@day=2", "-o", "p.png", "--json"]).json();
-    assert_eq!(keys(&json), ["lights", "model", "outputs", "size", "times", "warnings"]);
-    assert_eq!(json["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
+    assert_eq!(keys(&json), ["frames", "model", "outputs", "size", "times", "warnings"]);
+    assert_eq!(json["frames"][0]["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 
 /// Relighting needs no device, no scene and no volume, and reads what another program wrote by the documentation.
@@ -760,4 +763,51 @@ fn every_key_of_a_scene_is_documented() {
             assert!(documented.lines().any(written), "{table}{key} is not in docs/SCENE.md");
         }
     }
+}
+
+/// What `relight` with `arguments` makes of the accumulators of the scene of every test.
+fn dialled(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
+    picture(folder, &[&["relight", "acc.exr"], arguments].concat())
+}
+
+#[test]
+fn the_hand_of_the_dial_mixes_lights_and_on_a_node_is_that_light_alone() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr", "-D", "dial.nodes.day=[2,1]"]);
+    let day = dialled(&folder, &["--light", "day"]);
+    assert_eq!(dialled(&folder, &["--dial", "2,1", "-o", "p.png"]), day, "the scene's place is in the file");
+    assert_eq!(dialled(&folder, &["--dial", "-9,-9", "--nodes-off", "lamp"]), day);
+    // Halfway between the two nodes each light has half: lamp has the intensity 0.5, and white is to keep the luminance 1.
+    let json = folder.done(&["relight", "acc.exr", "--sweep", "lamp..day", "--frames", "3", "-o", "s.png", "--json"]);
+    let frames = json.json()["frames"].clone();
+    assert_eq!(frames[2]["dial"], serde_json::json!([2.0, 1.0]));
+    let weights: Vec<f64> = (0..2).map(|light| frames[1]["lights"][light]["weight"].as_f64().unwrap()).collect();
+    let [lamp, day] = [weights[0], weights[1]];
+    assert!((lamp + day - 1.0).abs() < 1e-9 && (day - 2.0 * lamp).abs() < 1e-9, "{weights:?}");
+    let names = folder.names();
+    for name in ["s-0001.png", "s-0002.png", "s-0003.png"] {
+        assert!(names.iter().any(|there| there == name), "no {name} in {names:?}");
+    }
+    assert!(!names.iter().any(|name| name == "s.png"));
+    folder.done(&["relight", "acc.exr", "--tour", "--frames", "2", "-o", "t.png"]);
+    assert_eq!(std::fs::read(folder.path("t-0001.png")).unwrap(), std::fs::read(folder.path("s-0003.png")).unwrap());
+}
+
+#[test]
+fn a_dial_that_cannot_be_turned_so_is_refused() {
+    let folder = Folder::new();
+    folder.done(&["render", "scene.toml", "--size", "4x4", "--accumulators", "acc.exr"]);
+    for (arguments, words) in [
+        (&["--dial", "north"][..], "write x,y"),
+        (&["--dial", "0,0", "--light", "A"], "cannot be used with"),
+        (&["--nodes-off", "lamp"], "--dial, --situation, --sweep or --tour"),
+        (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
+        (&["--sweep", "day"], "A..B"),
+        (&["--sweep", "day..night"], "night: there is no such light"),
+    ] {
+        folder.refused(2, &[&["relight", "acc.exr", "-o", "p.png"], arguments].concat(), &[words]);
+    }
+    let all_off = ["--dial", "0,0", "--nodes-off", "lamp", "--nodes-off", "day"];
+    let outcome = folder.done(&[&["relight", "acc.exr", "-o", "p.png"], &all_off[..]].concat());
+    assert!(outcome.err.starts_with("warning: no light of the dial is on"), "{}", outcome.err);
 }

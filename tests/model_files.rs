@@ -66,6 +66,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> Accumulators {
         background: Some([0.25; BANDS]),
         exposure: 2.0,
         adapt: false,
+        dial: None,
         weights: (0..2 * dimension * width * height).map(number).collect(),
         transmittance: (0..passed * width * height).map(|index| number(index + 7)).collect(),
     }

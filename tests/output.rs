@@ -8,7 +8,7 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::accumulators::{Component, Components, Light, Position, PositionKind};
+use relume::output::accumulators::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation};
 use relume::output::{
     Accumulators, Alpha, BANDS, Depth, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
@@ -314,6 +314,17 @@ fn example() -> Accumulators {
         background: Some(ramp(0.5)),
         exposure: 1.25,
         adapt: true,
+        dial: Some(Dial {
+            normalise: false,
+            master: 2.5,
+            nodes: vec![Node { light: "A".to_owned(), place: [0.1, -1e3], on: false }],
+            situations: vec![Situation {
+                name: "night".to_owned(),
+                caption: "the eyes".to_owned(),
+                hand: [0.5, 1.0],
+                off: vec!["A".to_owned()],
+            }],
+        }),
         weights: (0..6 * width * height).map(weight).collect(),
         transmittance: (0..width * height).map(|pixel| weight(pixel) / 24.0).collect(),
     }
@@ -336,6 +347,7 @@ fn accumulators_come_back_as_they_were() {
         background: None,
         exposure: 1.0,
         adapt: false,
+        dial: None,
         weights: vec![],
         ..full
     };
@@ -399,6 +411,7 @@ fn a_file_of_another_program_is_read() {
         background: None,
         exposure: 1.0,
         adapt: false,
+        dial: None,
         weights: weights.to_vec(),
         transmittance: transmittance.to_vec(),
     };

@@ -214,6 +214,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
         exposure: 1.0,
         adapt: false,
+        dial: None,
         weights: sums.weights,
         transmittance: sums.transmittance,
     }

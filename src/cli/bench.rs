@@ -100,10 +100,10 @@ impl Workload {
         !matches!(self, Self::Default | Self::Model)
     }
 
-    /// Whether accuracy is not for the command line to say.
+    /// Whether it says itself what pixels keep, or has none.
     fn is_fixed(&self) -> bool {
-        !self.needs_device()
-            || matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8)
+        let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
+        fixed || !self.needs_device()
     }
 }
 

@@ -4,18 +4,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::Value;
 
 use relume::output::accumulators::{
-    Component, Components as FileComponents, Light as FileLight, Position as FilePosition, PositionKind, Stored,
+    Component, Components as FileComponents, Dial as FileDial, Light as FileLight, Node as FileNode,
+    Position as FilePosition, PositionKind, Situation as FileSituation, Stored,
 };
 use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable, write_exr, write_png};
 use relume::plan::{Planned, Transmittance};
-use relume::scene::{Display, Mix, MixLight, Placement, Scene};
+use relume::reference;
+use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Placement, Scene, Situation};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
-use relume::tables::{Accumulation, Components};
+use relume::tables::{Accumulation, Components, RelightMatrices};
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -92,6 +94,23 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
         weight: light.weight,
         spectrum: *light.spectrum.spectrum().samples(),
     });
+    let nodes = scene.dial.nodes.iter().map(|node| FileNode {
+        light: node.light.clone(),
+        place: node.place.to_array(),
+        on: node.on,
+    });
+    let situations = scene.dial.situations.iter().map(|situation| FileSituation {
+        name: situation.name.clone(),
+        caption: situation.caption.clone(),
+        hand: situation.hand.to_array(),
+        off: situation.off.clone(),
+    });
+    let dial = FileDial {
+        normalise: scene.dial.normalise,
+        master: scene.dial.master,
+        nodes: nodes.collect(),
+        situations: situations.collect(),
+    };
     File {
         width: accumulation.size[0],
         height: accumulation.size[1],
@@ -101,6 +120,7 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
         exposure: scene.display.exposure,
         adapt: scene.display.adapt,
+        dial: Some(dial),
         weights: accumulation.weights,
         transmittance: accumulation.transmittance,
     }
@@ -124,14 +144,40 @@ pub(crate) struct Saved {
     pub(crate) mix: Mix,
     pub(crate) background: Option<Reflectance>,
     pub(crate) display: Display,
+    pub(crate) dial: Dial,
     pub(crate) accumulation: Accumulation<f32>,
     /// The largest ΔE00 that a light may add that the file does not have.
     pub(crate) tolerance: f64,
 }
 
+impl Saved {
+    /// The linear picture under `mix`, RGB and opacity.
+    pub(crate) fn relight(&self, mix: &Mix) -> Vec<f32> {
+        let (positions, background) = (self.positions.len(), self.background.as_ref());
+        let matrices = RelightMatrices::new(&self.components, positions, background, mix, &self.display);
+        let colours = reference::relight(&self.accumulation, &matrices);
+        let opacity = reference::opacity(&self.accumulation, &matrices);
+        rgba(colours.into_iter().zip(opacity))
+    }
+}
+
 /// Reads the accumulator file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let file = File::read(path)?;
+    let dial = match file.dial {
+        None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
+        Some(FileDial { normalise, master, nodes, situations }) => {
+            let node = |FileNode { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
+            let situation = |FileSituation { name, caption, hand, off }| Situation {
+                name,
+                caption,
+                hand: DVec2::from_array(hand),
+                off,
+            };
+            let (nodes, situations) = (nodes.into_iter().map(node), situations.into_iter().map(situation));
+            Dial { normalise, master, nodes: nodes.collect(), situations: situations.collect() }
+        }
+    };
     let bad = |error: relume::spectrum::SpectrumError| CliError::Failed(format!("{}: {error}", path.display()));
     let lights = file.lights.into_iter().map(|light| {
         let spectrum = Light::new(Spectrum::from_samples(light.spectrum)).map_err(bad)?;
@@ -154,6 +200,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         mix: Mix(lights.collect::<Result<_, CliError>>()?),
         background: background.transpose()?,
         display: Display { exposure: file.exposure, adapt: file.adapt },
+        dial,
         accumulation: Accumulation {
             size: [file.width, file.height],
             weights: file.weights,

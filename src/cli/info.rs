@@ -234,6 +234,11 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
     }
     lines.push(("positions", or_none(&positions.join(", "))));
     lines.push(("lights", or_none(&lights.collect::<Vec<_>>().join(", "))));
+    let situations = file.dial.iter().flat_map(|dial| &dial.situations).map(|situation| situation.name.as_str());
+    let situations: Vec<&str> = situations.collect();
+    if !situations.is_empty() {
+        lines.push(("situations", situations.join(", ")));
+    }
     for (name, value) in lines {
         let _ = writeln!(text, "  {name:<10} {value}");
     }
@@ -247,6 +252,7 @@ fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
         "model": model.map(|model| Learnt::nothing(model).json(model)),
         "positions": positions,
         "lights": lights,
+        "situations": situations,
     });
     Report { text, json }
 }
@@ -289,6 +295,10 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
+    let situations: Vec<&str> = scene.dial.situations.iter().map(|situation| situation.name.as_str()).collect();
+    if !situations.is_empty() {
+        line("situations", &situations.join(", "));
+    }
     text.push_str("what a picture of it takes\n");
     for sentence in explanation(scene, planned, &storage) {
         let _ = writeln!(text, "  {sentence}");
@@ -324,6 +334,7 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
                 json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
             })
             .collect::<Vec<_>>(),
+        "situations": situations,
         "plan": plan_json(scene, planned, &storage, None),
     });
     Ok(Report { text, json })
@@ -402,7 +413,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
             StoreAs::Half => "f16",
         },
         "pixel_bytes": plan.pixel_bytes(),
-        "volume": {
+        "texture": {
             "format": format!("{:?}", storage.format).to_lowercase(),
             "bytes": storage.bytes(scene.volume.geometry.dims),
             "domain": storage.domain,

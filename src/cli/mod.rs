@@ -4,6 +4,9 @@ mod accuracy;
 mod bench;
 mod bench_load;
 mod bench_model;
+mod design;
+mod dial;
+mod figures;
 mod files;
 mod info;
 mod model;
@@ -20,6 +23,7 @@ use clap::{Parser, Subcommand};
 use relume::measure::ModelTableError;
 use relume::model::ModelError;
 use relume::output::OutputError;
+use relume::palette::PaletteError;
 use relume::plan::PlanError;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;
@@ -48,6 +52,7 @@ Examples:
   relume info head.mhd                                what a volume holds
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png     the same view under a light bulb
+  relume design palette.toml --report palette.html    spectra that merge, vanish and keep their colour
 
 The keys of a scene file are in docs/SCENE.md. `relume help COMMAND` says more about a command.
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 interrupted.";
@@ -58,6 +63,10 @@ enum Command {
     Render(render::Args),
     /// Light saved accumulators anew: no volume, no march, no GPU.
     Relight(relight::Args),
+    /// Find spectra that have the colours a palette asks for, and tell what cannot be had.
+    Design(design::Args),
+    /// Make the figures of the paper: what designed lights and materials show and hide.
+    Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
     /// Measure marching, relighting, reading and colour models, as a table or as JSON.
@@ -78,6 +87,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Vulkan(#[from] VulkanError),
     #[error(transparent)]
+    Palette(#[from] PaletteError),
+    #[error(transparent)]
     Plan(#[from] PlanError),
     #[error(transparent)]
     Reference(#[from] ReferenceError),
@@ -89,6 +100,8 @@ pub(crate) enum CliError {
     Lights(#[from] ModelError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
+    #[error("cancelled; the pictures that were written are whole")]
+    Cancelled,
     #[error("{0}")]
     Usage(String),
     #[error("{0}")]
@@ -109,7 +122,10 @@ fn exit_code(error: &CliError) -> u8 {
     match error {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
-        CliError::Reference(ReferenceError::Cancelled)
+        CliError::Cancelled
+        | CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Palette(PaletteError::Cancelled)
+        | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
         | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
@@ -126,7 +142,9 @@ pub(crate) fn main() -> ExitCode {
     let terminal = Terminal::new(cli.quiet);
     let outcome = match &cli.command {
         Command::Render(args) => render::run(args, &terminal),
-        Command::Relight(args) => relight::run(args),
+        Command::Relight(args) => relight::run(args, &terminal),
+        Command::Design(args) => design::run(args, &terminal),
+        Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
         Command::Bench(args) => bench::run(args, &terminal, started),
         Command::Shaders(args) => shaders::run(args, &terminal),

@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use relume::measure::Stopwatch;
-use relume::reference;
-use relume::tables::{Components, RelightMatrices};
+use relume::measure::{Stopwatch, Timing};
+use relume::progress::Progress;
+use relume::tables::Components;
 
 use super::accuracy::tolerance;
+use super::dial::DialArgs;
 use super::files::{self, Bits};
 use super::scene::LightArgs;
 use super::{CliError, Report, model};
@@ -18,7 +19,9 @@ const EXAMPLES: &str = "\
 Examples:
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png
-  relume relight acc.exr --light FL11=0.7 --light \"blackbody 3000=0.3\" -o office.exr";
+  relume relight acc.exr --light FL11=0.7 --light \"blackbody 3000=0.3\" -o office.exr
+  relume relight acc.exr --dial 0.3,-0.2 -o between.png
+  relume relight acc.exr --sweep day..lamp --frames 50 -o evening.png        evening-0001.png to evening-0050.png";
 
 /// `relume relight`
 #[derive(Debug, clap::Args)]
@@ -28,6 +31,8 @@ pub(crate) struct Args {
     accumulators: PathBuf,
     #[command(flatten)]
     lights: LightArgs,
+    #[command(flatten)]
+    dial: DialArgs,
     /// Warn where colours under a light that the file does not have may be off by more than this ΔE00, in place of what
     /// the file says.
     #[arg(long, value_name = "DE", value_parser = tolerance)]
@@ -40,20 +45,23 @@ pub(crate) struct Args {
     bits: Bits,
 }
 
-pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     for path in &args.output {
         files::picture_kind(path)?;
     }
-    let outputs: Vec<&PathBuf> = args.output.iter().collect();
+    let outputs = args.dial.names(&args.output);
     let lights = args.lights.files();
     let inputs = lights.iter().chain([&args.accumulators]).map(PathBuf::as_path);
-    files::check_outputs(&outputs, &inputs.collect::<Vec<_>>())?;
+    files::check_outputs(&outputs.iter().flatten().collect::<Vec<_>>(), &inputs.collect::<Vec<_>>())?;
     let clock = Stopwatch::start();
     let mut saved = files::from_file(&args.accumulators)?;
     let read = clock.read();
-    let mix = args.lights.mix(saved.mix, &saved.positions)?;
+    let hand = args.dial.hand(saved.dial.clone())?;
+    let mixes = match &hand {
+        Some(hand) => hand.mixes(&saved.mix),
+        None => vec![args.lights.mix(saved.mix.clone(), &saved.positions)?],
+    };
 
-    let clock = Stopwatch::start();
     let mut text = String::new();
     let mut model_json = json!(null);
     if let (Components::Surfaces(_), Some(_)) = (&saved.components, args.tolerance) {
@@ -62,36 +70,50 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
             "--tolerance does nothing here: {file} keeps weights of materials, which are exact for every light"
         )));
     }
+    let clock = Stopwatch::start();
     if let Components::Model(model, _) = &mut saved.components {
+        // The dial mixes lights of the file.
+        let mix = if hand.is_some() { &saved.mix } else { &mixes[0] };
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
-        let learnt = model::learn(model, &mix, || None, tolerance, "render again with this --light and --replan")?;
+        let learnt = model::learn(model, mix, || None, tolerance, "render again with this --light and --replan")?;
         (text, model_json) = (learnt.text(model), learnt.json(model));
     }
-    let positions = saved.positions.len();
-    let matrices = RelightMatrices::new(&saved.components, positions, saved.background.as_ref(), &mix, &saved.display);
-    let colours = reference::relight(&saved.accumulation, &matrices);
-    let opacity = reference::opacity(&saved.accumulation, &matrices);
-    let rgba = files::rgba(colours.into_iter().zip(opacity));
-    let relit = clock.read();
-
-    let clock = Stopwatch::start();
-    for path in &args.output {
-        files::write_linear(path, saved.accumulation.size, &rgba, args.bits)?;
+    let (mut relit, mut written) = (clock.read(), Timing::default());
+    let mut frames = Vec::new();
+    for (frame, (mix, paths)) in mixes.iter().zip(&outputs).enumerate() {
+        if progress.cancelled() {
+            return Err(CliError::Cancelled);
+        }
+        progress.report("relighting", frame as u64, mixes.len() as u64);
+        let clock = Stopwatch::start();
+        let rgba = saved.relight(mix);
+        relit += clock.read();
+        let clock = Stopwatch::start();
+        for path in paths {
+            files::write_linear(path, saved.accumulation.size, &rgba, args.bits)?;
+        }
+        written += clock.read();
+        let lights = mix.0.iter().map(
+            |light| json!({"name": light.name, "position": saved.positions[light.position], "weight": light.weight}),
+        );
+        frames.push(json!({
+            "dial": hand.as_ref().and_then(|hand| hand.places.get(frame)).map(|place| place.to_array()),
+            "lights": lights.collect::<Vec<_>>(),
+            "outputs": paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>(),
+        }));
     }
-    let written = clock.read();
-    let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
-    let lights: Vec<_> = mix
-        .0
-        .iter()
-        .map(|light| json!({"name": light.name, "position": saved.positions[light.position], "weight": light.weight}))
-        .collect();
+    let listed: Vec<String> = outputs.iter().flatten().map(|path| path.display().to_string()).collect();
+    let told = match &listed[..] {
+        [first, .., last] if hand.is_some_and(|hand| hand.moves) => format!("{first} to {last}"),
+        all => all.join(", "),
+    };
     Ok(Report {
-        text: format!("wrote {}\n{text}relight {:.0} ms\n", listed.join(", "), relit.wall_ms),
+        text: format!("wrote {told}\n{text}relight {:.0} ms\n", relit.wall_ms),
         json: json!({
             "outputs": listed,
             "size": saved.accumulation.size,
-            "lights": lights,
+            "frames": frames,
             "model": model_json,
             "times": {"load": read, "relight": relit, "write": written},
         }),

@@ -1,17 +1,25 @@
 //! Time and memory that work has taken.
 
+use std::ops::AddAssign;
 use std::time::Instant;
 
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
 /// How long something took.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Timing {
     /// Time on the wall, in ms.
     pub wall_ms: f64,
     /// Time of all threads of this process on a CPU, in ms.
     pub cpu_ms: f64,
+}
+
+impl AddAssign for Timing {
+    fn add_assign(&mut self, more: Self) {
+        self.wall_ms += more.wall_ms;
+        self.cpu_ms += more.cpu_ms;
+    }
 }
 
 /// Runs from its start to any number of readings.

@@ -146,8 +146,8 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 /// What `plan` fixes in the march shader.
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
-    let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let [_, passed] = images(plan, StoreAs::Single, "read_write");
+    let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
         Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),

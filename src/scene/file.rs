@@ -6,21 +6,24 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use serde::Deserialize;
 use toml::{Spanned, Table, Value};
 
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
-    AccumulateAs, Accuracy, Aim, Camera, Display, Interpolation, LabelEntry, Labels, Lookup, Material, MaterialCurve,
-    OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, StoreAs, Term, Transfer,
+    AccumulateAs, Accuracy, Aim, Camera, Dial, Display, Interpolation, LabelEntry, Labels, Lookup, Material,
+    MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Situation, StoreAs,
+    Term, Transfer,
 };
 use crate::model::{LARGEST_DIMENSION, ModelKind};
-use crate::number::{count, in_words, line_and_column, readable, unsigned};
+use crate::number::{count, readable, unsigned};
+use crate::palette::{self, Misplaced, PaletteFile};
 use crate::progress::Progress;
-use crate::spectrum::{Reflectance, SpectrumError, SpectrumSource, nearest};
+use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, ByteOrder, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
+use crate::written::{place, with_suggestion};
 
 /// The scene shown when none is named.
 const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
@@ -159,14 +162,17 @@ struct SceneFile {
     background: Option<At<SpectrumSource>>,
     #[serde(default)]
     volume: VolumeFile,
+    palette: Option<At<PaletteFile>>,
     #[serde(default)]
-    materials: BTreeMap<String, MaterialFile>,
+    materials: BTreeMap<String, At<MaterialFile>>,
     #[serde(default)]
     transfer: TransferFile,
     #[serde(default)]
     labels: BTreeMap<String, At<LabelFile>>,
     #[serde(default)]
     lights: BTreeMap<String, At<LightFile>>,
+    #[serde(default)]
+    dial: DialFile,
     camera: Option<At<CameraFile>>,
     crop: Option<At<CropFile>>,
     #[serde(default)]
@@ -181,6 +187,7 @@ struct VolumeFile {
     file: Option<PathBuf>,
     phantom: Option<At<String>>,
     labels: Option<PathBuf>,
+    phantom_labels: Option<At<bool>>,
     downsample: Option<[NonZeroUsize; 3]>,
     dims: Option<[NonZeroUsize; 3]>,
     spacing: Option<At<[f64; 3]>>,
@@ -197,10 +204,10 @@ struct VolumeFile {
     array: Option<String>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MaterialFile {
-    reflectance: At<SpectrumSource>,
+    reflectance: Option<At<SpectrumSource>>,
     absorption: Option<At<SpectrumSource>>,
     ambient: Option<At<f64>>,
     diffuse: Option<At<f64>>,
@@ -245,10 +252,10 @@ struct LabelFile {
     absorption: Option<At<f64>>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LightFile {
-    spectrum: At<SpectrumSource>,
+    spectrum: Option<At<SpectrumSource>>,
     intensity: Option<At<f64>>,
     #[serde(default)]
     kind: LightKind,
@@ -264,6 +271,38 @@ enum LightKind {
     Headlight,
     Directional,
     Point,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct DialFile {
+    normalise: Option<bool>,
+    master: Option<At<f64>>,
+    #[serde(default)]
+    off: Vec<At<String>>,
+    #[serde(default)]
+    nodes: BTreeMap<String, At<[f64; 2]>>,
+    #[serde(default)]
+    situations: Vec<SituationFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SituationFile {
+    name: String,
+    #[serde(default)]
+    caption: String,
+    hand: At<HandFile>,
+    #[serde(default)]
+    off: Vec<At<String>>,
+}
+
+/// A node by the name of its light, or a place.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a hand is the name of a light, or [x, y]")]
+enum HandFile {
+    Node(String),
+    Place([f64; 2]),
 }
 
 #[derive(Default, Deserialize)]
@@ -369,18 +408,12 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
     }
 }
 
-/// `name:line:column` of a byte of `text`.
-fn place(name: &str, text: &str, byte: usize) -> String {
-    let [line, column] = line_and_column(text, byte);
-    format!("{name}:{line}:{column}")
-}
-
-/// serde's message about an unknown `word`, and which of the words that it expects is nearly that one.
-fn with_suggestion(message: &str) -> String {
-    let mut words = message.split('`').skip(1).step_by(2);
-    match words.next().filter(|_| message.starts_with("unknown")).and_then(|unknown| nearest(unknown, words)) {
-        Some(nearest) => format!("{message}; did you mean `{nearest}`?"),
-        None => in_words(message),
+/// The error about a spectrum, with its cause.
+fn because(error: SceneError, source: SpectrumError) -> SceneError {
+    match error {
+        SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
+        SceneError::Define { given, .. } => SceneError::Define { given, message: chain(&source) },
+        other => other,
     }
 }
 
@@ -480,16 +513,73 @@ impl Text<'_> {
         value: &At<SpectrumSource>,
         resolve: impl FnOnce(&SpectrumSource) -> Result<T, SpectrumError>,
     ) -> Result<T, SceneError> {
-        resolve(value.get_ref()).map_err(|source| match self.invalid(value, key) {
-            SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
-            SceneError::Define { given, .. } => SceneError::Define { given, message: chain(&source) },
-            other => other,
-        })
+        resolve(value.get_ref()).map_err(|source| because(self.invalid(value, key), source))
+    }
+
+    /// The spectrum of a material or a light, which only a palette could have said in its place.
+    fn stated<'a, T>(
+        &self,
+        key: &str,
+        at: &At<T>,
+        spectrum: Option<&'a At<SpectrumSource>>,
+    ) -> Result<&'a At<SpectrumSource>, SceneError> {
+        spectrum.ok_or_else(|| self.invalid(at, format!("missing field `{key}`")))
+    }
+
+    /// Takes what the scene's palette designs for what the scene leaves out; the files that it was read from.
+    fn use_palette(
+        &self,
+        file: &mut SceneFile,
+        base: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Vec<PathBuf>, SceneError> {
+        let Some(stated) = &file.palette else { return Ok(Vec::new()) };
+        let failed = |source| SceneError::Palette { scene: self.name.clone(), source };
+        let mut inputs = Vec::new();
+        let palette = match &stated.get_ref().r#use {
+            Some(other) if stated.get_ref().says_more_than_use() => {
+                return Err(self.invalid(other, "a [palette] has `use`, or says all by itself"));
+            }
+            Some(path) => {
+                let path = base.join(path.get_ref());
+                inputs.push(path.clone());
+                palette::load(&path).map_err(failed)?
+            }
+            None => stated.get_ref().resolve(&self.name, base).map_err(
+                |Misplaced { byte, message, cause }| match cause {
+                    None => self.refuse(byte, message),
+                    Some(source) => because(self.refuse(byte, message), source),
+                },
+            )?,
+        };
+        inputs.extend(palette.inputs.iter().cloned());
+        let span = stated.span();
+        let solution = palette::solve(&palette, progress).map_err(failed)?;
+        for conflict in &solution.conflicts {
+            tracing::warn!("{}: {}", palette.source, conflict.reason);
+        }
+        let of = |spectrum: &Spectrum| Spanned::new(span.clone(), SpectrumSource::Samples(Box::new(spectrum.clone())));
+        for (row, reflectance) in palette.materials.iter().zip(&solution.materials) {
+            let place = match row.name.as_str() {
+                "background" => &mut file.background,
+                name => {
+                    let new = || Spanned::new(span.clone(), MaterialFile::default());
+                    &mut file.materials.entry(name.to_owned()).or_insert_with(new).get_mut().reflectance
+                }
+            };
+            place.get_or_insert_with(|| of(reflectance.spectrum()));
+        }
+        for (column, light) in palette.lights.iter().zip(&solution.lights) {
+            let new = || Spanned::new(span.clone(), LightFile::default());
+            let place = &mut file.lights.entry(column.name.clone()).or_insert_with(new).get_mut().spectrum;
+            place.get_or_insert_with(|| of(light.spectrum()));
+        }
+        Ok(inputs)
     }
 
     fn resolve(
         &self,
-        file: SceneFile,
+        mut file: SceneFile,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
@@ -498,6 +588,7 @@ impl Text<'_> {
             let message = format!("version = {}; this program reads version 1", file.version.get_ref());
             return Err(self.invalid(&file.version, message));
         }
+        let mut inputs = self.use_palette(&mut file, base, progress)?;
         let materials = self.materials(&file.materials, base)?;
         let background = match &file.background {
             None => None,
@@ -509,6 +600,7 @@ impl Text<'_> {
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let lights = self.lights(&file.lights, base)?;
+        let dial = self.dial(&file.dial, &lights)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
@@ -552,9 +644,10 @@ impl Text<'_> {
                 "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
-        let reflectances = file.materials.values().map(|material| &material.reflectance).chain(&file.background);
-        let spectra = reflectances.chain(file.lights.values().map(|light| &light.get_ref().spectrum));
-        let mut inputs: Vec<PathBuf> = spectra.filter_map(|source| source.get_ref().file(base)).collect();
+        let reflectances =
+            file.materials.values().flat_map(|material| &material.get_ref().reflectance).chain(&file.background);
+        let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
+        inputs.extend(spectra.filter_map(|source| source.get_ref().file(base)));
         inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
         Ok(Scene {
             inputs,
@@ -567,6 +660,7 @@ impl Text<'_> {
             materials,
             transfer,
             lights,
+            dial,
             shading: file.shading,
             background,
             camera,
@@ -576,10 +670,11 @@ impl Text<'_> {
         })
     }
 
-    fn materials(&self, files: &BTreeMap<String, MaterialFile>, base: &Path) -> Result<Vec<Material>, SceneError> {
+    fn materials(&self, files: &BTreeMap<String, At<MaterialFile>>, base: &Path) -> Result<Vec<Material>, SceneError> {
         files
             .iter()
-            .map(|(name, file)| {
+            .map(|(name, stated)| {
+                let file = stated.get_ref();
                 for (key, value) in [("emission", &file.emission), ("fluorescence", &file.fluorescence)] {
                     if let Some(value) = value {
                         let message = format!(
@@ -596,7 +691,8 @@ impl Text<'_> {
                     Some(value) => unsigned(self.whole(&format!("materials.{name}.exponent"), value, 1..=1024)?),
                 };
                 let key = format!("materials.{name}.reflectance");
-                let reflectance = self.spectrum(key.clone(), &file.reflectance, |source| source.reflectance(base))?;
+                let source = self.stated("reflectance", stated, file.reflectance.as_ref())?;
+                let reflectance = self.spectrum(key.clone(), source, |source| source.reflectance(base))?;
                 warn_above_one(&key, &reflectance);
                 Ok(Material {
                     name: name.clone(),
@@ -788,7 +884,8 @@ impl Text<'_> {
             .iter()
             .map(|(name, stated)| {
                 let file = stated.get_ref();
-                let spectrum = self.spectrum(format!("lights.{name}.spectrum"), &file.spectrum, |source| source.light(base))?;
+                let source = self.stated("spectrum", stated, file.spectrum.as_ref())?;
+                let spectrum = self.spectrum(format!("lights.{name}.spectrum"), source, |source| source.light(base))?;
                 warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
                 let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
                 let placement = match (file.kind, &file.direction, &file.position) {
@@ -808,6 +905,46 @@ impl Text<'_> {
                 Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
             })
             .collect()
+    }
+
+    /// The regular polygon of `lights`, changed by what the file says.
+    fn dial(&self, file: &DialFile, lights: &[SceneLight]) -> Result<Dial, SceneError> {
+        let mut dial = Dial::regular(lights.iter().map(|light| light.name.as_str()));
+        dial.normalise = file.normalise.unwrap_or(dial.normalise);
+        dial.master = self.optional("dial.master", file.master.as_ref(), &INTENSITY, dial.master)?;
+        for (name, stated) in &file.nodes {
+            let place = DVec2::from_array(*stated.get_ref());
+            let node = dial.node_mut(name).map_err(|message| self.invalid(stated, format!("dial.nodes.{message}")))?;
+            if !place.is_finite() {
+                return Err(self.invalid(stated, format!("dial.nodes.{name} has a component that is not finite")));
+            }
+            node.place = place;
+        }
+        for name in &file.off {
+            dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("dial.off: {message}")))?.on =
+                false;
+        }
+        for stated in &file.situations {
+            let key = format!("dial.situations, {}", stated.name);
+            let hand = match stated.hand.get_ref() {
+                HandFile::Node(name) => {
+                    dial.node_mut(name)
+                        .map_err(|message| self.invalid(&stated.hand, format!("{key}: {message}")))?
+                        .place
+                }
+                HandFile::Place(place) if !place.iter().all(|part| part.is_finite()) => {
+                    return Err(self.invalid(&stated.hand, format!("{key}: the hand's place is not finite")));
+                }
+                HandFile::Place(place) => DVec2::from_array(*place),
+            };
+            for name in &stated.off {
+                dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("{key}: {message}")))?;
+            }
+            let off = stated.off.iter().map(|name| name.get_ref().clone()).collect();
+            let (name, caption) = (stated.name.clone(), stated.caption.clone());
+            dial.situations.push(Situation { name, caption, hand, off });
+        }
+        Ok(dial)
     }
 
     fn camera(&self, file: &CameraFile) -> Result<Camera, SceneError> {
@@ -929,11 +1066,19 @@ impl Text<'_> {
         progress: &dyn Progress,
     ) -> Result<Option<Labels>, SceneError> {
         let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
-        let Some(path) = options.labels.clone().or(stated) else {
-            return Ok(None);
-        };
+        let is_frog = file.phantom.as_ref().is_some_and(|phantom| phantom.get_ref() == Phantom::Frog.name());
+        let of_phantom = file.phantom_labels.as_ref().filter(|wanted| *wanted.get_ref());
+        if let Some(wanted) = of_phantom.filter(|_| !is_frog) {
+            return Err(self.invalid(wanted, "volume.phantom_labels: only the phantom \"frog\" has labels"));
+        }
         let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
-        let mut labels = volume::open(&path, &Selection::default(), progress).map_err(fail)?;
+        let mut labels = match options.labels.clone().or(stated) {
+            Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
+            None if of_phantom.is_some() && options.volume.is_none() => {
+                Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
+            }
+            None => return Ok(None),
+        };
         if labels.blocks != [1; 3] {
             let problem = "labels have no mean: write downsample into the scene's [volume], where it takes the most \
                            frequent label of a block, not beside the labels";

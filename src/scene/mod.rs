@@ -2,6 +2,7 @@
 
 mod camera;
 mod define;
+mod dial;
 mod file;
 mod lights;
 mod transfer;
@@ -12,12 +13,14 @@ use std::sync::Arc;
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
 pub use define::Definition;
+pub use dial::{Dial, DialNode, Situation};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
+use crate::palette::PaletteError;
 use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
 use crate::volume::{Volume, VolumeError};
 
@@ -26,7 +29,7 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
-    /// The files that were read for it, but for the scene file itself: of the volume, the labels and the spectra.
+    /// The files that were read for it, but for the scene file itself: of the volume, the labels, the palette and the spectra.
     pub inputs: Vec<PathBuf>,
     /// The grey values.
     pub volume: Arc<Volume>,
@@ -38,6 +41,8 @@ pub struct Scene {
     pub transfer: Transfer,
     /// In the order of their names.
     pub lights: Vec<SceneLight>,
+    /// The lights on the light dial.
+    pub dial: Dial,
     /// Whether lights shade by direction at all.
     pub shading: Shading,
     /// A surface behind everything, lit by every light; `None` is black and costs nothing.
@@ -251,6 +256,14 @@ pub enum SceneError {
         what: String,
         /// Why.
         source: SpectrumError,
+    },
+    /// The scene's palette cannot be had.
+    #[error("{scene} has no palette to take its spectra from")]
+    Palette {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: PaletteError,
     },
     /// The scene's volume or its labels cannot be had.
     #[error("{scene} has no volume to show")]

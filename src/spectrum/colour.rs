@@ -78,6 +78,18 @@ pub fn decode_srgb(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
+/// What a display shows of a colour: `#rrggbb`, clipped to what it can show.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 0 to 255")]
+pub fn display_code(colour: LinearSrgb) -> String {
+    let parts = colour.0.map(|part| (255.0 * encode_srgb(part.clamp(0.0, 1.0))).round());
+    format!("#{:02x}{:02x}{:02x}", parts[0] as u8, parts[1] as u8, parts[2] as u8)
+}
+
+/// Whether a display can show a colour, to half a step of 8 bits.
+pub fn is_displayable(colour: LinearSrgb) -> bool {
+    colour.0.iter().all(|&part| (-0.5..=255.5).contains(&(255.0 * encode_srgb(part))))
+}
+
 /// L*a*b* relative to `white` ([`d65_white`] unless a reason says otherwise).
 ///
 /// Values at or below (6/29)³ of the white's, negative ones included, take the linear branch.
@@ -86,6 +98,16 @@ pub fn lab_from_xyz(xyz: Xyz, white: Xyz) -> Lab {
     let compress = |t: f64| if t > KNEE.powi(3) { t.cbrt() } else { t / (3.0 * KNEE * KNEE) + 4.0 / 29.0 };
     let [x, y, z] = std::array::from_fn(|axis| compress(xyz.0[axis] / white.0[axis]));
     Lab([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
+}
+
+/// The inverse of [`lab_from_xyz`].
+pub fn xyz_from_lab(lab: Lab, white: Xyz) -> Xyz {
+    const KNEE: f64 = 6.0 / 29.0;
+    let expand = |f: f64| if f > KNEE { f.powi(3) } else { 3.0 * KNEE * KNEE * (f - 4.0 / 29.0) };
+    let [l, a, b] = lab.0;
+    let y = (l + 16.0) / 116.0;
+    let parts = [y + a / 500.0, y, y - b / 200.0].map(expand);
+    Xyz(std::array::from_fn(|axis| parts[axis] * white.0[axis]))
 }
 
 /// The difference ΔE00 of two colours (CIEDE2000, kL = kC = kH = 1), as Sharma, Wu and Dalal 2005 state it; their

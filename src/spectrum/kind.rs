@@ -25,6 +25,11 @@ impl Reflectance {
         &self.0
     }
 
+    /// A reflectance with samples that are known to be finite.
+    pub(crate) const fn of_finite(spectrum: Spectrum) -> Self {
+        Self(spectrum)
+    }
+
     /// Whether a surface could have it: every sample is between 0 and 1.
     pub fn is_physical(&self) -> bool {
         self.0.samples().iter().all(|sample| (0.0..=1.0).contains(sample))
@@ -54,7 +59,7 @@ impl Light {
     }
 
     /// What [`Self::new`] does to finite samples.
-    pub(super) fn normalised(spectrum: Spectrum) -> Self {
+    pub(crate) fn normalised(spectrum: Spectrum) -> Self {
         if (OBSERVER[1].dot(&spectrum) - 1.0).abs() <= NORMALISED {
             return Self(spectrum);
         }
@@ -78,6 +83,12 @@ impl Light {
     /// [`SpectrumError::Temperature`] when `kelvin` is below 100 or not finite.
     pub fn blackbody(kelvin: f64) -> Result<Self, SpectrumError> {
         Ok(Self::normalised(planck(kelvin)?))
+    }
+
+    /// Y of the perfect reflector under it, to twelve decimals: exactly 1, unless the light could not be scaled so.
+    #[must_use]
+    pub fn luminance(&self) -> f64 {
+        (OBSERVER[1].dot(&self.0) * 1e12).round() / 1e12
     }
 
     /// The powers, normalised.

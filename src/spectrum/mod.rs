@@ -2,6 +2,7 @@
 
 pub mod colour;
 mod data;
+pub mod deficiency;
 mod error;
 mod kind;
 pub mod metric;
@@ -15,6 +16,7 @@ use std::ops::{Add, Mul};
 pub use error::{Kind, SpectrumError};
 pub use kind::{Absorption, Light, Reflectance};
 pub use smooth::smooth_reflectance;
+pub(crate) use source::srgb_code;
 pub use source::{Column, Gaussian, SpectrumSource};
 pub(crate) use standard::nearest;
 

@@ -182,8 +182,8 @@ fn sum_of_gaussians(bands: &[Gaussian], base: f64) -> Result<Spectrum, SpectrumE
     })
 }
 
-/// The linear colour of `#rrggbb`.
-fn linear_from_code(text: &str) -> Result<LinearSrgb, SpectrumError> {
+/// Red, green and blue of `#rrggbb`.
+pub(crate) fn srgb_code(text: &str) -> Result<[u8; 3], SpectrumError> {
     let wrong = || SpectrumError::ColourCode { text: text.to_owned() };
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii()).ok_or_else(wrong)?;
     if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
@@ -191,7 +191,7 @@ fn linear_from_code(text: &str) -> Result<LinearSrgb, SpectrumError> {
     }
     let code = u32::from_str_radix(digits, 16).map_err(|_| wrong())?;
     let [_, rgb @ ..] = code.to_be_bytes();
-    Ok(LinearSrgb(rgb.map(|part| decode_srgb(f64::from(part) / 255.0))))
+    Ok(rgb)
 }
 
 /// What an error message says could stand here.
@@ -247,7 +247,8 @@ impl<'de> Visitor<'de> for SourceVisitor {
                 "gaussian" => SpectrumSource::Gaussians { bands: map.next_value()?, base: 0.0 },
                 "srgb" => {
                     let code: String = map.next_value()?;
-                    SpectrumSource::Colour(linear_from_code(&code).map_err(de::Error::custom)?)
+                    let code = srgb_code(&code).map_err(de::Error::custom)?;
+                    SpectrumSource::Colour(LinearSrgb(code.map(|part| decode_srgb(f64::from(part) / 255.0))))
                 }
                 "linear_srgb" => SpectrumSource::Colour(LinearSrgb(map.next_value()?)),
                 "samples" => {

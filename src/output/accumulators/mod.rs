@@ -20,6 +20,7 @@
 //! | `[model]` | with a colour model: see below |
 //! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`: three numbers, for the last two only, the direction towards the light (or the opposite one, where no material is specular: both sides of a surface shine, so the two are one position) or its place, in world units |
 //! | `[[lights]]` | `name`; `position`: the name of one; `weight`: its intensity; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also what is said below |
+//! | `[dial]` | the light dial; where absent, the regular polygon of the lights, which keeps the luminance 1: `normalise`, whether a white surface keeps its luminance, `master`, that luminance, else a factor, and in order the `nodes`, each with `light`, the name of one, `place`, two numbers, and `on`, whether it takes part; `situations`, mixes to come back to, each with `name`, `caption`, `hand`, two numbers, and `off`, names of lights whose nodes are off |
 //!
 //! Channels are 32-bit or 16-bit float, all values finite; their order does not matter, and there are no others.
 //!
@@ -80,6 +81,8 @@ use std::path::Path;
 use super::channels::{self, Part};
 use super::picture::check_size;
 use super::{BANDS, OutputError};
+use serde::{Deserialize, Serialize};
+
 use crate::model::{ColourModel, ModelKind};
 use crate::spectrum::Spectrum;
 
@@ -120,6 +123,8 @@ pub struct Accumulators {
     pub exposure: f64,
     /// Whether the white of the mixed light is adapted to D65.
     pub adapt: bool,
+    /// The light dial; `None` is the regular polygon of the lights.
+    pub dial: Option<Dial>,
     /// The numbers, rows from the top: of position p, component c and a pixel at
     /// `(p * components.len() + c) * width * height + pixel`.
     pub weights: Vec<f32>,
@@ -215,6 +220,49 @@ pub struct Light {
     pub weight: f64,
     /// Relative power, 380–780 nm, such that the perfect reflector has Y = 1 under weight 1.
     pub spectrum: [f64; BANDS],
+}
+
+/// The light dial, as a file keeps it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dial {
+    /// Whether its mixes keep the luminance of white.
+    pub normalise: bool,
+    /// That luminance, or what weights are multiplied by.
+    pub master: f64,
+    /// In the order of the dial.
+    pub nodes: Vec<Node>,
+    /// Mixes to come back to.
+    #[serde(default)]
+    pub situations: Vec<Situation>,
+}
+
+/// A named place of the hand of the dial.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Situation {
+    /// Unique among the situations.
+    pub name: String,
+    /// What it shows; may be empty.
+    #[serde(default)]
+    pub caption: String,
+    /// Where the hand is.
+    pub hand: [f64; 2],
+    /// The lights whose nodes are off, beside those that are always.
+    #[serde(default)]
+    pub off: Vec<String>,
+}
+
+/// A node of the light dial.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Node {
+    /// The name of one of the lights.
+    pub light: String,
+    /// Where it lies.
+    pub place: [f64; 2],
+    /// Whether it takes part.
+    pub on: bool,
 }
 
 impl Accumulators {

@@ -72,6 +72,20 @@ impl Accumulators {
                 return Err(format!("the light {name:?} is at position {}, and there are {positions}", light.position));
             }
         }
+        if let Some(dial) = &self.dial {
+            check_names("node of the dial", dial.nodes.iter().map(|node| &*node.light))?;
+            check_finite("the dial's ", "master", &[dial.master])?;
+            for node in &dial.nodes {
+                check_finite("the dial's node ", &node.light, &node.place)?;
+                if !self.lights.iter().any(|light| light.name == node.light) {
+                    return Err(format!("the dial has a node {:?}, and no light has this name", node.light));
+                }
+            }
+            check_names("situation of the dial", dial.situations.iter().map(|situation| &*situation.name))?;
+            for situation in &dial.situations {
+                check_finite("the dial's situation ", &situation.name, &situation.hand)?;
+            }
+        }
         check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;
         check_finite("", "exposure", &[self.exposure])
     }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::rules::{check_dimension, check_finite};
-use super::{Accumulators, BANDS, Component, Components, Light, Position, PositionKind, Stored};
+use super::{Accumulators, BANDS, Component, Components, Dial, Light, Position, PositionKind, Stored};
 use crate::model::{ErrorSummary, LightMatrix, ModelKind};
 use crate::spectrum::{Light as LightSpectrum, Spectrum};
 
@@ -35,6 +35,8 @@ struct Document {
     positions: Vec<PositionEntry>,
     #[serde(default)]
     lights: Vec<LightEntry>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    dial: Option<Dial>,
 }
 
 /// All that is read of a text of another version.
@@ -164,6 +166,7 @@ impl From<&Accumulators> for Document {
             components: surfaces.iter().map(component).collect(),
             positions: accumulators.positions.iter().map(position).collect(),
             lights: accumulators.lights.iter().map(light).collect(),
+            dial: accumulators.dial.clone(),
         }
     }
 }
@@ -221,7 +224,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
     };
     let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
-    let Document { exposure, adapt, .. } = document;
+    let Document { exposure, adapt, dial, .. } = document;
     let accumulators = Accumulators {
         width: 0,
         height: 0,
@@ -231,6 +234,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
         background,
         exposure,
         adapt,
+        dial,
         weights: Vec::new(),
         transmittance: Vec::new(),
     };

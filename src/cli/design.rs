@@ -1,0 +1,262 @@
+//! `relume design`: spectra that have the colours a palette asks for.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use relume::measure::Stopwatch;
+use relume::output::{write_atomically, write_drawing};
+use relume::palette::{self, Facts, Member, Solution};
+use relume::progress::Progress;
+use relume::spectrum::Spectrum;
+use relume::spectrum::colour::{Xyz, d65_white, display_code, is_displayable, lab_from_xyz, linear_srgb_from_xyz};
+use relume::spectrum::deficiency::Deficiency;
+
+use super::{CliError, Report, files};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume design palette.toml                          the colours that can be had, and what cannot
+  relume design palette.toml -o solved.toml --report palette.html
+
+The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra from one with [palette] use = \"FILE\".";
+
+/// `relume design`
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Palette file (TOML): which colours materials are to have under lights, and which spectra are open.
+    palette: PathBuf,
+    /// Write the palette with all its spectra, as a palette file.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Draw it: matrix of colours, spectra, and who can tell the materials apart (.html, .svg or .png; repeatable).
+    #[arg(long, value_name = "FILE")]
+    report: Vec<PathBuf>,
+}
+
+/// The kinds of report.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Html,
+    Svg,
+    Png,
+}
+
+fn kind(path: &Path) -> Result<Kind, CliError> {
+    match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("html" | "htm") => Ok(Kind::Html),
+        Some("svg") => Ok(Kind::Svg),
+        Some("png") => Ok(Kind::Png),
+        _ => Err(CliError::Usage(format!(
+            "cannot tell what kind of report {} is to be: end its name in .html, .svg or .png",
+            path.display()
+        ))),
+    }
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    let reports = args.report.iter().map(|path| Ok((path, kind(path)?))).collect::<Result<Vec<_>, CliError>>()?;
+    let palette = palette::load(&args.palette)?;
+    let outputs: Vec<&PathBuf> = args.output.iter().chain(&args.report).collect();
+    let inputs: Vec<&Path> = palette.inputs.iter().chain([&args.palette]).map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, &inputs)?;
+    let clock = Stopwatch::start();
+    let solution = palette::solve(&palette, progress)?;
+    let times = clock.read();
+    if let Some(path) = &args.output {
+        write_text(path, &solution.to_toml())?;
+    }
+    for (path, kind) in reports {
+        let svg = solution.to_svg();
+        match kind {
+            Kind::Svg => write_text(path, &svg)?,
+            Kind::Png => {
+                const PIXELS: f32 = 1.5;
+                if !write_drawing(path, &svg, PIXELS)? {
+                    tracing::warn!(
+                        "{}: this system has no fonts, so the picture has no text; .svg and .html have it",
+                        path.display()
+                    );
+                }
+            }
+            Kind::Html => write_text(
+                path,
+                &format!(
+                    "<!DOCTYPE html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Palette</title>\n<body style=\"margin: 0\">\n{svg}</body>\n</html>\n"
+                ),
+            )?,
+        }
+    }
+    let written: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
+    let mut text = text(&solution);
+    text.push_str(&format!("solved in {:.2} s\n", times.wall_ms / 1e3));
+    if !written.is_empty() {
+        text.push_str(&format!("wrote {}\n", written.join(", ")));
+    }
+    let mut json = json(&solution);
+    json["outputs"] = json!(written);
+    json["times"] = json!({ "solve": times });
+    Ok(Report { text, json })
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), CliError> {
+    Ok(write_atomically(path, |out| out.write_all(text.as_bytes()))?)
+}
+
+fn code(xyz: Xyz) -> String {
+    display_code(linear_srgb_from_xyz(xyz))
+}
+
+/// The matrix of colours, the spectra and the verdicts, for people.
+fn text(solution: &Solution) -> String {
+    let palette = &solution.palette;
+    let mut table = vec![vec![String::new()]];
+    table[0].extend(palette.lights.iter().map(|light| light.name.clone()));
+    let mut beyond = false;
+    for (row, material) in palette.materials.iter().enumerate() {
+        let mut line = vec![material.name.clone()];
+        for column in 0..palette.lights.len() {
+            line.push(solution.cell(row, column).map_or_else(String::new, |cell| {
+                let is_shown = is_displayable(linear_srgb_from_xyz(cell.xyz));
+                beyond |= !is_shown;
+                let difference = cell.difference.map_or_else(String::new, |difference| format!("  {difference:.3}"));
+                let model = cell.shown.map_or_else(String::new, |(_, off)| format!(" (model {off:.3})"));
+                let mark = if is_shown { "" } else { "!" };
+                format!("{} → {}{mark}{difference}{model}", palette.target_text(row, column), code(cell.xyz))
+            }));
+        }
+        table.push(line);
+    }
+    let mut text = format!(
+        "{}: what each material is to look like under each light → what it looks like, and their ΔE00\n{}",
+        palette.source,
+        aligned(&table)
+    );
+    if beyond {
+        text.push_str("! a colour that sRGB cannot show; the code is the clipped one\n");
+    }
+    text.push_str(&format!("The largest ΔE00 is {:.4}.\n\n", solution.worst()));
+    let mut table = vec![["spectrum", "", "lowest", "highest", "at bounds", "negative"].map(str::to_owned).to_vec()];
+    let sides = [
+        (&palette.materials, &solution.material_facts, "material"),
+        (&palette.lights, &solution.light_facts, "light, mean 1"),
+    ];
+    for (members, facts, what) in sides {
+        for (member, facts) in members.iter().zip(facts) {
+            table.push(facts_line(member, facts, what));
+        }
+    }
+    text.push_str(&aligned(&table));
+    let sentences = solution.sentences();
+    if !sentences.is_empty() {
+        text.push_str(&format!("\n{}\n", sentences.join("\n")));
+    }
+    text
+}
+
+fn facts_line(member: &Member, facts: &Facts, what: &str) -> Vec<String> {
+    vec![
+        member.name.clone(),
+        format!("{what}, {}", if facts.open { "open" } else { "given" }),
+        format!("{:.3}", facts.lowest),
+        format!("{:.3}", facts.highest),
+        if facts.open { format!("{} low, {} high", facts.at_low, facts.at_high) } else { String::new() },
+        if facts.negative > 0.0 { format!("{:.1} %", 100.0 * facts.negative) } else { String::new() },
+    ]
+}
+
+/// Columns as wide as their widest entry.
+fn aligned(table: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        table.iter().filter_map(|line| line.get(column)).map(|entry| entry.chars().count()).max().unwrap_or(0)
+    };
+    let line = |line: &Vec<String>| {
+        let entries: Vec<String> =
+            line.iter().enumerate().map(|(column, entry)| format!("{entry:<width$}", width = width(column))).collect();
+        format!("{}\n", entries.join("  ").trim_end())
+    };
+    table.iter().map(line).collect()
+}
+
+fn json(solution: &Solution) -> Value {
+    let palette = &solution.palette;
+    let colour = |xyz: Xyz| {
+        let linear = linear_srgb_from_xyz(xyz);
+        json!({
+            "xyz": xyz.0,
+            "lab": lab_from_xyz(xyz, d65_white()).0,
+            "srgb": display_code(linear),
+            "displayable": is_displayable(linear),
+        })
+    };
+    let name = |material: usize, light: usize| json!({ "material": palette.materials[material].name, "light": palette.lights[light].name });
+    let cells: Vec<Value> = solution
+        .cells
+        .iter()
+        .map(|cell| {
+            let mut value = name(cell.material, cell.light);
+            value["target"] = json!(palette.target_text(cell.material, cell.light));
+            value["wanted"] = json!(cell.target.map(colour));
+            value["reached"] = colour(cell.xyz);
+            value["delta_e"] = json!(cell.difference);
+            value["model"] = json!(cell.shown.map(|(xyz, off)| json!({ "shown": colour(xyz), "delta_e": off })));
+            value
+        })
+        .collect();
+    let spectra = |members: &[Member], facts: &[Facts], spectra: Vec<&Spectrum>| -> Vec<Value> {
+        let lines = members.iter().zip(facts).zip(spectra);
+        lines
+            .map(|((member, facts), spectrum)| {
+                json!({
+                    "name": member.name,
+                    "open": facts.open,
+                    "bounds": member.bounds,
+                    "lowest": facts.lowest,
+                    "highest": facts.highest,
+                    "at_low": facts.at_low,
+                    "at_high": facts.at_high,
+                    "negative": facts.negative,
+                    "samples": spectrum.samples().to_vec(),
+                })
+            })
+            .collect()
+    };
+    let names =
+        |cells: &[(usize, usize)]| -> Vec<Value> { cells.iter().map(|&(row, column)| name(row, column)).collect() };
+    let contrasts: Vec<Value> = solution
+        .contrasts()
+        .iter()
+        .map(|contrast| {
+            let mut value = json!({
+                "light": palette.lights[contrast.light].name,
+                "materials": contrast.materials.map(|row| palette.materials[row].name.clone()),
+                "all_cones": contrast.normal,
+            });
+            for (deficiency, difference) in Deficiency::ALL.iter().zip(contrast.deficient) {
+                value[deficiency.to_string()] = json!(difference);
+            }
+            value
+        })
+        .collect();
+    json!({
+        "palette": palette.source,
+        "worst": solution.worst(),
+        "cells": cells,
+        "materials": spectra(&palette.materials, &solution.material_facts, solution.materials.iter().map(|row| row.spectrum()).collect()),
+        "lights": spectra(&palette.lights, &solution.light_facts, solution.lights.iter().map(|light| light.spectrum()).collect()),
+        "conflicts": solution.conflicts.iter().map(|conflict| json!({
+            "cells": names(&conflict.cells),
+            "part": names(&conflict.part),
+            "least": conflict.least,
+            "reached": conflict.reached,
+            "reason": conflict.reason,
+            "ways_out": conflict.ways_out,
+        })).collect::<Vec<_>>(),
+        "dark_merges": solution.dark_merges.iter().map(|merge| json!({
+            "cell": name(merge.cell.0, merge.cell.1),
+            "like": name(merge.like.0, merge.like.1),
+        })).collect::<Vec<_>>(),
+        "contrasts": contrasts,
+    })
+}

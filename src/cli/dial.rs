@@ -1,0 +1,125 @@
+//! The light dial on the command line: one mix, or the mixes along a way of the hand.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use glam::DVec2;
+
+use relume::scene::{Dial, Mix};
+
+use super::CliError;
+
+/// Where `--help` explains the dial.
+const DIAL: &str = "Light dial (its nodes stand for the lights; [dial] of the scene says where they lie)";
+
+/// The dial, and where its hand is or goes.
+#[derive(Debug, Args)]
+#[group(id = "hand")]
+pub(crate) struct DialArgs {
+    /// Mix the lights with the hand of the dial here: each as 1/distance to its node, one alone on its node. Without
+    /// [dial] the nodes are the corners of a regular polygon, 1 from 0,0, the first at 0,1, then clockwise.
+    #[arg(long, help_heading = DIAL, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["lights", "sweep", "tour"])]
+    dial: Option<DVec2>,
+    /// Mix the lights as in this situation of the dial (`relume info` lists them).
+    #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "tour"])]
+    situation: Option<String>,
+    /// Move the hand straight from the node of light A to that of light B: one picture a frame.
+    #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "tour"])]
+    sweep: Option<String>,
+    /// Move the hand over all nodes and back to the first: one picture a frame, which repeated make a loop.
+    #[arg(long, help_heading = DIAL, conflicts_with = "lights")]
+    tour: bool,
+    /// Pictures of a sweep or tour, as NAME-0001.png and so on.
+    #[arg(long, help_heading = DIAL, value_name = "N", default_value_t = 25)]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
+    frames: u16,
+    /// Leave the light of this name out of the dial (repeatable).
+    #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with = "lights")]
+    nodes_off: Vec<String>,
+}
+
+/// The mixes that the dial is asked for.
+pub(crate) struct Hand {
+    /// Where the hand is, picture by picture.
+    pub(crate) places: Vec<DVec2>,
+    /// Whether the pictures are numbered.
+    pub(crate) moves: bool,
+    dial: Dial,
+}
+
+impl DialArgs {
+    /// How many pictures there will be of each output.
+    fn pictures(&self) -> Option<u16> {
+        (self.sweep.is_some() || self.tour).then_some(self.frames)
+    }
+
+    /// The names of the pictures, frame by frame.
+    pub(crate) fn names(&self, outputs: &[PathBuf]) -> Vec<Vec<PathBuf>> {
+        match self.pictures() {
+            None => vec![outputs.to_vec()],
+            Some(frames) => (1..=frames).map(|n| outputs.iter().map(|path| numbered(path, n)).collect()).collect(),
+        }
+    }
+
+    /// What the flags ask of `dial`; `None` where they do not name it.
+    pub(crate) fn hand(&self, mut dial: Dial) -> Result<Option<Hand>, CliError> {
+        for name in &self.nodes_off {
+            dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
+        }
+        let mut at = self.dial;
+        if let Some(name) = &self.situation {
+            let (of_situation, situation) =
+                dial.situation(name).map_err(|message| CliError::Usage(format!("--situation {message}")))?;
+            (dial, at) = (of_situation, Some(situation.hand));
+        }
+        let moves = self.pictures().is_some();
+        let frames = usize::from(self.frames);
+        let places = match (&self.sweep, at) {
+            (Some(ends), _) => {
+                let (from, to) = ends
+                    .split_once("..")
+                    .ok_or_else(|| CliError::Usage(format!("--sweep {ends}: write A..B, the names of two lights")))?;
+                let unknown = |message| CliError::Usage(format!("--sweep {message}"));
+                let from = dial.node_mut(from).map_err(unknown)?.clone();
+                let to = dial.node_mut(to).map_err(unknown)?;
+                Dial::sweep(&from, to, frames)
+            }
+            (None, _) if self.tour => dial.tour(frames),
+            (None, Some(hand)) => vec![hand],
+            (None, None) if self.nodes_off.is_empty() => return Ok(None),
+            (None, None) => {
+                return Err(CliError::Usage(
+                    "--nodes-off changes the dial: say where its hand is, by --dial, --situation, --sweep or --tour"
+                        .into(),
+                ));
+            }
+        };
+        if !dial.nodes.iter().any(|node| node.on) {
+            tracing::warn!("no light of the dial is on, so the picture is black");
+        }
+        Ok(Some(Hand { places, moves, dial }))
+    }
+}
+
+impl Hand {
+    /// The mix at each place.
+    pub(crate) fn mixes(&self, stated: &Mix) -> Vec<Mix> {
+        self.places.iter().map(|&place| self.dial.mix(place, stated)).collect()
+    }
+}
+
+/// `picture.png` as `picture-0001.png`.
+fn numbered(path: &Path, number: u16) -> PathBuf {
+    let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    path.with_file_name(format!("{}-{number:04}.{}", part(path.file_stem()), part(path.extension())))
+}
+
+/// `x,y`
+fn place(text: &str) -> Result<DVec2, String> {
+    let parts: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    match parts.as_deref() {
+        Some(&[x, y]) if x.is_finite() && y.is_finite() => Ok(DVec2::new(x, y)),
+        _ => Err("write x,y, such as 0.5,-0.2".to_owned()),
+    }
+}

@@ -1,0 +1,335 @@
+//! What no spectra can do, shown by a convex problem that asks for less than the palette does.
+//!
+//! Under given lights the colours are linear in the reflectances, and the problem is the palette's own. Under an open
+//! light it is relaxed: what a material sends back, a product of two unknowns, is an unknown of its own, held between
+//! the planes that such products lie between (McCormick 1976). What the relaxed problem cannot do, no spectra can.
+
+use glam::DVec3;
+
+use super::program::Program;
+use super::step::{Seen, Spectra, alike, connected, equal_energy, form, light, reflectance};
+use super::{Cell, LAMP, Palette, PaletteError, Place, Target};
+use crate::number::readable;
+use crate::progress::Progress;
+use crate::spectrum::BANDS;
+use crate::spectrum::colour::{OBSERVER, Xyz};
+
+/// Below this ΔE00, a bound is what the solver's accuracy leaves.
+const REACHABLE: f64 = 0.02;
+const STAGE: &str = "looking for what excludes itself";
+
+/// Cells that no spectra within their bounds can have all at once.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conflict {
+    /// Row and column of the cells that exclude one another: without any of them, the others would be possible.
+    pub cells: Vec<(usize, usize)>,
+    /// Row and column of all cells that hang together with them.
+    pub part: Vec<(usize, usize)>,
+    /// What the root mean square over the part cannot fall below, in ΔE00 as it is near the targets, with the weights
+    /// of the cells.
+    pub least: f64,
+    /// The same of the palette as it was solved.
+    pub reached: f64,
+    /// Why, in a sentence.
+    pub reason: String,
+    /// What would make the cells possible, each by itself; checked by the same convex problem.
+    pub ways_out: Vec<String>,
+}
+
+/// Everything that excludes itself, as far as convex problems show.
+pub(super) fn conflicts(
+    palette: &Palette,
+    spectra: &Spectra,
+    progress: &dyn Progress,
+) -> Result<Vec<Conflict>, PaletteError> {
+    let relaxed = Relaxed { spectra, progress };
+    let mut conflicts = Vec::new();
+    let parts = parts(palette);
+    let total = u64::try_from(parts.len()).unwrap_or(u64::MAX);
+    for (part, done) in parts.iter().zip(0..) {
+        progress.report(STAGE, done, total);
+        let least = relaxed.least(palette, part)?;
+        if least > REACHABLE {
+            conflicts.push(relaxed.conflict(palette, part, least)?);
+        }
+    }
+    Ok(conflicts)
+}
+
+/// The cells that unknown spectra couple, part by part. What given spectra settle is left out: its ΔE00 says it all.
+fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
+    let rows = palette.materials.len();
+    let touched = |cell: &Cell| -> Vec<usize> {
+        Place::both(cell)
+            .flat_map(|place| {
+                let column = is_open(&palette.lights, place.light).then_some(rows + place.light);
+                let row = is_open(&palette.materials, place.material)
+                    && under_given_light(palette, &palette.cells, place.material);
+                [row.then_some(place.material), column]
+            })
+            .flatten()
+            .collect()
+    };
+    let of_node = connected(rows + palette.lights.len(), palette.cells.iter().map(touched));
+    let mut parts: Vec<Vec<Cell>> = Vec::new();
+    for nodes in of_node {
+        let cells = palette.cells.iter().filter(|cell| touched(cell).iter().any(|node| nodes.contains(node)));
+        parts.push(cells.copied().collect());
+    }
+    parts.retain(|part| !part.is_empty());
+    parts
+}
+
+fn is_open(members: &[super::Member], index: usize) -> bool {
+    members.get(index).is_some_and(|member| member.spectrum.is_none())
+}
+
+/// Whether one of `cells` looks at the row under a given light.
+fn under_given_light(palette: &Palette, cells: &[Cell], row: usize) -> bool {
+    let mut places = cells.iter().flat_map(Place::both);
+    places.any(|place| place.material == row && !is_open(&palette.lights, place.light))
+}
+
+struct Relaxed<'a> {
+    /// As solved: where relations are measured.
+    spectra: &'a Spectra,
+    progress: &'a dyn Progress,
+}
+
+impl Relaxed<'_> {
+    /// What the root mean square ΔE00 of `cells` cannot fall below.
+    fn least(&self, palette: &Palette, cells: &[Cell]) -> Result<f64, PaletteError> {
+        if self.progress.cancelled() {
+            return Err(PaletteError::Cancelled);
+        }
+        let mut program = Program::default();
+        let rows: Vec<Option<usize>> = (0..palette.materials.len())
+            .map(|row| {
+                let used = is_open(&palette.materials, row) && under_given_light(palette, cells, row);
+                used.then(|| reflectance(&mut program, palette.materials[row].bounds))
+            })
+            .collect();
+        let places = || cells.iter().flat_map(Place::both);
+        let columns: Vec<Option<usize>> = (0..palette.lights.len())
+            .map(|column| {
+                let used = is_open(&palette.lights, column) && places().any(|place| place.light == column);
+                used.then(|| light(&mut program, palette.lights[column].bounds))
+            })
+            .collect();
+        let mut seen: Vec<(Place, Seen)> = Vec::new();
+        for place in places() {
+            if seen.iter().any(|(known, _)| *known == place) {
+                continue;
+            }
+            let (row, column) = (&palette.materials[place.material], &palette.lights[place.light]);
+            let colour = match (&row.spectrum, rows[place.material], &column.spectrum, columns[place.light]) {
+                (Some(_), _, Some(_), _) => Seen::Fixed(self.spectra.xyz(place)),
+                (None, Some(first), Some(light), _) => Seen::through(first, light),
+                (Some(reflectance), _, None, Some(first)) => {
+                    Seen::through(first, &reflectance.scaled(1.0 / equal_energy()))
+                }
+                (None, reflectance, None, Some(light)) => {
+                    let even = crate::spectrum::Spectrum::constant(1.0 / equal_energy());
+                    Seen::through(product(&mut program, row.bounds, reflectance, column.bounds, light), &even)
+                }
+                _ => continue,
+            };
+            seen.push((place, colour));
+        }
+        let find = |place: Place| seen.iter().find(|(known, _)| *known == place).map(|(_, colour)| colour);
+        let (mut fixed, mut weights) = (0.0, 0.0);
+        for cell in cells {
+            let Some(one) = find(Place::of(cell)) else { continue };
+            let two = match cell.target {
+                Target::Like { material, light } => find(Place { material, light }).cloned(),
+                target => target.xyz().map(|xyz| Seen::Fixed(xyz.0.into())),
+            };
+            let Some(two) = two else { continue };
+            let form = form(cell, |place| self.spectra.xyz(place));
+            weights += cell.weight.powi(2);
+            match (one, &two) {
+                (Seen::Fixed(one), Seen::Fixed(two)) => fixed += (form * (*one - *two)).length_squared(),
+                _ => alike(&mut program, form, one, &two),
+            }
+        }
+        let least = fixed + program.solve().map_or(0.0, |answer| answer.least);
+        Ok(if weights > 0.0 { (least / weights).sqrt() } else { 0.0 })
+    }
+
+    fn is_possible(&self, palette: &Palette, cells: &[Cell]) -> Result<bool, PaletteError> {
+        Ok(self.least(palette, cells)? <= REACHABLE)
+    }
+
+    fn conflict(&self, palette: &Palette, part: &[Cell], least: f64) -> Result<Conflict, PaletteError> {
+        let core = self.core(palette, part)?;
+        let places = |cells: &[Cell]| cells.iter().map(|cell| (cell.material, cell.light)).collect();
+        Ok(Conflict {
+            cells: places(&core),
+            part: places(part),
+            least,
+            reached: self.reached(part),
+            reason: reason(palette, &core),
+            ways_out: self.ways_out(palette, part, &core)?,
+        })
+    }
+
+    /// Cells of the part that exclude one another, none of which can be left out.
+    fn core(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Cell>, PaletteError> {
+        let mut core = part.to_vec();
+        let mut size = core.len().div_ceil(2);
+        loop {
+            let mut at = 0;
+            while at < core.len() && core.len() > 1 {
+                let kept: Vec<Cell> = core
+                    .iter()
+                    .enumerate()
+                    .filter(|(index, _)| !(at..at + size).contains(index))
+                    .map(|(_, cell)| *cell)
+                    .collect();
+                if !kept.is_empty() && !self.is_possible(palette, &kept)? {
+                    core = kept;
+                } else {
+                    at += size;
+                }
+            }
+            if size <= 1 {
+                return Ok(core);
+            }
+            size = size.div_ceil(2);
+        }
+    }
+
+    /// The root mean square of the part in the palette as it was solved.
+    fn reached(&self, part: &[Cell]) -> f64 {
+        let (mut squares, mut weights) = (0.0, 0.0);
+        for cell in part {
+            let wanted = cell.wanted(|place| Xyz(self.spectra.xyz(place).to_array()));
+            let form = form(cell, |place| self.spectra.xyz(place));
+            squares += (form * (self.spectra.xyz(Place::of(cell)) - DVec3::from(wanted.0))).length_squared();
+            weights += cell.weight.powi(2);
+        }
+        f64::sqrt(squares / weights)
+    }
+
+    /// Changes of one thing after which the whole part is possible.
+    fn ways_out(&self, palette: &Palette, part: &[Cell], core: &[Cell]) -> Result<Vec<String>, PaletteError> {
+        let mut ways = Vec::new();
+        for freed in core {
+            let others: Vec<Cell> = part.iter().filter(|cell| Place::of(cell) != Place::of(freed)).copied().collect();
+            if self.is_possible(palette, &others)? {
+                ways.push(format!("let {} be free", palette.name(Place::of(freed))));
+            }
+        }
+        let mut rows: Vec<usize> = core.iter().flat_map(Place::both).map(|place| place.material).collect();
+        rows.sort_unstable();
+        rows.dedup();
+        for row in rows.into_iter().filter(|&row| is_open(&palette.materials, row)) {
+            for wider in [[-1.0, 1.0], [-4.0_f64, 4.0_f64]] {
+                let [low, high] = palette.materials[row].bounds;
+                let mut changed = palette.clone();
+                let is_wider = wider[0] < low || wider[1] > high;
+                let bounds = [wider[0].min(low), wider[1].max(high)];
+                changed.materials[row].bounds = bounds;
+                if is_wider && self.is_possible(&changed, part)? {
+                    ways.push(format!(
+                        "give {} the bounds {bounds:?}: an artificial spectrum",
+                        palette.materials[row].name
+                    ));
+                    break;
+                }
+            }
+        }
+        let mut columns: Vec<usize> = core.iter().flat_map(Place::both).map(|place| place.light).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        for column in columns.into_iter().filter(|&column| !is_open(&palette.lights, column)) {
+            let mut changed = palette.clone();
+            changed.lights[column].spectrum = None;
+            changed.lights[column].bounds = LAMP;
+            // Nothing is shown to be impossible then; that it is possible, only solving it can show.
+            if self.is_possible(&changed, part)? {
+                ways.push(format!("leave the light {} open", palette.lights[column].name));
+            }
+        }
+        Ok(ways)
+    }
+}
+
+/// What an open reflectance sends back of an open light, as unknowns that such products cannot be told from.
+fn product(
+    program: &mut Program,
+    [low, high]: [f64; 2],
+    reflectance: Option<usize>,
+    light_bounds: [f64; 2],
+    light: usize,
+) -> usize {
+    let first = program.unknowns(BANDS);
+    if light_bounds[0] < 0.0 {
+        // A light that can be negative bounds nothing.
+        return first;
+    }
+    for band in 0..BANDS {
+        let (sent, power) = (first + band, light + band);
+        program.at_most(vec![(sent, -1.0), (power, low)], 0.0);
+        program.at_most(vec![(sent, 1.0), (power, -high)], 0.0);
+        // Luminance 1 in one band alone. Where the eye sees next to nothing, it bounds next to nothing.
+        let most = equal_energy() / OBSERVER[1].samples()[band];
+        if let Some(reflectance) = reflectance.filter(|_| most < 1e4) {
+            let share = reflectance + band;
+            program.at_most(vec![(sent, 1.0 / most), (share, -1.0), (power, -low / most)], -low);
+            program.at_most(vec![(sent, -1.0 / most), (share, 1.0), (power, high / most)], high);
+        }
+    }
+    first
+}
+
+/// Why the cells of a core exclude one another.
+fn reason(palette: &Palette, core: &[Cell]) -> String {
+    let cells: Vec<String> = core
+        .iter()
+        .map(|cell| format!("{} ({})", palette.name(Place::of(cell)), palette.target_text(cell.material, cell.light)))
+        .collect();
+    let listed = cells.join(", ");
+    let one_of = |index: fn(Place) -> usize| {
+        let mut indices = core.iter().flat_map(Place::both).map(index);
+        let first = indices.next()?;
+        indices.all(|index| index == first).then_some(first)
+    };
+    let (row, column) = (one_of(|place| place.material), one_of(|place| place.light));
+    let bounds = |row: usize| {
+        let [low, high] = palette.materials[row].bounds;
+        format!("from {} to {}", readable(low), readable(high))
+    };
+    let open = |members: &[super::Member], index: Option<usize>| index.filter(|&index| is_open(members, index));
+    let (open_row, open_column) = (open(&palette.materials, row), open(&palette.lights, column));
+    let black = core.iter().find(|cell| {
+        let power = palette.lights[cell.light].spectrum.as_ref();
+        cell.target == Target::Black && power.is_some_and(|power| power.samples().iter().all(|&sample| sample > 0.0))
+    });
+    match (black, open_row, open_column, core) {
+        (Some(black), Some(row), ..) if core.len() > 1 && palette.materials[row].bounds[0] >= 0.0 => format!(
+            "{listed}: {} has power at every wavelength, so that a reflectance that is nowhere negative looks black under it only if it is 0 everywhere, and then it is black under every light",
+            palette.lights[black.light].name
+        ),
+        (_, Some(row), _, [only])
+            if only.target.xyz().is_some_and(|xyz| xyz.0[1] > palette.materials[row].bounds[1].max(0.0)) =>
+        {
+            format!(
+                "{listed}: it asks for more light (Y = {}) than a reflectance {} sends back",
+                readable(only.target.xyz().map_or(0.0, |xyz| (xyz.0[1] * 1e3).round() / 1e3)),
+                bounds(row)
+            )
+        }
+        (_, Some(row), _, [_]) => format!(
+            "{listed}: no reflectance {} has this colour{}",
+            bounds(row),
+            if open_column.is_some() { " under any light within its bounds" } else { " there" }
+        ),
+        (_, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
+        (_, None, Some(column), _) => format!(
+            "{listed}: no one light with a peak of at most {} times its mean gives all these colours",
+            readable(palette.lights[column].bounds[1])
+        ),
+        _ => format!("{listed}: no spectra within their bounds have all these colours"),
+    }
+}

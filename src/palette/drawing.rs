@@ -1,0 +1,347 @@
+//! A solved palette as a drawing: the matrix of colours, the spectra, and who can tell the materials apart.
+
+use std::fmt::Write as _;
+
+use super::{Facts, Member, Solution};
+use crate::number::count;
+use crate::spectrum::colour::{Xyz, display_code, is_displayable, linear_srgb_from_xyz};
+use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Spectrum, wavelength_nm};
+
+const MARGIN: f64 = 24.0;
+/// Where the first column of a table begins.
+const LABELS: f64 = 150.0;
+/// A cell of the matrix.
+const CELL: [f64; 2] = [128.0, 62.0];
+/// A panel of curves.
+const PANEL: [f64; 2] = [420.0, 240.0];
+/// A line of the table of differences.
+const LINE: f64 = 22.0;
+/// A column of the table of differences.
+const OBSERVER: f64 = 120.0;
+/// The most differences that are drawn.
+const MOST_LINES: usize = 300;
+/// Colours of curves that everybody can tell apart (Okabe and Ito 2008).
+const CURVES: [&str; 8] = ["#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#888888"];
+/// Dashes of the curves beyond those colours.
+const DASHES: [&str; 4] = ["", "6 3", "2 2", "8 2 2 2"];
+
+impl Solution {
+    /// The drawing as SVG.
+    #[must_use]
+    pub fn to_svg(&self) -> String {
+        let mut drawing = Drawing { body: String::new(), width: 0.0, height: MARGIN };
+        drawing.heading(&format!("Palette {}", self.palette.source), 18.0);
+        let worst = format!("largest ΔE00 {:.3}; left half of a cell: asked for, right half: reached", self.worst());
+        drawing.heading(&worst, 12.0);
+        self.draw_matrix(&mut drawing);
+        self.draw_verdicts(&mut drawing);
+        self.draw_spectra(&mut drawing);
+        self.draw_contrasts(&mut drawing);
+        let (width, height) = (drawing.width + MARGIN, drawing.height + MARGIN);
+        format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" viewBox=\"0 0 {width:.0} {height:.0}\" \
+             font-family=\"DejaVu Sans, Helvetica, Arial, sans-serif\" font-size=\"12\">\n\
+             <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{}</svg>\n",
+            drawing.body
+        )
+    }
+
+    fn draw_matrix(&self, drawing: &mut Drawing) {
+        let top = drawing.height + 30.0;
+        for (column, light) in self.palette.lights.iter().enumerate() {
+            let x = count(column).mul_add(CELL[0], LABELS);
+            drawing.text([x, top - 6.0], 12.0, &shortened(&titled(light), 18));
+        }
+        for (row, material) in self.palette.materials.iter().enumerate() {
+            let y = count(row).mul_add(CELL[1], top);
+            drawing.text([MARGIN, y + 24.0], 12.0, &shortened(&titled(material), 18));
+        }
+        for cell in &self.cells {
+            let [x, y] = [count(cell.light).mul_add(CELL[0], LABELS), count(cell.material).mul_add(CELL[1], top)];
+            let half = (CELL[0] - 8.0) / 2.0;
+            let asked = cell.target.unwrap_or(cell.xyz);
+            drawing.swatch([x, y], [half, 40.0], asked);
+            drawing.swatch([x + half, y], [half, 40.0], cell.xyz);
+            let difference = cell.difference.map_or("free".to_owned(), |difference| format!("ΔE {difference:.3}"));
+            let beyond = if is_displayable(linear_srgb_from_xyz(cell.xyz)) { "" } else { ", beyond sRGB" };
+            drawing.text([x, y + 53.0], 11.0, &format!("{difference}{beyond}"));
+        }
+        drawing.height = count(self.palette.materials.len()).mul_add(CELL[1], top) + 8.0;
+    }
+
+    fn draw_verdicts(&self, drawing: &mut Drawing) {
+        for line in self.sentences() {
+            for part in wrapped(&line, 120) {
+                drawing.heading(&part, 12.0);
+            }
+        }
+    }
+
+    fn draw_spectra(&self, drawing: &mut Drawing) {
+        drawing.height += 16.0;
+        drawing.heading("Spectra", 15.0);
+        let top = drawing.height + 28.0;
+        let materials: Vec<&Spectrum> = self.materials.iter().map(|row| row.spectrum()).collect();
+        let lights: Vec<Spectrum> = self
+            .lights
+            .iter()
+            .map(|light| {
+                let mean = light.spectrum().sum() / count(BANDS);
+                light.spectrum().scaled(if mean > 0.0 { 1.0 / mean } else { 1.0 })
+            })
+            .collect();
+        let lights: Vec<&Spectrum> = lights.iter().collect();
+        let below = [
+            drawing.panel(
+                [MARGIN + 30.0, top],
+                "reflectance",
+                1.0,
+                &self.palette.materials,
+                &materials,
+                &self.material_facts,
+            ),
+            drawing.panel(
+                [MARGIN + PANEL[0] + 90.0, top],
+                "light, mean 1",
+                1.0,
+                &self.palette.lights,
+                &lights,
+                &self.light_facts,
+            ),
+        ];
+        drawing.height = below[0].max(below[1]);
+    }
+
+    fn draw_contrasts(&self, drawing: &mut Drawing) {
+        let contrasts = self.contrasts();
+        if contrasts.is_empty() {
+            return;
+        }
+        drawing.height += 16.0;
+        drawing.heading("How far apart materials look, ΔE00", 15.0);
+        let from = LABELS + 90.0;
+        let y = drawing.height + 20.0;
+        let observers =
+            std::iter::once("all cones".to_owned()).chain(Deficiency::ALL.map(|deficiency| deficiency.to_string()));
+        for (column, observer) in observers.enumerate() {
+            drawing.text([count(column).mul_add(OBSERVER, from), y], 12.0, &observer);
+        }
+        drawing.height = y;
+        let mut light = None;
+        for contrast in contrasts.iter().take(MOST_LINES) {
+            if light != Some(contrast.light) {
+                light = Some(contrast.light);
+                drawing.height += LINE;
+                drawing.text(
+                    [MARGIN, drawing.height],
+                    12.0,
+                    &format!("under {}", self.palette.lights[contrast.light].name),
+                );
+            }
+            drawing.height += LINE;
+            let y = drawing.height;
+            let names = contrast.materials.map(|material| shortened(&self.palette.materials[material].name, 14));
+            drawing.text([MARGIN + 12.0, y], 11.0, &names.join(" – "));
+            let colours = contrast
+                .materials
+                .map(|material| self.cell(material, contrast.light).map_or(Xyz([0.0; 3]), |cell| cell.xyz));
+            let values = std::iter::once(contrast.normal).chain(contrast.deficient);
+            for (column, value) in values.enumerate() {
+                let x = count(column).mul_add(OBSERVER, from);
+                for (half, colour) in colours.iter().enumerate() {
+                    let linear = linear_srgb_from_xyz(*colour);
+                    let seen = match column.checked_sub(1).and_then(|index| Deficiency::ALL.get(index)) {
+                        Some(deficiency) => deficiency.seen(linear),
+                        None => linear,
+                    };
+                    drawing.rectangle([count(half).mul_add(22.0, x), y - 13.0], [22.0, 17.0], &display_code(seen));
+                }
+                drawing.text([x + 50.0, y], 11.0, &format!("{value:.2}"));
+            }
+        }
+        if contrasts.len() > MOST_LINES {
+            drawing.heading(&format!("and {} more pairs", contrasts.len() - MOST_LINES), 11.0);
+        }
+    }
+
+    /// What there is to say beside the numbers: what cannot be had and why, and what went black.
+    #[must_use]
+    pub fn sentences(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        for conflict in &self.conflicts {
+            lines.push(format!(
+                "Cannot be had exactly: {}. Over what hangs together with it, the root mean square ΔE00 is at least {:.2} (by the metric at the targets); it is {:.2}.",
+                conflict.reason, conflict.least, conflict.reached
+            ));
+            lines.push(match conflict.ways_out.as_slice() {
+                [] => "No single change is known to make it possible.".to_owned(),
+                ways => format!("Ways out: {}.", ways.join("; or ")),
+            });
+        }
+        let name = |(material, light): (usize, usize)| match (
+            self.palette.materials.get(material),
+            self.palette.lights.get(light),
+        ) {
+            (Some(row), Some(column)) => format!("{} under {}", row.name, column.name),
+            _ => String::new(),
+        };
+        lines.extend(self.dark_merges.iter().map(|merge| {
+            format!(
+                "{} looks as {} by being black, which nobody asked for; give one of them a colour.",
+                name(merge.cell),
+                name(merge.like)
+            )
+        }));
+        lines
+    }
+}
+
+/// "day (given)"
+fn titled(member: &Member) -> String {
+    if member.spectrum.is_some() { format!("{} (given)", member.name) } else { member.name.clone() }
+}
+
+/// At most `most` characters.
+fn shortened(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// Lines of about `most` characters, broken at blanks.
+fn wrapped(text: &str, most: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + word.chars().count() < most => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// A text as it stands in XML.
+fn escaped(text: &str) -> String {
+    let plain: String = text.chars().filter(|letter| !letter.is_control()).collect();
+    plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// SVG as it grows downwards.
+struct Drawing {
+    body: String,
+    width: f64,
+    height: f64,
+}
+
+impl Drawing {
+    fn reach(&mut self, x: f64) {
+        self.width = self.width.max(x);
+    }
+
+    /// A line of text below all that is there.
+    fn heading(&mut self, text: &str, size: f64) {
+        self.height += size + 6.0;
+        self.text([MARGIN, self.height], size, text);
+    }
+
+    fn text(&mut self, [x, y]: [f64; 2], size: f64, text: &str) {
+        let text = escaped(text);
+        // Writing to a String cannot fail; a letter is about 0.6 of its height wide.
+        writeln!(self.body, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\">{text}</text>").ok();
+        self.reach(0.6f64.mul_add(size * count(text.chars().count()), x));
+    }
+
+    fn swatch(&mut self, at: [f64; 2], size: [f64; 2], colour: Xyz) {
+        self.rectangle(at, size, &display_code(linear_srgb_from_xyz(colour)));
+    }
+
+    fn rectangle(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], colour: &str) {
+        writeln!(
+            self.body,
+            "<rect x=\"{x:.1}\" y=\"{y:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" fill=\"{colour}\"/>"
+        )
+        .ok();
+        self.reach(x + width);
+    }
+
+    fn line(&mut self, from: [f64; 2], to: [f64; 2], colour: &str) {
+        let ([x1, y1], [x2, y2]) = (from, to);
+        writeln!(self.body, "<line x1=\"{x1:.1}\" y1=\"{y1:.1}\" x2=\"{x2:.1}\" y2=\"{y2:.1}\" stroke=\"{colour}\"/>")
+            .ok();
+    }
+
+    /// Curves over the wavelengths, with a legend; where it ends below.
+    fn panel(
+        &mut self,
+        [x, y]: [f64; 2],
+        title: &str,
+        least_top: f64,
+        members: &[Member],
+        spectra: &[&Spectrum],
+        facts: &[Facts],
+    ) -> f64 {
+        let extreme = |start: f64, pick: fn(f64, f64) -> f64| {
+            spectra
+                .iter()
+                .flat_map(|spectrum| spectrum.samples())
+                .copied()
+                .filter(|sample| sample.is_finite())
+                .fold(start, pick)
+        };
+        let (low, high) = (extreme(0.0, f64::min), extreme(least_top, f64::max));
+        let at = |nm: f64, value: f64| {
+            [
+                (nm - FIRST_NM) / (LAST_NM - FIRST_NM) * PANEL[0] + x,
+                (high - value.clamp(low, high)) / (high - low) * PANEL[1] + y,
+            ]
+        };
+        self.text([x, y - 6.0], 12.0, title);
+        for nm in [400.0, 500.0, 600.0, 700.0] {
+            self.line(at(nm, low), at(nm, high), "#dddddd");
+            let [label, bottom] = at(nm, low);
+            self.text([label - 12.0, bottom + 14.0], 10.0, &format!("{nm} nm"));
+        }
+        let mut ticks = vec![low, 0.0, least_top, high];
+        ticks.dedup_by(|one, two| (*one - *two).abs() < (high - low) * 0.06);
+        for tick in ticks {
+            self.line(at(FIRST_NM, tick), at(LAST_NM, tick), "#dddddd");
+            let [_, height] = at(FIRST_NM, tick);
+            self.text([x - 28.0, height + 4.0], 10.0, &format!("{tick:.1}"));
+        }
+        let mut bottom = y + PANEL[1] + 20.0;
+        for (index, ((member, spectrum), facts)) in members.iter().zip(spectra).zip(facts).enumerate() {
+            let colour = CURVES[index % CURVES.len()];
+            let dashes = DASHES[(index / CURVES.len()) % DASHES.len()];
+            let points = (0..BANDS).map(|band| at(wavelength_nm(band), spectrum.samples()[band]));
+            let points: Vec<String> = points.map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+            let style = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\" stroke-dasharray=\"{dashes}\"");
+            writeln!(self.body, "<polyline points=\"{}\" {style}/>", points.join(" ")).ok();
+            bottom += 16.0;
+            writeln!(
+                self.body,
+                "<polyline points=\"{:.1},{:.1} {:.1},{:.1}\" {style}/>",
+                x,
+                bottom - 4.0,
+                x + 26.0,
+                bottom - 4.0
+            )
+            .ok();
+            let negative = if facts.negative > 0.0 {
+                format!(", {:.0} % negative", 100.0 * facts.negative)
+            } else {
+                String::new()
+            };
+            let range =
+                format!("{}: {:.2} to {:.2}{negative}", shortened(&titled(member), 24), facts.lowest, facts.highest);
+            self.text([x + 32.0, bottom], 11.0, &range);
+        }
+        self.reach(x + PANEL[0]);
+        bottom
+    }
+}

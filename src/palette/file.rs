@@ -1,0 +1,380 @@
+//! The palette file: TOML as people write it, checked where it stands, and a solved palette written as one.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target};
+use crate::model::LARGEST_DIMENSION;
+use crate::number::readable;
+use crate::spectrum::colour::{Lab, Xyz};
+use crate::spectrum::{Kind, Spectrum, SpectrumError, SpectrumSource, nearest, srgb_code};
+use crate::written::{place, with_suggestion};
+
+/// Anything the file says, with where it says it.
+type At<T> = Spanned<T>;
+
+/// More than any palette a person writes.
+const LONGEST: u64 = 16 << 20;
+/// What says that a spectrum is to be found, beside saying nothing.
+const OPEN: &str = "open";
+
+/// A palette as it is written: a file, or a table of a scene.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct PaletteFile {
+    version: Option<At<i64>>,
+    /// In a scene: the file that has all the rest.
+    pub(crate) r#use: Option<At<PathBuf>>,
+    #[serde(default)]
+    materials: BTreeMap<String, At<RowFile>>,
+    #[serde(default)]
+    lights: BTreeMap<String, At<ColumnFile>>,
+    #[serde(default)]
+    cells: BTreeMap<String, At<BTreeMap<String, At<CellFile>>>>,
+    model: Option<At<ModelFile>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RowFile {
+    reflectance: Option<At<SpectrumSource>>,
+    bounds: Option<At<[f64; 2]>>,
+    smoothness: Option<At<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ColumnFile {
+    spectrum: Option<At<SpectrumSource>>,
+    bounds: Option<At<[f64; 2]>>,
+    smoothness: Option<At<f64>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a cell is a text (\"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\") or a table \
+                                of one of `target` (such a text), `xyz`, `lab`, and `weight`"
+)]
+enum CellFile {
+    Text(String),
+    Table(CellTable),
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CellTable {
+    target: Option<String>,
+    xyz: Option<[f64; 3]>,
+    lab: Option<[f64; 3]>,
+    weight: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelFile {
+    k: usize,
+    weight: Option<f64>,
+}
+
+/// What is wrong, and at which byte of the text.
+#[derive(Debug)]
+pub(crate) struct Misplaced {
+    pub(crate) byte: usize,
+    pub(crate) message: String,
+    pub(crate) cause: Option<SpectrumError>,
+}
+
+impl Misplaced {
+    fn new<T>(at: &At<T>, message: impl Into<String>) -> Self {
+        Self { byte: at.span().start, message: message.into(), cause: None }
+    }
+}
+
+/// Reads the palette file `path`.
+///
+/// # Errors
+///
+/// [`PaletteError::Read`], [`PaletteError::Invalid`] and [`PaletteError::Spectrum`]: what cannot be read, or where in
+/// the file something is not as it may be.
+pub fn load(path: &Path) -> Result<Palette, PaletteError> {
+    let read = |source| PaletteError::Read { path: path.to_owned(), source };
+    let name = path.display().to_string();
+    let length = std::fs::metadata(path).map_err(read)?.len();
+    if length > LONGEST {
+        let message = format!("a palette file has at most {LONGEST} bytes, this one has {length}");
+        return Err(PaletteError::Invalid { at: name, message });
+    }
+    let text = String::from_utf8(std::fs::read(path).map_err(read)?).map_err(|error| PaletteError::Invalid {
+        at: name.clone(),
+        message: format!("not UTF-8 text from byte {} on", error.utf8_error().valid_up_to()),
+    })?;
+    parse(&name, &text, path.parent().unwrap_or(Path::new("")))
+}
+
+/// The palette that `text` describes; `name` heads messages, relative paths start at `base`.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteError> {
+    let invalid = |byte, message| PaletteError::Invalid { at: place(name, text, byte), message };
+    let file: PaletteFile = toml::from_str(text)
+        .map_err(|error| invalid(error.span().map_or(0, |span| span.start), with_suggestion(error.message())))?;
+    match file.version.as_ref().map(|version| (version, *version.get_ref())) {
+        Some((_, 1)) => {}
+        Some((at, version)) => {
+            return Err(invalid(at.span().start, format!("version = {version}; this program reads version 1")));
+        }
+        None => return Err(invalid(0, "missing field `version`; write version = 1".to_owned())),
+    }
+    if let Some(other) = &file.r#use {
+        return Err(invalid(other.span().start, "`use` stands in the [palette] of a scene".to_owned()));
+    }
+    file.resolve(name, base).map_err(|Misplaced { byte, message, cause }| match cause {
+        None => invalid(byte, message),
+        Some(source) => PaletteError::Spectrum { at: place(name, text, byte), what: message, source },
+    })
+}
+
+impl PaletteFile {
+    /// Whether it says anything but `use`.
+    pub(crate) fn says_more_than_use(&self) -> bool {
+        !(self.materials.is_empty() && self.lights.is_empty() && self.cells.is_empty())
+            || self.version.is_some()
+            || self.model.is_some()
+    }
+
+    /// The palette, whose relative paths start at `base`. Rows and columns are in the order they are written in.
+    pub(crate) fn resolve(&self, source: &str, base: &Path) -> Result<Palette, Misplaced> {
+        let mut inputs = Vec::new();
+        let mut materials = Vec::new();
+        for (name, at) in in_order(&self.materials) {
+            let file = at.get_ref();
+            let key = format!("materials.{name}");
+            let of = |source: &SpectrumSource| Ok(source.reflectance(base)?.spectrum().clone());
+            let spectrum = spectrum(&format!("{key}.reflectance"), file.reflectance.as_ref(), base, &mut inputs, of)?;
+            materials.push(member(
+                &key,
+                name,
+                spectrum,
+                file.bounds.as_ref(),
+                file.smoothness.as_ref(),
+                Kind::Reflectance,
+            )?);
+        }
+        let mut lights = Vec::new();
+        for (name, at) in in_order(&self.lights) {
+            let file = at.get_ref();
+            let key = format!("lights.{name}");
+            let of = |source: &SpectrumSource| Ok(source.light(base)?.spectrum().clone());
+            let spectrum = spectrum(&format!("{key}.spectrum"), file.spectrum.as_ref(), base, &mut inputs, of)?;
+            lights.push(member(&key, name, spectrum, file.bounds.as_ref(), file.smoothness.as_ref(), Kind::Light)?);
+        }
+        let mut cells = Vec::new();
+        for (row, at) in in_order(&self.cells) {
+            let material = index(row, &materials, "material").map_err(|message| Misplaced::new(at, message))?;
+            for (column, cell) in in_order(at.get_ref()) {
+                let light = index(column, &lights, "light").map_err(|message| Misplaced::new(cell, message))?;
+                let made = target(cell.get_ref(), (material, light), &materials, &lights);
+                let made = made.map_err(|message| Misplaced::new(cell, format!("cells.{row}.{column}: {message}")))?;
+                cells.extend(made.map(|(target, weight)| Cell { material, light, target, weight }));
+            }
+        }
+        let model = self.model.as_ref().map(|at| {
+            let ModelFile { k, weight } = at.get_ref();
+            let weight = weight.unwrap_or(1.0);
+            if !(1..=LARGEST_DIMENSION).contains(k) {
+                return Err(Misplaced::new(
+                    at,
+                    format!("model.k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}"),
+                ));
+            }
+            if !(weight.is_finite() && weight > 0.0) {
+                return Err(Misplaced::new(
+                    at,
+                    format!("model.weight = {}; it is a finite number above 0", readable(weight)),
+                ));
+            }
+            Ok(ModelTerm { dimension: *k, weight })
+        });
+        Ok(Palette { source: source.to_owned(), inputs, materials, lights, cells, model: model.transpose()? })
+    }
+}
+
+/// The entries of a table as they are written, not by name.
+fn in_order<T>(table: &BTreeMap<String, At<T>>) -> Vec<(&String, &At<T>)> {
+    let mut entries: Vec<_> = table.iter().collect();
+    entries.sort_by_key(|(_, value)| value.span().start);
+    entries
+}
+
+/// The given spectrum, where one is, and its file among `inputs`.
+fn spectrum(
+    key: &str,
+    stated: Option<&At<SpectrumSource>>,
+    base: &Path,
+    inputs: &mut Vec<PathBuf>,
+    of: impl Fn(&SpectrumSource) -> Result<Spectrum, SpectrumError>,
+) -> Result<Option<Spectrum>, Misplaced> {
+    let open = SpectrumSource::Named(OPEN.to_owned());
+    let Some(stated) = stated.filter(|stated| *stated.get_ref() != open) else { return Ok(None) };
+    inputs.extend(stated.get_ref().file(base));
+    let spectrum = of(stated.get_ref());
+    spectrum.map(Some).map_err(|cause| Misplaced { cause: Some(cause), ..Misplaced::new(stated, key) })
+}
+
+fn member(
+    key: &str,
+    name: &str,
+    spectrum: Option<Spectrum>,
+    bounds: Option<&At<[f64; 2]>>,
+    smoothness: Option<&At<f64>>,
+    kind: Kind,
+) -> Result<Member, Misplaced> {
+    let otherwise = if kind == Kind::Light { LAMP } else { NATURAL };
+    let made = Member {
+        name: name.to_owned(),
+        spectrum,
+        bounds: bounds.map_or(otherwise, |bounds| *bounds.get_ref()),
+        smoothness: smoothness.map_or(SMOOTHNESS, |smoothness| *smoothness.get_ref()),
+    };
+    if let (Some(at), Some(problem)) = (bounds, made.bounds_problem(kind)) {
+        return Err(Misplaced::new(at, format!("{key}.bounds: {problem}")));
+    }
+    if let (Some(at), Some(problem)) = (smoothness, made.smoothness_problem()) {
+        return Err(Misplaced::new(at, format!("{key}.smoothness: {problem}")));
+    }
+    Ok(made)
+}
+
+fn index(name: &str, members: &[Member], what: &str) -> Result<usize, String> {
+    let names = || members.iter().map(|member| member.name.as_str());
+    members.iter().position(|member| member.name == name).ok_or_else(|| match nearest(name, names()) {
+        Some(nearest) => format!("there is no {what} {name:?}; did you mean {nearest:?}?"),
+        None => format!("there is no {what} {name:?}; there are: {}", names().collect::<Vec<_>>().join(", ")),
+    })
+}
+
+/// What a cell says; `None` where it is free.
+fn target(
+    file: &CellFile,
+    (material, light): (usize, usize),
+    materials: &[Member],
+    lights: &[Member],
+) -> Result<Option<(Target, f64)>, String> {
+    let plain;
+    let table = match file {
+        CellFile::Text(text) => {
+            plain = CellTable { target: Some(text.clone()), ..CellTable::default() };
+            &plain
+        }
+        CellFile::Table(table) => table,
+    };
+    let finite = |numbers: [f64; 3]| match numbers.iter().all(|number| number.is_finite()) {
+        true => Ok(numbers),
+        false => Err(format!("{numbers:?} is no colour; it is three finite numbers")),
+    };
+    let target = match (&table.target, table.xyz, table.lab) {
+        (Some(text), None, None) => match text.trim() {
+            "free" => return Ok(None),
+            "black" => Target::Black,
+            text if text.starts_with('#') => Target::Srgb(srgb_code(text).map_err(|error| error.to_string())?),
+            text => match text.strip_prefix("as ").map(str::trim) {
+                None => {
+                    return Err(format!(
+                        "{text:?} is no colour; it is \"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\", or a table of xyz or lab"
+                    ));
+                }
+                Some(like) => {
+                    let (row, column) = match like.strip_prefix("under ") {
+                        Some(column) => (None, Some(column.trim())),
+                        None if materials.iter().any(|row| row.name == like) => (Some(like), None),
+                        None => match like.split_once(" under ") {
+                            Some((row, column)) => (Some(row.trim()), Some(column.trim())),
+                            None => (Some(like), None),
+                        },
+                    };
+                    Target::Like {
+                        material: row.map_or(Ok(material), |row| index(row, materials, "material"))?,
+                        light: column.map_or(Ok(light), |column| index(column, lights, "light"))?,
+                    }
+                }
+            },
+        },
+        (None, Some(xyz), None) => Target::Xyz(Xyz(finite(xyz)?)),
+        (None, None, Some(lab)) => Target::Lab(Lab(finite(lab)?)),
+        _ => return Err("it says one of `target`, `xyz` and `lab`".to_owned()),
+    };
+    let weight = table.weight.unwrap_or(1.0);
+    if !(weight.is_finite() && weight > 0.0) {
+        return Err(format!(
+            "weight = {}; it is a finite number above 0 (\"free\" asks for nothing)",
+            readable(weight)
+        ));
+    }
+    Ok(Some((target, weight)))
+}
+
+/// A text as a TOML string on one line, which can be a key too.
+fn quoted(text: &str) -> String {
+    let letter = |letter: char| match letter {
+        '"' | '\\' => format!("\\{letter}"),
+        letter if letter.is_control() => format!("\\u{:04x}", u32::from(letter)),
+        letter => letter.to_string(),
+    };
+    format!("\"{}\"", text.chars().map(letter).collect::<String>())
+}
+
+impl Solution {
+    /// The palette as a file in which all spectra are given: loaded, it has the very colours of this solution.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let palette = &self.palette;
+        let mut text = format!(
+            "# Designed by relume {} from {}.\n# The largest ΔE00 from what [cells] asks for is {:.4}.\nversion = 1\n",
+            env!("CARGO_PKG_VERSION"),
+            palette.source.replace(['\n', '\r'], " "),
+            self.worst()
+        );
+        let mut members = |table: &str, key: &str, members: &[Member], spectra: &mut dyn Iterator<Item = &Spectrum>| {
+            for (member, spectrum) in members.iter().zip(spectra) {
+                let [low, high] = member.bounds;
+                // Writing to a String cannot fail.
+                write!(
+                    text,
+                    "\n[{table}.{}]\n{key} = {{ samples = {:?} }}\nbounds = [{low:?}, {high:?}]\nsmoothness = {:?}\n",
+                    quoted(&member.name),
+                    spectrum.samples(),
+                    member.smoothness
+                )
+                .ok();
+            }
+        };
+        members("materials", "reflectance", &palette.materials, &mut self.materials.iter().map(|row| row.spectrum()));
+        members("lights", "spectrum", &palette.lights, &mut self.lights.iter().map(|column| column.spectrum()));
+        for (index, row) in palette.materials.iter().enumerate() {
+            let mut cells = palette.cells.iter().filter(|cell| cell.material == index).peekable();
+            if cells.peek().is_some() {
+                write!(text, "\n[cells.{}]\n", quoted(&row.name)).ok();
+            }
+            for cell in cells {
+                let target = match cell.target {
+                    Target::Xyz(xyz) => format!("xyz = {:?}", xyz.0),
+                    Target::Lab(lab) => format!("lab = {:?}", lab.0),
+                    _ => format!("target = {}", quoted(&palette.target_text(cell.material, cell.light))),
+                };
+                let light = palette.lights.get(cell.light).map_or_else(String::new, |column| quoted(&column.name));
+                writeln!(text, "{light} = {{ {target}, weight = {:?} }}", cell.weight).ok();
+            }
+        }
+        if let Some(ModelTerm { dimension, weight }) = palette.model {
+            write!(text, "\n[model]\nk = {dimension}\nweight = {weight:?}\n").ok();
+        }
+        text
+    }
+}

@@ -1,0 +1,151 @@
+//! The light dial: a hand between nodes that stand for lights, and the mix it asks for (§4.3 of the paper).
+
+use std::f64::consts::TAU;
+
+use glam::DVec2;
+
+use super::{Mix, MixLight};
+use crate::number::count;
+
+/// Nodes of lights on a plane. The nearer the hand is to a node, the more its light shines: with the distances `d`,
+/// a node weighs `(1/d_i) / Σ 1/d_j` over the nodes that are on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dial {
+    /// The nodes; what has none does not shine.
+    pub nodes: Vec<DialNode>,
+    /// Whether the mix is scaled so that a white surface keeps its luminance wherever the hand is: `master`.
+    pub normalise: bool,
+    /// That luminance; where `normalise` is off, what every weight is multiplied by.
+    pub master: f64,
+    /// Mixes to come back to, in the order of a tour.
+    pub situations: Vec<Situation>,
+}
+
+/// A named place of the hand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Situation {
+    /// Its name.
+    pub name: String,
+    /// What it shows, in a sentence; may be empty.
+    pub caption: String,
+    /// Where the hand is.
+    pub hand: DVec2,
+    /// The lights whose nodes are off, beside those that the dial has off.
+    pub off: Vec<String>,
+}
+
+/// A light on the dial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DialNode {
+    /// The name of the light.
+    pub light: String,
+    /// Where it lies; the regular polygon has its corners at distance 1 from (0, 0).
+    pub place: DVec2,
+    /// Whether it takes part; it keeps its place while it does not.
+    pub on: bool,
+}
+
+impl Dial {
+    /// The regular polygon of these lights, the first at the top, then clockwise.
+    #[must_use]
+    pub fn regular<'a>(lights: impl ExactSizeIterator<Item = &'a str>) -> Self {
+        let corners = count(lights.len());
+        let node = |(corner, light): (usize, &str)| DialNode {
+            light: light.to_owned(),
+            place: DVec2::from_angle(TAU * (0.25 - count(corner) / corners)),
+            on: true,
+        };
+        Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, situations: Vec::new() }
+    }
+
+    /// The node of the light `name`.
+    ///
+    /// # Errors
+    ///
+    /// A sentence with the names that there are.
+    pub fn node_mut(&mut self, name: &str) -> Result<&mut DialNode, String> {
+        let names: Vec<&str> = self.nodes.iter().map(|node| node.light.as_str()).collect();
+        let unknown = format!("{name}: there is no such light; there are: {}", names.join(", "));
+        self.nodes.iter_mut().find(|node| node.light == name).ok_or(unknown)
+    }
+
+    /// The situation `name`, and the dial with the nodes off that it wants off.
+    ///
+    /// # Errors
+    ///
+    /// A sentence with the names that there are.
+    pub fn situation(&self, name: &str) -> Result<(Self, Situation), String> {
+        let names: Vec<&str> = self.situations.iter().map(|situation| situation.name.as_str()).collect();
+        let found = self.situations.iter().find(|situation| situation.name == name).cloned();
+        let unknown = || format!("{name}: there is no such situation; there are: {}", names.join(", "));
+        let situation = found.ok_or_else(unknown)?;
+        let mut dial = self.clone();
+        for node in &mut dial.nodes {
+            node.on &= !situation.off.contains(&node.light);
+        }
+        Ok((dial, situation))
+    }
+
+    /// What each node weighs with the hand at `hand`: their sum is 1, on a node its own is exactly 1 (nodes at one place
+    /// share it), and a node that is off weighs 0. All zero where no node is on.
+    #[must_use]
+    pub fn weights(&self, hand: DVec2) -> Vec<f64> {
+        let distance = |node: &DialNode| (node.place.x - hand.x).hypot(node.place.y - hand.y);
+        let nearest = self.nodes.iter().filter(|node| node.on).map(distance).fold(f64::INFINITY, f64::min);
+        // Relative to the nearest, so that no reciprocal overflows; on a node it is 0 / 0.
+        let nearness = |node: &DialNode| match distance(node) {
+            _ if !node.on => 0.0,
+            far if far <= nearest => 1.0,
+            far => nearest / far,
+        };
+        let nearness: Vec<f64> = self.nodes.iter().map(nearness).collect();
+        let sum: f64 = nearness.iter().sum();
+        nearness.into_iter().map(|near| if sum > 0.0 { near / sum } else { 0.0 }).collect()
+    }
+
+    /// The mix with the hand at `hand`: the lights of `stated` as often as their nodes weigh; those that weigh nothing
+    /// are left out.
+    #[must_use]
+    pub fn mix(&self, hand: DVec2, stated: &Mix) -> Mix {
+        let weights = self.weights(hand);
+        let weight_of = |light: &MixLight| {
+            let nodes = self.nodes.iter().zip(&weights).filter(|(node, _)| node.light == light.name);
+            nodes.map(|(_, weight)| weight).sum::<f64>()
+        };
+        let mixed = stated.0.iter().map(|light| MixLight { weight: light.weight * weight_of(light), ..light.clone() });
+        let mut mix = Mix(mixed.filter(|light| light.weight > 0.0).collect());
+        let luminance: f64 = mix.0.iter().map(|light| light.weight * light.spectrum.luminance()).sum();
+        let whole = if self.normalise && luminance > 0.0 { luminance } else { 1.0 };
+        for light in &mut mix.0 {
+            light.weight = light.weight * self.master / whole;
+        }
+        mix
+    }
+
+    /// The straight way of the hand in `frames` steps from one node to another, both ends included.
+    #[must_use]
+    pub fn sweep(from: &DialNode, to: &DialNode, frames: usize) -> Vec<DVec2> {
+        let last = count(frames.saturating_sub(1).max(1));
+        (0..frames).map(|frame| between(from.place, to.place, count(frame) / last)).collect()
+    }
+
+    /// A closed way of the hand in `frames` steps over the nodes that are on, in their order, as long from each to the
+    /// next. It begins on the first, and ends before it comes back to it.
+    #[must_use]
+    pub fn tour(&self, frames: usize) -> Vec<DVec2> {
+        let stops: Vec<DVec2> = self.nodes.iter().filter(|node| node.on).map(|node| node.place).collect();
+        let along = |frame: usize| {
+            // Whole legs and the part of the next, in integers: a stop is met exactly.
+            let (leg, rest) = (frame * stops.len() / frames, frame * stops.len() % frames);
+            let from = stops.get(leg % stops.len().max(1)).copied()?;
+            let to = stops.get((leg + 1) % stops.len()).copied()?;
+            Some(between(from, to, count(rest) / count(frames)))
+        };
+        (0..frames).filter_map(along).collect()
+    }
+}
+
+/// Exactly `from` at 0 and `to` at 1.
+fn between(from: DVec2, to: DVec2, part: f64) -> DVec2 {
+    from * (1.0 - part) + to * part
+}

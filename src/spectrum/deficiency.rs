@@ -1,0 +1,58 @@
+//! What people see who lack one kind of cone.
+
+use std::fmt;
+use std::sync::LazyLock;
+
+use glam::{DMat3, DVec3};
+
+use super::colour::LinearSrgb;
+
+/// Which cones are missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Deficiency {
+    /// Long-wavelength cones: no red.
+    Protan,
+    /// Middle-wavelength cones: no green.
+    Deutan,
+    /// Short-wavelength cones: no blue.
+    Tritan,
+}
+
+impl Deficiency {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Protan, Self::Deutan, Self::Tritan];
+
+    /// What somebody with this deficiency sees of a colour, as the colour that looks so to others (Machado, Oliveira
+    /// and Fernandes 2009, severity 1). The colour is first clipped to what a display shows, and so is the answer.
+    #[must_use]
+    pub fn seen(self, colour: LinearSrgb) -> LinearSrgb {
+        static MATRICES: LazyLock<[DMat3; 3]> = LazyLock::new(|| Deficiency::ALL.map(published));
+        let shown = DVec3::from(colour.0).clamp(DVec3::ZERO, DVec3::ONE);
+        let matrix = match self {
+            Self::Protan => MATRICES[0],
+            Self::Deutan => MATRICES[1],
+            Self::Tritan => MATRICES[2],
+        };
+        LinearSrgb((matrix * shown).clamp(DVec3::ZERO, DVec3::ONE).to_array())
+    }
+}
+
+impl fmt::Display for Deficiency {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Protan => "protan",
+            Self::Deutan => "deutan",
+            Self::Tritan => "tritan",
+        })
+    }
+}
+
+/// The matrix of the table; NaN where it has none.
+fn published(deficiency: Deficiency) -> DMat3 {
+    let table = include_str!("../../data/observers/machado2009_dichromats.csv");
+    let name = deficiency.to_string();
+    let row = table.lines().find_map(|line| line.strip_prefix(name.as_str())?.strip_prefix(','));
+    let mut numbers = row.unwrap_or_default().split(',').map(|field| field.parse().unwrap_or(f64::NAN));
+    let rows = std::array::from_fn(|_| numbers.next().unwrap_or(f64::NAN));
+    DMat3::from_cols_array(&rows).transpose()
+}
