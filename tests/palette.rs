@@ -1,17 +1,43 @@
 //! Palettes: what is reachable is reached, what is not is told with a proof, and what is saved comes back.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
-use relume::palette::{Cell, LAMP, Member, NATURAL, Palette, SMOOTHNESS, Solution, Target, solve};
-use relume::progress::Quiet;
-use relume::spectrum::colour::{Lab, Xyz};
-use relume::spectrum::standard;
+mod support;
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::DVec3;
+use relume::measure::Stopwatch;
+use relume::model::random::Random;
+use relume::palette::{
+    Cell, Conflict, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target, load, parse,
+    solve,
+};
+use relume::progress::{Progress, Quiet};
+use relume::scene::{self, Scene, SceneOptions};
+use relume::spectrum::colour::{
+    Lab, LinearSrgb, OBSERVER, Xyz, ciede2000, d65_white, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_lab, xyz_of,
+};
+use relume::spectrum::deficiency::Deficiency;
+use relume::spectrum::metric::difference_matrix;
+use relume::spectrum::{Light, Reflectance, Spectrum, standard};
+use support::program::Folder;
 
 fn member(name: &str, bounds: [f64; 2]) -> Member {
     Member { name: name.to_owned(), spectrum: None, bounds, smoothness: SMOOTHNESS }
 }
 
+fn natural(name: &str) -> Member {
+    member(name, NATURAL)
+}
+
+fn lamp(name: &str) -> Member {
+    member(name, LAMP)
+}
+
 fn given(name: &str) -> Member {
-    Member { spectrum: Some(standard::light(name).unwrap().spectrum().clone()), ..member(name, LAMP) }
+    Member { spectrum: Some(standard::light(name).unwrap().spectrum().clone()), ..lamp(name) }
 }
 
 fn palette(materials: Vec<Member>, lights: Vec<Member>, cells: &[(usize, usize, Target)]) -> Palette {
@@ -29,29 +55,57 @@ fn lab(l: f64, a: f64, b: f64) -> Target {
     Target::Lab(Lab([l, a, b]))
 }
 
+const fn like(material: usize, light: usize) -> Target {
+    Target::Like { material, light }
+}
+
+fn apart(one: Xyz, two: Xyz) -> f64 {
+    ciede2000(lab_from_xyz(one, d65_white()), lab_from_xyz(two, d65_white()))
+}
+
+/// The solution, whose colours and differences are what its spectra make by the integrals themselves.
 fn solved(palette: &Palette) -> Solution {
-    let begun = std::time::Instant::now();
+    let clock = Stopwatch::start();
     let solution = solve(palette, &Quiet).unwrap();
-    println!("{:.2} s, worst {:.4}", begun.elapsed().as_secs_f64(), solution.worst());
-    for cells in solution.cells.chunks(palette.lights.len()) {
-        let row: Vec<String> =
-            cells.iter().map(|cell| cell.difference.map_or("free".to_owned(), |d| format!("{d:.4}"))).collect();
-        println!("  {}", row.join(" "));
-    }
+    let time = clock.read();
+    println!(
+        "{}: {:.0} ms ({:.0} ms of CPU), worst {:.4}",
+        palette.source,
+        time.wall_ms,
+        time.cpu_ms,
+        solution.worst()
+    );
     for conflict in &solution.conflicts {
-        println!(
-            "  least {:.3}, reached {:.3}: {}; {:?}",
-            conflict.least, conflict.reached, conflict.reason, conflict.ways_out
-        );
+        println!("  {conflict:?}");
     }
-    for facts in solution.material_facts.iter().chain(&solution.light_facts) {
-        println!("  {facts:?}");
+    for cell in &solution.cells {
+        let seen = xyz(&solution.lights[cell.light], &solution.materials[cell.material]);
+        for axis in 0..3 {
+            assert!((seen.0[axis] - cell.xyz.0[axis]).abs() <= 1e-12, "{cell:?}");
+        }
+        if let (Some(target), Some(difference)) = (cell.target, cell.difference) {
+            assert!((apart(seen, target) - difference).abs() <= 1e-9, "{cell:?}");
+        }
+    }
+    for (row, spectrum) in palette.materials.iter().zip(&solution.materials) {
+        let [low, high] = row.bounds;
+        let inside = spectrum.spectrum().samples().iter().all(|sample| (low..=high).contains(sample));
+        assert!(inside || row.spectrum.is_some(), "{}", row.name);
+    }
+    for (column, light) in palette.lights.iter().zip(&solution.lights) {
+        assert!((OBSERVER[1].dot(light.spectrum()) - 1.0).abs() <= 1e-12, "{}", column.name);
+        let samples = light.spectrum().samples();
+        let mean = samples.iter().sum::<f64>() / 81.0;
+        let inside = samples
+            .iter()
+            .all(|sample| *sample >= column.bounds[0] * mean && *sample <= column.bounds[1] * mean * (1.0 + 1e-6));
+        assert!(inside || column.spectrum.is_some(), "{}", column.name);
     }
     solution
 }
 
-/// One light per material: the figure 7 of the paper.
-fn diagonal(size: usize, bounds: [f64; 2]) -> Palette {
+/// One light per material: figure 7 of the paper.
+fn diagonal(size: usize) -> Palette {
     let colours = [
         [200, 60, 50],
         [60, 160, 70],
@@ -62,102 +116,612 @@ fn diagonal(size: usize, bounds: [f64; 2]) -> Palette {
         [210, 120, 60],
         [130, 130, 130],
     ];
-    let cells: Vec<_> = (0..size)
-        .flat_map(|row| {
-            (0..size).map(move |column| {
-                (row, column, if row == column { Target::Srgb(colours[row]) } else { Target::Black })
-            })
-        })
-        .collect();
+    let target = |row: usize, column: usize| if row == column { Target::Srgb(colours[row]) } else { Target::Black };
+    let cells: Vec<_> =
+        (0..size).flat_map(|row| (0..size).map(move |column| (row, column, target(row, column)))).collect();
+    let names = |letter: &str| -> Vec<String> { (0..size).map(|index| format!("{letter}{index}")).collect() };
     palette(
-        (0..size).map(|row| member(&format!("m{row}"), bounds)).collect(),
-        (0..size).map(|column| member(&format!("l{column}"), LAMP)).collect(),
+        names("m").iter().map(|name| natural(name)).collect(),
+        names("l").iter().map(|name| lamp(name)).collect(),
         &cells,
     )
 }
 
 #[test]
 fn one_light_per_material_is_reached() {
-    let solution = solved(&diagonal(4, NATURAL));
+    let solution = solved(&diagonal(4));
     assert!(solution.worst() <= 0.1);
-    assert!(solution.conflicts.is_empty());
+    assert_eq!(solution.conflicts, []);
 }
 
 #[test]
-fn eight() {
-    solved(&diagonal(8, NATURAL));
+fn eight_lights_for_eight_materials_are_nearly_reached() {
+    // No bar is set for its colours; 20 s for its time is measured (docs/PALETTE.md).
+    assert!(solved(&diagonal(8)).worst() <= 0.5);
 }
 
 /// Daylight and tungsten are given: one grey under the first, apart under the second, around the colour that a neutral
 /// grey has there; two more lights show one material each.
-fn figure5(bounds: [f64; 2], apart: f64) -> Palette {
+fn figure5(bounds: [f64; 2], distance: f64) -> Palette {
     let grey = |light: &str| {
-        let neutral = relume::spectrum::Reflectance::new(relume::spectrum::Spectrum::constant(0.28)).unwrap();
-        let xyz = relume::spectrum::colour::xyz(&standard::light(light).unwrap(), &neutral);
-        relume::spectrum::colour::lab_from_xyz(xyz, relume::spectrum::colour::d65_white()).0
+        let neutral = Reflectance::new(Spectrum::constant(0.28)).unwrap();
+        lab_from_xyz(xyz(&standard::light(light).unwrap(), &neutral), d65_white()).0
     };
     let ([l0, a0, b0], [l1, a1, b1]) = (grey("D65"), grey("A"));
     let mut cells = Vec::new();
     for (row, [a, b]) in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].into_iter().enumerate() {
         cells.push((row, 0, lab(l0, a0, b0)));
-        cells.push((row, 1, lab(l1, a1 + apart * a, b1 + apart * b)));
+        cells.push((row, 1, lab(l1, a1 + distance * a, b1 + distance * b)));
         cells.push((row, 2, if row == 3 { lab(60.0, 20.0, 30.0) } else { Target::Black }));
         cells.push((row, 3, if row == 2 { lab(60.0, -20.0, 30.0) } else { Target::Black }));
     }
     let materials = (0..4).map(|row| member(&format!("m{row}"), bounds)).collect();
-    palette(materials, vec![given("D65"), given("A"), member("l3", LAMP), member("l4", LAMP)], &cells)
+    palette(materials, vec![given("D65"), given("A"), lamp("l3"), lamp("l4")], &cells)
 }
 
 #[test]
-fn fig5() {
-    solved(&figure5(NATURAL, 8.0));
-    solved(&figure5([-1.0, 1.0], 8.0));
-    solved(&figure5(NATURAL, 16.0));
+fn metamers_in_daylight_part_under_tungsten_and_under_designed_lights() {
+    assert!(solved(&figure5(NATURAL, 8.0)).worst() <= 0.7);
+    assert!(solved(&figure5([-1.0, 1.0], 8.0)).worst() <= 0.05);
 }
 
+/// COLOUR.md B5 found the same palette to have a provable floor of 3.3 at its worst cell.
 #[test]
-fn black() {
-    let smoke = |low| vec![member("smoke", [low, 1.0]), member("one", NATURAL), member("two", NATURAL)];
-    let cells = |white: f64| {
-        vec![
-            (0, 0, Target::Black),
-            (0, 1, Target::Xyz(Xyz([0.95 * white, white, 1.09 * white]))),
-            (1, 0, lab(60.0, 30.0, 20.0)),
-            (1, 1, Target::Like { material: 1, light: 0 }),
-            (2, 0, lab(50.0, -30.0, 20.0)),
-            (2, 1, Target::Like { material: 2, light: 0 }),
-        ]
-    };
-    println!("open");
-    solved(&palette(smoke(0.0), vec![member("a", LAMP), member("b", LAMP)], &cells(0.5)));
-    println!("D65 signed");
-    solved(&palette(smoke(-1.0), vec![given("D65"), member("b", LAMP)], &cells(0.5)));
-    println!("D65 natural");
-    solved(&palette(smoke(0.0), vec![given("D65"), member("b", LAMP)], &cells(0.5)));
-    println!("D65 A natural");
-    solved(&palette(smoke(0.0), vec![given("D65"), given("A")], &cells(0.5)));
+fn metamers_too_far_apart_come_within_a_tenth_of_what_can_be() {
+    let solution = solved(&figure5(NATURAL, 16.0));
+    let conflict = only(&solution);
+    assert!(conflict.least > 0.5);
+    assert!(conflict.reached <= 1.1 * conflict.least);
+    assert!(solution.worst() > 2.5);
 }
 
-#[test]
-fn constancy() {
-    for (name, feasible) in [("A", false), ("FL2", true)] {
-        println!("{name}");
-        let cells = [(0, 0, Target::Xyz(Xyz([0.19, 0.2, 0.218]))), (0, 1, Target::Like { material: 0, light: 0 })];
-        let solution = solved(&palette(vec![member("grey", NATURAL)], vec![given("D65"), given(name)], &cells));
-        assert_eq!(solution.conflicts.is_empty(), feasible);
-    }
-    println!("open");
+fn only(solution: &Solution) -> &Conflict {
+    assert_eq!(solution.conflicts.len(), 1, "{:?}", solution.conflicts);
+    &solution.conflicts[0]
+}
+
+/// Smoke that is black under the first light and white under the second, and two materials that look alike under both.
+fn smoke(low: f64, lights: Vec<Member>) -> Palette {
     let cells = [
-        (0, 0, lab(60.0, 20.0, 20.0)),
-        (0, 1, Target::Like { material: 0, light: 0 }),
-        (1, 0, lab(50.0, 50.0, 30.0)),
-        (1, 1, lab(50.0, 0.0, -45.0)),
-        (2, 0, lab(50.0, -30.0, 30.0)),
-        (2, 1, Target::Black),
+        (0, 0, Target::Black),
+        (0, 1, Target::Xyz(Xyz([0.475, 0.5, 0.545]))),
+        (1, 0, lab(60.0, 30.0, 20.0)),
+        (1, 1, like(1, 0)),
+        (2, 0, lab(50.0, -30.0, 20.0)),
+        (2, 1, like(2, 0)),
     ];
-    solved(&palette(
-        vec![member("a", NATURAL), member("b", NATURAL), member("c", NATURAL)],
-        vec![given("D65"), member("l", LAMP)],
-        &cells,
-    ));
+    palette(vec![member("smoke", [low, 1.0]), natural("one"), natural("two")], lights, &cells)
+}
+
+#[test]
+fn a_metameric_black_is_reached_with_designed_lights_or_with_negative_parts() {
+    assert!(solved(&smoke(0.0, vec![lamp("a"), lamp("b")])).worst() <= 0.1);
+    let signed = solved(&smoke(-1.0, vec![given("D65"), lamp("b")]));
+    assert!(signed.worst() <= 0.1);
+    assert!(signed.material_facts[0].negative > 0.05 && signed.material_facts[0].lowest < -0.1);
+}
+
+/// Σ ȳ·l·r = 0 with ȳ·l > 0 and r ≥ 0 leaves r = 0 (COLOUR.md A6).
+#[test]
+fn no_surface_is_a_metameric_black_in_daylight() {
+    let solution = solved(&smoke(0.0, vec![given("D65"), lamp("b")]));
+    let conflict = only(&solution);
+    assert_eq!(conflict.cells, [(0, 0), (0, 1)]);
+    assert!(conflict.least > 0.5 && conflict.reached >= conflict.least);
+    assert!(conflict.reason.contains("D65 has power at every wavelength"), "{}", conflict.reason);
+    for way in ["let smoke under D65 be free", "give smoke the bounds [-1.0, 1.0]", "leave the light D65 open"] {
+        assert!(conflict.ways_out.iter().any(|said| said.contains(way)), "{way}: {:?}", conflict.ways_out);
+    }
+}
+
+/// COLOUR.md A6: between D65 and A no surface keeps its colour; between D65 and FL2 a grey of Y = 0.2 does.
+#[test]
+fn constancy_from_daylight_to_tungsten_is_impossible_and_to_a_tube_possible() {
+    let grey = |light: &str| {
+        let cells = [(0, 0, Target::Xyz(Xyz([0.19, 0.2, 0.218]))), (0, 1, like(0, 0))];
+        solved(&palette(vec![natural("grey")], vec![given("D65"), given(light)], &cells))
+    };
+    let (bulb, tube) = (grey("A"), grey("FL2"));
+    let conflict = only(&bulb);
+    assert!(conflict.least > 5.0 && conflict.reached <= 1.01 * conflict.least);
+    assert_eq!(conflict.cells, [(0, 0), (0, 1)]);
+    assert_eq!(tube.conflicts, []);
+    assert!(tube.worst() <= 0.01);
+}
+
+/// Without a colour to keep, black keeps its colour everywhere, and that is told.
+#[test]
+fn what_looks_alike_by_being_black_is_told() {
+    let bright = [(0, 0, like(1, 0)), (1, 0, Target::Xyz(Xyz([0.002, 0.002, 0.002])))];
+    let asked = solved(&palette(vec![natural("one"), natural("two")], vec![given("D65")], &bright));
+    assert_eq!(asked.dark_merges, []);
+    let cells = [(0, 0, like(1, 1)), (1, 0, Target::Black)];
+    let dark = solved(&palette(vec![natural("one"), natural("two")], vec![given("D65"), given("A")], &cells));
+    assert_eq!(dark.dark_merges.len(), 1);
+    assert!(dark.sentences().iter().any(|line| line.contains("one under D65 looks as two under A by being black")));
+}
+
+/// Random targets under two or three given lights. For what is called possible, the spectra are the proof. For what is
+/// called impossible the proof is a half-space: with y = F·(colours − targets) of the spectra found, every reflectance r
+/// from 0 to 1 has y·F(A·r − c) ≥ Σ min(0, Aᵀ Fᵀ y) − y·F c, a sum that needs no solver.
+#[test]
+fn random_palettes_under_given_lights_are_judged_rightly() {
+    let names = ["D65", "A", "FL2", "FL11", "LED-RGB1", "LED-B3"];
+    let mut random = Random::new(7);
+    let mut judged = [0, 0];
+    for _ in 0..20 {
+        let mut lights: Vec<&str> = Vec::new();
+        while lights.len() < 2 + random.index(2) {
+            let name = names[random.index(names.len())];
+            if !lights.contains(&name) {
+                lights.push(name);
+            }
+        }
+        let spread = random.between(0.0, 30.0);
+        let patch =
+            standard::reflectance(["orange", "foliage", "blue sky", "neutral 5 (.70 D)"][random.index(4)]).unwrap();
+        let targets: Vec<Xyz> = lights
+            .iter()
+            .map(|name| {
+                let Lab([l, a, b]) = lab_from_xyz(xyz(&standard::light(name).unwrap(), &patch), d65_white());
+                let moved = Lab([l, a + random.between(-spread, spread), b + random.between(-spread, spread)]);
+                xyz_from_lab(moved, d65_white())
+            })
+            .collect();
+        let cells: Vec<_> =
+            targets.iter().enumerate().map(|(column, &target)| (0, column, Target::Xyz(target))).collect();
+        let mut row = natural("row");
+        row.smoothness = 1e-9;
+        let solution = solved(&palette(vec![row], lights.iter().map(|name| given(name)).collect(), &cells));
+        judged[usize::from(solution.conflicts.is_empty())] += 1;
+        if solution.conflicts.is_empty() {
+            assert!(solution.worst() <= 0.1);
+            continue;
+        }
+        let conflict = only(&solution);
+        let (mut slopes, mut offset, mut size) = ([0.0; 81], 0.0, 0.0);
+        for (cell, target) in solution.cells.iter().zip(&targets) {
+            let form = difference_matrix(*target);
+            let target = DVec3::from(target.0);
+            let residual = form * (DVec3::from(cell.xyz.0) - target);
+            let pull = form.transpose() * residual;
+            for (band, slope) in slopes.iter_mut().enumerate() {
+                let observed: f64 = (0..3).map(|axis| pull[axis] * OBSERVER[axis].samples()[band]).sum();
+                *slope += observed * solution.lights[cell.light].spectrum().samples()[band];
+            }
+            offset += pull.dot(target);
+            size += residual.length_squared();
+        }
+        let least = slopes.iter().map(|slope| slope.min(0.0)).sum::<f64>() - offset;
+        let count: f64 = targets.iter().map(|_| 1.0).sum();
+        let proved = least / size.sqrt() / count.sqrt();
+        assert!(proved >= 0.97 * conflict.least && proved > 0.0, "{proved} for {}", conflict.least);
+        assert!(conflict.reached <= 1.05 * conflict.least);
+    }
+    assert!(judged[0] >= 5 && judged[1] >= 5, "{judged:?} are impossible and possible");
+}
+
+#[test]
+fn colours_outside_every_gamut_are_reached_as_far_as_can_be_and_told() {
+    let cases = [
+        (Target::Xyz(Xyz([1.9, 2.0, 2.1])), "asks for more light (Y = 2)"),
+        (lab(50.0, 0.0, 150.0), "has this colour"),
+        (Target::Xyz(Xyz([-0.2, 0.3, 0.1])), "has this colour"),
+    ];
+    for (target, words) in cases {
+        for light in [given("D65"), lamp("open")] {
+            let solution = solved(&palette(vec![natural("one")], vec![light], &[(0, 0, target)]));
+            let conflict = only(&solution);
+            assert!(conflict.reason.contains(words), "{}", conflict.reason);
+            assert!(conflict.reached <= 1.1 * conflict.least, "{conflict:?}");
+            assert!(solution.worst() > 1.0);
+        }
+    }
+}
+
+#[test]
+fn cells_that_contradict_each_other_share_the_error() {
+    let cells = [(0, 0, lab(50.0, 0.0, 0.0)), (1, 0, lab(60.0, 0.0, 0.0)), (0, 1, like(1, 0)), (1, 1, like(0, 0))];
+    let mut contradictory = palette(vec![natural("one"), natural("two")], vec![given("D65"), given("D65")], &cells);
+    contradictory.lights[1].name = "again".to_owned();
+    let solution = solved(&contradictory);
+    assert!(only(&solution).least > 1.0);
+    assert!(solution.cells.iter().all(|cell| cell.difference.unwrap() > 1.0));
+}
+
+#[test]
+fn given_spectra_are_not_touched() {
+    let foliage = standard::reflectance("foliage").unwrap();
+    let row = Member { spectrum: Some(foliage.spectrum().clone()), ..natural("leaf") };
+    let solution =
+        solved(&palette(vec![row, natural("other")], vec![given("D65")], &[(0, 0, Target::Black), (1, 0, like(0, 0))]));
+    assert_eq!(solution.materials[0], foliage);
+    assert!(!solution.material_facts[0].open && solution.material_facts[1].open);
+    assert!(solution.cell(0, 0).unwrap().difference.unwrap() > 10.0);
+    assert!(solution.cell(1, 0).unwrap().difference.unwrap() <= 0.01);
+}
+
+#[test]
+fn a_model_settled_beforehand_shows_the_colours_it_was_designed_for() {
+    let plain = load(&examples().join("metamers_two_lights.toml")).unwrap();
+    let with = |weight| solved(&Palette { model: Some(ModelTerm { dimension: 8, weight }), ..plain.clone() });
+    let off = |solution: &Solution| solution.cells.iter().map(|cell| cell.shown.unwrap().1).fold(0.0, f64::max);
+    let (asked, hardly) = (with(1.0), with(1e-6));
+    println!("the model is off by {:.2}, and by {:.2} where it hardly counts", off(&asked), off(&hardly));
+    // COLOUR.md A6 found 53 without the term and 1.6 with it.
+    assert!(off(&asked) <= 1.6 && asked.worst() <= 0.5);
+    assert!(off(&hardly) > 10.0);
+}
+
+#[test]
+fn equal_palettes_have_equal_solutions_on_any_number_of_threads() {
+    let palette = figure5(NATURAL, 8.0);
+    let on = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| solve(&palette, &Quiet).unwrap())
+    };
+    assert_eq!(on(1), on(3));
+}
+
+#[test]
+fn work_that_is_cancelled_stops() {
+    struct Impatient(AtomicU64);
+    impl Progress for Impatient {
+        fn report(&self, _stage: &str, _done: u64, _total: u64) {
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+        fn cancelled(&self) -> bool {
+            self.0.load(Ordering::Relaxed) >= 3
+        }
+    }
+    let outcome = solve(&figure5(NATURAL, 8.0), &Impatient(AtomicU64::new(0)));
+    assert!(matches!(outcome, Err(PaletteError::Cancelled)));
+}
+
+#[test]
+fn a_palette_that_cannot_be_is_told_so() {
+    let refused = |palette: &Palette, words: &str| {
+        let error = solve(palette, &Quiet).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    refused(&palette(vec![natural("one")], Vec::new(), &[]), "it has no lights");
+    refused(&palette(Vec::new(), vec![given("D65")], &[]), "it has no materials");
+    let many: Vec<Member> = (0..100).map(|index| natural(&format!("m{index}"))).collect();
+    let lamps: Vec<Member> = (0..100).map(|index| lamp(&format!("l{index}"))).collect();
+    refused(&palette(many, lamps, &[]), "it has 100 materials, and 32 can be designed together");
+    let one = |target| palette(vec![natural("one")], vec![given("D65")], &[(0, 0, target)]);
+    refused(&one(lab(f64::NAN, 0.0, 0.0)), "one under D65 is not finite");
+    refused(&one(Target::Xyz(Xyz([1e9; 3]))), "above 1000 times white");
+    refused(&one(like(0, 0)), "look as itself");
+    refused(&one(like(3, 0)), "not there");
+    refused(&palette(vec![member("one", [1.0, 0.0])], vec![given("D65")], &[]), "the bounds of one are 1 to 0");
+    refused(&palette(vec![natural("one")], vec![member("dim", [0.0, 0.5])], &[]), "one below 1 and one above 1");
+}
+
+// ---- files ----
+
+fn examples() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes")
+}
+
+fn example(name: &str) -> Solution {
+    solved(&load(&examples().join(name)).unwrap())
+}
+
+/// The ΔE00 between two cells by name.
+fn between(solution: &Solution, one: (&str, &str), two: (&str, &str)) -> f64 {
+    let seen = |(row, column): (&str, &str)| {
+        let index = |members: &[Member], name: &str| members.iter().position(|member| member.name == name).unwrap();
+        let palette = &solution.palette;
+        solution.cell(index(&palette.materials, row), index(&palette.lights, column)).unwrap().xyz
+    };
+    apart(seen(one), seen(two))
+}
+
+#[test]
+fn every_example_has_its_effect() {
+    let mut seen = 0;
+    let mut check = |name: &str, worst: f64, alike: &[[(&str, &str); 2]], unlike: &[[(&str, &str); 2]]| {
+        let solution = example(name);
+        assert!(solution.worst() <= worst, "{name}: {}", solution.worst());
+        for &[one, two] in alike {
+            assert!(between(&solution, one, two) <= worst, "{name}: {one:?} {two:?}");
+        }
+        for &[one, two] in unlike {
+            assert!(between(&solution, one, two) >= 10.0, "{name}: {one:?} {two:?}");
+        }
+        seen += 1;
+    };
+    check("metamers.toml", 0.1, &[[("rock", "day"), ("ore", "day")]], &[[("rock", "bulb"), ("ore", "bulb")]]);
+    check(
+        "metamers_two_lights.toml",
+        0.1,
+        &[[("rock", "day"), ("ore", "day")], [("rock", "bulb"), ("ore", "bulb")]],
+        &[[("rock", "probe"), ("ore", "probe")]],
+    );
+    check(
+        "metameric_black.toml",
+        0.1,
+        &[[("core", "hides"), ("core", "shows")]],
+        &[[("smoke", "hides"), ("smoke", "shows")]],
+    );
+    check(
+        "metameric_black_two_lights.toml",
+        0.1,
+        &[[("smoke", "hides"), ("smoke", "hides_too")]],
+        &[[("smoke", "hides"), ("smoke", "shows")]],
+    );
+    check("xray.toml", 0.1, &[[("inside", "removes"), ("inside", "day")]], &[[("shell", "removes"), ("shell", "day")]]);
+    check(
+        "constancy.toml",
+        0.1,
+        &[[("block", "day"), ("block", "evening")]],
+        &[[("valve", "day"), ("valve", "evening")], [("pin", "day"), ("pin", "evening")]],
+    );
+    check(
+        "one_light_each.toml",
+        0.1,
+        &[],
+        &[[("skin", "for_skin"), ("skin", "for_bone")], [("bone", "for_bone"), ("skin", "for_bone")]],
+    );
+    check("negative.toml", 0.1, &[[("core", "day"), ("core", "shows")]], &[[("smoke", "day"), ("smoke", "shows")]]);
+    check(
+        "background.toml",
+        0.1,
+        &[[("vessel", "merges"), ("background", "merges")], [("tissue", "parts"), ("background", "parts")]],
+        &[[("vessel", "parts"), ("background", "parts")]],
+    );
+    check(
+        "daylight_and_bulb.toml",
+        0.7,
+        &[[("flesh", "day"), ("eyes", "day")], [("heart", "day"), ("stomach", "day")]],
+        &[[("flesh", "bulb"), ("stomach", "bulb")], [("eyes", "marks_eyes"), ("flesh", "marks_eyes")]],
+    );
+    assert_eq!(std::fs::read_dir(examples()).unwrap().count(), seen, "an example is not tested");
+}
+
+#[test]
+fn a_solved_palette_comes_back_with_the_very_colours() {
+    let solution = example("metameric_black.toml");
+    let text = solution.to_toml();
+    let back = parse("solved.toml", &text, Path::new("")).unwrap();
+    assert!(back.materials.iter().chain(&back.lights).all(|member| member.spectrum.is_some()));
+    assert_eq!(back.cells, solution.palette.cells);
+    let again = solved(&back);
+    for (one, two) in solution.cells.iter().zip(&again.cells) {
+        for axis in 0..3 {
+            assert!((one.xyz.0[axis] - two.xyz.0[axis]).abs() <= 1e-12);
+        }
+    }
+    assert_eq!(again.conflicts, []);
+}
+
+#[test]
+fn names_of_any_letters_survive_a_file() {
+    let mut odd = diagonal(1);
+    odd.materials[0].name = "a \"quoted\" [name] with ü = and\nlines".to_owned();
+    odd.lights[0].name = String::new();
+    let back = parse("odd", &solved(&odd).to_toml(), Path::new("")).unwrap();
+    assert_eq!((&back.materials[0].name, &back.lights[0].name), (&odd.materials[0].name, &odd.lights[0].name));
+}
+
+const SMALL: &str = r##"version = 1
+[lights.day]
+spectrum = "D65"
+[lights.lamp]
+[materials.flesh]
+bounds = [0, 0.9]
+[materials.bone]
+reflectance = "white 9.5"
+[cells.flesh]
+day = "#808080"
+lamp = { target = "as bone under day", weight = 2 }
+[cells.bone]
+lamp = "free"
+"##;
+
+#[test]
+fn a_palette_file_says_what_it_says() {
+    let palette = parse("small.toml", SMALL, Path::new("")).unwrap();
+    assert_eq!(palette.materials[0], member("flesh", [0.0, 0.9]));
+    assert!(palette.materials[1].spectrum.is_some() && palette.lights[1] == lamp("lamp"));
+    let cells = [
+        Cell { material: 0, light: 0, target: Target::Srgb([128; 3]), weight: 1.0 },
+        Cell { material: 0, light: 1, target: like(1, 0), weight: 2.0 },
+    ];
+    assert_eq!(palette.cells, cells);
+    let texts = [(0, 0, "#808080"), (0, 1, "as bone under day"), (1, 0, "free"), (1, 1, "free")];
+    for (row, column, text) in texts {
+        assert_eq!(palette.target_text(row, column), text);
+    }
+    let open = parse("small.toml", &SMALL.replace("\"D65\"", "\"open\""), Path::new("")).unwrap();
+    assert_eq!(open.lights[0], lamp("day"));
+}
+
+#[test]
+fn what_is_wrong_with_a_palette_file_is_told_where_it_stands() {
+    let cases = [
+        ("version = 1", "version = 2", "small.toml:1:11: version = 2; this program reads version 1"),
+        ("version = 1\n", "", "small.toml:1:1: missing field `version`"),
+        ("[cells.flesh]", "[cells.flash]", "small.toml:9:1: there is no material \"flash\"; did you mean \"flesh\"?"),
+        ("lamp = \"free\"", "lmap = \"free\"", "small.toml:13:8: there is no light \"lmap\"; did you mean \"lamp\"?"),
+        ("\"#808080\"", "\"#80808\"", "small.toml:10:7: cells.flesh.day:"),
+        ("\"#808080\"", "\"grey\"", "small.toml:10:7: cells.flesh.day: \"grey\" is no colour"),
+        ("\"#808080\"", "{ xyz = [0.1, nan, 0.2] }", "is no colour; it is three finite numbers"),
+        ("\"#808080\"", "{ xyz = [0.1, 0.1, 0.2], target = \"black\" }", "it says one of `target`, `xyz` and `lab`"),
+        ("\"#808080\"", "3", "small.toml:10:7: a cell is a text"),
+        ("weight = 2", "weight = 0", "small.toml:11:8: cells.flesh.lamp: weight = 0"),
+        ("as bone under day", "as bones", "there is no material \"bones\"; did you mean \"bone\"?"),
+        ("as bone under day", "as under dya", "there is no light \"dya\"; did you mean \"day\"?"),
+        ("[0, 0.9]", "[0.9, 0]", "small.toml:6:10: materials.flesh.bounds: 0.9 to 0"),
+        ("[0, 0.9]", "[0.9, nan]", "materials.flesh.bounds: 0.9 to NaN"),
+        ("bounds", "bonds", "small.toml:6:1: unknown field `bonds`"),
+        ("\"white 9.5\"", "\"whit 9.5\"", "small.toml:8:15: materials.bone.reflectance"),
+        ("[lights.lamp]", "[lights.lamp]\nsmoothness = 0", "lights.lamp.smoothness: 0; it is a finite number above 0"),
+        ("version = 1", "version = 1\nmodel = { k = 17 }", "model.k = 17; it is a whole number from 1 to 16"),
+        ("version = 1", "version = 1\nuse = \"x\"", "`use` stands in the [palette] of a scene"),
+    ];
+    for (from, to, words) in cases {
+        assert!(SMALL.contains(from), "{from}");
+        let error = parse("small.toml", &SMALL.replacen(from, to, 1), Path::new("")).unwrap_err().to_string();
+        assert!(error.contains(words), "{to}: {error}");
+    }
+}
+
+// ---- scenes ----
+
+fn scene(palette: &str, rest: &str) -> Result<Scene, scene::SceneError> {
+    let text = format!("version = 1\n{rest}\n[volume]\nphantom = \"slab\"\ndims = [4, 4, 4]\n{palette}\n");
+    scene::parse("a scene", &text, &examples(), &SceneOptions::default(), &Quiet)
+}
+
+#[test]
+fn a_scene_takes_its_spectra_from_a_palette() {
+    let palette = example("background.toml");
+    let used = scene(
+        "[palette]\nuse = \"background.toml\"\n[materials.vessel]\nxray = true\n[materials.tissue]\nreflectance = 0.5\n[lights.parts]\nintensity = 2\n",
+        "",
+    )
+    .unwrap();
+    let names: Vec<&str> = used.materials.iter().map(|material| material.name.as_str()).collect();
+    assert_eq!(names, ["tissue", "vessel"]);
+    assert!(used.materials[1].xray && used.materials[1].reflectance == palette.materials[2]);
+    // What the scene says itself holds.
+    assert_eq!(used.materials[0].reflectance, Reflectance::new(Spectrum::constant(0.5)).unwrap());
+    assert_eq!(used.background.as_ref(), Some(&palette.materials[0]));
+    let lights: Vec<(&str, f64)> = used.lights.iter().map(|light| (light.name.as_str(), light.intensity)).collect();
+    assert_eq!(lights, [("merges", 1.0), ("parts", 2.0)]);
+    for axis in 0..3 {
+        let seen = xyz(&used.lights[1].spectrum, &used.materials[1].reflectance).0[axis];
+        assert!((seen - palette.cell(2, 1).unwrap().xyz.0[axis]).abs() <= 1e-12);
+    }
+    assert_eq!(used.inputs, [examples().join("background.toml")]);
+}
+
+#[test]
+fn a_palette_stands_in_a_scene_too() {
+    let text = SMALL.replace("version = 1\n", "").replace('[', "[palette.").replace("= [palette.", "= [");
+    let used = scene(&text, "").unwrap();
+    assert_eq!(used.materials.len(), 2);
+    assert_eq!(used.materials[0].reflectance, standard::reflectance("white 9.5").unwrap());
+    let define = |definition: &str| {
+        let text = format!("version = 1\n[volume]\nphantom = \"slab\"\ndims = [4, 4, 4]\n{text}");
+        let options = SceneOptions { definitions: vec![scene::Definition::new(definition)], ..SceneOptions::default() };
+        scene::parse("a scene", &text, Path::new(""), &options, &Quiet)
+    };
+    let dark = define("palette.cells.flesh.day=#202020").unwrap();
+    let seen = |scene: &Scene| xyz(&scene.lights[0].spectrum, &scene.materials[1].reflectance).0[1];
+    assert!(seen(&dark) < 0.5 * seen(&used));
+    let error = define("palette.cells.flesh.day=gray").unwrap_err().to_string();
+    assert!(error.contains("-D palette.cells.flesh.day=gray"), "{error}");
+}
+
+#[test]
+fn what_is_wrong_with_a_scenes_palette_is_told() {
+    let refused = |palette: &str, words: &str| {
+        let error = scene(palette, "").unwrap_err();
+        let mut told = error.to_string();
+        let mut cause = std::error::Error::source(&error);
+        while let Some(error) = cause {
+            told.push_str(&format!("\n{error}"));
+            cause = error.source();
+        }
+        assert!(told.contains(words), "{told}");
+    };
+    refused("[palette]\nuse = \"nothing.toml\"", "cannot read the palette");
+    refused("[palette]\nuse = \"xray.toml\"\n[palette.lights.x]\n", "a [palette] has `use`, or says all by itself");
+    refused("[palette.materials.x]\n", "it has no lights");
+    refused("[palette.lights.x]\nspectrum = \"D66\"", "a scene:7:12: lights.x.spectrum");
+    refused("[palette]\nuse = \"xray.toml\"\n[materials.other]\n", "missing field `reflectance`");
+    refused("[palette]\nuse = \"xray.toml\"\n[lights.other]\n", "missing field `spectrum`");
+}
+
+// ---- the command line ----
+
+#[test]
+fn the_program_designs_saves_and_draws() {
+    let folder = Folder::new().with("small.toml", SMALL);
+    let done = folder.done(&[
+        "design",
+        "small.toml",
+        "-o",
+        "solved.toml",
+        "--report",
+        "r.svg",
+        "--report",
+        "r.html",
+        "--report",
+        "r.png",
+    ]);
+    for words in
+        ["flesh", "#808080 → #808080", "as bone under day → ", "The largest ΔE00 is", "wrote solved.toml, r.svg"]
+    {
+        assert!(done.out.contains(words), "no {words:?} in {}", done.out);
+    }
+    let text = |name: &str| std::fs::read_to_string(folder.path(name)).unwrap();
+    assert!(text("r.svg").starts_with("<svg") && text("r.html").contains("<svg") && text("r.svg").contains("tritan"));
+    assert!(std::fs::read(folder.path("r.png")).unwrap().starts_with(b"\x89PNG"));
+    let json = |file: &str| folder.done(&["design", file, "--json"]).json();
+    let (open, closed) = (json("small.toml"), json("solved.toml"));
+    for (one, two) in open["cells"].as_array().unwrap().iter().zip(closed["cells"].as_array().unwrap()) {
+        for axis in 0..3 {
+            let [one, two] = [one, two].map(|cell| cell["reached"]["xyz"][axis].as_f64().unwrap());
+            assert!((one - two).abs() <= 1e-6);
+        }
+    }
+    assert_eq!(open["materials"][0]["open"], true);
+    assert_eq!(closed["lights"][1]["open"], false);
+}
+
+#[test]
+fn the_program_refuses_what_it_should() {
+    let folder = Folder::new().with("small.toml", SMALL);
+    folder.refused(2, &["design", "small.toml", "-o", "small.toml"], &["small.toml is an input"]);
+    folder.refused(2, &["design", "small.toml", "-o", "a.svg", "--report", "a.svg"], &["a.svg is named twice"]);
+    folder.refused(2, &["design", "small.toml", "--report", "r.pdf"], &["end its name in .html, .svg or .png"]);
+    folder.refused(1, &["design", "none.toml"], &["cannot read the palette none.toml"]);
+    folder.refused(1, &["design", "scene.toml"], &["scene.toml:", "unknown field"]);
+    folder.refused(1, &["design", "small.toml", "-o", "no/where.toml"], &["there is no folder no"]);
+}
+
+// ---- who sees what ----
+
+/// Rows of the published matrices sum to 1; what differs only in what a missing cone sees becomes one.
+#[test]
+fn dichromats_see_greys_as_they_are_and_confuse_what_they_should() {
+    let shown = |rgb: [f64; 3]| LinearSrgb(rgb);
+    for deficiency in Deficiency::ALL {
+        for grey in [0.0, 0.2, 1.0] {
+            let seen = deficiency.seen(shown([grey; 3])).0;
+            assert!(seen.iter().all(|part| (part - grey).abs() <= 2e-6), "{deficiency}: {seen:?}");
+        }
+    }
+    let lab_of =
+        |LinearSrgb(rgb)| lab_from_xyz(relume::spectrum::colour::xyz_from_linear_srgb(LinearSrgb(rgb)), d65_white());
+    let gap = |deficiency: Option<Deficiency>, [one, two]: [[f64; 3]; 2]| {
+        let [one, two] =
+            [one, two].map(|rgb| lab_of(deficiency.map_or(shown(rgb), |deficiency| deficiency.seen(shown(rgb)))));
+        ciede2000(one, two)
+    };
+    let red_and_green = [[0.4, 0.1, 0.05], [0.1, 0.2, 0.05]];
+    assert!(gap(Some(Deficiency::Deutan), red_and_green) < 0.4 * gap(None, red_and_green));
+    assert!(gap(Some(Deficiency::Tritan), red_and_green) > 0.7 * gap(None, red_and_green));
+    let solution = example("metamers.toml");
+    let contrast = solution.contrasts()[1];
+    assert!(contrast.normal > 10.0 && contrast.deficient[1] < 0.5 * contrast.normal);
+}
+
+/// The values of the paper's table, and the way back from Lab.
+#[test]
+fn colours_come_back_from_lab() {
+    for rgb in [[0.0, 0.0, 0.0], [0.001, 0.002, 0.0], [0.2, 0.5, 0.9], [1.0, 1.0, 1.0]] {
+        let there = relume::spectrum::colour::xyz_from_linear_srgb(LinearSrgb(rgb));
+        let back = linear_srgb_from_xyz(xyz_from_lab(lab_from_xyz(there, d65_white()), d65_white()));
+        assert!((0..3).all(|axis| (back.0[axis] - rgb[axis]).abs() <= 1e-12));
+    }
+    let unit = Light::new(Spectrum::constant(1.0)).unwrap();
+    assert!((xyz_of(unit.spectrum()).0[1] - 1.0).abs() <= 1e-12);
 }

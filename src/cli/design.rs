@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use relume::measure::Stopwatch;
-use relume::output::write_atomically;
+use relume::output::{write_atomically, write_drawing};
 use relume::palette::{self, Facts, Member, Solution};
 use relume::progress::Progress;
 use relume::spectrum::Spectrum;
@@ -30,7 +30,7 @@ pub(crate) struct Args {
     /// Write the palette with all its spectra, as a palette file.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Draw it: matrix of colours, spectra, and who can tell the materials apart (.html or .svg; repeatable).
+    /// Draw it: matrix of colours, spectra, and who can tell the materials apart (.html, .svg or .png; repeatable).
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
 }
@@ -40,14 +40,16 @@ pub(crate) struct Args {
 enum Kind {
     Html,
     Svg,
+    Png,
 }
 
 fn kind(path: &Path) -> Result<Kind, CliError> {
     match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
         Some("html" | "htm") => Ok(Kind::Html),
         Some("svg") => Ok(Kind::Svg),
+        Some("png") => Ok(Kind::Png),
         _ => Err(CliError::Usage(format!(
-            "cannot tell what kind of report {} is to be: end its name in .html or .svg",
+            "cannot tell what kind of report {} is to be: end its name in .html, .svg or .png",
             path.display()
         ))),
     }
@@ -69,6 +71,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let svg = solution.to_svg();
         match kind {
             Kind::Svg => write_text(path, &svg)?,
+            Kind::Png => {
+                const PIXELS: f32 = 1.5;
+                if !write_drawing(path, &svg, PIXELS)? {
+                    tracing::warn!(
+                        "{}: this system has no fonts, so the picture has no text; .svg and .html have it",
+                        path.display()
+                    );
+                }
+            }
             Kind::Html => write_text(
                 path,
                 &format!(

@@ -3,6 +3,7 @@
 pub mod accumulators;
 mod atomic;
 mod channels;
+mod drawing;
 mod exr;
 mod picture;
 mod png;
@@ -12,6 +13,7 @@ pub use self::exr::write_exr;
 pub use self::png::{Alpha, Depth, write_png, write_ready_png};
 pub use accumulators::Accumulators;
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
+pub use drawing::write_drawing;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
 
@@ -98,6 +100,14 @@ pub enum OutputError {
         height: usize,
         /// The longest side that can be stored.
         largest: usize,
+    },
+    /// A drawing cannot be made a picture.
+    #[error("the drawing for {} cannot be made a picture: {detail}", path.display())]
+    Drawing {
+        /// The file asked for.
+        path: PathBuf,
+        /// Why.
+        detail: String,
     },
     /// The file could not be opened or read.
     #[error("cannot read {}", path.display())]

@@ -227,9 +227,10 @@ impl Relaxed<'_> {
             for wider in [[-1.0, 1.0], [-4.0_f64, 4.0_f64]] {
                 let [low, high] = palette.materials[row].bounds;
                 let mut changed = palette.clone();
+                let is_wider = wider[0] < low || wider[1] > high;
                 let bounds = [wider[0].min(low), wider[1].max(high)];
                 changed.materials[row].bounds = bounds;
-                if bounds != [low, high] && self.is_possible(&changed, part)? {
+                if is_wider && self.is_possible(&changed, part)? {
                     ways.push(format!(
                         "give {} the bounds {bounds:?}: an artificial spectrum",
                         palette.materials[row].name

@@ -48,7 +48,7 @@ impl Solution {
     }
 
     fn draw_matrix(&self, drawing: &mut Drawing) {
-        let top = drawing.height + 18.0;
+        let top = drawing.height + 30.0;
         for (column, light) in self.palette.lights.iter().enumerate() {
             let x = count(column).mul_add(CELL[0], LABELS);
             drawing.text([x, top - 6.0], 12.0, &shortened(&titled(light), 18));
@@ -81,7 +81,7 @@ impl Solution {
     fn draw_spectra(&self, drawing: &mut Drawing) {
         drawing.height += 16.0;
         drawing.heading("Spectra", 15.0);
-        let top = drawing.height + 10.0;
+        let top = drawing.height + 28.0;
         let materials: Vec<&Spectrum> = self.materials.iter().map(|row| row.spectrum()).collect();
         let lights: Vec<Spectrum> = self
             .lights
@@ -121,7 +121,7 @@ impl Solution {
         drawing.height += 16.0;
         drawing.heading("How far apart materials look, ΔE00", 15.0);
         let from = LABELS + 90.0;
-        let y = drawing.height + 16.0;
+        let y = drawing.height + 20.0;
         let observers =
             std::iter::once("all cones".to_owned()).chain(Deficiency::ALL.map(|deficiency| deficiency.to_string()));
         for (column, observer) in observers.enumerate() {
@@ -171,7 +171,7 @@ impl Solution {
         let mut lines = Vec::new();
         for conflict in &self.conflicts {
             lines.push(format!(
-                "Cannot be had: {}. Over what hangs together with it, the root mean square ΔE00 is at least {:.2} (by the metric at the targets); it is {:.2}.",
+                "Cannot be had exactly: {}. Over what hangs together with it, the root mean square ΔE00 is at least {:.2} (by the metric at the targets); it is {:.2}.",
                 conflict.reason, conflict.least, conflict.reached
             ));
             lines.push(match conflict.ways_out.as_slice() {

@@ -6,7 +6,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use toml::{Spanned, Value};
+use toml::Spanned;
 
 use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target};
 use crate::input;
@@ -325,11 +325,20 @@ fn target(
     Ok(Some((target, weight)))
 }
 
+/// A text as a TOML string on one line, which can be a key too.
+fn quoted(text: &str) -> String {
+    let letter = |letter: char| match letter {
+        '"' | '\\' => format!("\\{letter}"),
+        letter if letter.is_control() => format!("\\u{:04x}", u32::from(letter)),
+        letter => letter.to_string(),
+    };
+    format!("\"{}\"", text.chars().map(letter).collect::<String>())
+}
+
 impl Solution {
     /// The palette as a file in which all spectra are given: loaded, it has the very colours of this solution.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let quoted = |name: &str| Value::String(name.to_owned()).to_string();
         let palette = &self.palette;
         let mut text = format!(
             "# Designed by relume {} from {}.\n# The largest ΔE00 from what [cells] asks for is {:.4}.\nversion = 1\n",

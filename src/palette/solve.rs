@@ -9,7 +9,7 @@ use super::solution::difference;
 use super::start::starts;
 use super::step::{Shown, Side, Spectra, form, groups, solved};
 use super::{ModelTerm, Palette, PaletteError, Place, Solution, bound};
-use crate::model::{self, ColourModel, Ingredients, ModelKind};
+use crate::model::{self, ColourModel, Ingredients, ModelKind, Reconstruction};
 use crate::progress::Progress;
 use crate::spectrum::colour::Xyz;
 use crate::spectrum::{Kind, Light, Spectrum, standard};
@@ -40,7 +40,7 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
     let model = palette.model.as_ref().map(|term| fitted(palette, term, progress)).transpose()?;
     let search = Search {
         palette,
-        model: palette.model.zip(model.as_ref()),
+        model: palette.model.zip(model.as_ref().map(|model| (model, model.reconstruction()))),
         materials: groups(palette, Side::Materials),
         lights: groups(palette, Side::Lights),
         settled: AtomicUsize::new(usize::MAX),
@@ -61,11 +61,9 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
     }
     progress.report(STAGE, total, total);
     let Some((_, spectra)) = best else { return Err(PaletteError::Cancelled) };
-    let shown = model.as_ref().map(|model| shown(model, 1.0, &spectra));
-    let mut solution = Solution::of(palette, spectra.clone(), |place| {
-        let row = &spectra.materials[place.material];
-        shown.as_ref().map(|shown| Xyz(shown.xyz[place.light].each_ref().map(|axis| axis.dot(row))))
-    });
+    let shown = search.shown(&spectra);
+    let shown = |place: Place| Some(shown.as_ref()?.colour(place, &spectra.materials[place.material]));
+    let mut solution = Solution::of(palette, spectra.clone(), shown);
     solution.conflicts = bound::conflicts(palette, &spectra, progress)?;
     Ok(solution)
 }
@@ -73,7 +71,7 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
 /// What all starts share.
 struct Search<'a> {
     palette: &'a Palette,
-    model: Option<(ModelTerm, &'a ColourModel)>,
+    model: Option<(ModelTerm, (&'a ColourModel, Reconstruction))>,
     materials: Vec<Vec<usize>>,
     lights: Vec<Vec<usize>>,
     /// The first start that is good; later ones need not go on.
@@ -86,6 +84,7 @@ impl Search<'_> {
     /// The largest ΔE00 that a start leads to, and the spectra.
     fn run(&self, index: usize, start: Spectra, total: u64) -> Result<(f64, Spectra), PaletteError> {
         let mut spectra = start;
+        let mut shown = self.shown(&spectra);
         let (mut last, mut worst) = (f64::INFINITY, f64::INFINITY);
         for _ in 0..ALTERNATIONS {
             if self.progress.cancelled() {
@@ -95,14 +94,15 @@ impl Search<'_> {
                 break;
             }
             if !self.materials.is_empty() {
-                let shown = self.model.map(|(term, model)| shown(model, term.weight, &spectra));
                 spectra = solved(self.palette, Side::Materials, &self.materials, &spectra, shown.as_ref());
             }
             if !self.lights.is_empty() {
-                spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, None);
+                shown = self.shown(&spectra);
+                spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, shown.as_ref());
             }
+            shown = self.shown(&spectra);
             let squares;
-            (squares, worst) = self.differences(&spectra);
+            (squares, worst) = self.differences(&spectra, shown.as_ref());
             self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
             if worst <= EXACT || last.is_finite() && (last - squares).abs() <= LEAST_GAIN * last {
                 break;
@@ -116,13 +116,41 @@ impl Search<'_> {
     }
 
     /// What the programs make small, over all cells, and the largest ΔE00 times its weight.
-    fn differences(&self, spectra: &Spectra) -> (f64, f64) {
+    fn differences(&self, spectra: &Spectra, shown: Option<&Shown>) -> (f64, f64) {
         let colour = |place: Place| Xyz(spectra.xyz(place).to_array());
-        self.palette.cells.iter().fold((0.0, 0.0), |(squares, worst), cell| {
-            let (seen, wanted) = (colour(Place::of(cell)), cell.wanted(colour));
+        let (mut squares, mut worst) = (0.0, 0.0);
+        for cell in &self.palette.cells {
+            let place = Place::of(cell);
+            let seen = colour(place);
             let form = form(cell, |place| spectra.xyz(place));
-            let apart = form * (DVec3::from(seen.0) - DVec3::from(wanted.0));
-            (squares + apart.length_squared(), f64::max(worst, cell.weight * difference(seen, wanted)))
+            let mut add = |other: Xyz, weight: f64| {
+                let apart = form * (DVec3::from(seen.0) - DVec3::from(other.0)) * weight;
+                squares += apart.length_squared();
+                worst = f64::max(worst, cell.weight * weight * difference(seen, other));
+            };
+            add(cell.wanted(colour), 1.0);
+            if let Some(shown) = shown {
+                add(shown.colour(place, &spectra.materials[place.material]), shown.weight);
+            }
+        }
+        (squares, worst)
+    }
+
+    /// What the palette's model shows of spectra, where there is one.
+    fn shown(&self, spectra: &Spectra) -> Option<Shown> {
+        let (term, (model, reconstruction)) = self.model.as_ref()?;
+        let of_light = |light: &Spectrum| {
+            let matrix = model.matrix(&Light::normalised(light.clone()));
+            std::array::from_fn(|axis| {
+                let parts = matrix.xyz.iter().zip(model.projection());
+                parts.fold(Spectrum::constant(0.0), |sum, (column, row)| &sum + &row.scaled(column[axis]))
+            })
+        };
+        let rebuilt = |row: &Spectrum| reconstruction.spectrum(&model.coefficients(row));
+        Some(Shown {
+            xyz: spectra.lights.par_iter().map(of_light).collect(),
+            rebuilt: spectra.materials.iter().map(rebuilt).collect(),
+            weight: term.weight,
         })
     }
 }
@@ -145,16 +173,4 @@ fn fitted(palette: &Palette, term: &ModelTerm, progress: &dyn Progress) -> Resul
         source => PaletteError::Model { palette: palette.source.clone(), source },
     };
     model::fit(&ingredients, ModelKind::Nodes, term.dimension, progress).map_err(failed)
-}
-
-/// What the model shows under the lights as they are.
-fn shown(model: &ColourModel, weight: f64, spectra: &Spectra) -> Shown {
-    let of_light = |light: &Spectrum| {
-        let matrix = model.matrix(&Light::normalised(light.clone()));
-        std::array::from_fn(|axis| {
-            let parts = matrix.xyz.iter().zip(model.projection());
-            parts.fold(Spectrum::constant(0.0), |sum, (column, row)| &sum + &row.scaled(column[axis]))
-        })
-    };
-    Shown { xyz: spectra.lights.par_iter().map(of_light).collect(), weight }
 }

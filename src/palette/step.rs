@@ -164,10 +164,20 @@ pub(super) fn connected(count: usize, links: impl Iterator<Item = Vec<usize>>) -
     parts.into_values().collect()
 }
 
-/// What a colour model shows in place of colours: XYZ rows over the wavelengths per light, and how much that counts.
+/// What a colour model shows in place of colours, and how much that counts.
 pub(super) struct Shown {
+    /// XYZ over the wavelengths of a reflectance, per light: what the model's matrix makes of its nodes.
     pub(super) xyz: Vec<[Spectrum; 3]>,
+    /// Per material, the spectrum that the model takes it for. The model fits its matrix to each light anew; as a light
+    /// changes, the colour of this spectrum is what the matrix nearly follows.
+    pub(super) rebuilt: Vec<Spectrum>,
     pub(super) weight: f64,
+}
+
+impl Shown {
+    pub(super) fn colour(&self, place: Place, reflectance: &Spectrum) -> Xyz {
+        Xyz(self.xyz[place.light].each_ref().map(|axis| axis.dot(reflectance)))
+    }
 }
 
 /// The open spectra of one side, for the other side as it is.
@@ -227,8 +237,11 @@ fn solved_group(
             target => Seen::Fixed(target.xyz().map_or(DVec3::ZERO, |xyz| xyz.0.into())),
         };
         alike(&mut program, form, &seen(place), &wanted);
-        if let (Some(shown), Side::Materials, Some(first)) = (shown, side, first(place)) {
-            let model = Seen::Linear { first, xyz: Box::new(shown.xyz[place.light].clone()) };
+        if let (Some(shown), Some(first)) = (shown, first(place)) {
+            let model = match side {
+                Side::Materials => Seen::Linear { first, xyz: Box::new(shown.xyz[place.light].clone()) },
+                Side::Lights => Seen::through(first, &shown.rebuilt[place.material].scaled(1.0 / equal_energy())),
+            };
             alike(&mut program, form * shown.weight, &model, &seen(place));
         }
     }

@@ -1,0 +1,48 @@
+//! Drawings as PNG.
+
+use std::path::Path;
+
+use resvg::tiny_skia::{Pixmap, Transform};
+use resvg::usvg::{Options, Tree};
+
+use super::{OutputError, write_ready_png};
+
+/// Writes the SVG drawing `svg` to `path` as PNG, over white, `scale` pixels to its unit.
+///
+/// Text is set in a font of the system; where it has none, the answer is false and the text is left out.
+///
+/// # Errors
+///
+/// [`OutputError::Drawing`] for what is no SVG, [`OutputError::Size`] for one that is too large, and the errors of
+/// [`super::write_atomically`].
+pub fn write_drawing(path: &Path, svg: &str, scale: f32) -> Result<bool, OutputError> {
+    let mut options = Options::default();
+    options.fontdb_mut().load_system_fonts();
+    let has_fonts = !options.fontdb.is_empty();
+    if let Some(name) = family(&options) {
+        options.fontdb_mut().set_sans_serif_family(name.clone());
+        options.font_family = name;
+    }
+    let drawing = |detail: String| OutputError::Drawing { path: path.to_owned(), detail };
+    let tree = Tree::from_str(svg, &options).map_err(|error| drawing(error.to_string()))?;
+    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| drawing("it has no size".to_owned()))?;
+    let [width, height] = [size.width(), size.height()].map(|side| usize::try_from(side).unwrap_or(usize::MAX));
+    let too_large = || OutputError::Size { width, height, largest: super::Picture::LARGEST_SIDE };
+    let mut picture = Pixmap::new(size.width(), size.height()).ok_or_else(too_large)?;
+    resvg::render(&tree, Transform::from_scale(scale, scale), &mut picture.as_mut());
+    let over_white = |pixel: &resvg::tiny_skia::PremultipliedColorU8| {
+        let white = 255 - pixel.alpha();
+        [pixel.red(), pixel.green(), pixel.blue()].map(|part| part.saturating_add(white))
+    };
+    let samples: Vec<u8> = picture.pixels().iter().flat_map(over_white).collect();
+    write_ready_png(path, width, height, &samples)?;
+    Ok(has_fonts)
+}
+
+/// The first upright family that the system has of those that read well.
+fn family(options: &Options<'_>) -> Option<String> {
+    let names: Vec<&str> =
+        options.fontdb.faces().filter_map(|face| face.families.first()).map(|(name, _)| name.as_str()).collect();
+    let usual = ["DejaVu Sans", "Noto Sans", "Liberation Sans", "Helvetica", "Arial"];
+    usual.iter().find(|usual| names.contains(*usual)).or(names.first().as_ref().copied()).map(|name| (*name).to_owned())
+}
