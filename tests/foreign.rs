@@ -1,5 +1,6 @@
 //! Files of formats that are not read are refused by the name of their format.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 
 #[path = "support/volumes.rs"]
 mod volumes;

@@ -1,7 +1,7 @@
 //! `relume info`: what a volume holds, what a scene needs, what devices there are.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
@@ -111,7 +111,7 @@ impl Args {
 const LONGEST_TOML: u64 = 1 << 16;
 
 /// TOML describes a scene, unless it describes voxels, by `dims` or `type` at the top or by a `[volume]` alone.
-fn is_scene(path: &PathBuf) -> bool {
+fn is_scene(path: &Path) -> bool {
     let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
     let table = || String::from_utf8(input::read(path, LONGEST_TOML).ok()?).ok()?.parse::<toml::Table>().ok();
     let of_voxels =
@@ -216,7 +216,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     })
 }
 
-fn of_accumulators(path: &std::path::Path, file: &Accumulators) -> Report {
+fn of_accumulators(path: &Path, file: &Accumulators) -> Report {
     let positions: Vec<&str> = file.positions.iter().map(|position| position.name.as_str()).collect();
     let at = |light: &Light| positions.get(light.position).copied().unwrap_or_default();
     let lights = file.lights.iter().map(|light| format!("{}@{}={}", light.name, at(light), readable(light.weight)));
