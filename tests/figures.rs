@@ -1,5 +1,6 @@
 //! The figures of the paper, each made of one march: what they are to show.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
 mod support;
 
@@ -64,7 +65,7 @@ fn is_orange([red, green, blue]: [f64; 3]) -> bool {
 #[test]
 fn the_figures_show_what_the_paper_says() {
     let folder = Folder::new();
-    let json = folder.done(&["figures", "-o", "all", "--size", "150x150", "--json"]).json();
+    let json = folder.done(&["figures", "-o", "all", "--size", "128x128", "--json"]).json();
     for figure in json["figures"].as_array().unwrap() {
         assert_eq!(figure["marches"], 1);
     }
