@@ -467,12 +467,13 @@ fn is_constant(spectrum: &Spectrum) -> bool {
     high - low <= 1e-12 * high.abs()
 }
 
-/// The largest optical depth of absorption that a ray can meet: the highest point of the transfer function, along the
-/// volume's diagonal.
+/// The largest optical depth of absorption that a ray can meet: that of the value that absorbs most, by all that shows
+/// it, along the volume's diagonal.
 fn largest_depth(scene: &Scene) -> f64 {
-    let of_terms = scene.transfer.terms.iter().flat_map(|term| &term.absorption).map(|point| point.1);
+    let of_value = |value| scene.transfer.medium(value, scene.materials.len()).absorption.iter().sum();
+    let of_values = scene.transfer.bends().into_iter().map(of_value);
     let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
-    of_terms.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
+    of_values.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
 }
 
 /// The longest way through the volume, its diagonal, in opacity lengths.

@@ -258,6 +258,34 @@ fn an_automatic_k_keeps_its_tolerance_in_the_picture() {
     }
 }
 
+/// Four dyes at the same values, none deeper than 5 by itself: 20 in all.
+#[test]
+fn an_automatic_k_keeps_its_tolerance_where_dyes_overlap() {
+    let mut text = "version = 1\nshading = \"none\"\nbackground = 1\n\
+        [volume]\nphantom = \"gaussian\"\ndims = [1, 257, 1]\nspacing = [181.02, 1, 181.02]\n\
+        [lights.day]\nspectrum = \"D65\"\n\
+        [camera]\nprojection = \"orthographic\"\nheight = 128\n\
+        position = [-257.4, 64, -166.9]\ntarget = [-45.25, 64, 45.25]\n\
+        [accuracy]\nstep = 0.5\n[transfer]\nopacity_length = 256\n"
+        .to_owned();
+    let dyes = [("a", 440, 15), ("b", 500, 12), ("c", 560, 12), ("d", 600, 12)];
+    for (name, _, _) in dyes {
+        text.push_str(&format!(
+            "[[transfer.intervals]]\nmaterial = \"{name}\"\nrange = [0.05, 0.98]\nopacity = 0\nabsorption = 5\n"
+        ));
+    }
+    for (name, centre, sigma) in dyes {
+        text.push_str(&format!(
+            "[materials.{name}]\nreflectance = 0\nabsorption = {{ gaussian = [{{ centre = {centre}, sigma = {sigma}, \
+             height = 1.0 }}], base = 0.01 }}\n"
+        ));
+    }
+    let rungs = Rungs::new(scene(&text), [32, 32]);
+    let planned: Vec<DVec3> = rungs.lit(&rungs.exact()).into_iter().map(|(colour, _)| colour).collect();
+    let worst = differences(&planned, &rungs.truth()).into_iter().fold(0.0, f64::max);
+    assert!(worst <= 1.0, "k = {}: {worst}", rungs.planned.plan.components());
+}
+
 /// COLOUR.md C7.
 #[test]
 fn a_grey_scene_is_the_same_by_weights_and_by_k_numbers() {

@@ -12,7 +12,8 @@ const COLOUR: &str = "Colour accuracy, in place of the scene's [accuracy]";
 /// What pixels keep of a spectrum.
 #[derive(Debug, Args)]
 pub(crate) struct AccuracyArgs {
-    /// Let a colour model add at most this ΔE00 (1 is about what an eye can see), in as few numbers a pixel as keep it.
+    /// Let a colour model add at most this ΔE00 (1 is about what an eye can see), in as few numbers a pixel as keep three quarters
+    /// of it on the colours that are tried.
     #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k")]
     tolerance: Option<f64>,
     /// Let a colour model have N numbers, 1 to 16, whatever ΔE00 it adds.
