@@ -56,7 +56,13 @@ impl Learnt {
     pub(crate) fn text(self, model: &ColourModel) -> String {
         let line = |(name, _, matrix): &(String, Light, LightMatrix)| {
             let ErrorSummary { mean, p95, max } = matrix.worst();
-            format!("{name} is new to the colour model: ΔE00 {mean:.3} on average, p95 {p95:.3}, at most {max:.3}\n")
+            let tried = match matrix.unseen {
+                Some(_) => "",
+                None => " on the colours that it was fitted on, and more on others",
+            };
+            format!(
+                "{name} is new to the colour model: ΔE00 {mean:.3} on average, p95 {p95:.3}, at most {max:.3}{tried}\n"
+            )
         };
         model.lights()[self.planned..].iter().map(line).collect()
     }
@@ -66,6 +72,7 @@ impl Learnt {
         let light = |(index, (name, _, matrix)): (usize, &(String, Light, LightMatrix))| {
             let mut json = error_json(name, matrix.worst());
             json["planned"] = json!(index < self.planned);
+            json["on_unseen_colours"] = json!(matrix.unseen.is_some());
             json
         };
         let worst = model.worst();
