@@ -86,8 +86,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
         let planned = plan(&scene, progress)?;
         let uploaded = renderer.upload(&scene, &planned, &scene.volume.statistics()?, progress)?;
+        let mut marches = 0;
+        let mut march = || {
+            marches += 1;
+            renderer.march(&scene, &planned, &uploaded, args.size, progress)
+        };
         let clock = Stopwatch::start();
-        let accumulators = renderer.march(&scene, &planned, &uploaded, args.size, progress)?;
+        let accumulators = march()?;
         let marched = clock.read();
         let relight = renderer.relight_display(&accumulators)?;
         let stated = Mix::of_scene(&scene);
@@ -121,7 +126,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             marched.wall_ms,
             names.len()
         );
-        outputs.push(json!({"figure": name, "marches": 1, "load": loaded, "march": marched}));
+        outputs.push(json!({"figure": name, "marches": marches, "dispatches": accumulators.dispatches, "load": loaded, "march": marched}));
     }
     let sheet = args.output.join("figures.html");
     write_atomically(&sheet, |out| out.write_all(contact_sheet(&panels).as_bytes()))?;
