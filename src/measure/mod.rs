@@ -1,8 +1,10 @@
 //! What a result costs and how far it is from the truth.
 
 mod clock;
+pub mod extremes;
 mod image_error;
 mod model;
+mod rungs;
 
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
 pub use image_error::{ImageError, MeasureError, Spread};
@@ -10,3 +12,4 @@ pub use model::{
     AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
     automatic_dimension, model_row,
 };
+pub use rungs::{RungError, Rungs};
