@@ -7,6 +7,7 @@ mod support;
 use std::sync::LazyLock;
 
 use glam::DVec3;
+use relume::measure::extremes::metameric_black as black;
 use relume::measure::{AutomaticSummary, ModelRow, ModelSetting, automatic_dimension, model_row};
 use relume::model::random::Random;
 use relume::model::{
@@ -17,7 +18,6 @@ use relume::progress::{Progress, Quiet};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::metric::difference_matrix;
 use relume::spectrum::{BANDS, Light, Spectrum, standard};
-use support::scenes::black;
 
 const STEP: ModelKind = ModelKind::Sharpened(Order::Step);
 const SEMIGROUP: ModelKind = ModelKind::Sharpened(Order::Semigroup);
@@ -72,7 +72,7 @@ fn assert_finite(model: &ColourModel) {
     assert!(matrices.copied().all(f64::is_finite), "a matrix is not finite");
     assert!(model.worst().max.is_finite(), "{:?}", model.worst());
     assert!(model.reconstruction().rms.is_finite(), "a reconstruction is not finite");
-    assert!(!model.half_precision_error().is_nan(), "a bound is NaN");
+    assert!(!model.half_precision_error(1.0, 1.0).is_nan(), "a bound is NaN");
 }
 
 // The bars of COLOUR.md, C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with seeds of their own.
@@ -414,7 +414,7 @@ fn half(number: f64) -> f64 {
 fn the_bound_of_sixteen_bits_holds() {
     for ingredients in [grey(), coloured()] {
         let model = fit(&ingredients, ModelKind::Nodes, 8, &Quiet).unwrap();
-        let bound = model.half_precision_error();
+        let bound = model.half_precision_error(1.0, 1.0);
         let mut worst = 0.0_f64;
         for (.., matrix) in model.lights() {
             for vector in model.cloud_vectors() {
@@ -433,10 +433,10 @@ fn a_metameric_black_of_large_amplitude_does_not_fit_into_sixteen_bits() {
     let ingredients = Ingredients { reflectances: vec![black(270.0), patch("orange")], ..grey() };
     let model = fit(&ingredients, ModelKind::Nodes, 6, &Quiet).unwrap();
     assert_finite(&model);
-    assert!(model.half_precision_error() > 1.0, "{}", model.half_precision_error());
+    assert!(model.half_precision_error(1.0, 1.0) > 1.0, "{}", model.half_precision_error(1.0, 1.0));
     let huge = Ingredients { reflectances: vec![black(1e6)], ..grey() };
     let model = fit(&huge, ModelKind::Nodes, 6, &Quiet).unwrap();
-    assert!(model.half_precision_error().is_infinite(), "{}", model.half_precision_error());
+    assert!(model.half_precision_error(1.0, 1.0).is_infinite(), "{}", model.half_precision_error(1.0, 1.0));
 }
 
 #[test]

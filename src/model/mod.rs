@@ -586,19 +586,29 @@ impl ColourModel {
     }
 
     /// The most, in ΔE00, that storing finished coefficients in 16-bit floats can change a colour: over the cloud and
-    /// the model's lights.
+    /// the model's lights, shown `brightness` times as bright as unit lights are, where pixels may hold up to `sum`
+    /// times what one surface sends. Both are 1 at least.
     ///
-    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. Infinite where one is
-    /// larger than such a float can be.
-    pub fn half_precision_error(&self) -> f64 {
+    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. A colour brighter than white
+    /// is looked at where there is so little of it that it is white. Infinite where a coefficient is larger than such a
+    /// float can be.
+    pub fn half_precision_error(&self, brightness: f64, sum: f64) -> f64 {
         const LARGEST: f64 = 65504.0;
         if self.vectors.iter().flatten().any(|part| part.abs() > LARGEST) {
             return f64::INFINITY;
         }
-        let rounding = |part: f64| (part.abs() * 0.5_f64.powi(11)).max(0.5_f64.powi(25));
+        let least = brightness * 0.5_f64.powi(25);
         let of_light = |(_, light, matrix): &(String, Light, LightMatrix)| {
-            let forms = Target::new(&self.cloud, light).forms();
-            let of_colour = |(vector, form): (&Vec<f64>, &[f64; 6])| {
+            // How much of each there can be: what makes it white, or all.
+            let shown = |spectrum: &Spectrum| {
+                let luminance = OBSERVER[1].dot(&(light.spectrum() * spectrum));
+                if luminance > 0.0 { luminance.recip().max(1.0).min(brightness * sum) } else { brightness * sum }
+            };
+            let shown: Vec<f64> = self.cloud.iter().map(shown).collect();
+            let cloud: Vec<Spectrum> = self.cloud.iter().zip(&shown).map(|(it, &shown)| it.scaled(shown)).collect();
+            let forms = Target::new(&cloud, light).forms();
+            let of_colour = |((vector, &shown), form): ((&Vec<f64>, &f64), &[f64; 6])| {
+                let rounding = |part: f64| (shown * part.abs() * 0.5_f64.powi(11)).max(least);
                 let pairs = vector.iter().zip(&matrix.xyz);
                 let along = |column: [f64; 3]| {
                     let pull = target::applied(form, column);
@@ -606,7 +616,7 @@ impl ColourModel {
                 };
                 pairs.map(|(&part, &column)| rounding(part) * along(column)).sum::<f64>()
             };
-            self.vectors.iter().zip(&forms).map(of_colour).fold(0.0, f64::max)
+            self.vectors.iter().zip(&shown).zip(&forms).map(of_colour).fold(0.0, f64::max)
         };
         self.lights.par_iter().map(of_light).reduce(|| 0.0, f64::max)
     }

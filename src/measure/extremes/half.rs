@@ -17,9 +17,14 @@ pub(super) fn extremes() -> Vec<Extreme> {
         largest_sum(),
         moved("a metameric black of amplitude 0.7", move || black_slab(surface)),
         moved("a metameric black of amplitude 4", move || black_slab(designed)),
+        moved("a metameric black of amplitude 270", move || black_slab(largest)),
         moved("a light of 1e3", || lit(1e3)),
         moved("an exposure of 1e3", || exposed(1e3)),
-        cancels("a metameric black of amplitude 270", move || black_slab(largest)),
+        cancels("a metameric black of amplitude 270, to be kept within 0.1", move || {
+            let mut scene = black_slab(largest)?;
+            scene.accuracy.tolerance = 0.1;
+            Ok(scene)
+        }),
         cancels("a reflectance of -0.5", || Ok(Slab { reflectance: "-0.5", ..Slab::default() }.scene()?)),
         cancels("X-rays of negative reflectance", || shining("-0.01", 3e4)),
         cancels("a light of 1e6 on what hardly hides", || lit(1e6)),

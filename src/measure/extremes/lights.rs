@@ -63,7 +63,7 @@ fn single(
     Extreme::shown(Group::Lights, name, bound, scene, move |lefts| {
         worst(lefts.iter().map(|left| {
             let seen = shown(&left.rungs.scene, 0);
-            left.colour_error(hides * seen).max(slab.error(left))
+            left.colour_error(hides * seen)
         }))
     })
 }

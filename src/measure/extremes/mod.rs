@@ -293,6 +293,12 @@ impl Extreme {
         &self.name
     }
 
+    /// How far its answer may be missed.
+    #[must_use]
+    pub fn bound(&self) -> Bound {
+        self.bound
+    }
+
     /// A row for each rung; for the device only where `renderer` is one. Where there is no answer, one row says why.
     #[must_use]
     pub fn rows(&self, renderer: Option<&Renderer>, progress: &dyn Progress) -> Vec<Row> {

@@ -19,8 +19,12 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
+/// So narrow that sharpened factors would amplify: some of their coefficients of it are negative.
+const NARROW: &str = "{ gaussian = [{ centre = 480, sigma = 6, height = 1 }] }";
+
 fn slab(model: &str, k: usize) -> Slab {
-    Slab { absorption: Some((GREEN, 0.5)), accuracy: format!("model = \"{model}\"\nk = {k}"), ..Slab::default() }
+    let shape = if model.starts_with("sharpened") { NARROW } else { GREEN };
+    Slab { absorption: Some((shape, 0.5)), accuracy: format!("model = \"{model}\"\nk = {k}"), ..Slab::default() }
 }
 
 /// Coloured glass in the `k` numbers of a model: each by itself fades and shines as its coefficients say.
@@ -61,12 +65,12 @@ fn unclamped() -> Extreme {
             let passes = parts.iter().map(|part| (-DEPTH * part).exp()).fold(0.0, f64::max);
             // |Σ P·shape| ≤ Σ|P|, because a shape is at most 1.
             let row = |row: &Spectrum| row.samples().iter().map(|sample| sample.abs()).sum::<f64>();
-            let most = model.projection().iter().map(row).fold(0.0, f64::max);
-            (passes / (DEPTH * most).exp(), passes, model.amplification(shape.spectrum()))
+            let most = (DEPTH * model.projection().iter().map(row).fold(0.0, f64::max)).exp();
+            let told = model.amplification(shape.spectrum())?;
+            Some((passes / most, format!("{passes:.3} of the light passes a depth of {DEPTH}: {told}")))
         });
-        let (measured, passes, said) = largest.unwrap_or((f64::NAN, f64::NAN, None));
-        let said =
-            Some(format!("passes {passes:.3}; {}", said.unwrap_or_else(|| "nothing is amplified here".to_owned())));
+        // Where nothing is amplified, nothing was asked.
+        let (measured, said) = largest.flatten().map_or((f64::NAN, None), |(measured, said)| (measured, Some(said)));
         Ok(vec![Answer { rung: Rung::Plan, measured, said }])
     };
     let bound = Bound::given(

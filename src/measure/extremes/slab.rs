@@ -154,7 +154,9 @@ impl Slab {
         [weights, extinction.iter().map(|extinction| (-extinction * length).exp()).collect()]
     }
 
-    /// How far the sums of pixel 0 are from the closed form: T absolutely, what comes back relative to itself.
+    /// How far the sums of pixel 0 are from the closed form, relative to themselves; what passes steps of more than half
+    /// opacity relative to 1, because a rounding of α is a larger one of 1 − α, and what is below the square root of the
+    /// smallest numbers of f32 relative to that.
     pub(super) fn error(&self, left: &Left<'_>) -> f64 {
         self.error_at(left, 0, self.sampled())
     }
@@ -167,7 +169,11 @@ impl Slab {
             return f64::NAN;
         }
         let weights = weights.iter().enumerate().map(|(c, &expected)| relative(left.weight(c, i), expected));
-        let passed = passed.iter().enumerate().map(|(c, &expected)| (left.passed(c, i) - expected).abs());
+        let passed = passed.iter().enumerate().map(|(c, &expected)| {
+            let of_step = expected.powf(self.step.min(length) / length);
+            let size = if of_step < 0.5 { 1.0 } else { expected.max(f64::from(f32::MIN_POSITIVE).sqrt()) };
+            (left.passed(c, i) - expected).abs() / size
+        });
         worst(weights.chain(passed))
     }
 

@@ -1,5 +1,6 @@
 //! Steps from a thousandth of a voxel to longer than the volume, and a million of them.
 
+use super::bound::ROUNDING_UNIT;
 use super::left::worst;
 use super::slab::{GREEN, Slab};
 use super::{Bound, Extreme, Group, Rung};
@@ -24,36 +25,54 @@ pub(super) fn extremes() -> Vec<Extreme> {
         )
     })
     .collect();
-    for depth in [1.0, 5.0] {
-        all.push(equal_steps("grey", depth, None));
-        all.push(equal_steps("coloured", depth, Some((GREEN, 0.5 * depth / 100.0))));
-    }
+    let bound = Bound::equal_steps(STEPS);
+    let deep = |depth: f64| {
+        let lost = STEPS / depth * ROUNDING_UNIT;
+        bound.and(
+            lost,
+            "deep equal steps",
+            "as for equal steps; and from T = n·2⁻²⁴/depth on, a step adds less than half the last bit of the sum and is \
+             lost, or rounded up: at most that much light in all",
+        )
+    };
+    all.extend([
+        equal_steps("grey", 1.0, 1.0, bound),
+        equal_steps("grey", 5.0, 1.0, bound),
+        equal_steps("grey", 20.0, 1.0, deep(20.0)),
+        equal_steps("coloured", 1.0, 0.5, bound),
+        equal_steps("coloured", 5.0, 0.5, deep(5.0)),
+    ]);
     all.push(million_steps());
     all
 }
 
-/// A hundred thousand: more than one dispatch takes.
-fn equal_steps(name: &str, depth: f64, absorption: Option<(&'static str, f64)>) -> Extreme {
-    const STEPS: f64 = 1e5;
+/// More than one dispatch takes.
+const STEPS: f64 = 1e5;
+
+/// Through a hundred voxels of `depth` where most is lost, of which `scattered` is sent back.
+fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extreme {
+    let along = depth / 100.0;
     let slab = Slab {
         dims: [3, 3, 101],
-        opacity: -(-depth / 100.0).exp_m1(),
-        absorption,
+        opacity: -(-scattered * along).exp_m1(),
+        absorption: (scattered < 1.0).then_some((GREEN, (1.0 - scattered) * along)),
         step: 1e-3,
         accuracy: "k = 4".to_owned(),
         ..Slab::default()
     };
     let asked = slab.clone();
-    let name = format!("1e5 equal steps, {name}, depth {depth}");
+    let name = format!("1e5 equal steps, {colour}, depth {depth}");
     Extreme::shown(
         Group::Steps,
         name,
-        Bound::equal_steps(STEPS),
+        bound,
         move || Ok(vec![asked.picture()?]),
         move |lefts| {
             worst(lefts.iter().map(|left| {
-                let whole = left.rung == Rung::Gpu && left.dispatches < 2;
-                if whole { f64::NAN } else { slab.error(left) }
+                let in_one_go = left.rung == Rung::Gpu && left.dispatches < 2;
+                // What is not lost to anything else passes, or comes back.
+                let whole = if scattered < 1.0 { 0.0 } else { (left.weight(0, 0) + left.passed(0, 0) - 1.0).abs() };
+                if in_one_go { f64::NAN } else { slab.error(left).max(whole) }
             }))
         },
     )
