@@ -16,6 +16,7 @@ mod sizes;
 mod slab;
 mod spectra;
 mod steps;
+mod table;
 mod volumes;
 
 use std::fmt;
@@ -32,6 +33,7 @@ use crate::volume::VolumeError;
 pub use bound::{BLACK_DELTA_E, Bound, EQUAL_STEPS, LINEARITY, OPACITY, ROUNDING_UNIT, TERMINATION_DELTA_E};
 
 pub use spectra::metameric_black;
+pub use table::{to_csv, to_markdown, to_text};
 
 use left::Left;
 use slab::Picture;
@@ -320,6 +322,32 @@ impl Extreme {
         };
         answers.into_iter().map(row).collect()
     }
+}
+
+/// The rows of every extreme in the order of the groups, and whether those are all: where somebody asks to stop, the rows
+/// of finished extremes are kept.
+#[must_use]
+pub fn run(renderer: Option<&Renderer>, progress: &dyn Progress) -> (Vec<Row>, bool) {
+    /// What goes on within an extreme is not told of.
+    struct Within<'a>(&'a dyn Progress);
+    impl Progress for Within<'_> {
+        fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+        fn cancelled(&self) -> bool {
+            self.0.cancelled()
+        }
+    }
+    let extremes: Vec<Extreme> = Group::ALL.into_iter().flat_map(Group::extremes).collect();
+    let mut rows = Vec::new();
+    for (done, extreme) in extremes.iter().enumerate() {
+        progress.report(extreme.group().name(), done as u64, extremes.len() as u64);
+        let found = extreme.rows(renderer, &Within(progress));
+        if progress.cancelled() {
+            return (rows, false);
+        }
+        rows.extend(found);
+    }
+    (rows, true)
 }
 
 /// An error and its causes in one line.

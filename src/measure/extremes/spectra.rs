@@ -48,11 +48,23 @@ fn slab() -> Slab {
     Slab { dims: [3, 3, 501], opacity: 0.01, accuracy, ..Slab::default() }
 }
 
-/// [`slab`], of a metameric black under D65.
+/// [`slab`], of a metameric black under D65, in the numbers of a model that holds usual materials, too: by itself it
+/// could be black in numbers that are small.
 pub(super) fn black_slab(amplitude: f64) -> Result<Scene, ExtremeError> {
     let mut scene = slab().scene()?;
     let reflectance = Reflectance::new(metameric_black(amplitude))?;
     scene.materials.iter_mut().for_each(|material| material.reflectance = reflectance.clone());
+    let others = scene.materials.first().cloned().zip(scene.transfer.terms.first().cloned());
+    for (i, name) in ["blue", "orange", "foliage"].into_iter().enumerate() {
+        let Some((mut material, mut term)) = others.clone() else { break };
+        material.name = name.to_owned();
+        material.reflectance = standard::reflectance(name)?;
+        // Of values that no voxel has.
+        term.opacity.iter_mut().for_each(|point| point.0 += 1000.0);
+        term.material.0 = vec![(1000.0, i + 1)];
+        scene.materials.push(material);
+        scene.transfer.terms.push(term);
+    }
     Ok(scene)
 }
 
