@@ -29,7 +29,7 @@ fn holds(group: Group) {
         group.extremes().iter().flat_map(|extreme| extreme.rows(renderer, &Quiet)).collect()
     };
     let rows = with_renderer(|renderer| rows(Some(renderer))).unwrap_or_else(|| rows(None));
-    assert!(!rows.is_empty());
+    assert!(!rows.is_empty(), "nothing was asked");
     let missed: Vec<String> = rows.iter().filter(|row| !row.holds).map(Row::to_string).collect();
     assert!(missed.is_empty(), "{}", missed.join("\n"));
 }

@@ -17,15 +17,15 @@ pub(super) fn extremes() -> Vec<Extreme> {
         largest_sum(),
         moved("a metameric black of amplitude 0.7", move || black_slab(surface)),
         moved("a metameric black of amplitude 4", move || black_slab(designed)),
-        moved("a metameric black of amplitude 270", move || black_slab(largest)),
-        moved("a light of 1e3", || lit(1e3)),
-        moved("an exposure of 1e3", || exposed(1e3)),
-        cancels("a metameric black of amplitude 270, to be kept within 0.1", move || {
+        moved("a metameric black of amplitude 270, where ΔE00 100 is allowed", move || {
             let mut scene = black_slab(largest)?;
-            scene.accuracy.tolerance = 0.1;
+            scene.accuracy.tolerance = 100.0;
             Ok(scene)
         }),
-        cancels("a reflectance of -0.5", || Ok(Slab { reflectance: "-0.5", ..Slab::default() }.scene()?)),
+        moved("a light of 1e3", || lit(1e3)),
+        moved("an exposure of 1e3", || exposed(1e3)),
+        cancels("a metameric black of amplitude 270", move || black_slab(largest)),
+        cancels("a reflectance of -0.5", || Slab { reflectance: "-0.5", ..Slab::default() }.scene()),
         cancels("X-rays of negative reflectance", || shining("-0.01", 3e4)),
         cancels("a light of 1e6 on what hardly hides", || lit(1e6)),
         cancels("a light of 1e6 in 8 numbers", || {

@@ -9,6 +9,9 @@ use crate::scene::{Placement, Scene, SceneLight, Shading};
 use crate::spectrum::colour::xyz_of;
 use crate::spectrum::{BANDS, Light, Spectrum, SpectrumError, standard};
 
+/// Makes a light.
+type Spectral = fn() -> Result<Light, SpectrumError>;
+
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [0.0, 1e-6, 1e6]
         .into_iter()
@@ -19,7 +22,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         .collect();
     all.push(single("a light of zeros".to_owned(), Bound::EXACT, 1.0, || Light::new(Spectrum::constant(0.0))));
     all.push(mixed());
-    let lines: [(&str, fn() -> Result<Light, SpectrumError>); 5] = [
+    let lines: [(&str, Spectral); 5] = [
         ("one line at 380 nm", || line(0)),
         ("one line at 555 nm", || line(35)),
         ("one line at 780 nm", || line(80)),
@@ -122,7 +125,7 @@ fn mixed() -> Extreme {
 }
 
 /// A spiky light through coloured glass, in as many numbers as the plan takes, beside all 81 bands.
-fn through_glass(name: &str, light: fn() -> Result<Light, SpectrumError>) -> Extreme {
+fn through_glass(name: &str, light: Spectral) -> Extreme {
     let slab = Slab { absorption: Some((GREEN, 0.5)), ..Slab::default() };
     let asked = slab.clone();
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {

@@ -10,13 +10,14 @@ use crate::scene::{Projection, Scene};
 use crate::spectrum::{Reflectance, Spectrum};
 
 pub(super) fn extremes() -> Vec<Extreme> {
-    let mut all: Vec<Extreme> = [("0", 0.0), ("1e-8", 1e-8), ("1 - 1e-8", 1.0 - 1e-8), ("1", 1.0)]
-        .into_iter()
-        .map(|(name, opacity)| {
-            let bound = if opacity == 0.0 || opacity == 1.0 { Bound::EXACT } else { Bound::march(8.0) };
-            homogeneous(format!("opacity {name}"), bound, Slab { opacity, ..Slab::default() })
-        })
-        .collect();
+    let few = Bound::march(8.0);
+    let mut all: Vec<Extreme> =
+        [("0", 0.0, Bound::EXACT), ("1e-8", 1e-8, few), ("1 - 1e-8", 1.0 - 1e-8, few), ("1", 1.0, Bound::EXACT)]
+            .into_iter()
+            .map(|(name, opacity, bound)| {
+                homogeneous(format!("opacity {name}"), bound, Slab { opacity, ..Slab::default() })
+            })
+            .collect();
     for (colour, shape) in [("grey", "1.0"), ("coloured", GREEN)] {
         for depth in [0.0, 1e-8, 1e4, 1e6] {
             // Of what shines and absorbs at once, both must be right.
@@ -24,7 +25,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
                 let slab = Slab { opacity, accuracy: "k = 4".to_owned(), ..Slab::default() };
                 let slab = Slab { absorption: Some((shape, depth / slab.length())), ..slab };
                 let name = format!("optical depth {depth:e}, {colour}, {what}");
-                all.push(homogeneous(name, Bound::march(8.0), slab));
+                all.push(homogeneous(name, few, slab));
             }
         }
     }

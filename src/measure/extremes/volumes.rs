@@ -9,6 +9,9 @@ use crate::measure::rungs::RungError;
 use crate::scene::{Aim, Shading};
 use crate::volume::{VolumeError, Voxels};
 
+/// Makes four voxels of two values.
+type Filled = fn([f64; 2]) -> Voxels;
+
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all = vec![
         along("1×1×1", Slab { dims: [1, 1, 1], opacity: 0.3, ..Slab::default() }),
@@ -19,9 +22,9 @@ pub(super) fn extremes() -> Vec<Extreme> {
         flat(),
     ];
     let (least, most) = (f32::from_bits(1), f32::MIN_POSITIVE);
-    let values: [(&str, [f64; 2], fn([f64; 2]) -> Voxels); 13] = [
+    let values: [(&str, [f64; 2], Filled); 13] = [
         ("int32, all of them", [f64::from(i32::MIN), f64::from(i32::MAX)], whole),
-        ("uint64, all of them", [0.0, 18_446_744_073_709_551_615.0], |_| Voxels::U64(vec![0, 0, u64::MAX, u64::MAX])),
+        ("uint64, all of them", [0.0, 64.0_f64.exp2()], |_| Voxels::U64(vec![0, 0, u64::MAX, u64::MAX])),
         ("float32 of ±1e30", [-1e30, 1e30], single),
         ("float32 from 1e-30 to 1e30", [1e-30, 1e30], single),
         ("float32 of ±1e-30", [-1e-30, 1e-30], single),
@@ -108,7 +111,7 @@ fn double([low, high]: [f64; 2]) -> Voxels {
 
 /// Two voxels that show nothing before two that do, the nearest of which a step of half a voxel takes: three of its six
 /// samples. Of `ends`, the upper shows.
-fn two_values(name: &str, ends: [f64; 2], voxels: fn([f64; 2]) -> Voxels) -> Extreme {
+fn two_values(name: &str, ends: [f64; 2], voxels: Filled) -> Extreme {
     const OPACITY: f64 = 0.3;
     let [low, high] = ends;
     // Halves first: the whole span may be more than there is.
