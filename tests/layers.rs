@@ -25,7 +25,6 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "measure",
         &[
-            "output",
             "vulkan",
             "render",
             "reference",

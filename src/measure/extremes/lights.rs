@@ -21,6 +21,8 @@ pub(super) fn extremes() -> Vec<Extreme> {
         })
         .collect();
     all.push(single("a light of zeros".to_owned(), Bound::EXACT, 1.0, || Light::new(Spectrum::constant(0.0))));
+    let darker = || Light::new(Spectrum::constant(-0.01));
+    all.push(single("a light that takes light away".to_owned(), Bound::picture(8.0), 1.0, darker));
     all.push(mixed());
     let lines: [(&str, Spectral); 5] = [
         ("one line at 380 nm", || line(0)),

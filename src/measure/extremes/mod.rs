@@ -23,9 +23,9 @@ use std::fmt;
 
 use serde::{Serialize, Serializer};
 
-use super::rungs::RungError;
+use super::rungs::{RungError, Rungs};
 use crate::progress::Progress;
-use crate::render::Renderer;
+use crate::render::{RenderError, Renderer};
 use crate::scene::SceneError;
 use crate::spectrum::SpectrumError;
 use crate::volume::VolumeError;
@@ -33,7 +33,7 @@ use crate::volume::VolumeError;
 pub use bound::{BLACK_DELTA_E, Bound, EQUAL_STEPS, LINEARITY, OPACITY, ROUNDING_UNIT, TERMINATION_DELTA_E};
 
 pub use spectra::metameric_black;
-pub use table::{to_csv, to_markdown, to_text};
+pub use table::{derivations, to_csv, to_markdown, to_text};
 
 use left::Left;
 use slab::Picture;
@@ -210,6 +210,15 @@ pub enum ExtremeError {
     Rung(#[from] RungError),
 }
 
+impl ExtremeError {
+    /// Whether a device is too small for what was asked of it, which is an answer.
+    fn is_limit(&self) -> bool {
+        use RenderError::{Filter, Memory, PictureMemory, PictureSize, TooLarge};
+        let Self::Rung(RungError::Render(error)) = self else { return false };
+        matches!(error, Filter { .. } | Memory { .. } | PictureMemory { .. } | PictureSize { .. } | TooLarge { .. })
+    }
+}
+
 /// What a rung answered.
 struct Answer {
     rung: Rung,
@@ -252,10 +261,13 @@ impl Extreme {
             let pictures: Vec<_> = pictures()?.into_iter().map(Picture::rungs).collect::<Result<_, _>>()?;
             let rungs = [Rung::Double, Rung::Single].into_iter().chain(renderer.map(|_| Rung::Gpu));
             let answers = rungs.map(|rung| {
-                let lefts: Vec<_> = pictures
-                    .iter()
-                    .map(|picture| Left::new(picture, rung, renderer, progress))
-                    .collect::<Result<_, _>>()?;
+                let lefts = pictures.iter().map(|picture| Left::new(picture, rung, renderer, progress));
+                let lefts: Vec<_> = match lefts.collect::<Result<_, _>>() {
+                    Err(error) if error.is_limit() => {
+                        return Ok(Answer { rung, measured: 0.0, said: Some(chain(&error)) });
+                    }
+                    lefts => lefts?,
+                };
                 let said = lefts.iter().find_map(Left::problem);
                 let measured = if said.is_some() { f64::NAN } else { measure(&lefts) };
                 Ok(Answer { rung, measured, said })
@@ -273,12 +285,15 @@ impl Extreme {
         expected: impl Fn(&ExtremeError) -> bool + Send + Sync + 'static,
     ) -> Self {
         let bound = Bound::given("refused", 0.0, "how often the program went on, where it must refuse and say why");
-        let ask = move |_: Option<&Renderer>, _: &dyn Progress| match picture().and_then(Picture::rungs) {
-            Err(error) if expected(&error) => {
-                Ok(vec![Answer { rung: Rung::Plan, measured: 0.0, said: Some(chain(&error)) }])
+        let ask = move |_: Option<&Renderer>, progress: &dyn Progress| {
+            let marched = |rungs: Rungs| Left::new(&rungs, Rung::Double, None, progress).map(drop);
+            match picture().and_then(Picture::rungs).and_then(marched) {
+                Err(error) if expected(&error) => {
+                    Ok(vec![Answer { rung: Rung::Plan, measured: 0.0, said: Some(chain(&error)) }])
+                }
+                Err(error) => Err(error),
+                Ok(()) => Ok(vec![Answer { rung: Rung::Plan, measured: 1.0, said: None }]),
             }
-            Err(error) => Err(error),
-            Ok(_) => Ok(vec![Answer { rung: Rung::Plan, measured: 1.0, said: None }]),
         };
         Self { group, name: name.into(), bound, ask: Box::new(ask) }
     }

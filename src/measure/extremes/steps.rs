@@ -3,7 +3,9 @@
 use super::bound::ROUNDING_UNIT;
 use super::left::worst;
 use super::slab::{GREEN, Slab};
-use super::{Bound, Extreme, Group, Rung};
+use super::{Bound, Extreme, ExtremeError, Group, Rung};
+use crate::measure::rungs::RungError;
+use crate::reference::ReferenceError;
 
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [
@@ -43,6 +45,10 @@ pub(super) fn extremes() -> Vec<Extreme> {
         equal_steps("coloured", 5.0, 0.5, deep(5.0)),
     ]);
     all.push(million_steps());
+    let picture = || Slab { step: 1e-7, ..Slab::default() }.picture();
+    all.push(Extreme::refused(Group::Steps, "more steps than a ray counts", picture, |error| {
+        matches!(error, ExtremeError::Rung(RungError::Reference(ReferenceError::TooManySamples { .. })))
+    }));
     all
 }
 

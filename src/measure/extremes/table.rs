@@ -30,7 +30,8 @@ fn by_group(rows: &[Row]) -> impl Iterator<Item = (Group, Vec<&Row>)> {
 }
 
 /// Each bound of the rows once: its name, and how it is derived.
-fn derivations(rows: &[Row]) -> Vec<[&'static str; 2]> {
+#[must_use]
+pub fn derivations(rows: &[Row]) -> Vec<[&'static str; 2]> {
     let mut all: Vec<[&str; 2]> = Vec::new();
     for row in rows {
         let bound = [row.derivation.name, row.derivation.why];
