@@ -72,6 +72,9 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
 
 /// What a folder is that some programs treat as one file.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
+    if !path.is_dir() {
+        return None;
+    }
     let has = |name: &str| path.join(name).exists();
     if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
         return Some("this folder is a Zarr store");
