@@ -112,8 +112,9 @@ pub(crate) struct LightArgs {
 }
 
 impl SceneArgs {
-    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<Scene, CliError> {
-        let options = SceneOptions {
+    /// What is changed about the scene.
+    pub(crate) fn options(&self) -> SceneOptions {
+        SceneOptions {
             volume: self.volume.clone(),
             raw: self.raw.layout(),
             selection: self.selection.selection(),
@@ -125,7 +126,11 @@ impl SceneArgs {
                 .map(|text| Definition::new(text))
                 .chain(self.accuracy.definitions())
                 .collect(),
-        };
+        }
+    }
+
+    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<Scene, CliError> {
+        let options = self.options();
         let scene = match &self.scene {
             Some(path) => scene::load(path, &options, progress)?,
             None => scene::load_embedded(&options, progress)?,
