@@ -27,18 +27,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "view",
         &[
-            "input",
-            "output",
-            "render",
-            "vulkan",
-            "tables",
-            "plan",
-            "scene",
-            "model",
-            "spectrum",
-            "volume",
-            "progress",
-            "number",
+            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
+            "progress", "number",
         ],
     ),
     (

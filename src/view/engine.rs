@@ -12,9 +12,9 @@ use crate::tables::{Components, RelightMatrices};
 use crate::vulkan::StorageImage;
 
 /// How long one dispatch of a march may take, about.
-const DISPATCH: Duration = Duration::from_millis(12);
-/// How long the work of a frame may take, about: two dispatches are well under 50 ms.
-const SLICE: Duration = Duration::from_millis(20);
+const DISPATCH: Duration = Duration::from_millis(10);
+/// How long the work of a frame may take, about: with a dispatch and a relight on top it is well under 50 ms.
+const SLICE: Duration = Duration::from_millis(16);
 /// How long a picture may take while a hand moves the camera, about.
 const COARSE: Duration = Duration::from_millis(60);
 /// Most pixels of the window, across and down, that a pixel of a coarse picture stands for.
@@ -136,7 +136,7 @@ impl Engine {
         *self.state = state.clone();
     }
 
-    /// Goes on for about 20 ms with what there is to do; `hand_rests` allows pictures finer than the first. Says whether
+    /// Goes on for about 16 ms with what there is to do; `hand_rests` allows pictures finer than the first. Says whether
     /// the picture is another.
     ///
     /// # Errors

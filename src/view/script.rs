@@ -1,28 +1,7 @@
 //! Recorded input: what a hand would do, line by line, so that the viewer can be driven without one.
 //!
-//! A line is a command and what it needs, words apart by spaces; `#` begins a comment. Each line takes a frame; the next
-//! one waits for it.
-//!
-//! | command | what it does |
-//! |---|---|
-//! | `frames N` | draws N frames more |
-//! | `settle` | draws until the scene is loaded and its picture as fine as it gets |
-//! | `light NAME WEIGHT` | moves the slider of a light |
-//! | `on NAME`, `off NAME`, `solo NAME`, `all` | switches lights of the sliders |
-//! | `hand X Y`, `node NAME` | moves the hand of the dial: to a place, exactly onto a node |
-//! | `place NAME X Y`, `take NAME`, `leave NAME` | moves a node, lets it take part or not |
-//! | `situation NAME` | brings the dial to a situation |
-//! | `master FACTOR`, `normalise on`, `normalise off` | how bright the mix is |
-//! | `exposure FACTOR`, `adapt on`, `adapt off` | how colours reach the screen |
-//! | `orbit RIGHT UP`, `roll DEGREES` | turns the camera, in degrees |
-//! | `pan RIGHT UP`, `dolly FACTOR` | moves it, in parts of the picture; goes nearer |
-//! | `axis SIDE`, `projection`, `reset` | a side of the volume, the kind of rays, the scene's own camera |
-//! | `undo`, `redo` | a step back, or forward again |
-//! | `open FILE` | opens another scene or volume |
-//! | `size W H` | asks for a window of so many pixels |
-//! | `pointer X Y`, `press`, `release`, `scroll LINES`, `key NAME` | a hand at the mouse and the keyboard |
-//! | `panels on`, `panels off` | shows the panels, or the picture alone |
-//! | `window FILE.png`, `picture FILE.png` | saves the pixels of the window; the picture alone, when it is finest |
+//! A line is a command and what it needs, words apart by spaces; `#` begins a comment. Each line takes a frame. The commands
+//! are in `docs/VIEW.md`.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;

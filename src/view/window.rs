@@ -24,7 +24,7 @@ use crate::output::{OutputError, write_ready_png};
 use crate::render::{RenderError, Renderer};
 use crate::vulkan::{Device, DeviceChoice, Frame, Surface, Validation, VulkanError};
 
-/// How long after its last movement a hand rests that holds no button.
+/// How long after its last movement a hand rests.
 const REST: Duration = Duration::from_millis(150);
 /// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
 const PATIENCE: u32 = 120;
@@ -60,6 +60,8 @@ pub struct Report {
     /// Marches, dispatches and relights, of all that was opened.
     #[serde(flatten)]
     pub counts: Counts,
+    /// The counts at each `settle` of the script.
+    pub settled: Vec<Counts>,
     /// From the start to the first picture.
     pub first_picture_ms: Option<f64>,
     /// From each change of what is marched to a picture of it.
@@ -249,6 +251,7 @@ impl Viewer {
 
     fn open_screen(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
         let [width, height] = self.options.size.unwrap_or([1280, 800]);
+        ui::style(&self.context);
         // AccessKit has to be there before the window is seen.
         let attributes = Window::default_attributes()
             .with_title("Relume")
@@ -434,7 +437,7 @@ impl Viewer {
     }
 
     fn hand_rests(&self) -> bool {
-        !self.context.input(|input| input.pointer.any_down()) && (self.moved.elapsed() > REST || self.is_scripted())
+        self.moved.elapsed() > REST || self.is_scripted()
     }
 
     /// Goes on with the picture. Says whether there is more to do.
@@ -507,6 +510,7 @@ impl Viewer {
             events.exit();
             return;
         }
+        events.set_control_flow(ControlFlow::Wait);
         let Some(screen) = &self.screen else { return };
         let refines = !self.hand_rests() && self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
         let waits = if refines { again.min(REST) } else { again };
@@ -514,8 +518,6 @@ impl Viewer {
             screen.window.request_redraw();
         } else if let Some(due) = Instant::now().checked_add(waits).filter(|_| waits < Duration::from_secs(3600)) {
             events.set_control_flow(ControlFlow::WaitUntil(due));
-        } else {
-            events.set_control_flow(ControlFlow::Wait);
         }
     }
 
@@ -545,7 +547,10 @@ impl Viewer {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             // What is saved is what was asked for before, and not after.
             _ if !self.to_save.is_empty() || self.to_capture.is_some() => return Ok(Vec::new()),
-            Command::Settle => Vec::new(),
+            Command::Settle => {
+                self.report.settled.push(self.counts());
+                Vec::new()
+            }
             Command::Frames(frames) => {
                 self.script.waits = frames.saturating_sub(1);
                 Vec::new()
@@ -573,7 +578,7 @@ impl Viewer {
                 if self.options.size != Some([width, height]) {
                     self.options.size = Some([width, height]);
                     // Where the system gives it at once, it tells of it as always.
-                    drop(screen.window.request_inner_size(wanted));
+                    let _given = screen.window.request_inner_size(wanted);
                     self.script.waits = 1;
                     return Ok(Vec::new());
                 }

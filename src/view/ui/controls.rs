@@ -1,6 +1,6 @@
 //! What several panels are made of.
 
-use egui::{CollapsingHeader, Color32, RichText, Ui};
+use egui::{CollapsingHeader, Color32, RichText, Sense, Ui, Vec2};
 
 use crate::view::state::Cost;
 
@@ -8,7 +8,11 @@ use crate::view::state::Cost;
 pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&mut Ui)) {
     let title = RichText::new(name).strong();
     CollapsingHeader::new(title).id_salt(name).default_open(true).show(ui, |ui| {
-        ui.label(RichText::new(word(cost)).small().color(colour(ui, cost))).on_hover_text(sentence(cost));
+        ui.horizontal(|ui| {
+            let (dot, _) = ui.allocate_exact_size(Vec2::splat(8.0), Sense::hover());
+            ui.painter().circle_filled(dot.center(), 3.5, colour(ui, cost));
+            ui.label(RichText::new(word(cost)).small().color(colour(ui, cost))).on_hover_text(sentence(cost));
+        });
         contents(ui);
     });
     ui.add_space(4.0);
@@ -16,8 +20,8 @@ pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&
 
 fn word(cost: Cost) -> &'static str {
     match cost {
-        Cost::Relight => "● relights: at once",
-        Cost::March => "● marches: coarse first",
+        Cost::Relight => "relights: at once",
+        Cost::March => "marches: coarse first",
     }
 }
 

@@ -1,6 +1,8 @@
 //! The light dial: nodes that stand for lights, and a hand between them that mixes them.
 
-use egui::{Align2, FontId, Key, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
+use egui::{
+    Align2, FontId, Key, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2,
+};
 use glam::DVec2;
 
 use super::controls::panel;
@@ -38,6 +40,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             "Drag the hand between the lights: the nearer, the stronger. Click a node for that light alone. \
              Right-click a node to leave it out, drag it with Shift to move it.",
         );
+        if document.state().light.mixing == Mixing::Sliders {
+            ui.label(RichText::new("The sliders decide now; click into the dial to let it mix.").small().weak());
+        }
         ui.horizontal_wrapped(|ui| {
             if document.opened().dial.nodes != dial.nodes && ui.button("Reset nodes").clicked() {
                 asked.push(Action::Edit(Edit::ResetDial));
@@ -165,16 +170,4 @@ fn draw_hand(ui: &Ui, document: &Document, map: &Map) {
     let visuals = ui.visuals();
     let fill = if active { visuals.selection.bg_fill } else { visuals.extreme_bg_color };
     ui.painter().circle(place, 6.0, fill, Stroke::new(2.0, visuals.strong_text_color()));
-    let rect = ui.min_rect();
-    if !active {
-        let font = FontId::proportional(11.0);
-        let text = "the sliders decide; click to let the dial";
-        ui.painter().text(
-            rect.center_bottom() - vec2(0.0, 3.0),
-            Align2::CENTER_BOTTOM,
-            text,
-            font,
-            visuals.weak_text_color(),
-        );
-    }
 }

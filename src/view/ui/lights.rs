@@ -25,6 +25,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 let mut on = slider.is_some_and(|slider| slider.on);
                 ui.add_enabled_ui(by_slider, |ui| {
                     let name = RichText::new(&light.name).strong();
+                    on |= !by_slider;
                     if ui.checkbox(&mut on, name).on_hover_text("Switches this light on and off.").changed() {
                         asked.push(Action::Edit(Edit::On(index, on)));
                     }
@@ -43,7 +44,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             });
             // What the dial gives a light is shown, and taken over by whoever moves the slider.
             let mut weight = if by_slider { slider.map_or(0.0, |slider| slider.weight) } else { share };
-            ui.spacing_mut().slider_width = ui.available_width() - 76.0;
+            ui.spacing_mut().slider_width = ui.available_width() - 62.0;
             let moved = Slider::new(&mut weight, 0.0..=2.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
             let moved = ui.add(moved).on_hover_text("How strongly it shines, as a multiple of what the scene states.");
             name(&moved, &light.name, weight);

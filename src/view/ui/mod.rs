@@ -41,6 +41,14 @@ pub struct Shown<'a> {
     pub aspect: f64,
 }
 
+/// Sizes that all panels share.
+pub fn style(context: &egui::Context) {
+    context.all_styles_mut(|style| {
+        let font = egui::FontId::proportional(11.5);
+        style.text_styles.insert(egui::TextStyle::Small, font);
+    });
+}
+
 /// Shows everything but the picture. What is asked for is added to `asked`; the answer is where the picture belongs.
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     Panel::bottom("status").show(ui, |ui| status::show(ui, shown.status));

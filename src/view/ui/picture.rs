@@ -1,6 +1,6 @@
 //! The picture: where the camera is moved by hand, by keys, and by buttons.
 
-use egui::{Align2, FontId, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, Ui, UiBuilder, vec2};
+use egui::{Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, Ui, UiBuilder, vec2};
 
 use super::Shown;
 use super::controls::panel;
@@ -27,9 +27,11 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
     if let Some((name, part, stage)) = shown.loading {
         let at = Rect::from_center_size(rect.center(), vec2(rect.width().min(340.0) - 20.0, 60.0));
         ui.scope_builder(UiBuilder::new().max_rect(at), |ui| {
-            ui.label(format!("Opening {name}"));
-            ui.add(part.map_or_else(|| ProgressBar::new(0.0), |part| ProgressBar::new(part).show_percentage()));
-            ui.label(stage);
+            Frame::popup(ui.style()).show(ui, |ui| {
+                ui.label(format!("Opening {name}"));
+                ui.add(part.map_or_else(|| ProgressBar::new(0.0), |part| ProgressBar::new(part).show_percentage()));
+                ui.label(stage);
+            });
         });
         return;
     }

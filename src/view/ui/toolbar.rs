@@ -32,6 +32,7 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
 
 /// Shows it.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
+    ui.add_space(6.0);
     ui.horizontal_wrapped(|ui| {
         let mut button = |ui: &mut Ui, enabled: bool, text: &str, help: &str, action: Action| {
             if ui.add_enabled(enabled, egui::Button::new(text)).on_hover_text(help).clicked() {
