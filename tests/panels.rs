@@ -59,9 +59,12 @@ impl App {
         ui::show(ui, &shown, &mut asked);
         for action in &asked {
             match (action, &mut app.document) {
-                (Action::Edit(edit), Some(document)) => drop(document.edit(edit)),
-                (Action::Undo, Some(document)) => drop(document.undo()),
-                (Action::Redo, Some(document)) => drop(document.redo()),
+                (Action::Edit(edit), Some(document)) => {
+                    document.edit(edit);
+                }
+                (Action::Undo, Some(document)) => {
+                    document.undo();
+                }
                 (Action::Panels(shown), _) => app.panels = *shown,
                 _ => {}
             }

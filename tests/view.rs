@@ -237,7 +237,7 @@ fn a_volume_without_a_scene_shows_something_at_once() {
     let Some(screen) = Screen::new() else { return };
     // A ball in the air, with a core.
     let voxel = |index: usize| {
-        let [x, y, z] = [index % 24, index / 24 % 24, index / 576].map(|at| at as i32 - 12);
+        let [x, y, z] = [index % 24, index / 24 % 24, index / 576].map(|at| i32::try_from(at).unwrap() - 12);
         match x * x + y * y + z * z {
             0..20 => 220,
             20..90 => 110,

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::number::count;
@@ -65,6 +66,7 @@ pub struct Loaded {
 pub struct Loading {
     name: String,
     listener: Arc<Listener>,
+    thread: Option<JoinHandle<()>>,
 }
 
 impl Loading {
@@ -81,8 +83,16 @@ impl Loading {
             progressed: Box::new(progressed),
         });
         let (name, heard) = (source.name(), Arc::clone(&listener));
-        std::thread::spawn(move || loaded(source.load(renderer, &*heard)));
-        Self { name, listener }
+        let thread = std::thread::spawn(move || loaded(source.load(renderer, &*heard)));
+        Self { name, listener, thread: Some(thread) }
+    }
+
+    /// Gives up, and waits until nothing is done for it any more.
+    pub fn end(mut self) {
+        let thread = self.thread.take();
+        drop(self);
+        // A panic there has been told of.
+        thread.map(JoinHandle::join).transpose().ok();
     }
 
     /// What is opened, how much of the present stage is done (0 to 1, where known), and what stage that is.

@@ -208,6 +208,10 @@ impl Viewer {
     }
 
     fn end(mut self) -> Result<Report, ViewError> {
+        if let Some(loading) = self.loading.take() {
+            // The end of the program is no time to be at work on the device.
+            loading.end();
+        }
         if let Some(failed) = self.failed.take() {
             return Err(failed);
         }
@@ -367,7 +371,8 @@ impl Viewer {
         let status = self.status();
         let Some(screen) = &mut self.screen else { return Ok(()) };
         let size = screen.window.inner_size();
-        let wide = size.width as f32 / self.context.pixels_per_point() >= ui::ROOM_FOR_PANELS;
+        let points = f64::from(size.width) / f64::from(self.context.pixels_per_point());
+        let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
         let loading = self.loading.as_ref().map(Loading::progress);
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);

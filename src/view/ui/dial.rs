@@ -6,14 +6,14 @@ use egui::{
 use glam::DVec2;
 
 use super::controls::panel;
-use super::spectrum::{narrow, swatch};
+use super::spectrum::{narrow, paint_swatch};
 use crate::number::count;
 use crate::scene::Dial;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit, Mixing};
 
 /// Points between the outermost nodes and the edge, for their names.
-const MARGIN: f32 = 30.0;
+const MARGIN: f32 = 28.0;
 /// Radius of a node in points.
 const NODE: f32 = 7.0;
 /// Nearer than this, in points, the hand is on a node.
@@ -28,7 +28,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         return;
     }
     panel(ui, "Light dial", Cost::Relight, |ui| {
-        let side = ui.available_width().min(240.0);
+        let side = ui.available_width().min(210.0);
         let (rect, hand) = ui.allocate_exact_size(vec2(ui.available_width(), side), Sense::click_and_drag());
         hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, "light dial"));
         let map = Map::new(dial, rect);
@@ -94,7 +94,7 @@ pub fn node_places(dial: &Dial, rect: Rect) -> Vec<Pos2> {
     dial.nodes.iter().map(|node| map.screen_from_dial(node.place)).collect()
 }
 
-fn nodes(ui: &mut Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
+fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
     let state = document.state();
     let dial = &state.scene.dial;
     let weights = dial.weights(state.light.hand);
@@ -122,10 +122,8 @@ fn nodes(ui: &mut Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
             }
         }
         if let Some(light) = state.scene.lights.iter().find(|light| light.name == node.light) {
-            let side = Rect::from_center_size(place, Vec2::splat(2.0 * NODE));
-            ui.scope_builder(egui::UiBuilder::new().max_rect(side), |ui| {
-                swatch(ui, &light.spectrum, if node.on { 1.0 } else { 0.15 }, 2.0 * NODE);
-            });
+            let rect = Rect::from_center_size(place, Vec2::splat(2.0 * NODE));
+            paint_swatch(ui, &light.spectrum, if node.on { 1.0 } else { 0.15 }, rect);
         }
         if touched.hovered() || touched.has_focus() {
             ui.painter().circle_stroke(place, 1.6 * NODE, Stroke::new(1.0, colour));

@@ -1,6 +1,6 @@
 //! Spectra as small curves, and lights as swatches.
 
-use egui::{Color32, Pos2, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType, pos2};
+use egui::{Color32, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType, pos2};
 
 use crate::number::count;
 use crate::spectrum::colour::{LinearSrgb, display_code, linear_srgb_from_xyz, xyz_of};
@@ -8,16 +8,22 @@ use crate::spectrum::{Light, Spectrum};
 
 /// The colour of a light that shines `share` times as strongly as stated, and its name to screen readers.
 pub(super) fn swatch(ui: &mut Ui, light: &Light, share: f64, side: f32) -> Response {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
+    let code = paint_swatch(ui, light, share, rect);
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
+    response
+}
+
+/// Paints it in `rect`, and says its colour.
+pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, rect: Rect) -> String {
     let LinearSrgb(linear) = linear_srgb_from_xyz(xyz_of(light.spectrum()));
     // Full strength is the brightest that its colour can be on a screen.
     let brightest = linear.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let code = display_code(LinearSrgb(linear.map(|part| part.max(0.0) / brightest * share.clamp(0.0, 1.0))));
     let colour = Color32::from_hex(&code).unwrap_or(Color32::BLACK);
-    let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
-    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
-    response
+    code
 }
 
 /// Power over wavelength, from 380 to 780 nm, scaled to fill `size`.
