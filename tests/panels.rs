@@ -2,9 +2,7 @@
 #![cfg(feature = "window")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-#[path = "support/program.rs"]
-#[expect(dead_code, reason = "the scene is what is needed of it")]
-mod program;
+mod support;
 
 use std::path::Path;
 
@@ -29,7 +27,7 @@ off = ["day"]
 "#;
 
 fn document() -> Document {
-    let text = format!("{}{DIAL}", program::SCENE);
+    let text = format!("{}{DIAL}", support::program::SCENE);
     Document::new(scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
 }
 

@@ -1,18 +1,21 @@
 //! The viewer's window, opened on a screen of its own and driven by scripts.
 #![cfg(feature = "window")]
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it did not test"
+)]
 
-#[path = "support/program.rs"]
-mod program;
+mod support;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
-use program::{Folder, Outcome, SCENE};
 use serde_json::Value;
+use support::program::{Folder, Outcome, SCENE};
 
-/// Nodes at places that can be written down exactly.
-const DIAL: &str = "[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
+/// Brightness as it comes, so that a node is what `--light` asks for.
+const DIAL: &str = "[dial]\nnormalise = false\n[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
 
 /// A screen in memory.
 struct Screen {
@@ -74,7 +77,8 @@ fn size(report: &Value) -> String {
 
 #[test]
 fn without_a_display_one_sentence_names_the_command_that_needs_none() {
-    let mut command = folder().command(&["view"]);
+    let folder = folder();
+    let mut command = folder.command(&["view"]);
     command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
     Outcome::of(&mut command).assert_refused(1, &["display", "relume render"]);
 }
@@ -108,7 +112,7 @@ adapt off
 picture node.png
 settle
 solo lamp
-normalise on
+normalise off
 master 1
 picture alone.png
 settle
@@ -127,7 +131,7 @@ settle
     let size = size(&report);
     folder.done(&["render", "dial.toml", "-o", "rendered.png", "--size", &size]);
     assert_eq!(bytes(&folder, "opened.png"), bytes(&folder, "rendered.png"), "as it opens");
-    folder.done(&["render", "dial.toml", "-o", "lamp.png", "--size", &size, "--dial", "0,-1"]);
+    folder.done(&["render", "dial.toml", "-o", "lamp.png", "--size", &size, "--light", "lamp"]);
     assert_eq!(bytes(&folder, "node.png"), bytes(&folder, "lamp.png"), "on a node");
     assert_ne!(bytes(&folder, "opened.png"), bytes(&folder, "node.png"), "the light has changed");
 }

@@ -52,6 +52,8 @@ pub struct Engine {
     state: Box<State>,
     /// Whether what is shown has another light than it should.
     unlit: bool,
+    /// Whether the last march or relight could not be made: no finer one is tried.
+    failed: bool,
     /// Where the next picture of a new scene starts.
     coarse: usize,
     speed: (ScenePlan, Speed),
@@ -110,6 +112,7 @@ impl Engine {
             lit: None,
             state: Box::new(state),
             unlit: false,
+            failed: false,
             coarse: FINER,
             speed,
             counts: Counts::default(),
@@ -123,6 +126,7 @@ impl Engine {
     pub fn look(&mut self, scene: &Scene, size: [usize; 2]) {
         self.size = size;
         self.wanted = Some(Box::new(scene.clone()));
+        self.failed = false;
         self.latency = Latency::default();
         self.changed = Instant::now();
         if self.marching.as_ref().is_some_and(|marching| marching.level < self.coarse) {
@@ -145,7 +149,7 @@ impl Engine {
     pub fn step(&mut self, hand_rests: bool) -> Result<bool, RenderError> {
         let done = self.advance(hand_rests);
         if done.is_err() {
-            (self.wanted, self.marching, self.unlit) = (None, None, false);
+            (self.wanted, self.marching, self.unlit, self.failed) = (None, None, false, true);
         }
         done
     }
@@ -174,7 +178,7 @@ impl Engine {
     /// Whether [`Self::step`] has anything to do.
     #[must_use]
     pub fn has_work(&self, hand_rests: bool) -> bool {
-        let finer = self.lit.as_ref().is_some_and(|lit| lit.level > 1);
+        let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level > 1);
         self.unlit || self.wanted.is_some() || self.marching.is_some() || (hand_rests && finer)
     }
 
@@ -256,10 +260,11 @@ impl Engine {
         Ok(pixels.into_flattened())
     }
 
-    /// Whether the picture is the finest one of what was asked for.
+    /// Whether the picture is the finest one of what was asked for, or the last one that could be made.
     #[must_use]
     pub fn is_finest(&self) -> bool {
-        self.lit.as_ref().is_some_and(|lit| lit.level == 1 && lit.size == self.size) && !self.has_work(true)
+        let lit = self.lit.as_ref().is_some_and(|lit| lit.level == 1 && lit.size == self.size);
+        (lit || self.failed) && !self.has_work(true)
     }
 
     /// How far the march under way is, 0 to 1.

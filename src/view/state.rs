@@ -102,6 +102,14 @@ pub enum Cost {
 }
 
 impl Edit {
+    /// What tells it from other kinds: the hand on a node is on its way as anywhere else.
+    fn kind(&self) -> Discriminant<Self> {
+        match self {
+            Self::HandOnNode(_) => std::mem::discriminant(&Self::Hand(DVec2::ZERO)),
+            other => std::mem::discriminant(other),
+        }
+    }
+
     /// What has to be done again after it.
     #[must_use]
     pub fn cost(&self) -> Cost {
@@ -333,7 +341,7 @@ impl Document {
         let before = self.now.clone();
         self.now.apply(edit, &self.opened);
         let cost = self.now.cost_from(&before)?;
-        let kind = std::mem::discriminant(edit);
+        let kind = edit.kind();
         if self.gesture != Some(kind) {
             self.gesture = Some(kind);
             self.past.push(before);

@@ -397,7 +397,7 @@ impl Viewer {
         }
         self.fit(place, output.pixels_per_point);
         let stepped = self.step();
-        self.save_pictures()?;
+        self.save_pictures();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
         let capture = self.to_capture.take();
@@ -471,25 +471,34 @@ impl Viewer {
         more
     }
 
-    fn save_pictures(&mut self) -> Result<(), ViewError> {
-        let Some(engine) = self.engine.as_ref().filter(|engine| engine.is_finest()) else { return Ok(()) };
-        let paths = std::mem::take(&mut self.to_save);
-        if paths.is_empty() {
-            return Ok(());
+    fn save_pictures(&mut self) {
+        if self.to_save.is_empty() || self.loading.is_some() {
+            return;
         }
-        match engine.read() {
-            Err(error) => self.tell(&error),
-            Ok(pixels) => {
-                for path in paths {
-                    match write_rgba(&path, self.report.size, &pixels) {
-                        Err(error) => self.tell(&error),
-                        Ok(()) if self.is_scripted() => {}
-                        Ok(()) => self.note(format!("The picture is {}.", path.display())),
-                    }
-                }
+        let Some(engine) = &self.engine else {
+            self.to_save.clear();
+            self.note("There is no picture to save: nothing is open.".to_owned());
+            return;
+        };
+        if !engine.is_finest() {
+            return;
+        }
+        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
+        let pixels = match engine.read() {
+            Ok(pixels) => pixels,
+            Err(error) => {
+                self.to_save.clear();
+                self.tell(&error);
+                return;
+            }
+        };
+        for path in std::mem::take(&mut self.to_save) {
+            match write_rgba(&path, size, &pixels) {
+                Err(error) => self.tell(&error),
+                Ok(()) if self.is_scripted() => {}
+                Ok(()) => self.note(format!("The picture is {}.", path.display())),
             }
         }
-        Ok(())
     }
 
     fn status(&self) -> Status {
@@ -631,11 +640,11 @@ fn write_rgba(path: &Path, size: [usize; 2], pixels: &[u8]) -> Result<(), Output
 
 impl ApplicationHandler<Woken> for Viewer {
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        if self.screen.is_none() {
-            if let Err(error) = self.open_screen(events) {
-                self.failed = Some(error);
-                events.exit();
-            }
+        if self.screen.is_none()
+            && let Err(error) = self.open_screen(events)
+        {
+            self.failed = Some(error);
+            events.exit();
         }
     }
 

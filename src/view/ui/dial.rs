@@ -103,7 +103,9 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
         let place = map.screen_from_dial(node.place);
         let rect = Rect::from_center_size(place, Vec2::splat(3.0 * NODE));
         let touched = ui.interact(rect, ui.id().with(("node", index)), Sense::click_and_drag());
-        touched.widget_info(|| WidgetInfo::selected(WidgetType::Button, true, node.on, &node.light));
+        touched.widget_info(|| {
+            WidgetInfo::selected(WidgetType::Button, true, node.on, format!("{} on the dial", node.light))
+        });
         let shift = ui.input(|input| input.modifiers.shift);
         if touched.clicked() {
             asked.push(Action::Edit(Edit::HandOnNode(index)));

@@ -47,7 +47,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             ui.spacing_mut().slider_width = ui.available_width() - 62.0;
             let moved = Slider::new(&mut weight, 0.0..=2.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
             let moved = ui.add(moved).on_hover_text("How strongly it shines, as a multiple of what the scene states.");
-            name(&moved, &light.name, weight);
+            name(&moved, &format!("{}: strength", light.name), weight);
             if moved.changed() {
                 asked.push(Action::Edit(Edit::Weight(index, weight)));
             }

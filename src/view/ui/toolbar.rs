@@ -45,11 +45,11 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         let help = "Saves the picture as relume.png in this folder (Ctrl+P).";
         button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(PICTURE.into()));
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));
-        let (theme, other) = match ui.theme() {
-            Theme::Dark => ("Light", Theme::Light),
-            Theme::Light => ("Dark", Theme::Dark),
+        let other = match ui.theme() {
+            Theme::Dark => Theme::Light,
+            Theme::Light => Theme::Dark,
         };
-        if ui.button(theme).on_hover_text("Changes between a light and a dark window.").clicked() {
+        if ui.button("Theme").on_hover_text("Changes between a light and a dark window.").clicked() {
             ui.ctx().set_theme(other);
         }
     });
