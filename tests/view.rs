@@ -112,6 +112,7 @@ adapt off
 picture node.png
 settle
 solo lamp
+light lamp 1
 normalise off
 master 1
 picture alone.png

@@ -86,7 +86,7 @@ pub enum ViewError {
     #[error(
         "there is no display to open a window on; `relume render` writes pictures without one, and `xvfb-run` lends one"
     )]
-    NoDisplay(#[source] EventLoopError),
+    NoDisplay,
     /// The system's events ended in an error.
     #[error("the window's events ended")]
     Events(#[source] EventLoopError),
@@ -108,7 +108,10 @@ pub enum ViewError {
 /// [`ViewError`].
 pub fn run(options: Options) -> Result<Report, ViewError> {
     let begun = Instant::now();
-    let events = EventLoop::with_user_event().build().map_err(ViewError::NoDisplay)?;
+    let events = EventLoop::with_user_event().build().map_err(|error| {
+        tracing::debug!("{error}");
+        ViewError::NoDisplay
+    })?;
     let mut viewer = Viewer::new(options, events.create_proxy(), begun);
     events.run_app(&mut viewer).map_err(ViewError::Events)?;
     viewer.end()
