@@ -187,7 +187,8 @@ impl State {
     pub fn shares(&self) -> Vec<f64> {
         let mix = self.mix();
         let share = |light: &crate::scene::SceneLight| {
-            let weight: f64 = mix.0.iter().filter(|one| one.name == light.name).map(|one| one.weight).sum();
+            // Not `sum`, which makes −0 of nothing.
+            let weight = mix.0.iter().filter(|one| one.name == light.name).fold(0.0, |sum, one| sum + one.weight);
             if light.intensity > 0.0 { weight / light.intensity } else { 0.0 }
         };
         self.scene.lights.iter().map(share).collect()
