@@ -25,8 +25,16 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("measure", &["model", "spectrum", "progress", "number"]),
     ("output", &["input", "model", "spectrum", "progress"]),
     (
+        "view",
+        &[
+            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
+            "progress", "number",
+        ],
+    ),
+    (
         "cli",
         &[
+            "view",
             "input",
             "measure",
             "memory",
