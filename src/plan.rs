@@ -4,7 +4,7 @@ mod half;
 
 use std::sync::Arc;
 
-use crate::model::{self, ColourModel, Ingredients, ModelError};
+use crate::model::{self, ColourModel, Ingredients, ModelError, ModelKind};
 use crate::number::readable;
 use crate::progress::Progress;
 use crate::scene::{
@@ -309,6 +309,9 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let planned = chosen(scene, lights, progress)?;
     half::check(&planned, scene)?;
+    for told in planned.unused(scene) {
+        tracing::warn!("{told}");
+    }
     for told in planned.amplified(scene) {
         tracing::warn!("{}", told.trim_end_matches('.'));
     }
@@ -351,8 +354,16 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
             let ingredients = ingredients();
-            let mut model = model::fit(&ingredients, kind, dimension, progress)?;
-            model.check_on(&model::unseen(&ingredients)?);
+            let unseen = model::unseen(&ingredients)?;
+            let checked = |dimension| -> Result<ColourModel, ModelError> {
+                let mut model = model::fit(&ingredients, kind, dimension, progress)?;
+                model.check_on(&unseen)?;
+                Ok(model)
+            };
+            let model = checked(dimension)?;
+            if dimension > 1 && kind != ModelKind::Rgb {
+                warn_of_fewer(&model, &checked(dimension - 1)?);
+            }
             Some(model)
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, None) => {
@@ -360,6 +371,18 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         }
     };
     Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
+}
+
+/// Says where a model with one number less than asked for does better.
+fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
+    let (asked, fewer) = (model.worst().max, smaller.worst().max);
+    if fewer < asked {
+        tracing::warn!(
+            "k = {} is better here than k = {}: colours differ by at most ΔE00 {fewer:.2}, not {asked:.2}",
+            smaller.dimension(),
+            model.dimension()
+        );
+    }
 }
 
 /// The most numbers of a colour model that take fewer vectors than the weights of `plan`.
@@ -497,19 +520,27 @@ impl Planned {
             background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
             highlights: self.plan.specular().is_some(),
             lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
+            mixed: self.positions.len() > 1,
             largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
         }
     }
 
-    /// The largest ΔE00 that the model may add under further lights: the scene's tolerance, or, where k is stated, what
-    /// it adds under the scene's own lights, if that is more (to three decimals).
+    /// Sentences on what the scene's accuracy states and this plan has no use for.
     #[must_use]
-    pub fn tolerance(&self, scene: &Scene) -> f64 {
-        let Accuracy { tolerance, dimension, .. } = scene.accuracy;
-        let own = |light: &Light| scene.lights.iter().any(|known| known.spectrum == *light);
-        let lights = self.model.iter().flat_map(|model| model.lights()).filter(|(_, light, _)| own(light));
-        let worst = lights.map(|(.., matrix)| matrix.worst().max).fold(tolerance, f64::max);
-        if dimension.is_some() { (worst * 1000.0).ceil() / 1000.0 } else { tolerance }
+    pub fn unused(&self, scene: &Scene) -> Vec<String> {
+        let Accuracy { dimension, model, .. } = scene.accuracy;
+        let stated = [
+            dimension.map(|k| format!("k = {k}")),
+            (model != ModelKind::default()).then(|| format!("the model {model}")),
+        ];
+        let stated = stated.into_iter().flatten().filter(|_| self.model.is_none());
+        let told = |what: String| {
+            format!(
+                "{what} is not used: pixels keep weights of the materials, which are exact here; accumulate = \"spectral\" \
+                 (--accumulate spectral) keeps numbers of a colour model in their place"
+            )
+        };
+        stated.map(told).collect()
     }
 
     /// Different exponents of highlights, ascending; none where the plan has no highlights.
@@ -568,13 +599,13 @@ impl Planned {
             Some(model) => {
                 let followed = match model.nodes_nm() {
                     Some(nodes) => format!(
-                        "at {} wavelengths ({} nm), chosen for this scene so that they stand for all others",
+                        "Its colours are followed at {} wavelengths ({} nm), chosen for this scene so that they stand for all others",
                         nodes.len(),
                         nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
                     ),
-                    None => format!("by {} in place of all wavelengths", model.description()),
+                    None => format!("Its colours are followed by {} in place of all wavelengths", model.description()),
                 };
-                sentences.push(format!("{passes}. It is followed {followed}."));
+                sentences.push(format!("{passes}. {followed}."));
                 sentences.extend(self.amplified(scene));
                 sentences.push(format!(
                     "So a pixel keeps {} numbers of the light that comes back{each}, and {} of what passes through: {kept} in all.",
@@ -591,14 +622,21 @@ impl Planned {
         if let Some(model) = &self.model {
             let errors = model.lights().iter().map(|(name, _, matrix)| {
                 let error = matrix.worst();
-                format!("{:.2} and {:.2} under {name}", error.mean, error.max)
+                format!("{:.2} on average and {:.2} at most under {name}", error.mean, error.max)
             });
             let errors: Vec<String> = errors.collect();
             if !errors.is_empty() {
                 sentences.push(format!(
-                    "Compared with following all wavelengths, colours are off, on average and at most, by ΔE00 {} (a difference of 1 can just be seen side by side).",
+                    "Compared with following all wavelengths, colours are off by {}, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side.",
                     errors.join(", ")
                 ));
+                sentences.push(match scene.accuracy.dimension {
+                    Some(k) => format!("That the numbers are {k} was asked for."),
+                    None => format!(
+                        "Fewer numbers would miss some colours by more than the {} that is allowed.",
+                        readable(scene.accuracy.tolerance)
+                    ),
+                });
             }
         }
         if let Some(error) = self.half_precision_error(scene) {
@@ -658,22 +696,25 @@ impl Planned {
             .to_owned(),
         );
         let values = match plan.interpolation {
-            Interpolation::Linear => "linear",
-            Interpolation::Nearest => "those of the nearest voxel",
+            Interpolation::Linear => "values change evenly from one to the next",
+            Interpolation::Nearest => "a place has the value of the nearest",
         };
         let entries = match plan.lookup {
-            Lookup::Linear => "what lies between entries of the transfer table is linear",
-            Lookup::Nearest => "each takes the nearest entry of the transfer table",
+            Lookup::Linear => "what a value looks like changes evenly with it",
+            Lookup::Nearest => "what a value looks like changes with it in small steps",
         };
-        sentences.push(format!("Values between voxels are {values}; {entries}."));
+        sentences.push(format!("Between voxels, {values}; {entries}."));
         let termination = if scene.accuracy.termination > 0.0 {
-            format!("A ray ends once less than {} % of the light passes", readable(100.0 * scene.accuracy.termination))
+            format!(
+                "until less than {} % of the light behind can still come through",
+                readable(100.0 * scene.accuracy.termination)
+            )
         } else {
-            "Every ray is followed to its end".to_owned()
+            "to the end of the volume".to_owned()
         };
-        let skipping = if plan.skipping { "what is empty is leapt over" } else { "what is empty is walked through" };
+        let skipping = if plan.skipping { "leapt over" } else { "walked through" };
         sentences.push(format!(
-            "{termination}; samples are {} apart, in the volume's own unit of length; {skipping}.",
+            "From the eye on, the volume is looked at in steps of {} (its own unit of length), {termination}; what is empty is {skipping}.",
             readable(scene.accuracy.step_length)
         ));
         sentences
@@ -683,17 +724,16 @@ impl Planned {
     fn explain_choice(&self, scene: &Scene) -> Option<String> {
         let Accuracy { accumulate, dimension, tolerance, .. } = scene.accuracy;
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
-        let lanes = self.plan.lanes();
         match &self.model {
             Some(_) if exact => {
                 let weights = self.materials.len() + usize::from(self.plan.specular().is_some());
-                let wider = weights.div_ceil(LANE);
+                let kept = self.plan.components();
                 Some(format!(
-                    "Weights of the materials would be exact, and are had by accumulate = \"weights\", but fill {wider} vectors of four where these fill {lanes}."
+                    "To keep how much a pixel shows of each material would be exact (accumulate = \"weights\"), but takes {weights} numbers in place of {kept}, and longer."
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "The weights fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
+                "Few enough wavelengths to be faster would change colours by more than the {tolerance} that is allowed, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side."
             )),
             _ => None,
         }

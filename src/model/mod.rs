@@ -32,24 +32,30 @@ pub use kind::{ModelKind, Order};
 pub use reconstruction::Reconstruction;
 pub use target::ErrorSummary;
 
+use chain::Chain;
+use random::Random;
 use target::Target;
 
 /// The largest dimension of a model.
 pub const LARGEST_DIMENSION: usize = 16;
 
 /// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
-const FIT: [(ChainClass, usize); 3] =
-    [(ChainClass::GreyRays(24), 100), (ChainClass::Absorbed, 400), (ChainClass::ColouredRays(24), 150)];
+const FIT: [(ChainClass, usize); 5] = [
+    (ChainClass::GreyRays(24), 100),
+    (ChainClass::Absorbed, 400),
+    (ChainClass::ColouredRays(24), 150),
+    (ChainClass::ShadedRays(24), 60),
+    (ChainClass::Reflections, 120),
+];
 const FIT_SEED: u64 = 1;
-/// What automatic dimensions are checked on. Most of it is behind absorbers, where a rare pair of them can be far worse
-/// than all others.
-const VALIDATION: [(ChainClass, usize); 3] =
-    [(ChainClass::GreyRays(24), 200), (ChainClass::Absorbed, 3000), (ChainClass::ColouredRays(24), 300)];
+/// What models are checked on. Most of it is behind absorbers, where a rare few of them can be far worse than all others.
+const VALIDATION: [(ChainClass, usize); 4] = [
+    (ChainClass::GreyRays(24), 200),
+    (ChainClass::Absorbed, 800),
+    (ChainClass::ColouredRays(24), 200),
+    (ChainClass::ShadedRays(24), 400),
+];
 const VALIDATION_SEED: u64 = 2;
-/// The share of a tolerance that an automatic dimension uses up: what it was not checked on differs a little more.
-const MARGIN: f64 = 0.75;
-/// The mean error may be this share of the largest.
-const MEAN_SHARE: f64 = 0.2;
 
 /// What the light of a scene can meet on its way: what a model must carry.
 #[derive(Clone, Debug, Default)]
@@ -64,6 +70,8 @@ pub struct Ingredients {
     pub highlights: bool,
     /// The scene's own lights, by name.
     pub lights: Vec<(String, Light)>,
+    /// Whether they shine from several places: a pixel then adds up different spectra under each of them.
+    pub mixed: bool,
     /// The largest optical depth of coloured absorption that can occur; 0 when all absorption is grey. Above
     /// [`LARGEST_DEPTH`], it counts as that.
     pub largest_depth: f64,
@@ -103,7 +111,20 @@ pub struct ColourModel {
     projection: Vec<Spectrum>,
     cloud: Vec<Spectrum>,
     vectors: Vec<Vec<f64>>,
+    /// Spectra that were not used in the fit, with their coefficients; none where nothing was checked.
+    unseen: Samples,
+    /// Whether it is checked on sums of different spectra under different lights, too.
+    mixed: bool,
     lights: Vec<(String, Light, LightMatrix)>,
+}
+
+/// Light-independent spectra of pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
+    /// The spectra.
+    pub spectra: Vec<Spectrum>,
+    /// The coefficients of each, as componentwise arithmetic makes them.
+    pub vectors: Vec<Vec<f64>>,
 }
 
 /// The model of `kind` with `dimension` coefficients for what is in `ingredients`.
@@ -122,13 +143,15 @@ pub fn fit(
     dimension: usize,
     progress: &dyn Progress,
 ) -> Result<ColourModel, ModelError> {
-    fit_cloud(&Cloud::new(ingredients, &FIT, FIT_SEED)?, &ingredients.lights, kind, dimension, progress)
+    let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
+    let mut model = fit_cloud(&cloud, &ingredients.lights, kind, dimension, progress)?;
+    model.refit(&cloud)?;
+    Ok(model)
 }
 
 /// The model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
 ///
-/// Kept means: over the cloud of the fit and over another, larger one, whose spectra were not used in the fit,
-/// the largest ΔE00 is at most 0.75 of the tolerance and the mean at most a fifth of that.
+/// Kept means: over the cloud of the fit, and over the spectra not used in it that [`ColourModel::check_on`] finds.
 ///
 /// # Errors
 ///
@@ -150,8 +173,9 @@ pub fn fit_automatic(
         Err(nearest) => nearest,
     };
     let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, f64::INFINITY, progress)?;
-    model.check_on(&unseen);
-    let worst = model.worst();
+    model.refit(&cloud)?;
+    model.check_on(&unseen)?;
+    let reached = model.worst().max;
     let way_out = match kind {
         ModelKind::Nodes => "; --reference renders all bands, slowly and without this error",
         _ => "; --model nodes may keep yours",
@@ -161,8 +185,8 @@ pub fn fit_automatic(
         tolerance,
         largest,
         dimension,
-        reached: worst.max,
-        kept: (needed_tolerance(&worst) * 1000.0).ceil() / 1000.0,
+        reached,
+        kept: (reached * 1000.0).ceil() / 1000.0,
         way_out: way_out.to_owned(),
     })
 }
@@ -185,7 +209,7 @@ pub fn fit_narrow(
     Ok(least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)?.ok())
 }
 
-/// Spectra that are not used in fits for `ingredients`: what automatic dimensions and new lights are checked on.
+/// Spectra that are not used in fits for `ingredients`: what [`ColourModel::check_on`] begins with.
 ///
 /// # Errors
 ///
@@ -216,25 +240,20 @@ fn least(
     let largest = *dimensions.end();
     let mut nearest = (f64::INFINITY, largest);
     for dimension in dimensions {
-        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * MARGIN * tolerance };
+        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * tolerance };
         let mut model = fit_targets(cloud, lights, kind, dimension, hopeless, progress)?;
-        let needed = needed_tolerance(&model.worst());
-        if needed <= tolerance {
-            model.check_on(unseen);
-            if needed_tolerance(&model.worst()) <= tolerance {
+        if model.worst().max <= tolerance {
+            model.refit(cloud)?;
+            model.check_on(unseen)?;
+            if model.worst().max <= tolerance {
                 return Ok(Ok(model));
             }
         }
-        if needed < nearest.0 {
-            nearest = (needed, dimension);
+        if model.worst().max < nearest.0 {
+            nearest = (model.worst().max, dimension);
         }
     }
     Ok(Err(nearest.1))
-}
-
-/// The least tolerance that errors like these keep.
-fn needed_tolerance(error: &ErrorSummary) -> f64 {
-    (error.max / MARGIN).max(error.mean / (MARGIN * MEAN_SHARE))
 }
 
 /// The model of `kind` with `dimension` coefficients for the spectra of `cloud` under `lights`.
@@ -286,11 +305,16 @@ fn fit_targets(
         ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
     };
     let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
-        let mut model =
-            ColourModel { kind, projection, cloud: cloud.spectra.clone(), vectors: Vec::new(), lights: Vec::new() };
-        // As the cloud's spectra are, so that a file of f32 brings the very same ones back.
-        model.vectors = model.vectors_of(cloud, Amplification::Held);
-        model.vectors.iter_mut().flatten().for_each(|part| *part = cloud::single(*part));
+        let mut model = ColourModel {
+            kind,
+            projection,
+            cloud: cloud.spectra.clone(),
+            vectors: Vec::new(),
+            unseen: Samples::default(),
+            mixed: cloud.mixed,
+            lights: Vec::new(),
+        };
+        model.vectors = model.stored_vectors_of(cloud);
         let matrices: Vec<LightMatrix> = lights.par_iter().map(|(_, light)| model.fitted(light)).collect();
         let named = lights.iter().zip(matrices);
         model.lights = named.map(|((name, light), matrix)| (name.clone(), light.clone(), matrix)).collect();
@@ -315,8 +339,8 @@ impl ColourModel {
     /// Every band of the grid: nothing is left out, and nothing is fitted. What other models are measured against.
     pub fn full_spectrum() -> Self {
         let projection = (0..BANDS).map(one_band).collect();
-        let (cloud, vectors, lights) = (Vec::new(), Vec::new(), Vec::new());
-        Self { kind: ModelKind::Nodes, projection, cloud, vectors, lights }
+        let (cloud, vectors, unseen, lights) = (Vec::new(), Vec::new(), Samples::default(), Vec::new());
+        Self { kind: ModelKind::Nodes, projection, cloud, vectors, unseen, mixed: false, lights }
     }
 
     /// A model of stored parts; with it, new lights are fitted as with the model that the parts were taken from.
@@ -344,29 +368,59 @@ impl ColourModel {
         if cloud.is_empty() {
             return wrong("the cloud has no spectra".to_owned());
         }
-        let mut model = Self { kind, projection, cloud, vectors: Vec::new(), lights };
+        let unseen = Samples::default();
+        let mut model = Self { kind, projection, cloud, vectors: Vec::new(), unseen, mixed: false, lights };
         if kind == ModelKind::Nodes && model.nodes_nm().is_none_or(|nodes| nodes.len() != dimension) {
             return wrong("a row of the projection is not one wavelength, as a node is".to_owned());
         }
-        model.vectors =
-            vectors.unwrap_or_else(|| model.cloud.iter().map(|spectrum| model.coefficients(spectrum)).collect());
-        if model.vectors.len() != model.cloud.len() {
-            return wrong(format!("{} spectra have {} vectors", model.cloud.len(), model.vectors.len()));
-        }
-        if let Some(vector) = model.vectors.iter().find(|vector| vector.len() != dimension) {
-            return wrong(format!("a vector has {} of {dimension} coefficients", vector.len()));
-        }
+        model.vectors = model.checked_vectors(&model.cloud, vectors)?;
         if let Some((name, _, matrix)) = model.lights.iter().find(|(.., matrix)| matrix.xyz.len() != dimension) {
             return wrong(format!("the light {name:?} has {} of {dimension} columns", matrix.xyz.len()));
         }
         if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
     }
 
+    /// The same with stored spectra that were not used in its fit, and their coefficients: see [`Self::from_parts`].
+    /// `mixed` says whether it is checked on sums of them under several lights.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::Parts`] when their numbers differ, [`ModelError::NotFinite`] when one is not finite.
+    pub fn with_unseen(
+        mut self,
+        spectra: Vec<Spectrum>,
+        vectors: Option<Vec<Vec<f64>>>,
+        mixed: bool,
+    ) -> Result<Self, ModelError> {
+        let vectors = self.checked_vectors(&spectra, vectors)?;
+        self.mixed = mixed;
+        self.unseen = Samples { spectra, vectors };
+        if self.is_finite() { Ok(self) } else { Err(ModelError::NotFinite) }
+    }
+
+    /// `vectors`, or where there are none the projections of `spectra`, if there is a whole one for each of these.
+    fn checked_vectors(
+        &self,
+        spectra: &[Spectrum],
+        vectors: Option<Vec<Vec<f64>>>,
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
+        let wrong = |problem: String| Err(ModelError::Parts { problem });
+        let vectors = vectors.unwrap_or_else(|| spectra.iter().map(|spectrum| self.coefficients(spectrum)).collect());
+        if vectors.len() != spectra.len() {
+            return wrong(format!("{} spectra have {} vectors", spectra.len(), vectors.len()));
+        }
+        match vectors.iter().find(|vector| vector.len() != self.dimension()) {
+            Some(vector) => wrong(format!("a vector has {} of {} coefficients", vector.len(), self.dimension())),
+            None => Ok(vectors),
+        }
+    }
+
     fn is_finite(&self) -> bool {
-        let spectra = self.projection.iter().chain(&self.cloud).chain(self.lights.iter().map(|(_, l, _)| l.spectrum()));
+        let cloud = self.cloud.iter().chain(&self.unseen.spectra);
+        let vectors = self.vectors.iter().chain(&self.unseen.vectors);
+        let spectra = self.projection.iter().chain(cloud).chain(self.lights.iter().map(|(_, l, _)| l.spectrum()));
         let matrices = self.lights.iter().flat_map(|(.., matrix)| matrix.xyz.iter().flatten());
-        spectra.into_iter().all(Spectrum::is_finite)
-            && self.vectors.iter().flatten().chain(matrices).all(|part| part.is_finite())
+        spectra.into_iter().all(Spectrum::is_finite) && vectors.flatten().chain(matrices).all(|part| part.is_finite())
     }
 
     /// What kind of model it is.
@@ -422,6 +476,17 @@ impl ColourModel {
     /// The coefficients of each spectrum of the cloud, as componentwise arithmetic makes them; f32 holds them exactly.
     pub fn cloud_vectors(&self) -> &[Vec<f64>] {
         &self.vectors
+    }
+
+    /// Spectra that were not used in the fit, with their coefficients, which f32 holds exactly; none where nothing was
+    /// checked.
+    pub fn unseen(&self) -> &Samples {
+        &self.unseen
+    }
+
+    /// Whether errors are those of sums of different spectra under different lights, too.
+    pub const fn is_mixed(&self) -> bool {
+        self.mixed
     }
 
     /// The lights the model was fitted for, in the order they were given in.
@@ -509,19 +574,115 @@ impl ColourModel {
         cloud.chains.par_iter().map(|chain| chain.walk(self.dimension(), &sources, &depths)).collect()
     }
 
+    /// ΔE00 on the spectra that were not used in the fit, under `light`, whose colours `xyz` makes of coefficients; `None`
+    /// where there are no such spectra.
+    ///
+    /// Where lights shine from several places, it is also that of a spectrum under it and another, as bright or darker,
+    /// under each other light of the model: the same error shows more where the sum has less colour than its parts.
+    fn unseen_error(&self, light: &Light, xyz: &[[f64; 3]]) -> Option<ErrorSummary> {
+        const SEED: u64 = 4;
+        let Samples { spectra, vectors } = &self.unseen;
+        let target = Target::new(spectra, light);
+        let mut errors = target.errors(vectors, xyz);
+        for (_, other, matrix) in self.lights.iter().filter(|(_, other, _)| self.mixed && other != light) {
+            let beside = Target::new(spectra, other);
+            let mut random = Random::new(SEED);
+            for (index, vector) in vectors.iter().enumerate() {
+                let (partner, share) = (random.index(spectra.len()), random.between_magnitudes(0.02, 1.0));
+                let sum =
+                    |one: [f64; 3], two: [f64; 3]| std::array::from_fn(|axis| share.mul_add(two[axis], one[axis]));
+                let made = sum(target::colour(xyz, vector), target::colour(&matrix.xyz, &vectors[partner]));
+                errors.push(target::difference(made, sum(target.xyz[index], beside.xyz[partner])));
+            }
+        }
+        (!spectra.is_empty()).then(|| ErrorSummary::of(&errors))
+    }
+
+    /// [`Self::vectors_of`] in numbers that f32 holds, so that a file of f32 brings the very same ones back.
+    fn stored_vectors_of(&self, cloud: &Cloud) -> Vec<Vec<f64>> {
+        let mut vectors = self.vectors_of(cloud, Amplification::Held);
+        vectors.iter_mut().flatten().for_each(|part| *part = cloud::single(*part));
+        vectors
+    }
+
     /// ΔE00 of each of `cloud`'s spectra under `light`, whether it belongs to the model or is new.
     pub fn errors(&self, cloud: &Cloud, light: &Light, amplification: Amplification) -> Vec<f64> {
         let target = Target::new(&cloud.spectra, light);
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
     }
 
-    /// Notes the errors of the model's lights on spectra that were not used in the fit.
-    pub fn check_on(&mut self, unseen: &Cloud) {
-        let vectors = self.vectors_of(unseen, Amplification::Held);
-        self.lights.par_iter_mut().for_each(|(_, light, matrix)| {
-            let target = Target::new(&unseen.spectra, light);
-            matrix.unseen = Some(ErrorSummary::of(&target.errors(&vectors, &matrix.xyz)));
-        });
+    /// Notes the errors of the model's lights on spectra that were not used in the fit: those of `unseen`, and harder ones
+    /// that are found from them by varying the ways of their light, for a random way is seldom the hardest of its kind.
+    /// Keeps these spectra for [`Self::learn`].
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::NotFinite`] when light overflows.
+    pub fn check_on(&mut self, unseen: &Cloud) -> Result<(), ModelError> {
+        let harder: Vec<Cloud> =
+            self.lights.par_iter().map(|(_, light, _)| self.harder(unseen, light)).collect::<Result<_, _>>()?;
+        self.mixed = unseen.mixed;
+        let clouds = || std::iter::once(unseen).chain(&harder);
+        self.unseen = Samples {
+            spectra: clouds().flat_map(|cloud| cloud.spectra.iter().cloned()).collect(),
+            vectors: clouds().flat_map(|cloud| self.stored_vectors_of(cloud)).collect(),
+        };
+        let errors = self.lights.par_iter().map(|(_, light, matrix)| self.unseen_error(light, &matrix.xyz));
+        let errors: Vec<Option<ErrorSummary>> = errors.collect();
+        for ((.., matrix), error) in self.lights.iter_mut().zip(errors) {
+            matrix.unseen = error;
+        }
+        Ok(())
+    }
+
+    /// Fits the lights' matrices anew on the cloud and on the hardest ways that are found from it.
+    ///
+    /// Those of models whose matrices do not depend on a cloud stay as they are, and those that are far off anyway: better
+    /// on the worst colours, they would be worse on all others.
+    fn refit(&mut self, cloud: &Cloud) -> Result<(), ModelError> {
+        const ROUNDS: usize = 2;
+        const FAR_OFF: f64 = 2.0;
+        if !matches!(self.kind, ModelKind::Nodes | ModelKind::Bands) || self.worst().max > FAR_OFF {
+            return Ok(());
+        }
+        // In an order that does not depend on the scene's.
+        let mut lights: Vec<Light> = self.lights.iter().map(|(_, light, _)| light.clone()).collect();
+        lights.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
+        for _ in 0..ROUNDS {
+            let harder = lights.par_iter().map(|light| self.harder(cloud, light));
+            for harder in harder.collect::<Result<Vec<Cloud>, _>>()? {
+                self.vectors.extend(self.stored_vectors_of(&harder));
+                self.cloud.extend(harder.spectra);
+            }
+            let matrices: Vec<LightMatrix> = self.lights.par_iter().map(|(_, light, _)| self.fitted(light)).collect();
+            for ((.., matrix), fitted) in self.lights.iter_mut().zip(matrices) {
+                *matrix = fitted;
+            }
+        }
+        Ok(())
+    }
+
+    /// The hardest ways of `unseen` under a light of the model, each varied many times for a larger error.
+    fn harder(&self, unseen: &Cloud, light: &Light) -> Result<Cloud, ModelError> {
+        const WAYS: usize = 16;
+        const ROUNDS: usize = 64;
+        const SEED: u64 = 3;
+        let errors = self.errors(unseen, light, Amplification::Held);
+        let mut ways: Vec<(f64, Chain)> = errors.into_iter().zip(unseen.chains.iter().cloned()).collect();
+        ways.sort_by(|one, two| two.0.total_cmp(&one.0));
+        ways.truncate(WAYS);
+        let mut random = Random::new(SEED);
+        for _ in 0..ROUNDS {
+            let varied = ways.iter().map(|(_, way)| way.varied(unseen.supply, &mut random)).collect();
+            let varied = unseen.of(varied)?;
+            let errors = self.errors(&varied, light, Amplification::Held);
+            for ((way, error), varied) in ways.iter_mut().zip(errors).zip(varied.chains) {
+                if error > way.0 {
+                    *way = (error, varied);
+                }
+            }
+        }
+        unseen.of(ways.into_iter().map(|(_, way)| way).collect())
     }
 
     /// The matrix of a light: the model's own where the light is one of its lights, else a new one fitted on the
@@ -535,23 +696,19 @@ impl ColourModel {
         }
     }
 
-    /// Adds a light to the model, fitted on the cloud, and notes its error on `unseen` where that is given.
+    /// Adds a light to the model, fitted on the cloud, and notes its error on [`Self::unseen`] where there are such.
     ///
     /// A light that the model has already, under whatever name, stays as it is.
     ///
     /// # Errors
     ///
     /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, cannot be computed with.
-    pub fn learn(&mut self, name: &str, light: &Light, unseen: Option<&Cloud>) -> Result<(), ModelError> {
+    pub fn learn(&mut self, name: &str, light: &Light) -> Result<(), ModelError> {
         if self.lights.iter().any(|(_, known, _)| known == light) {
             return Ok(());
         }
         let mut matrix = self.fitted(light);
-        if let Some(unseen) = unseen {
-            let vectors = self.vectors_of(unseen, Amplification::Held);
-            let errors = Target::new(&unseen.spectra, light).errors(&vectors, &matrix.xyz);
-            matrix.unseen = Some(ErrorSummary::of(&errors));
-        }
+        matrix.unseen = self.unseen_error(light, &matrix.xyz);
         let worst = matrix.worst();
         if !worst.max.is_finite() || !matrix.xyz.iter().flatten().all(|part| part.is_finite()) {
             return Err(ModelError::NotFinite);
