@@ -238,15 +238,17 @@ fn a_plan_says_how_the_volume_and_its_table_are_read() {
     };
     let usual = explained(|_| {});
     assert!(
-        usual.contains("Values between voxels are linear; what lies between entries of the transfer table is linear."),
+        usual.contains(
+            "Between voxels, values change evenly from one to the next; what a value looks like changes evenly with it."
+        ),
         "{usual}"
     );
     let nearest = explained(|scene| scene.accuracy.interpolation = Interpolation::Nearest);
-    assert!(nearest.contains("Values between voxels are those of the nearest voxel;"), "{nearest}");
+    assert!(nearest.contains("Between voxels, a place has the value of the nearest;"), "{nearest}");
     let entry = explained(|scene| scene.transfer.lookup = Lookup::Nearest);
-    assert!(entry.contains("each takes the nearest entry"), "{entry}");
+    assert!(entry.contains("what a value looks like changes with it in small steps."), "{entry}");
     let thin = explained(|scene| scene.accuracy.step_length = 1e-9);
-    assert!(thin.contains("samples are 1e-9 apart"), "{thin}");
+    assert!(thin.contains("in steps of 1e-9 ("), "{thin}");
 }
 
 #[test]
