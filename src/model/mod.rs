@@ -5,8 +5,10 @@
 //! `c` is `W·c`. Which light it is enters in `W` alone.
 
 mod chain;
+mod check;
 mod cloud;
 mod error;
+mod fit;
 mod fixed;
 mod kind;
 mod lawson;
@@ -16,46 +18,24 @@ mod reconstruction;
 mod sharpened;
 mod target;
 
-use std::ops::RangeInclusive;
-
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::progress::Progress;
 use crate::spectrum::colour::OBSERVER;
-use crate::spectrum::{BANDS, Light, Spectrum, standard, wavelength_nm};
+use crate::spectrum::{BANDS, Light, Spectrum, wavelength_nm};
 
 pub use chain::ChainClass;
 pub use cloud::{Cloud, LARGEST_DEPTH};
 pub use error::ModelError;
+pub use fit::{fit, fit_automatic, fit_cloud, fit_narrow, unseen};
 pub use kind::{ModelKind, Order};
 pub use reconstruction::Reconstruction;
 pub use target::ErrorSummary;
 
-use chain::Chain;
-use random::Random;
 use target::Target;
 
 /// The largest dimension of a model.
 pub const LARGEST_DIMENSION: usize = 16;
-
-/// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
-const FIT: [(ChainClass, usize); 5] = [
-    (ChainClass::GreyRays(24), 100),
-    (ChainClass::Absorbed, 400),
-    (ChainClass::ColouredRays(24), 150),
-    (ChainClass::ShadedRays(24), 60),
-    (ChainClass::Reflections, 120),
-];
-const FIT_SEED: u64 = 1;
-/// What models are checked on. Most of it is behind absorbers, where a rare few of them can be far worse than all others.
-const VALIDATION: [(ChainClass, usize); 4] = [
-    (ChainClass::GreyRays(24), 200),
-    (ChainClass::Absorbed, 800),
-    (ChainClass::ColouredRays(24), 200),
-    (ChainClass::ShadedRays(24), 400),
-];
-const VALIDATION_SEED: u64 = 2;
 
 /// What the light of a scene can meet on its way: what a model must carry.
 #[derive(Clone, Debug, Default)]
@@ -125,209 +105,6 @@ pub struct Samples {
     pub spectra: Vec<Spectrum>,
     /// The coefficients of each, as componentwise arithmetic makes them.
     pub vectors: Vec<Vec<f64>>,
-}
-
-/// The model of `kind` with `dimension` coefficients for what is in `ingredients`.
-///
-/// It takes equal steps for equal input: equal models come out, also when materials or lights are given in another
-/// order. Without lights it is fitted for D65.
-///
-/// # Errors
-///
-/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 16, [`ModelError::NotThree`] for RGB of another dimension than
-/// 3, [`ModelError::Sample`] and [`ModelError::NotFinite`] for spectra that cannot be computed with,
-/// [`ModelError::Cancelled`] when `progress` says so.
-pub fn fit(
-    ingredients: &Ingredients,
-    kind: ModelKind,
-    dimension: usize,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
-    let mut model = fit_cloud(&cloud, &ingredients.lights, kind, dimension, progress)?;
-    model.refit(&cloud)?;
-    Ok(model)
-}
-
-/// The model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
-///
-/// Kept means: over the cloud of the fit, and over the spectra not used in it that [`ColourModel::check_on`] finds.
-///
-/// # Errors
-///
-/// [`ModelError::Tolerance`] when 16 coefficients do not keep it (or RGB's 3), [`ModelError::NotATolerance`] unless it
-/// is above 0, and the errors of [`fit`].
-pub fn fit_automatic(
-    ingredients: &Ingredients,
-    kind: ModelKind,
-    tolerance: f64,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    check_tolerance(tolerance)?;
-    let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
-    let unseen = unseen(ingredients)?;
-    let dimensions = dimensions(kind, LARGEST_DIMENSION);
-    let largest = *dimensions.end();
-    let dimension = match least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)? {
-        Ok(model) => return Ok(model),
-        Err(nearest) => nearest,
-    };
-    let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, f64::INFINITY, progress)?;
-    model.refit(&cloud)?;
-    model.check_on(&unseen)?;
-    let reached = model.worst().max;
-    let way_out = match kind {
-        ModelKind::Nodes => "; --reference renders all bands, slowly and without this error",
-        _ => "; --model nodes may keep yours",
-    };
-    Err(ModelError::Tolerance {
-        kind,
-        tolerance,
-        largest,
-        dimension,
-        reached,
-        kept: (reached * 1000.0).ceil() / 1000.0,
-        way_out: way_out.to_owned(),
-    })
-}
-
-/// The model of [`fit_automatic`] if it has at most `largest` coefficients; `None` where so few do not keep `tolerance`.
-///
-/// # Errors
-///
-/// Those of [`fit_automatic`] but [`ModelError::Tolerance`].
-pub fn fit_narrow(
-    ingredients: &Ingredients,
-    kind: ModelKind,
-    tolerance: f64,
-    largest: usize,
-    progress: &dyn Progress,
-) -> Result<Option<ColourModel>, ModelError> {
-    check_tolerance(tolerance)?;
-    let (cloud, unseen) = (Cloud::new(ingredients, &FIT, FIT_SEED)?, unseen(ingredients)?);
-    let dimensions = dimensions(kind, largest.min(LARGEST_DIMENSION));
-    Ok(least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)?.ok())
-}
-
-/// Spectra that are not used in fits for `ingredients`: what [`ColourModel::check_on`] begins with.
-///
-/// # Errors
-///
-/// [`ModelError::Sample`] and [`ModelError::NotFinite`].
-pub fn unseen(ingredients: &Ingredients) -> Result<Cloud, ModelError> {
-    Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)
-}
-
-fn check_tolerance(tolerance: f64) -> Result<(), ModelError> {
-    if tolerance.is_nan() || tolerance <= 0.0 { Err(ModelError::NotATolerance { tolerance }) } else { Ok(()) }
-}
-
-/// The dimensions up to `largest` that a model of `kind` can have.
-fn dimensions(kind: ModelKind, largest: usize) -> RangeInclusive<usize> {
-    if kind == ModelKind::Rgb { 3..=largest.min(3) } else { 1..=largest }
-}
-
-/// The model of the first of `dimensions` that keeps `tolerance`, or the dimension that comes nearest.
-fn least(
-    cloud: &Cloud,
-    unseen: &Cloud,
-    lights: &[(String, Light)],
-    kind: ModelKind,
-    tolerance: f64,
-    dimensions: RangeInclusive<usize>,
-    progress: &dyn Progress,
-) -> Result<Result<ColourModel, usize>, ModelError> {
-    let largest = *dimensions.end();
-    let mut nearest = (f64::INFINITY, largest);
-    for dimension in dimensions {
-        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * tolerance };
-        let mut model = fit_targets(cloud, lights, kind, dimension, hopeless, progress)?;
-        if model.worst().max <= tolerance {
-            model.refit(cloud)?;
-            model.check_on(unseen)?;
-            if model.worst().max <= tolerance {
-                return Ok(Ok(model));
-            }
-        }
-        if model.worst().max < nearest.0 {
-            nearest = (model.worst().max, dimension);
-        }
-    }
-    Ok(Err(nearest.1))
-}
-
-/// The model of `kind` with `dimension` coefficients for the spectra of `cloud` under `lights`.
-///
-/// # Errors
-///
-/// Those of [`fit`].
-pub fn fit_cloud(
-    cloud: &Cloud,
-    lights: &[(String, Light)],
-    kind: ModelKind,
-    dimension: usize,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    fit_targets(cloud, lights, kind, dimension, f64::INFINITY, progress)
-}
-
-/// [`fit_cloud`], whose nodes are left as they are once an error above `hopeless` shows that there are too few.
-fn fit_targets(
-    cloud: &Cloud,
-    lights: &[(String, Light)],
-    kind: ModelKind,
-    dimension: usize,
-    hopeless: f64,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    if kind == ModelKind::Rgb && dimension != 3 {
-        return Err(ModelError::NotThree { dimension });
-    }
-    if !(1..=LARGEST_DIMENSION).contains(&dimension) {
-        return Err(ModelError::Dimension { dimension, largest: LARGEST_DIMENSION });
-    }
-    // What the fit is for, in an order that does not depend on the scene's.
-    let mut wanted: Vec<&Light> = lights.iter().map(|(_, light)| light).collect();
-    wanted.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
-    wanted.dedup();
-    wanted.retain(|light| light.spectrum().samples().iter().any(|&power| power != 0.0));
-    if wanted.is_empty() {
-        wanted.push(standard::d65());
-    }
-    let candidates = match kind {
-        ModelKind::Nodes => {
-            let targets: Vec<Target> = wanted.par_iter().map(|light| Target::new(&cloud.spectra, light)).collect();
-            let bands = nodes::select(&cloud.spectra, &targets, dimension, hopeless, progress)?;
-            vec![bands.into_iter().map(one_band).collect()]
-        }
-        ModelKind::Sharpened(_) => vec![sharpened::projection(&cloud.spectra, &wanted, dimension)],
-        ModelKind::Bands => vec![fixed::bands(dimension)],
-        ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
-    };
-    let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
-        let mut model = ColourModel {
-            kind,
-            projection,
-            cloud: cloud.spectra.clone(),
-            vectors: Vec::new(),
-            unseen: Samples::default(),
-            mixed: cloud.mixed,
-            lights: Vec::new(),
-        };
-        model.vectors = model.stored_vectors_of(cloud);
-        let matrices: Vec<LightMatrix> = lights.par_iter().map(|(_, light)| model.fitted(light)).collect();
-        let named = lights.iter().zip(matrices);
-        model.lights = named.map(|((name, light), matrix)| (name.clone(), light.clone(), matrix)).collect();
-        model
-    });
-    let mean = |model: &ColourModel| model.lights.iter().map(|(.., matrix)| matrix.error.mean).sum::<f64>();
-    let model = models.reduce(|best, next| if mean(&next) < mean(&best) { next } else { best });
-    progress.report("fitting the colour model", 1, 1);
-    match model {
-        _ if progress.cancelled() => Err(ModelError::Cancelled),
-        Some(model) if model.is_finite() => Ok(model),
-        _ => Err(ModelError::NotFinite),
-    }
 }
 
 /// The row of a projection that takes the sample of one band.
@@ -574,30 +351,6 @@ impl ColourModel {
         cloud.chains.par_iter().map(|chain| chain.walk(self.dimension(), &sources, &depths)).collect()
     }
 
-    /// ΔE00 on the spectra that were not used in the fit, under `light`, whose colours `xyz` makes of coefficients; `None`
-    /// where there are no such spectra.
-    ///
-    /// Where lights shine from several places, it is also that of a spectrum under it and another, as bright or darker,
-    /// under each other light of the model: the same error shows more where the sum has less colour than its parts.
-    fn unseen_error(&self, light: &Light, xyz: &[[f64; 3]]) -> Option<ErrorSummary> {
-        const SEED: u64 = 4;
-        let Samples { spectra, vectors } = &self.unseen;
-        let target = Target::new(spectra, light);
-        let mut errors = target.errors(vectors, xyz);
-        for (_, other, matrix) in self.lights.iter().filter(|(_, other, _)| self.mixed && other != light) {
-            let beside = Target::new(spectra, other);
-            let mut random = Random::new(SEED);
-            for (index, vector) in vectors.iter().enumerate() {
-                let (partner, share) = (random.index(spectra.len()), random.between_magnitudes(0.02, 1.0));
-                let sum =
-                    |one: [f64; 3], two: [f64; 3]| std::array::from_fn(|axis| share.mul_add(two[axis], one[axis]));
-                let made = sum(target::colour(xyz, vector), target::colour(&matrix.xyz, &vectors[partner]));
-                errors.push(target::difference(made, sum(target.xyz[index], beside.xyz[partner])));
-            }
-        }
-        (!spectra.is_empty()).then(|| ErrorSummary::of(&errors))
-    }
-
     /// [`Self::vectors_of`] in numbers that f32 holds, so that a file of f32 brings the very same ones back.
     fn stored_vectors_of(&self, cloud: &Cloud) -> Vec<Vec<f64>> {
         let mut vectors = self.vectors_of(cloud, Amplification::Held);
@@ -611,80 +364,6 @@ impl ColourModel {
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
     }
 
-    /// Notes the errors of the model's lights on spectra that were not used in the fit: those of `unseen`, and harder ones
-    /// that are found from them by varying the ways of their light, for a random way is seldom the hardest of its kind.
-    /// Keeps these spectra for [`Self::learn`].
-    ///
-    /// # Errors
-    ///
-    /// [`ModelError::NotFinite`] when light overflows.
-    pub fn check_on(&mut self, unseen: &Cloud) -> Result<(), ModelError> {
-        let harder: Vec<Cloud> =
-            self.lights.par_iter().map(|(_, light, _)| self.harder(unseen, light)).collect::<Result<_, _>>()?;
-        self.mixed = unseen.mixed;
-        let clouds = || std::iter::once(unseen).chain(&harder);
-        self.unseen = Samples {
-            spectra: clouds().flat_map(|cloud| cloud.spectra.iter().cloned()).collect(),
-            vectors: clouds().flat_map(|cloud| self.stored_vectors_of(cloud)).collect(),
-        };
-        let errors = self.lights.par_iter().map(|(_, light, matrix)| self.unseen_error(light, &matrix.xyz));
-        let errors: Vec<Option<ErrorSummary>> = errors.collect();
-        for ((.., matrix), error) in self.lights.iter_mut().zip(errors) {
-            matrix.unseen = error;
-        }
-        Ok(())
-    }
-
-    /// Fits the lights' matrices anew on the cloud and on the hardest ways that are found from it.
-    ///
-    /// Those of models whose matrices do not depend on a cloud stay as they are, and those that are far off anyway: better
-    /// on the worst colours, they would be worse on all others.
-    fn refit(&mut self, cloud: &Cloud) -> Result<(), ModelError> {
-        const ROUNDS: usize = 2;
-        const FAR_OFF: f64 = 2.0;
-        if !matches!(self.kind, ModelKind::Nodes | ModelKind::Bands) || self.worst().max > FAR_OFF {
-            return Ok(());
-        }
-        // In an order that does not depend on the scene's.
-        let mut lights: Vec<Light> = self.lights.iter().map(|(_, light, _)| light.clone()).collect();
-        lights.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
-        for _ in 0..ROUNDS {
-            let harder = lights.par_iter().map(|light| self.harder(cloud, light));
-            for harder in harder.collect::<Result<Vec<Cloud>, _>>()? {
-                self.vectors.extend(self.stored_vectors_of(&harder));
-                self.cloud.extend(harder.spectra);
-            }
-            let matrices: Vec<LightMatrix> = self.lights.par_iter().map(|(_, light, _)| self.fitted(light)).collect();
-            for ((.., matrix), fitted) in self.lights.iter_mut().zip(matrices) {
-                *matrix = fitted;
-            }
-        }
-        Ok(())
-    }
-
-    /// The hardest ways of `unseen` under a light of the model, each varied many times for a larger error.
-    fn harder(&self, unseen: &Cloud, light: &Light) -> Result<Cloud, ModelError> {
-        const WAYS: usize = 16;
-        const ROUNDS: usize = 64;
-        const SEED: u64 = 3;
-        let errors = self.errors(unseen, light, Amplification::Held);
-        let mut ways: Vec<(f64, Chain)> = errors.into_iter().zip(unseen.chains.iter().cloned()).collect();
-        ways.sort_by(|one, two| two.0.total_cmp(&one.0));
-        ways.truncate(WAYS);
-        let mut random = Random::new(SEED);
-        for _ in 0..ROUNDS {
-            let varied = ways.iter().map(|(_, way)| way.varied(unseen.supply, &mut random)).collect();
-            let varied = unseen.of(varied)?;
-            let errors = self.errors(&varied, light, Amplification::Held);
-            for ((way, error), varied) in ways.iter_mut().zip(errors).zip(varied.chains) {
-                if error > way.0 {
-                    *way = (error, varied);
-                }
-            }
-        }
-        unseen.of(ways.into_iter().map(|(_, way)| way).collect())
-    }
-
     /// The matrix of a light: the model's own where the light is one of its lights, else a new one fitted on the
     /// cloud.
     ///
@@ -694,27 +373,6 @@ impl ColourModel {
             Some((.., matrix)) => matrix.clone(),
             None => self.fitted(light),
         }
-    }
-
-    /// Adds a light to the model, fitted on the cloud, and notes its error on [`Self::unseen`] where there are such.
-    ///
-    /// A light that the model has already, under whatever name, stays as it is.
-    ///
-    /// # Errors
-    ///
-    /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, cannot be computed with.
-    pub fn learn(&mut self, name: &str, light: &Light) -> Result<(), ModelError> {
-        if self.lights.iter().any(|(_, known, _)| known == light) {
-            return Ok(());
-        }
-        let mut matrix = self.fitted(light);
-        matrix.unseen = self.unseen_error(light, &matrix.xyz);
-        let worst = matrix.worst();
-        if !worst.max.is_finite() || !matrix.xyz.iter().flatten().all(|part| part.is_finite()) {
-            return Err(ModelError::NotFinite);
-        }
-        self.lights.push((name.to_owned(), light.clone(), matrix));
-        Ok(())
     }
 
     fn fitted(&self, light: &Light) -> LightMatrix {
