@@ -111,13 +111,14 @@ impl ColourModel {
     /// under each other light of the model: the same error shows more where the sum has less colour than its parts.
     fn unseen_error(&self, light: &Light, xyz: &[[f64; 3]]) -> Option<ErrorSummary> {
         const SEED: u64 = 4;
+        const PARTNERS: usize = 4;
         let Samples { spectra, vectors } = &self.unseen;
         let target = Target::new(spectra, light);
         let mut errors = target.errors(vectors, xyz);
         for (_, other, matrix) in self.lights.iter().filter(|(_, other, _)| self.mixed && other != light) {
             let beside = Target::new(spectra, other);
             let mut random = Random::new(SEED);
-            for (index, vector) in vectors.iter().enumerate() {
+            for (index, vector) in (0..PARTNERS).flat_map(|_| vectors.iter().enumerate()) {
                 let (partner, share) = (random.index(spectra.len()), random.between_magnitudes(0.02, 1.0));
                 let sum =
                     |one: [f64; 3], two: [f64; 3]| std::array::from_fn(|axis| share.mul_add(two[axis], one[axis]));
