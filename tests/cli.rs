@@ -171,7 +171,8 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
     let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["texture"][key].clone());
     assert_eq!(stored(&json), [Value::from("rgba16snorm"), Value::from(32 * 30 * 18 * 8)]);
-    let sentence = "The volume is stored as 16-bit values with gradients (Rgba16Snorm), 0.1 MB, which loses nothing.";
+    let sentence =
+        "For the device, the volume takes 0.1 MB, which way values change included; storing it so loses nothing.";
     assert!(text.contains(sentence), "{text}");
     assert_eq!(json["plan"]["explanation"].as_array().unwrap().last(), Some(&Value::from(sentence)));
     let plain = folder.done(&["info", "scene.toml", "-D", "shading=none", "--json"]).json();

@@ -139,7 +139,11 @@ fn exit_code(error: &CliError) -> u8 {
         | CliError::Palette(PaletteError::Cancelled)
         | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
-        | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
+        | CliError::Model(
+            ModelTableError::Model(ModelError::Cancelled)
+            | ModelTableError::Plan(PlanError::Model(ModelError::Cancelled))
+            | ModelTableError::March(ReferenceError::Cancelled),
+        )
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
         | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,
