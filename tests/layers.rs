@@ -40,8 +40,16 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
     ("output", &["input", "model", "spectrum", "progress"]),
     (
+        "view",
+        &[
+            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
+            "progress", "number",
+        ],
+    ),
+    (
         "cli",
         &[
+            "view",
             "input",
             "measure",
             "memory",
