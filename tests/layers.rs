@@ -22,7 +22,13 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
-    ("measure", &["model", "spectrum", "progress", "number"]),
+    (
+        "measure",
+        &[
+            "output", "vulkan", "render", "reference", "tables", "plan", "scene", "model", "spectrum", "volume",
+            "progress", "number",
+        ],
+    ),
     ("output", &["input", "model", "spectrum", "progress"]),
     (
         "cli",

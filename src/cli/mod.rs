@@ -9,6 +9,7 @@ mod dial;
 mod figures;
 mod files;
 mod info;
+mod measure;
 mod model;
 mod relight;
 mod render;
@@ -20,7 +21,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use relume::measure::ModelTableError;
+use relume::measure::{ModelTableError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
@@ -69,6 +70,8 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
+    /// Measure what each setting of a scene costs here, and how far from the truth it is and why.
+    Measure(measure::Args),
     /// Measure marching, relighting, reading and colour models, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
@@ -96,6 +99,8 @@ pub(crate) enum CliError {
     Output(#[from] OutputError),
     #[error(transparent)]
     Model(#[from] ModelTableError),
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
     #[error("the colour model cannot be fitted to the lights")]
     Lights(#[from] ModelError),
     #[error(transparent)]
@@ -121,7 +126,10 @@ fn exit_code(error: &CliError) -> u8 {
     };
     match error {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
-        CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
+        CliError::Vulkan(error)
+        | CliError::Render(RenderError::Vulkan(error))
+        | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error))) => of_device(error),
+        CliError::Survey(error) if error.is_cancelled() => INTERRUPTED,
         CliError::Cancelled
         | CliError::Reference(ReferenceError::Cancelled)
         | CliError::Palette(PaletteError::Cancelled)
@@ -146,6 +154,10 @@ pub(crate) fn main() -> ExitCode {
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
+        Command::Measure(args) => {
+            terminal.wait_for_rows();
+            measure::run(args, &terminal)
+        }
         Command::Bench(args) => bench::run(args, &terminal, started),
         Command::Shaders(args) => shaders::run(args, &terminal),
     };
@@ -153,8 +165,10 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(mut report) => {
             report.json["warnings"] = terminal.warnings().into();
+            // A result may be what was done before Ctrl-C.
+            let interrupted = report.json["interrupted"] == true;
             terminal::print(&if cli.json { report.json_text() } else { report.text });
-            ExitCode::SUCCESS
+            ExitCode::from(if interrupted { INTERRUPTED } else { 0 })
         }
         Err(error) => {
             terminal::complain(&error);

@@ -1,12 +1,27 @@
 //! What a result costs and how far it is from the truth.
 
 mod clock;
+mod difference;
+mod findings;
 mod image_error;
+mod ladder;
+mod leaping;
 mod model;
+mod setting;
+mod survey;
+mod sweep;
+mod table;
 
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
+pub use difference::Difference;
+pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
 pub use image_error::{ImageError, MeasureError, Spread};
+pub use ladder::{Cause, LadderError, Lattice};
 pub use model::{
     AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
     automatic_dimension, model_row,
 };
+pub use setting::{Knob, Setting, Value};
+pub use survey::{Cost, Measured, Survey, SurveyError, SurveyOptions, Times};
+pub use sweep::{SweepError, settings};
+pub use table::{to_csv, to_markdown, to_text};

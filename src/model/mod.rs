@@ -200,7 +200,7 @@ fn check_tolerance(tolerance: f64) -> Result<(), ModelError> {
 
 /// The dimensions up to `largest` that a model of `kind` can have.
 fn dimensions(kind: ModelKind, largest: usize) -> RangeInclusive<usize> {
-    if kind == ModelKind::Rgb { 3..=largest.min(3) } else { 1..=largest }
+    if kind.is_rgb() { 3..=largest.min(3) } else { 1..=largest }
 }
 
 /// The model of the first of `dimensions` that keeps `tolerance`, or the dimension that comes nearest.
@@ -261,7 +261,7 @@ fn fit_targets(
     hopeless: f64,
     progress: &dyn Progress,
 ) -> Result<ColourModel, ModelError> {
-    if kind == ModelKind::Rgb && dimension != 3 {
+    if kind.is_rgb() && dimension != 3 {
         return Err(ModelError::NotThree { dimension });
     }
     if !(1..=LARGEST_DIMENSION).contains(&dimension) {
@@ -284,6 +284,8 @@ fn fit_targets(
         ModelKind::Sharpened(_) => vec![sharpened::projection(&cloud.spectra, &wanted, dimension)],
         ModelKind::Bands => vec![fixed::bands(dimension)],
         ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
+        ModelKind::RgbNaive => vec![fixed::rgb()],
+        ModelKind::RgbPrefiltered | ModelKind::RgbFitted => vec![fixed::rgb_prefiltered()],
     };
     let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
         let mut model =
@@ -338,7 +340,7 @@ impl ColourModel {
     ) -> Result<Self, ModelError> {
         let wrong = |problem: String| Err(ModelError::Parts { problem });
         let dimension = projection.len();
-        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind == ModelKind::Rgb && dimension != 3 {
+        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind.is_rgb() && dimension != 3 {
             return wrong(format!("the model {kind} cannot have {dimension} coefficients"));
         }
         if cloud.is_empty() {
@@ -392,8 +394,9 @@ impl ColourModel {
             ModelKind::Sharpened(Order::Step) => format!("{k} sharpened factor{plural}, each step's light projected"),
             ModelKind::Sharpened(Order::Semigroup) => format!("{k} sharpened factor{plural}, absorption projected"),
             ModelKind::Bands => format!("{k} uniform band{plural} from 400 to 700 nm"),
-            ModelKind::Rgb if self.projection == fixed::rgb() => "RGB, not prefiltered".to_owned(),
-            ModelKind::Rgb => "RGB, prefiltered by D65".to_owned(),
+            ModelKind::RgbFitted => "RGB, prefiltered by D65, with a matrix fitted to each light".to_owned(),
+            ModelKind::Rgb | ModelKind::RgbNaive if self.projection == fixed::rgb() => "RGB, not prefiltered".to_owned(),
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => "RGB, prefiltered by D65".to_owned(),
         }
     }
 
@@ -569,12 +572,12 @@ impl ColourModel {
         }
         let target = Target::new(&self.cloud, light);
         let xyz = match self.kind {
-            ModelKind::Nodes | ModelKind::Bands => {
+            ModelKind::Nodes | ModelKind::Bands | ModelKind::RgbFitted => {
                 let fitted = lawson::fit(&self.vectors, self.dimension(), &target, &target.forms());
                 return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
             }
             ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
-            ModelKind::Rgb => fixed::rgb_matrix(light),
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => fixed::rgb_matrix(light),
         };
         let error = ErrorSummary::of(&target.errors(&self.vectors, &xyz));
         LightMatrix { xyz, error, unseen: None }

@@ -19,6 +19,14 @@ pub struct Step<R> {
     pub normal: [R; 3],
 }
 
+impl<R: Real> Step<R> {
+    /// Whether light neither comes nor goes.
+    pub(super) fn does_nothing(&self) -> bool {
+        let nothing = R::default();
+        self.opacity.iter().chain(&self.source).all(|&number| number == nothing)
+    }
+}
+
 /// Something to take samples of.
 pub trait Samples<R: Real>: Sync {
     /// Sets `step` to what a step does at `place`, in texture coordinates.

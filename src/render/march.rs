@@ -93,6 +93,8 @@ pub struct Accumulators {
     pub size: [usize; 2],
     /// How many dispatches it took.
     pub dispatches: usize,
+    /// How long those took by the device's own clock; `None` where it has none.
+    pub device_time: Option<Duration>,
     /// Cells that hold something, of all cells.
     pub occupied: [usize; 2],
     pub(super) weights: StorageImage,
@@ -305,6 +307,7 @@ impl Renderer {
         )?;
 
         let mut dispatches = 0;
+        let mut device_time = Some(Duration::ZERO);
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };
         let mut schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers());
@@ -313,7 +316,7 @@ impl Renderer {
                 return Err(RenderError::Cancelled);
             }
             let begun = Instant::now();
-            device.run("march", |recorder| {
+            let took = device.run_timed("march", |recorder| {
                 if band.first_sample > 0 {
                     recorder.compute_to_compute();
                 }
@@ -321,12 +324,13 @@ impl Renderer {
                 let groups = [extent[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
                 recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&band), groups)
             })?;
+            device_time = device_time.zip(took).map(|(sum, took)| sum + took);
             schedule.took(begun.elapsed());
             dispatches += 1;
             progress.report("marching", u64::from(band.first_row + rows).min(size[1] as u64), size[1] as u64);
         }
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        self.store(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
+        self.store(Accumulators { planned: planned.clone(), size, dispatches, device_time, occupied, weights, transmittance })
     }
 
     /// The accumulators on the host.
