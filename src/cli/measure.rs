@@ -5,14 +5,17 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use relume::measure::{
-    Measured, NodesBesideRgb, Setting, Survey, SurveyError, SurveyOptions, mark_pareto, settings, to_csv,
-    to_markdown, to_text,
+    Findings, Measured, NodesBesideRgb, Setting, Survey, SurveyError, SurveyOptions, html, mark_pareto, settings,
+    to_csv, to_markdown, to_text, trade,
 };
+use relume::output::{write_atomically, write_drawing};
 use relume::progress::Progress;
 use relume::render::Renderer;
+use relume::scene::Mix;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files;
+use super::goal::{self, GoalArgs};
 use super::scene::{SceneArgs, size};
 use super::{CliError, Report};
 
@@ -49,6 +52,8 @@ pub(crate) struct Args {
     /// Runs whose times count, after two that warm up.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     runs: u16,
+    #[command(flatten)]
+    goal: GoalArgs,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -72,7 +77,7 @@ struct Outcome {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
-    let settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
+    let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
     let outputs: Vec<&PathBuf> = args.output.iter().collect();
     let kinds: Vec<ReportKind> = outputs.iter().map(|path| report_kind(path)).collect::<Result<_, _>>()?;
     let scene = args.scene.load(progress)?;
@@ -84,22 +89,41 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         pixels: usize::try_from(args.pixels).unwrap_or(usize::MAX),
         runs: args.runs.into(),
     };
+    let choice = match args.goal.goal() {
+        Some(goal) => Some(goal::chosen(&renderer, &scene, &Mix::of_scene(&scene), args.size, goal, progress)?),
+        None => None,
+    };
+    settings.extend(
+        choice
+            .iter()
+            .map(|choice| choice.setting.clone())
+            .filter(|setting| !settings.contains(setting))
+            .collect::<Vec<_>>(),
+    );
     progress.report("marching the truth", 0, settings.len() as u64);
     let mut survey = Survey::new(&renderer, &scene, &settings, options, progress)?;
     let outcome = measure(&mut survey, &settings, progress)?;
     for (path, kind) in outputs.iter().zip(kinds) {
         match kind {
-            ReportKind::Html => {}
-            ReportKind::Svg | ReportKind::Png => {}
+            ReportKind::Html => write_text(path, &page(&mut survey, &outcome, progress)?)?,
+            ReportKind::Svg => write_text(path, &trade(&outcome.rows))?,
+            ReportKind::Png => {
+                if !write_drawing(path, &trade(&outcome.rows), 1.5)? {
+                    tracing::warn!("{}: this system has no fonts, so the picture has no text", path.display());
+                }
+            }
         }
     }
-    let json = json(&survey, &options, &outcome);
+    let mut json = json(&survey, &options, &outcome);
+    if let Some(choice) = &choice {
+        json["choice"] = json!(choice);
+    }
     let text = if args.csv {
         to_csv(&outcome.rows)
     } else if args.markdown {
         to_markdown(&outcome.rows)
     } else {
-        text(&survey, &outcome)
+        text(&survey, &outcome) + &choice.map_or_else(String::new, |choice| format!("\n{}\n", choice.why))
     };
     Ok(Report { text, json })
 }
@@ -142,6 +166,26 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
     }
     mark_pareto(&mut outcome.rows);
     Ok(outcome)
+}
+
+/// The page of a report.
+fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> Result<String, CliError> {
+    // What is finished is reported, also where somebody has asked to stop.
+    let close_up = match outcome.rows.first() {
+        Some(own) if !outcome.interrupted => survey.close_up(own, progress)?,
+        _ => None,
+    };
+    let findings = Findings {
+        rows: &outcome.rows,
+        refused: &outcome.refused,
+        close_up: close_up.as_ref(),
+        interrupted: outcome.interrupted,
+    };
+    Ok(html(survey, &findings)?)
+}
+
+fn write_text(path: &std::path::Path, text: &str) -> Result<(), CliError> {
+    Ok(write_atomically(path, |sink| sink.write_all(text.as_bytes()))?)
 }
 
 fn json(survey: &Survey<'_>, options: &SurveyOptions, outcome: &Outcome) -> Value {

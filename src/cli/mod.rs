@@ -8,6 +8,7 @@ mod design;
 mod dial;
 mod figures;
 mod files;
+mod goal;
 mod info;
 mod measure;
 mod model;
@@ -21,7 +22,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use relume::measure::{ModelTableError, SurveyError};
+use relume::measure::{ChoiceError, LadderError, ModelTableError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
@@ -101,6 +102,10 @@ pub(crate) enum CliError {
     Model(#[from] ModelTableError),
     #[error(transparent)]
     Survey(#[from] SurveyError),
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
+    #[error(transparent)]
+    Check(#[from] LadderError),
     #[error("the colour model cannot be fitted to the lights")]
     Lights(#[from] ModelError),
     #[error(transparent)]
@@ -128,10 +133,13 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error)
         | CliError::Render(RenderError::Vulkan(error))
-        | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error))) => of_device(error),
+        | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
+        | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
+        CliError::Choice(error) if error.is_cancelled() => INTERRUPTED,
         CliError::Survey(error) if error.is_cancelled() => INTERRUPTED,
         CliError::Cancelled
         | CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Check(LadderError::Reference(ReferenceError::Cancelled))
         | CliError::Palette(PaletteError::Cancelled)
         | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))

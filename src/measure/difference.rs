@@ -22,9 +22,8 @@ pub struct Difference {
 pub(super) fn delta_e(actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> {
     let lab = |colour: &DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
     let pairs = actual.iter().zip(expected);
-    let found = pairs.map(|(actual, expected)| {
-        if actual == expected { 0.0 } else { ciede2000(lab(actual), lab(expected)) }
-    });
+    let found =
+        pairs.map(|(actual, expected)| if actual == expected { 0.0 } else { ciede2000(lab(actual), lab(expected)) });
     found.map(|error| if error.is_nan() { f64::INFINITY } else { error }).collect()
 }
 
@@ -50,7 +49,8 @@ mod tests {
     /// Sharma, Wu and Dalal 2005, the first pair: ΔE00 2.0425.
     #[test]
     fn a_published_pair_has_its_published_difference_and_place() {
-        let lab = |lab| DVec3::from(crate::spectrum::colour::xyz_from_lab(crate::spectrum::colour::Lab(lab), d65_white()).0);
+        let lab =
+            |lab| DVec3::from(crate::spectrum::colour::xyz_from_lab(crate::spectrum::colour::Lab(lab), d65_white()).0);
         let (one, two) = (lab([50.0, 2.6772, -79.7751]), lab([50.0, 0.0, -82.7485]));
         let found = Difference::between(&[one, one, one], &[one, two, one], &[[0, 0], [7, 3], [9, 9]]);
         assert!((found.delta_e.max - 2.0425).abs() <= 1e-4, "{found:?}");

@@ -103,6 +103,9 @@ impl Lattice {
     }
 }
 
+/// How many times shorter the steps of the truth are than the shortest that is measured.
+pub(super) const FINER: f64 = 8.0;
+
 /// What of a setting the full spectrum depends on.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct March {
@@ -131,15 +134,16 @@ pub(super) struct Ladder<'a> {
     /// What is behind the volume.
     pub(super) background: DVec3,
     /// The shortest Δs of all that are measured, in world units.
-    finest: f64,
+    pub(super) finest: f64,
     full: HashMap<March, Arc<Vec<DVec3>>>,
     kept: Option<Kept>,
 }
 
 impl<'a> Ladder<'a> {
-    /// The ladder of those of `pixels` that show anything of `scene`; no step will be shorter than `finest`.
+    /// The ladder of those of `pixels` that show anything of `scene` under `mix`; no step will be shorter than `finest`.
     pub(super) fn new(
         scene: &'a Scene,
+        mix: Mix,
         size: [usize; 2],
         pixels: &[[usize; 2]],
         finest: f64,
@@ -156,25 +160,35 @@ impl<'a> Ladder<'a> {
             statistics,
             labels,
             size,
-            mix: Mix::of_scene(scene),
-            pixels: pixels.to_vec(),
+            mix,
+            pixels: Vec::new(),
             background: DVec3::ZERO,
             finest,
             full: HashMap::new(),
             kept: None,
         };
         ladder.background = ladder.matrices(scene, &truth).background.iter().copied().sum();
-        let found = ladder.march_full(scene, progress)?;
-        let shown = pixels.iter().zip(&found).filter(|(_, (colour, opacity))| {
-            *opacity > 0.0 || (*colour - ladder.background).abs().max_element() > 1e-12
-        });
-        ladder.pixels = shown.map(|(&pixel, _)| pixel).collect();
+        ladder.pixels = ladder.showing(pixels, progress)?;
         Ok(ladder)
+    }
+
+    /// Those of `pixels` that show anything.
+    pub(super) fn showing(
+        &self,
+        pixels: &[[usize; 2]],
+        progress: &dyn Progress,
+    ) -> Result<Vec<[usize; 2]>, LadderError> {
+        let found = self.march_exact(self.scene, &plan_full_spectrum(self.scene), pixels, progress)?;
+        let shown = pixels
+            .iter()
+            .zip(&found)
+            .filter(|(_, (colour, opacity))| *opacity > 0.0 || (*colour - self.background).abs().max_element() > 1e-12);
+        Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 
     /// Full spectrum, exact samples, Δs an eighth of the shortest, rays to their ends: what all is measured against.
     pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
-        self.full(self.finest / 8.0, 0.0, self.scene.accuracy.interpolation, progress)
+        self.full(self.finest / FINER, 0.0, self.scene.accuracy.interpolation, progress)
     }
 
     /// Full spectrum, exact samples.
@@ -200,7 +214,16 @@ impl<'a> Ladder<'a> {
     }
 
     fn march_full(&self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<(DVec3, f64)>, LadderError> {
-        self.march_exact(scene, &plan_full_spectrum(scene), progress)
+        self.march_exact(scene, &plan_full_spectrum(scene), &self.pixels, progress)
+    }
+
+    /// The truth in other pixels.
+    pub(super) fn truth_in(&self, pixels: &[[usize; 2]], progress: &dyn Progress) -> Result<Vec<DVec3>, LadderError> {
+        let mut scene = self.scene.clone();
+        scene.accuracy.step_length = self.finest / FINER;
+        scene.accuracy.termination = 0.0;
+        let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
+        Ok(found.into_iter().map(|(colour, _)| colour).collect())
     }
 
     /// XYZ and opacity of `scene` as `planned`, from exact samples.
@@ -208,6 +231,7 @@ impl<'a> Ladder<'a> {
         &self,
         scene: &Scene,
         planned: &Planned,
+        pixels: &[[usize; 2]],
         progress: &dyn Progress,
     ) -> Result<Vec<(DVec3, f64)>, LadderError> {
         let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
@@ -215,7 +239,7 @@ impl<'a> Ladder<'a> {
         let exact = Exact::new(scene, planned, storage, labels);
         let leaping = Leaping::new(exact, &self.occupancy, scene, planned);
         let matrices = self.matrices(scene, planned);
-        Ok(render_pixels(scene, planned, &leaping, &matrices, self.size, &self.pixels, progress)?)
+        Ok(render_pixels(scene, planned, &leaping, &matrices, self.size, pixels, progress)?)
     }
 
     /// `planned` in f64 from exact samples, its accumulators in full.
@@ -227,7 +251,7 @@ impl<'a> Ladder<'a> {
     ) -> Result<Vec<DVec3>, LadderError> {
         let mut exact = planned.clone();
         exact.plan.storage = StoreAs::Single;
-        Ok(self.march_exact(scene, &exact, progress)?.into_iter().map(|(colour, _)| colour).collect())
+        Ok(self.march_exact(scene, &exact, &self.pixels, progress)?.into_iter().map(|(colour, _)| colour).collect())
     }
 
     /// `planned` from the tables and the volume that a device would have.

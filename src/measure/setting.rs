@@ -160,8 +160,7 @@ impl Knob {
             }
             (Self::Termination, Value::Number(share)) => accuracy.termination = share,
             (Self::Interpolation, Value::Name(name)) => {
-                accuracy.interpolation =
-                    if name == "nearest" { Interpolation::Nearest } else { Interpolation::Linear };
+                accuracy.interpolation = if name == "nearest" { Interpolation::Nearest } else { Interpolation::Linear };
             }
             (Self::Entries, Value::Number(entries)) => scene.transfer.entries = Some(whole(entries)),
             (Self::Lookup, Value::Name(name)) => {

@@ -15,7 +15,7 @@ use crate::plan::{PlanError, Planned, plan};
 use crate::progress::Progress;
 use crate::reference::ReferenceError;
 use crate::render::{RenderError, Renderer, Uploaded};
-use crate::scene::{Interpolation, Scene};
+use crate::scene::{Interpolation, Mix, Scene};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::TransferTable;
 use crate::vulkan::DeviceKind;
@@ -123,7 +123,9 @@ pub enum SurveyError {
     #[error(transparent)]
     Render(#[from] RenderError),
     /// Nothing can be measured where nothing is seen.
-    #[error("none of the {looked_at} pixels that were looked at shows anything of {source_name}: there is no error to measure")]
+    #[error(
+        "none of the {looked_at} pixels that were looked at shows anything of {source_name}: there is no error to measure"
+    )]
     Nothing {
         /// How many there were.
         looked_at: usize,
@@ -143,6 +145,24 @@ impl SurveyError {
                 | Self::Plan(PlanError::Model(crate::model::ModelError::Cancelled))
         )
     }
+}
+
+/// Pixels across and down of a close-up.
+const CLOSE_UP: usize = 17;
+
+/// A square of a picture, pixel by pixel, row by row.
+#[derive(Clone, Debug)]
+pub struct CloseUp {
+    /// Pixels across and down.
+    pub side: usize,
+    /// The first of them in the picture, x and y from the top left.
+    pub first: [usize; 2],
+    /// XYZ as it should be.
+    pub truth: Vec<DVec3>,
+    /// XYZ on the device.
+    pub shown: Vec<DVec3>,
+    /// ΔE00 of the two.
+    pub differences: Vec<f64>,
 }
 
 /// A volume on the device, and what it was put there for.
@@ -187,7 +207,7 @@ impl<'a> Survey<'a> {
         let steps = settings.iter().map(|setting| setting.applied(scene).accuracy.step_length);
         let finest = steps.fold(scene.accuracy.step_length, f64::min);
         let looked_at = lattice.pixels();
-        let mut ladder = Ladder::new(scene, options.size, &looked_at, finest, progress)?;
+        let mut ladder = Ladder::new(scene, Mix::of_scene(scene), options.size, &looked_at, finest, progress)?;
         if ladder.pixels.is_empty() {
             return Err(SurveyError::Nothing { looked_at: looked_at.len(), source_name: scene.source.clone() });
         }
@@ -243,7 +263,7 @@ impl<'a> Survey<'a> {
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
         self.upload(&scene, &planned, progress)?;
-        let size = self.options.size.map(|side| whole((count(side) * setting.scale()).round()).max(1));
+        let size = self.marched_size(setting);
         let Some(Resident { uploaded, cost: upload, .. }) = &self.resident else {
             return Err(RenderError::Cancelled.into());
         };
@@ -301,6 +321,34 @@ impl<'a> Survey<'a> {
             differences: delta_e(&colours, &truth),
             colours,
         })
+    }
+
+    /// The surroundings of the worst pixel of `row`, pixel by pixel; `None` where it has no error.
+    ///
+    /// # Errors
+    ///
+    /// [`SurveyError`].
+    pub fn close_up(&mut self, row: &Measured, progress: &dyn Progress) -> Result<Option<CloseUp>, SurveyError> {
+        let Some(worst) = row.error.at else { return Ok(None) };
+        let progress = &Unreported(progress);
+        let side = CLOSE_UP.min(self.options.size[0]).min(self.options.size[1]);
+        let first: [usize; 2] =
+            std::array::from_fn(|axis| worst[axis].saturating_sub(side / 2).min(self.options.size[axis] - side));
+        let pixels: Vec<[usize; 2]> = (0..side * side).map(|i| [first[0] + i % side, first[1] + i / side]).collect();
+        let scene = row.setting.applied(self.scene);
+        let planned = plan(&scene, progress)?;
+        self.upload(&scene, &planned, progress)?;
+        let Some(Resident { uploaded, .. }) = &self.resident else { return Ok(None) };
+        let size = self.marched_size(&row.setting);
+        let marched = picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress)?;
+        let shown = looked_up(&marched, size, &pixels, self.options.size);
+        let truth = self.ladder.truth_in(&pixels, progress)?;
+        Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth }))
+    }
+
+    /// Pixels that a setting marches.
+    fn marched_size(&self, setting: &Setting) -> [usize; 2] {
+        self.options.size.map(|side| whole((count(side) * setting.scale()).round()).max(1))
     }
 
     /// Puts the volume onto the device as `planned` needs it, unless it is there.
@@ -366,7 +414,7 @@ struct Frames {
 }
 
 /// Linear RGBA of every pixel, marched and relit on the device.
-fn picture(
+pub(super) fn picture(
     renderer: &Renderer,
     ladder: &Ladder<'_>,
     scene: &Scene,
@@ -374,7 +422,7 @@ fn picture(
     uploaded: &Uploaded,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Result<Vec<[f32; 4]>, SurveyError> {
+) -> Result<Vec<[f32; 4]>, RenderError> {
     let accumulators = renderer.march(scene, planned, uploaded, size, progress)?;
     let relight = renderer.relight_linear(&accumulators)?;
     relight.run(&ladder.shown(scene, planned))?;
@@ -382,7 +430,12 @@ fn picture(
 }
 
 /// XYZ of `pixels` of a picture of `shown`, made of one of `size` by bilinear enlargement.
-fn looked_up(picture: &[[f32; 4]], size: [usize; 2], pixels: &[[usize; 2]], shown: [usize; 2]) -> Vec<DVec3> {
+pub(super) fn looked_up(
+    picture: &[[f32; 4]],
+    size: [usize; 2],
+    pixels: &[[usize; 2]],
+    shown: [usize; 2],
+) -> Vec<DVec3> {
     let colour = |x: usize, y: usize| {
         let [red, green, blue, _] = picture.get(x + size[0] * y).copied().unwrap_or([f32::NAN; 4]);
         DVec3::new(red.into(), green.into(), blue.into())

@@ -142,15 +142,18 @@ mod tests {
 
     #[test]
     fn a_sweep_is_every_value_with_every_other_after_the_scenes_own() {
-        assert_eq!(shown(&["k=3..4,step=0.5..2"]), [
-            "as the scene says",
-            "k=3 step=0.5",
-            "k=3 step=1",
-            "k=3 step=2",
-            "k=4 step=0.5",
-            "k=4 step=1",
-            "k=4 step=2",
-        ]);
+        assert_eq!(
+            shown(&["k=3..4,step=0.5..2"]),
+            [
+                "as the scene says",
+                "k=3 step=0.5",
+                "k=3 step=1",
+                "k=3 step=2",
+                "k=4 step=0.5",
+                "k=4 step=1",
+                "k=4 step=2",
+            ]
+        );
     }
 
     #[test]
@@ -170,8 +173,7 @@ mod tests {
 
     #[test]
     fn rgb_has_three_numbers_and_others_are_left_out() {
-        let expected =
-            ["as the scene says", "model=nodes k=3", "model=nodes k=8", "model=rgb-fitted k=3"];
+        let expected = ["as the scene says", "model=nodes k=3", "model=nodes k=8", "model=rgb-fitted k=3"];
         assert_eq!(shown(&["model=nodes,rgb-fitted,k=3,8"]), expected);
         assert!(settings(&["model=rgb,k=8".to_owned()]).is_err());
     }

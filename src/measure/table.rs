@@ -8,7 +8,18 @@ use crate::number::count;
 
 /// What the columns for people are called; all but the first are numbers or single words.
 const HEADS: [&str; 12] = [
-    "setting", "frame ms", "march ms", "min–max", "relight ms", "B/pixel", "MB", "mean ΔE00", "p95", "max", "at", "mostly by",
+    "setting",
+    "frame ms",
+    "march ms",
+    "min–max",
+    "relight ms",
+    "B/pixel",
+    "MB",
+    "mean ΔE00",
+    "p95",
+    "max",
+    "at",
+    "mostly by",
 ];
 
 /// A row for people.
@@ -44,7 +55,13 @@ pub(super) fn short(number: f64) -> String {
     } else if size < 1e-3 {
         format!("{number:.0e}")
     } else {
-        let decimals = if size < 0.1 { 3 } else if size < 10.0 { 2 } else { usize::from(size < 100.0) };
+        let decimals = if size < 0.1 {
+            3
+        } else if size < 10.0 {
+            2
+        } else {
+            usize::from(size < 100.0)
+        };
         format!("{number:.decimals$}")
     }
 }
@@ -106,7 +123,8 @@ pub fn to_csv(rows: &[Measured]) -> String {
         cells.push(row.frame_ms.to_string());
         let times = &row.times;
         cells.extend([times.upload, times.march, times.relight, times.read_back].iter().flat_map(numbers));
-        cells.extend([row.dispatches as u64, row.pixel_bytes, row.volume_bytes, row.total_bytes].map(|n| n.to_string()));
+        cells
+            .extend([row.dispatches as u64, row.pixel_bytes, row.volume_bytes, row.total_bytes].map(|n| n.to_string()));
         let error = &row.error.delta_e;
         cells.extend([error.mean, error.p95, error.max].map(|error| error.to_string()));
         cells.extend(row.error.at.map_or([String::new(), String::new()], |at| at.map(|n| n.to_string())));

@@ -395,7 +395,9 @@ impl ColourModel {
             ModelKind::Sharpened(Order::Semigroup) => format!("{k} sharpened factor{plural}, absorption projected"),
             ModelKind::Bands => format!("{k} uniform band{plural} from 400 to 700 nm"),
             ModelKind::RgbFitted => "RGB, prefiltered by D65, with a matrix fitted to each light".to_owned(),
-            ModelKind::Rgb | ModelKind::RgbNaive if self.projection == fixed::rgb() => "RGB, not prefiltered".to_owned(),
+            ModelKind::Rgb | ModelKind::RgbNaive if self.projection == fixed::rgb() => {
+                "RGB, not prefiltered".to_owned()
+            }
             ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => "RGB, prefiltered by D65".to_owned(),
         }
     }

@@ -330,7 +330,15 @@ impl Renderer {
             progress.report("marching", u64::from(band.first_row + rows).min(size[1] as u64), size[1] as u64);
         }
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        self.store(Accumulators { planned: planned.clone(), size, dispatches, device_time, occupied, weights, transmittance })
+        self.store(Accumulators {
+            planned: planned.clone(),
+            size,
+            dispatches,
+            device_time,
+            occupied,
+            weights,
+            transmittance,
+        })
     }
 
     /// The accumulators on the host.
