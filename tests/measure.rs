@@ -12,7 +12,7 @@ use relume::measure::{
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{Scene, SceneOptions, parse};
+use relume::scene::{Scene, SceneOptions, load_embedded, parse};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, GLASS};
@@ -79,22 +79,27 @@ fn errors_are_told_apart_by_their_cause() {
         assert!(mean(own, Cause::Rounding) <= 0.01 && mean(own, Cause::Device) <= 0.01, "{own:?}");
         let [few, many] = ["model=nodes k=3", "model=nodes k=16"].map(row);
         assert!(mean(few, Cause::Basis) > 20.0 * mean(many, Cause::Basis), "three numbers and sixteen");
-        for (setting, cause) in [
-            ("termination=0.5", Cause::Termination),
-            ("storage=f16", Cause::Tables),
-            ("entries=8", Cause::Tables),
-            ("scale=0.5", Cause::Resolution),
-            ("interpolation=nearest", Cause::Interpolation),
+        // What must stay as it was: all but what sees another picture. A ray ends by its brightest number, and there are
+        // others in a model than in a spectrum.
+        for (setting, cause, same) in [
+            ("termination=0.5", Cause::Termination, &[Cause::Step][..]),
+            ("storage=f16", Cause::Tables, &[Cause::Step, Cause::Basis]),
+            ("entries=8", Cause::Tables, &[Cause::Step, Cause::Basis]),
+            (
+                "scale=0.5",
+                Cause::Resolution,
+                &[Cause::Step, Cause::Basis, Cause::Tables, Cause::Rounding, Cause::Device],
+            ),
+            ("interpolation=nearest", Cause::Interpolation, &[Cause::Step]),
         ] {
             let row = row(setting);
             let moved = mean(row, cause);
             let before =
                 own.causes.iter().find(|(known, _)| *known == cause).map_or(0.0, |(_, error)| error.delta_e.mean);
             assert!(moved > 2.0 * before && moved > 0.0, "{setting}: {moved}, and {before} without");
-            for other in [Cause::Step, Cause::Basis, Cause::Rounding] {
+            for &other in same {
                 let apart = (mean(row, other) - mean(own, other)).abs();
-                // What is left after a cut ray, or between other voxels, is another picture to round and to project.
-                assert!(apart <= 0.2 * mean(own, other) + 0.02, "{setting}: {other:?} moved by {apart}");
+                assert!(apart <= 1e-9, "{setting}: {other:?} moved by {apart}");
             }
         }
     });
@@ -129,8 +134,10 @@ fn counts_and_bytes_are_those_of_the_plan() {
 #[test]
 fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let models = "model=nodes,rgb-naive,rgb-prefiltered,rgb-fitted";
-    for text in [GLASS, SCENE] {
-        measured(&scene(text), &[models], |_, rows| {
+    // Six materials of the program's own scene, in an eighth of its voxels along each axis: RGB can hold two.
+    let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
+    for scene in [scene(GLASS), load_embedded(&options, &Quiet).unwrap()] {
+        measured(&scene, &[models], |_, rows| {
             let found = NodesBesideRgb::of(rows).unwrap();
             assert_eq!(found.of.len(), 3, "{found:?}");
             assert!(found.ratio() >= 20.0, "{}", found.sentence());

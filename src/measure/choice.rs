@@ -315,9 +315,9 @@ impl<'a> Curve<'a> {
                 let point = self.point(&setting)?;
                 tried.push((setting, point));
                 if point.frame_ms <= limit {
-                    high = next - 1
+                    high = next - 1;
                 } else {
-                    low = next + 1
+                    low = next + 1;
                 }
                 // Time goes about with 1/Δs.
                 let steps = 4.0 * (point.frame_ms / limit).log2();

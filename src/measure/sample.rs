@@ -64,7 +64,7 @@ pub fn check(
         })
         .collect();
     let difference = Difference::between(&shown, &truth, &ladder.pixels);
-    Ok((!truth.is_empty()).then(|| Checked { pixels: truth.len(), difference }))
+    Ok((!truth.is_empty()).then_some(Checked { pixels: truth.len(), difference }))
 }
 
 /// What [`check`] found.

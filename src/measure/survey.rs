@@ -426,7 +426,7 @@ pub(super) fn picture(
     let accumulators = renderer.march(scene, planned, uploaded, size, progress)?;
     let relight = renderer.relight_linear(&accumulators)?;
     relight.run(&ladder.shown(scene, planned))?;
-    Ok(relight.read()?)
+    relight.read()
 }
 
 /// XYZ of `pixels` of a picture of `shown`, made of one of `size` by bilinear enlargement.

@@ -123,7 +123,7 @@ fn read(knob: Knob, text: &str) -> Result<Vec<Value>, String> {
                     Growth::Times(factor) => value * factor,
                 };
                 // The end belongs to it, also where it is no step away.
-                (value < last).then(|| if next < last * (1.0 - 1e-9) { next } else { last })
+                (value < last).then_some(if next < last * (1.0 - 1e-9) { next } else { last })
             };
             Ok(std::iter::successors(Some(first), next).map(Value::Number).collect())
         }
