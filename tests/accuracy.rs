@@ -65,6 +65,7 @@ fn flags_that_mean_nothing_are_refused() {
     folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not exact"]);
     folder.refused(2, &["info", "v.mhd", "--k", "3"], &["--k does nothing here", "is a volume"]);
     folder.refused(2, &["bench", "model", "--k", "3"], &["--k does nothing here"]);
+    folder.refused(2, &["bench", "model", "-D", "accuracy.k=3"], &["-D does nothing here"]);
     folder.done(&["render", "glass.toml", "--size", "8x8", "--accumulators", "acc.exr"]);
     folder.refused(2, &["info", "acc.exr", "--tolerance", "3"], &["--tolerance does nothing here"]);
     folder.refused(2, &["relight", "acc.exr", "-o", "p.png", "--tolerance", "0"], &["--tolerance", "above 0"]);
@@ -140,7 +141,8 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
 
 #[test]
 fn bench_measures_with_the_accuracy_asked_for() {
-    let arguments = ["bench", "peer", "--size", "8x8", "--frames", "1", "--shading", "none", "--json"];
+    let arguments =
+        ["bench", "peer", "--size", "8x8", "--frames", "1", "--shading", "none", "--json", "-D", "volume.dims=[9,9,9]"];
     let json = folder().done(&[&arguments[..], &["--accumulate", "spectral", "--k", "6"]].concat()).json();
     let row = &json["rows"][0];
     assert_eq!(

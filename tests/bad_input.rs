@@ -207,6 +207,7 @@ fn what_is_no_scene_is_refused() {
     let mut folder = Folder::new();
     for (name, bytes, words) in [
         ("words.toml", b"Dear program, show me a frog.\n".to_vec(), &["words.toml:1:6: "][..]),
+        ("words.md", b"# Frogs\nOf frogs.\n".to_vec(), &["words.md:2:", "this is no scene: scenes are TOML files"]),
         ("binary.toml", (0..=255).collect(), &["binary.toml: not UTF-8 text from byte 128 on", "--volume"]),
         ("empty.toml", Vec::new(), &["empty.toml:1:1: ", "`version`"]),
         ("novolume.toml", b"version = 1\n".to_vec(), &["novolume.toml names no volume", "--volume FILE"]),

@@ -221,7 +221,8 @@ fn info_alone_lists_devices() {
 #[test]
 fn bench_measures_with_the_promised_keys() {
     let folder = Folder::new();
-    let arguments = ["bench", "peer", "default", "--size", "16x16", "--frames", "3", "--json"];
+    let small = ["-D", "volume.dims=[62,58,34]"];
+    let arguments = [&["bench", "peer", "default", "--size", "16x16", "--frames", "3", "--json"], &small[..]].concat();
     let json = folder.done(&arguments).json();
     let rows = json["rows"].as_array().unwrap();
     let workloads: Vec<_> =
@@ -242,7 +243,9 @@ fn bench_measures_with_the_promised_keys() {
             }
         }
     }
-    let text = folder.done(&["bench", "peer", "--size", "16x16", "--frames", "1", "--shading", "none"]).out;
+    let text = folder
+        .done(&[&["bench", "peer", "--size", "16x16", "--frames", "1", "--shading", "none"], &small[..]].concat())
+        .out;
     assert!(text.contains("peer") && !text.contains("diffuse"), "{text}");
 }
 

@@ -9,9 +9,10 @@ use glam::DVec3;
 use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::reference::relight;
-use relume::scene::{self, AccumulateAs, Scene, SceneOptions, positions};
+use relume::scene::{self, AccumulateAs, Definition, Scene, SceneOptions, positions};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::volume::phantom::Phantom;
 
 use support::rungs::{Rungs, with_renderer};
 use support::tolerance::WEIGHTS_DEVICE;
@@ -34,6 +35,14 @@ fn zeros(folder: &Path, name: &str, dims: [usize; 3]) -> PathBuf {
     path
 }
 
+/// A volume made by formula at a quarter of its resolution, its parts as opaque as they are in full.
+fn quartered(dims: [usize; 3]) -> SceneOptions {
+    let dims = format!("volume.dims={:?}", dims.map(|voxels| voxels.div_ceil(4)));
+    let definitions =
+        [&dims, "volume.spacing=[4,4,4]", "transfer.opacity_length=1", "accuracy.step=1"].map(Definition::new).to_vec();
+    SceneOptions { definitions, ..SceneOptions::default() }
+}
+
 fn load(name: &str, options: &SceneOptions) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes").join(name);
     scene::load(&path, options, &Quiet).unwrap()
@@ -52,12 +61,12 @@ fn check(scene: &Scene) {
 
 #[test]
 fn the_default_scene_shows_all_its_materials() {
-    check(&scene::load_embedded(&SceneOptions::default(), &Quiet).unwrap());
+    check(&scene::load_embedded(&quartered(Phantom::Frog.dims()), &Quiet).unwrap());
 }
 
 #[test]
 fn the_made_engine_shows_all_its_materials() {
-    check(&load("engine.toml", &SceneOptions::default()));
+    check(&load("engine.toml", &quartered(Phantom::Engine.dims())));
 }
 
 #[test]
@@ -144,7 +153,7 @@ fn the_wedge_is_beer_and_lamberts_law() {
 
 #[test]
 fn glass_shells_shine_and_colour_what_is_behind() {
-    let rungs = Rungs::new(load("glass_shells.toml", &SceneOptions::default()), [36, 32]);
+    let rungs = Rungs::new(load("glass_shells.toml", &quartered([128; 3])), [36, 32]);
     let expected = Accumulate::Spectral { dimension: dimension(&rungs), shares: Shares::Own, exponents: 1 };
     assert_eq!(planned(&rungs), (expected, Transmittance::Coloured, 2));
     assert!(rungs.planned.plan.background && rungs.planned.plan.specular().is_some());
@@ -155,7 +164,7 @@ fn glass_shells_shine_and_colour_what_is_behind() {
 #[test]
 fn the_stained_frog_is_planned_in_k_numbers_with_labels_and_without() {
     let folder = folder("stained");
-    let rungs = Rungs::new(load("stained_frog.toml", &SceneOptions::default()), [36, 32]);
+    let rungs = Rungs::new(load("stained_frog.toml", &quartered(Phantom::Frog.dims())), [36, 32]);
     let expected = Accumulate::Spectral { dimension: dimension(&rungs), shares: Shares::Equal, exponents: 0 };
     assert_eq!(planned(&rungs), (expected, Transmittance::Coloured, 2));
     check(&rungs.scene);
@@ -171,7 +180,7 @@ fn the_stained_frog_is_planned_in_k_numbers_with_labels_and_without() {
 #[test]
 fn the_inked_frog_is_the_same_by_weights_and_by_k_numbers() {
     let by = |accumulate: AccumulateAs| {
-        let mut scene = load("inked_frog.toml", &SceneOptions::default());
+        let mut scene = load("inked_frog.toml", &quartered(Phantom::Frog.dims()));
         scene.accuracy.accumulate = accumulate;
         Rungs::new(scene, [36, 32])
     };

@@ -20,7 +20,7 @@ use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
 use super::accuracy::AccuracyArgs;
 use super::model::Learnt;
 use super::render::matrices;
-use super::scene::{SelectionArgs, size};
+use super::scene::{DefineArgs, SelectionArgs, size};
 use super::{CliError, Report, bench_load, bench_model};
 
 const EXAMPLES: &str = "\
@@ -58,6 +58,8 @@ pub(crate) struct Args {
     /// Scenes that colour models are measured on.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
+    #[command(flatten)]
+    define: DefineArgs,
     /// Only this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
@@ -154,6 +156,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
             "{flag} does nothing here: these workloads say what pixels keep, or have none"
         )));
     }
+    if !args.define.is_empty() && args.workloads.iter().all(|workload| !workload.needs_device()) {
+        return Err(CliError::Usage("-D does nothing here: these workloads have no scene".to_owned()));
+    }
     let selection = args.selection.selection();
     let of_volumes = [
         ("--volume", args.volume.is_some()),
@@ -234,7 +239,8 @@ fn measure(
     progress: &dyn Progress,
     started: Option<Instant>,
 ) -> Result<Row, CliError> {
-    let options = SceneOptions { definitions: args.accuracy.definitions(), ..SceneOptions::default() };
+    let definitions = args.define.definitions().chain(args.accuracy.definitions()).collect();
+    let options = SceneOptions { definitions, ..SceneOptions::default() };
     let mut scene = if workload == Workload::Default {
         scene::load_embedded(&options, progress)?
     } else {

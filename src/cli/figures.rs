@@ -17,7 +17,7 @@ use relume::scene::{self, Definition, Mix, Scene, SceneOptions};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::render::matrices;
-use super::scene::size;
+use super::scene::{DefineArgs, size};
 use super::{CliError, Report, files};
 
 const EXAMPLES: &str = "\
@@ -57,6 +57,8 @@ pub(crate) struct Args {
     /// Pixels across and down of each picture.
     #[arg(long, value_name = "WxH", default_value = "600x600", value_parser = size)]
     size: [usize; 2],
+    #[command(flatten)]
+    define: DefineArgs,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -155,6 +157,7 @@ fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Pro
             options.definitions = changes.iter().flat_map(|(key, value)| definitions(key, value)).collect();
         }
     }
+    options.definitions.extend(args.define.definitions());
     Ok(scene::parse(name, figure, Path::new(""), &options, progress)?)
 }
 

@@ -26,16 +26,33 @@ pub(crate) struct SceneArgs {
     /// Average blocks of A×B×C voxels after loading: less memory, less time, less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
-    /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or
-    /// -D transfer.intervals.0.opacity=0.5.
-    #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
-    pub(crate) define: Vec<String>,
+    #[command(flatten)]
+    pub(crate) define: DefineArgs,
     #[command(flatten)]
     pub(crate) accuracy: AccuracyArgs,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
     #[command(flatten)]
     pub(crate) raw: RawArgs,
+}
+
+/// `-D`.
+#[derive(Debug, Args)]
+pub(crate) struct DefineArgs {
+    /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or
+    /// -D transfer.intervals.0.opacity=0.5.
+    #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
+    define: Vec<String>,
+}
+
+impl DefineArgs {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.define.is_empty()
+    }
+
+    pub(crate) fn definitions(&self) -> impl Iterator<Item = Definition> {
+        self.define.iter().map(|text| Definition::new(text))
+    }
 }
 
 /// Where `--help` explains what to choose.
@@ -119,12 +136,7 @@ impl SceneArgs {
             selection: self.selection.selection(),
             labels: self.labels.clone(),
             downsample: self.downsample,
-            definitions: self
-                .define
-                .iter()
-                .map(|text| Definition::new(text))
-                .chain(self.accuracy.definitions())
-                .collect(),
+            definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
         };
         let scene = match &self.scene {
             Some(path) => scene::load(path, &options, progress)?,

@@ -436,8 +436,13 @@ fn with_names(original: &str, definition: &str, message: String) -> String {
 
 impl Text<'_> {
     fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
-        toml::from_str(self.text)
-            .map_err(|error| self.refuse(error.span().map_or(0, |span| span.start), with_suggestion(error.message())))
+        toml::from_str(self.text).map_err(|error| {
+            let mut message = with_suggestion(error.message());
+            if Path::new(&self.name).extension().is_some_and(|ending| ending != "toml") {
+                message += "; this is no scene: scenes are TOML files";
+            }
+            self.refuse(error.span().map_or(0, |span| span.start), message)
+        })
     }
 
     /// The error of the byte `byte` of the text: of the definition that put it there, else of its place in the file.

@@ -48,7 +48,9 @@ impl Phantom {
         }
     }
 
-    fn default_dims(self) -> [usize; 3] {
+    /// Its voxels along x, y and z, where none are asked for.
+    #[must_use]
+    pub fn dims(self) -> [usize; 3] {
         match self {
             Self::Slab | Self::Shells | Self::Gaussian => [64; 3],
             Self::MarschnerLobb => [41; 3],
@@ -83,7 +85,7 @@ impl Volume {
     /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
     /// more than there is memory for.
     pub fn phantom(phantom: Phantom, dims: Option<[usize; 3]>) -> Result<Self, VolumeError> {
-        let dims = dims.unwrap_or(phantom.default_dims());
+        let dims = dims.unwrap_or(phantom.dims());
         match phantom {
             Phantom::Slab => slab(dims, SLAB_VALUE),
             Phantom::Shells => shells(dims),
