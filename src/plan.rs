@@ -659,6 +659,8 @@ impl Planned {
         );
         let values = match plan.interpolation {
             Interpolation::Linear => "linear",
+            Interpolation::ExactLinear => "linear, in all bits of a number",
+            Interpolation::Cubic => "those of a cubic spline",
             Interpolation::Nearest => "those of the nearest voxel",
         };
         let entries = match plan.lookup {

@@ -121,7 +121,7 @@ impl Knob {
             Self::Storage => Choices::Names(vec!["f32", "f16"]),
             Self::Step => numbers(1e-2..=1e3, false, Growth::Times(2.0)),
             Self::Termination => numbers(0.0..=0.5, false, Growth::Times(10.0)),
-            Self::Interpolation => Choices::Names(vec!["nearest", "linear"]),
+            Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
             Self::Entries => numbers(2.0..=65536.0, true, Growth::Times(2.0)),
             Self::Lookup => Choices::Names(vec!["nearest", "linear"]),
             Self::Skipping => Choices::Names(vec!["on", "off"]),
@@ -160,7 +160,12 @@ impl Knob {
             }
             (Self::Termination, Value::Number(share)) => accuracy.termination = share,
             (Self::Interpolation, Value::Name(name)) => {
-                accuracy.interpolation = if name == "nearest" { Interpolation::Nearest } else { Interpolation::Linear };
+                accuracy.interpolation = match name {
+                    "nearest" => Interpolation::Nearest,
+                    "exact-linear" => Interpolation::ExactLinear,
+                    "cubic" => Interpolation::Cubic,
+                    _ => Interpolation::Linear,
+                };
             }
             (Self::Entries, Value::Number(entries)) => scene.transfer.entries = Some(whole(entries)),
             (Self::Lookup, Value::Name(name)) => {

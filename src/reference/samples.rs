@@ -189,7 +189,7 @@ fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
     step.opacity.extend(table.opacity[i * table.passed..][..table.passed].iter().map(number));
 }
 
-/// Between voxels: `texel` of the eight around `place` (texture coordinates), x first, or of the nearest.
+/// Between voxels: `texel` of those around `place` (texture coordinates), x first, or of the nearest.
 fn interpolate<R: Real, const N: usize>(
     place: [R; 3],
     dims: [usize; 3],
@@ -204,11 +204,34 @@ fn interpolate<R: Real, const N: usize>(
     let base = voxel.map(Real::floor);
     let fraction: [R; 3] = std::array::from_fn(|axis| voxel[axis] - base[axis]);
     let base = base.map(whole);
+    if interpolation == Interpolation::Cubic {
+        let [x, y, z] = fraction.map(cubic_weights);
+        let mix = |weights: [R; 4], parts: [[R; N]; 4]| -> [R; N] {
+            std::array::from_fn(|i| {
+                let sum = |sum: R, (weight, part): (&R, &[R; N])| *weight * part[i] + sum;
+                weights.iter().zip(&parts).fold(R::default(), sum)
+            })
+        };
+        let around = |at: i64| [at - 1, at, at + 1, at + 2];
+        let line = |y, z| mix(x, around(base[0]).map(|x| texel([x, y, z])));
+        let plane = |z| mix(y, around(base[1]).map(|y| line(y, z)));
+        return mix(z, around(base[2]).map(plane));
+    }
     let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
     let at = |x: i64, y: i64, z: i64| texel([base[0] + x, base[1] + y, base[2] + z]);
     let line = |y, z| lerp(at(0, y, z), at(1, y, z), fraction[0]);
     let plane = |z| lerp(line(0, z), line(1, z), fraction[1]);
     lerp(plane(0), plane(1), fraction[2])
+}
+
+/// What the four voxels around a place count for in a cubic B-spline.
+fn cubic_weights<R: Real>(f: R) -> [R; 4] {
+    let number = R::from_f64;
+    let rest = number(1.0) - f;
+    let first = rest * rest * rest / number(6.0);
+    let last = f * f * f / number(6.0);
+    let second = (number(3.0) * f - number(6.0)).mul_add(f * f, number(4.0)) / number(6.0);
+    [first, second, number(1.0) - first - second - last, last]
 }
 
 /// A whole number as an integer.

@@ -9,7 +9,7 @@ use super::{Key, RenderError, Renderer, Uploaded};
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
-use crate::scene::{Lookup, Scene, StoreAs};
+use crate::scene::{Interpolation, Lookup, Scene, StoreAs};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
 use crate::vulkan::{Buffer, Filter, Format, HostUse, Resource, Sampler, StorageImage};
@@ -182,6 +182,8 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
         .bool("LABELS", plan.labels)
+        .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
+        .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
         .u32("GROUP_WIDTH", group[0])
@@ -274,8 +276,9 @@ impl Renderer {
         let label_source = storage("label source", bytemuck::cast_slice(&label_table.source))?;
         let label_opacity = storage("label opacity", bytemuck::cast_slice(&label_table.opacity))?;
         let filter = match plan.interpolation {
-            crate::scene::Interpolation::Nearest => Filter::Nearest,
-            crate::scene::Interpolation::Linear => Filter::Linear,
+            Interpolation::Linear => Filter::Linear,
+            // The others fetch texels themselves.
+            Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
         let [vectors, passed] = formats(plan, StoreAs::Single);
@@ -492,7 +495,6 @@ impl Schedule {
 mod tests {
     use super::*;
     use crate::plan::{PositionCounts, ShadingTerms};
-    use crate::scene::Interpolation;
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
