@@ -211,13 +211,28 @@ fn fetch(place: vec3f) -> vec4f {
     return texel;
 }
 
+// What values a voxel behind and before differ by, along each axis.
+fn central_difference(place: vec3f) -> vec3f {
+    let voxel = 1.0 / vec3f(textureDimensions(volume));
+    let x = vec3f(voxel.x, 0.0, 0.0);
+    let y = vec3f(0.0, voxel.y, 0.0);
+    let z = vec3f(0.0, 0.0, voxel.z);
+    return vec3f(
+        fetch(place + x).x - fetch(place - x).x,
+        fetch(place + y).x - fetch(place - y).x,
+        fetch(place + z).x - fetch(place - z).x,
+    );
+}
+
 fn sample(place: vec3f) -> Step {
     var step: Step;
     let texel = fetch(place);
     var value = texel.x;
-    if (GRADIENT) {
+    if (STORED_GRADIENT) {
         value = texel.w;
         step.normal = unit(texel.xyz * march.gradient_scale);
+    } else if (GRADIENT) {
+        step.normal = unit(central_difference(place) * march.gradient_scale);
     }
     let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
     look_up(coordinate, &step);

@@ -8,7 +8,8 @@ use crate::model::{self, ColourModel, Ingredients, ModelError};
 use crate::number::readable;
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, StoreAs, positions,
+    AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, StoreAs,
+    VolumeAs, positions,
 };
 use crate::spectrum::{Light, Spectrum};
 
@@ -35,6 +36,10 @@ pub struct ScenePlan {
     pub lookup: Lookup,
     /// How values between voxels are made.
     pub interpolation: Interpolation,
+    /// How the volume is stored.
+    pub volume: VolumeAs,
+    /// Where gradients come from; [`Gradients::Packed`] where none are needed.
+    pub gradients: Gradients,
     /// Whether empty cells are leapt over.
     pub skipping: bool,
     /// How finished accumulators are stored.
@@ -253,6 +258,19 @@ impl ScenePlan {
         self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
+    /// Whether the gradient is stored beside the values.
+    #[must_use]
+    pub fn stores_gradient(&self) -> bool {
+        self.gradient() && self.gradients == Gradients::Packed
+    }
+
+    /// Whether the volume is stored as under `other`.
+    #[must_use]
+    pub fn is_stored_as(&self, other: &Self) -> bool {
+        let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients);
+        kept(self) == kept(other)
+    }
+
     /// How highlights are computed, if there are any.
     #[must_use]
     pub fn specular(&self) -> Option<Specular> {
@@ -406,18 +424,24 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
-    let plan = ScenePlan {
+    let shading = directed.then_some(ShadingTerms { diffuse, specular });
+    let mut plan = ScenePlan {
         accumulate,
         transmittance: transmittance(scene),
         positions: counts,
-        shading: directed.then_some(ShadingTerms { diffuse, specular }),
+        shading,
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         interpolation: scene.accuracy.interpolation,
+        volume: scene.accuracy.volume,
+        gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         storage: scene.accuracy.storage,
     };
+    if plan.gradient() {
+        plan.gradients = scene.accuracy.gradients;
+    }
     Planned { plan, materials, positions, model }
 }
 
@@ -638,11 +662,15 @@ impl Planned {
         sentences.push(match plan.shading.filter(|_| plan.gradient()) {
             None => "Nothing is shaded by the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "Surfaces get their {} by which way values change there, which is stored beside each value.",
+                "Surfaces get their {} by which way values change there, which is {}.",
                 match (terms.diffuse, terms.specular) {
                     (true, None) => "shading",
                     (false, _) => "highlights",
                     (true, Some(_)) => "shading and highlights",
+                },
+                match plan.gradients {
+                    Gradients::Packed => "stored beside each value",
+                    Gradients::Central => "taken from six values around each sample",
                 }
             ),
         });

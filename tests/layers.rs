@@ -22,6 +22,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
+    ("output", &["input", "model", "spectrum", "progress"]),
     (
         "measure",
         &[
@@ -40,7 +41,6 @@ const ARROWS: &[(&str, &[&str])] = &[
             "number",
         ],
     ),
-    ("output", &["input", "model", "spectrum", "progress"]),
     (
         "cli",
         &[

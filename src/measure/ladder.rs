@@ -262,8 +262,7 @@ impl<'a> Ladder<'a> {
         table: &TransferTable,
         progress: &dyn Progress,
     ) -> Result<Vec<DVec3>, LadderError> {
-        let gradient = planned.plan.gradient();
-        if self.kept.as_ref().is_none_or(|kept| kept.plan.gradient() != gradient) {
+        if self.kept.as_ref().is_none_or(|kept| !kept.plan.is_stored_as(&planned.plan)) {
             let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
             let volume = StoredVolume::new(&scene.volume, &storage);
             self.kept = Some(Kept { plan: planned.plan.clone(), storage, volume });

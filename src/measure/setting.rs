@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 
 use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable, whole};
-use crate::scene::{AccumulateAs, Interpolation, Lookup, Scene, StoreAs};
+use crate::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Scene, StoreAs, VolumeAs};
 
 /// What speed is traded for accuracy by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -27,6 +27,10 @@ pub enum Knob {
     Termination,
     /// How values between voxels are made.
     Interpolation,
+    /// How the volume is stored.
+    Volume,
+    /// Where gradients come from.
+    Gradients,
     /// Entries of the transfer table.
     Entries,
     /// How that is read.
@@ -61,7 +65,7 @@ pub(super) enum Growth {
 
 impl Knob {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Model,
         Self::K,
         Self::Accumulate,
@@ -69,6 +73,8 @@ impl Knob {
         Self::Step,
         Self::Termination,
         Self::Interpolation,
+        Self::Volume,
+        Self::Gradients,
         Self::Entries,
         Self::Lookup,
         Self::Skipping,
@@ -86,6 +92,8 @@ impl Knob {
             Self::Step => "step",
             Self::Termination => "termination",
             Self::Interpolation => "interpolation",
+            Self::Volume => "volume",
+            Self::Gradients => "gradients",
             Self::Entries => "entries",
             Self::Lookup => "lookup",
             Self::Skipping => "skipping",
@@ -104,6 +112,8 @@ impl Knob {
             Self::Step => "distance of samples, in voxels",
             Self::Termination => "share of light at which a ray ends",
             Self::Interpolation => "values between voxels",
+            Self::Volume => "how voxels are stored",
+            Self::Gradients => "where gradients come from",
             Self::Entries => "entries of the transfer table",
             Self::Lookup => "reading the transfer table",
             Self::Skipping => "leaping over empty space",
@@ -122,6 +132,8 @@ impl Knob {
             Self::Step => numbers(1e-2..=1e3, false, Growth::Times(2.0)),
             Self::Termination => numbers(0.0..=0.5, false, Growth::Times(10.0)),
             Self::Interpolation => Choices::Names(vec!["nearest", "linear", "exact-linear", "cubic"]),
+            Self::Volume => Choices::Names(vec!["auto", "f32", "u16"]),
+            Self::Gradients => Choices::Names(vec!["packed", "central"]),
             Self::Entries => numbers(2.0..=65536.0, true, Growth::Times(2.0)),
             Self::Lookup => Choices::Names(vec!["nearest", "linear"]),
             Self::Skipping => Choices::Names(vec!["on", "off"]),
@@ -166,6 +178,16 @@ impl Knob {
                     "cubic" => Interpolation::Cubic,
                     _ => Interpolation::Linear,
                 };
+            }
+            (Self::Volume, Value::Name(name)) => {
+                accuracy.volume = match name {
+                    "f32" => VolumeAs::Single,
+                    "u16" => VolumeAs::Short,
+                    _ => VolumeAs::Auto,
+                };
+            }
+            (Self::Gradients, Value::Name(name)) => {
+                accuracy.gradients = if name == "central" { Gradients::Central } else { Gradients::Packed };
             }
             (Self::Entries, Value::Number(entries)) => scene.transfer.entries = Some(whole(entries)),
             (Self::Lookup, Value::Name(name)) => {

@@ -11,11 +11,11 @@ use super::difference::{Difference, delta_e};
 use super::ladder::{Cause, Ladder, LadderError, Lattice};
 use super::setting::Setting;
 use crate::number::{count, whole};
-use crate::plan::{PlanError, Planned, plan};
+use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Progress;
 use crate::reference::ReferenceError;
 use crate::render::{RenderError, Renderer, Uploaded};
-use crate::scene::{Interpolation, Mix, Scene};
+use crate::scene::{Mix, Scene};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::TransferTable;
 use crate::vulkan::DeviceKind;
@@ -167,8 +167,7 @@ pub struct CloseUp {
 
 /// A volume on the device, and what it was put there for.
 struct Resident {
-    gradient: bool,
-    interpolation: Interpolation,
+    plan: ScenePlan,
     uploaded: Uploaded,
     cost: Cost,
 }
@@ -353,8 +352,8 @@ impl<'a> Survey<'a> {
 
     /// Puts the volume onto the device as `planned` needs it, unless it is there.
     fn upload(&mut self, scene: &Scene, planned: &Planned, progress: &dyn Progress) -> Result<(), SurveyError> {
-        let (gradient, interpolation) = (planned.plan.gradient(), planned.plan.interpolation);
-        let fits = |it: &Resident| it.gradient == gradient && it.interpolation == interpolation;
+        let interpolation = planned.plan.interpolation;
+        let fits = |it: &Resident| it.plan.is_stored_as(&planned.plan) && it.plan.interpolation == interpolation;
         if self.resident.as_ref().is_some_and(fits) {
             return Ok(());
         }
@@ -366,7 +365,7 @@ impl<'a> Survey<'a> {
             runs.push((clock.read(), None));
             if run + 1 == WARM_UP + self.options.runs {
                 let cost = Cost::of(&runs[WARM_UP..]);
-                self.resident = Some(Resident { gradient, interpolation, uploaded, cost });
+                self.resident = Some(Resident { plan: planned.plan.clone(), uploaded, cost });
             }
         }
         Ok(())

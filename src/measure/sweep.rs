@@ -4,13 +4,15 @@ use super::setting::{Choices, Growth, Knob, Setting, Value};
 use crate::number::readable;
 
 /// What is swept where nobody says what: each knob by itself, from the scene's own setting.
-const USUAL: [&str; 10] = [
+const USUAL: [&str; 12] = [
     "k=3,4,6,8,12",
     "model=nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted",
     "storage=f16",
     "step=0.25..4",
     "termination=0,0.001,0.01,0.1",
     "interpolation=nearest,exact-linear,cubic",
+    "volume=f32",
+    "gradients=central",
     "entries=64,256,4096",
     "lookup=nearest",
     "skipping=off",

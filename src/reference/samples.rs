@@ -147,6 +147,15 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let value = fetched[if volume.has_gradient { 3 } else { 0 }];
         if volume.has_gradient {
             step.normal = unit(std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]));
+        } else if self.planned.plan.gradient() {
+            let at = |place| interpolate(place, volume.dims, self.planned.plan.interpolation, texel)[0];
+            step.normal = unit(std::array::from_fn(|axis| {
+                let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
+                let (mut before, mut after) = (place, place);
+                before[axis] = place[axis] - voxel;
+                after[axis] = place[axis] + voxel;
+                (at(after) - at(before)) * self.gradient_scale[axis]
+            }));
         }
         let row = self.labels.map_or(0, |(labels, _)| labels.rows[nearest(place, volume.dims)]);
         if let (Some((_, table)), true) = (self.labels, row > 0) {

@@ -174,6 +174,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("POINT", unsigned(plan.positions.point))
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
+        .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
@@ -495,6 +496,7 @@ impl Schedule {
 mod tests {
     use super::*;
     use crate::plan::{PositionCounts, ShadingTerms};
+    use crate::scene::{Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
@@ -506,6 +508,8 @@ mod tests {
             background: false,
             lookup: Lookup::Nearest,
             interpolation: Interpolation::Linear,
+            volume: VolumeAs::Auto,
+            gradients: Gradients::Packed,
             skipping: true,
             storage: StoreAs::Single,
         }

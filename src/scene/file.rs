@@ -14,9 +14,9 @@ use toml::{Spanned, Table, Value};
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
-    AccumulateAs, Accuracy, Aim, Camera, Dial, Display, Interpolation, LabelEntry, Labels, Lookup, Material,
+    AccumulateAs, Accuracy, Aim, Camera, Dial, Display, Gradients, Interpolation, LabelEntry, Labels, Lookup, Material,
     MaterialCurve, OPAQUE_DEPTH, Placement, Projection, Scene, SceneError, SceneLight, Shading, Situation, StoreAs,
-    Term, Transfer,
+    Term, Transfer, VolumeAs,
 };
 use crate::input;
 use crate::model::{LARGEST_DIMENSION, ModelKind};
@@ -349,6 +349,10 @@ struct AccuracyFile {
     #[serde(default)]
     interpolation: Interpolation,
     #[serde(default)]
+    volume: VolumeAs,
+    #[serde(default)]
+    gradients: Gradients,
+    #[serde(default)]
     accumulate: AccumulateAs,
     #[serde(default)]
     model: ModelKind,
@@ -641,6 +645,8 @@ impl Text<'_> {
             termination,
             skipping: file.accuracy.skipping.unwrap_or(true),
             interpolation: file.accuracy.interpolation,
+            volume: file.accuracy.volume,
+            gradients: file.accuracy.gradients,
             accumulate: file.accuracy.accumulate,
             model: file.accuracy.model,
             tolerance,

@@ -94,7 +94,7 @@ fn moved(knob: Knob) -> Option<Cause> {
         Knob::Step => Some(Cause::Step),
         Knob::Termination => Some(Cause::Termination),
         Knob::Interpolation => Some(Cause::Interpolation),
-        Knob::Storage | Knob::Entries | Knob::Lookup => Some(Cause::Tables),
+        Knob::Storage | Knob::Volume | Knob::Gradients | Knob::Entries | Knob::Lookup => Some(Cause::Tables),
         Knob::Scale => Some(Cause::Resolution),
         Knob::Skipping => None,
     }
