@@ -508,6 +508,12 @@ fn longest_way(scene: &Scene) -> f64 {
 }
 
 impl Planned {
+    /// The plan of `scene`, which is the one that this is of but for its camera, its crop and how it is displayed.
+    #[must_use]
+    pub fn seen_otherwise(&self, scene: &Scene) -> Self {
+        planned(scene, self.model.clone())
+    }
+
     /// What the light of `scene` can meet, under its own lights.
     #[must_use]
     pub fn ingredients(&self, scene: &Scene) -> Ingredients {

@@ -302,6 +302,25 @@ fn bench_measures_reading_beside_decoding() {
 }
 
 #[test]
+fn bench_measures_reading_beside_decoding_for_every_compression() {
+    let folder = Folder::new();
+    for (file, stream) in [
+        ("vti/raw_zlib_little_32.vti", "zlib"),
+        ("vti/base64_lz4_big_64.vti", "lz4"),
+        ("vti/binary_lzma_little_32.vti", "lzma"),
+        ("hostile/nrrd/bzip2", "bzip2"),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file);
+        let arguments = ["bench", "load", "--volume", path.to_str().unwrap(), "--frames", "3", "--json"];
+        let load = folder.done(&arguments).json()["load"].clone();
+        assert_eq!(load["stream"], stream, "{file}");
+        // As many bytes come out as there are voxels.
+        let decoded = load["bare_mb_s"].as_f64().unwrap() * load["bare"]["cpu_ms"]["median"].as_f64().unwrap() / 1e3;
+        assert!((decoded - load["voxels_mb"].as_f64().unwrap()).abs() < 1e-9, "{load}");
+    }
+}
+
+#[test]
 fn written_shaders_pass_their_own_check_until_a_byte_changes() {
     let folder = Folder::new();
     folder.done(&["shaders", "--write", "--folder", "."]);

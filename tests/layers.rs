@@ -42,8 +42,16 @@ const ARROWS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "view",
+        &[
+            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
+            "progress", "number",
+        ],
+    ),
+    (
         "cli",
         &[
+            "view",
             "input",
             "measure",
             "memory",

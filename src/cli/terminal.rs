@@ -25,9 +25,9 @@ use tracing_subscriber::registry::LookupSpan;
 /// The exit code of what Ctrl-C ended: 128 and the number of the signal, as shells have it.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// How long work has to notice Ctrl-C, and to end in its own way; people notice three times that.
+/// How long work has to notice Ctrl-C, and to end in its own way; people notice six times that.
 #[cfg(unix)]
-const PATIENCE: Duration = Duration::from_millis(100);
+const PATIENCE: Duration = Duration::from_millis(50);
 
 /// The same where what is finished is still written.
 #[cfg(unix)]
@@ -93,6 +93,7 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
     let has_rows = Arc::clone(has_rows);
     let wait = move || {
         if heard.read_exact(&mut [0]).is_ok() {
+            wake_all();
             std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
             relume::output::discard_unfinished();
             complain(&super::CliError::Failed("interrupted".to_owned()));
@@ -102,6 +103,24 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
     };
     std::thread::Builder::new().name("ctrl-c".to_owned()).spawn(wait).map(drop)
 }
+
+/// Lets every thread of the program end as soon as any other, as far as the system allows that. Mesa's shader cache has one
+/// of the lowest priority: while other programs compute, it takes seconds to end, and frees all memory where it is last.
+#[cfg(target_os = "linux")]
+fn wake_all() {
+    use rustix::process::{Pid, setpriority_process};
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    for thread in threads {
+        let id = thread.file_name().to_str().and_then(|id| id.parse().ok()).and_then(Pid::from_raw);
+        if let Some(id) = id {
+            setpriority_process(Some(id), 0).ok();
+        }
+    }
+}
+
+/// Only Linux has priorities of threads that this program knows of.
+#[cfg(not(target_os = "linux"))]
+fn wake_all() {}
 
 /// A second Ctrl-C does not wait for the work to notice.
 #[cfg(not(unix))]
@@ -180,8 +199,13 @@ pub(crate) fn print(text: &str) {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
-/// Prints an error and its causes, in one line each.
+/// Prints an error and its causes, in one line each; nothing of a second one, when two threads end the program.
 pub(crate) fn complain(error: &dyn std::error::Error) {
+    static TOLD: Mutex<bool> = Mutex::new(false);
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    if std::mem::replace(&mut *told, true) {
+        return;
+    }
     let mut text = format!("error: {error}\n");
     let mut cause = error.source();
     while let Some(error) = cause {

@@ -11,7 +11,7 @@ mod upload;
 use std::collections::HashMap;
 use std::sync::Mutex;
 
-pub use march::{Accumulators, Dispatching, MarchUniform};
+pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
