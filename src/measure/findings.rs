@@ -8,14 +8,21 @@ use super::survey::Measured;
 use super::table::short;
 use crate::model::ModelKind;
 
+/// What times and errors may differ by and still count as equal: measuring again makes as much.
+const ALIKE: f64 = 1.05;
+
 /// Marks the rows that no other row beats: none is as fast and closer to the truth, or as close and faster. Closeness is p95
-/// of ΔE00.
+/// of ΔE00. Of rows that are alike in both the first is marked.
 pub fn mark_pareto(rows: &mut [Measured]) {
     let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.frame_ms, row.error.delta_e.p95]).collect();
-    for (row, [time, error]) in rows.iter_mut().zip(&points) {
-        row.pareto = !points.iter().any(|[other_time, other_error]| {
-            other_time <= time && other_error <= error && (other_time < time || other_error < error)
-        });
+    for (index, row) in rows.iter_mut().enumerate() {
+        let point = points[index];
+        let beats = |(other_index, other): (usize, &[f64; 2])| {
+            let as_good = other.iter().zip(point).all(|(other, own)| *other <= own * ALIKE);
+            let better = other.iter().zip(point).any(|(other, own)| *other * ALIKE < own);
+            as_good && (better || other_index < index)
+        };
+        row.pareto = !points.iter().enumerate().any(beats);
     }
 }
 
