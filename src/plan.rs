@@ -8,10 +8,11 @@ use std::sync::Arc;
 
 use needs::{exponents, is_constant, longest_way, transmittance};
 
-use crate::model::{self, ColourModel, ModelError, ModelKind};
+use crate::model::{self, ColourModel, ModelError};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, positions,
+    AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
+    positions,
 };
 use crate::spectrum::Light;
 
@@ -38,6 +39,10 @@ pub struct ScenePlan {
     pub lookup: Lookup,
     /// How values between voxels are made.
     pub interpolation: Interpolation,
+    /// How the volume is stored.
+    pub volume: VolumeAs,
+    /// Where gradients come from; [`Gradients::Packed`] where none are needed.
+    pub gradients: Gradients,
     /// Whether empty cells are leapt over.
     pub skipping: bool,
     /// How finished accumulators are stored.
@@ -256,6 +261,19 @@ impl ScenePlan {
         self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
+    /// Whether the gradient is stored beside the values.
+    #[must_use]
+    pub fn stores_gradient(&self) -> bool {
+        self.gradient() && self.gradients == Gradients::Packed
+    }
+
+    /// Whether the volume is stored as under `other`.
+    #[must_use]
+    pub fn is_stored_as(&self, other: &Self) -> bool {
+        let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients);
+        kept(self) == kept(other)
+    }
+
     /// How highlights are computed, if there are any.
     #[must_use]
     pub fn specular(&self) -> Option<Specular> {
@@ -364,7 +382,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
                 Ok(model)
             };
             let model = checked(dimension)?;
-            if dimension > 1 && kind != ModelKind::Rgb {
+            if dimension > 1 && !kind.is_rgb() {
                 warn_of_fewer(&model, &checked(dimension - 1)?);
             }
             Some(model)
@@ -432,18 +450,24 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
-    let plan = ScenePlan {
+    let shading = directed.then_some(ShadingTerms { diffuse, specular });
+    let mut plan = ScenePlan {
         accumulate,
         transmittance: transmittance(scene),
         positions: counts,
-        shading: directed.then_some(ShadingTerms { diffuse, specular }),
+        shading,
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         interpolation: scene.accuracy.interpolation,
+        volume: scene.accuracy.volume,
+        gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         storage: scene.accuracy.storage,
     };
+    if plan.gradient() {
+        plan.gradients = scene.accuracy.gradients;
+    }
     Planned { plan, materials, positions, model }
 }
 

@@ -22,9 +22,12 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
+    ("output", &["input", "model", "spectrum", "progress"]),
     (
         "measure",
         &[
+            "input",
+            "output",
             "vulkan",
             "render",
             "reference",
@@ -38,7 +41,6 @@ const ARROWS: &[(&str, &[&str])] = &[
             "number",
         ],
     ),
-    ("output", &["input", "model", "spectrum", "progress"]),
     (
         "view",
         &[

@@ -281,7 +281,7 @@ fn a_node_more_than_materials_is_exact_without_coloured_absorption() {
 #[test]
 fn white_is_ones() {
     for kind in ModelKind::ALL {
-        let dimension = if kind == ModelKind::Rgb { 3 } else { 7 };
+        let dimension = if kind.is_rgb() { 3 } else { 7 };
         let model = fit(&coloured(), kind, dimension, &Quiet).unwrap();
         let white = model.coefficients(&Spectrum::constant(1.0));
         assert!(white.iter().all(|part| (part - 1.0).abs() <= 1e-9), "{kind}: {white:?}");
@@ -348,7 +348,7 @@ fn a_model_of_stored_parts_fits_new_lights_to_the_same_bits() {
     #[expect(clippy::cast_possible_truncation, reason = "what a file of f32 does")]
     let stored = |spectrum: &Spectrum| Spectrum::from_samples(spectrum.samples().map(|s| f64::from(s as f32)));
     for kind in ModelKind::ALL {
-        let dimension = if kind == ModelKind::Rgb { 3 } else { 6 };
+        let dimension = if kind.is_rgb() { 3 } else { 6 };
         let model = fit(&coloured(), kind, dimension, &Quiet).unwrap();
         let vectors = (kind != ModelKind::Nodes).then(|| model.cloud_vectors().to_vec());
         let cloud = model.cloud().iter().map(stored).collect();
@@ -599,7 +599,7 @@ fn unusual_scenes_have_finite_models() {
     ];
     for (number, ingredients) in scenes.iter().enumerate() {
         for kind in ModelKind::ALL {
-            for dimension in if kind == ModelKind::Rgb { [3, 3] } else { [1, 16] } {
+            for dimension in if kind.is_rgb() { [3, 3] } else { [1, 16] } {
                 let model = fit(ingredients, kind, dimension, &Quiet);
                 let model = model.unwrap_or_else(|error| panic!("scene {number}, {kind}, k = {dimension}: {error}"));
                 assert_eq!(model.dimension(), dimension);

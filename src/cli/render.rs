@@ -20,6 +20,7 @@ use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Bits, PictureKind, picture_kind};
+use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::scene::{LightArgs, SceneArgs, size};
 use super::{CliError, Report};
@@ -56,14 +57,20 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
     /// Render on the CPU with all 81 bands in f64: slow, and the truth.
-    #[arg(long, conflicts_with = "device")]
+    #[arg(long, conflicts_with_all = ["device", "goal"])]
     reference: bool,
+    #[command(flatten)]
+    goal: GoalArgs,
     /// Save what the march left, for `relume relight` (layout: documentation of `output::accumulators`).
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
+}
+
+fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
+    Ok(Renderer::new(Device::open(&args.device, Validation::Off)?))
 }
 
 /// What was marched, wherever that was.
@@ -122,6 +129,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     warn_of_odd_values(&statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
     let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
+    let choice = match args.goal.goal() {
+        Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
+        None => None,
+    };
+    let scene = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
     // The reference computes all wavelengths, and needs no model but for accumulators.
@@ -142,7 +154,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
     let wanted = Wanted {
-        linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some(),
+        linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
         display: kinds.iter().any(ready),
         accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
         bands: args.spectral.is_some() && args.reference,
@@ -178,6 +190,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         files::to_file(&scene, &planned, accumulation).write(path)?;
     }
     let written = clock.read();
+    let checked = match (&choice, &marched.linear) {
+        (Some(choice), Some(linear)) => {
+            Some(super::goal::checked(choice, &args.goal, &scene, &mix, args.size, linear, progress)?)
+        }
+        _ => None,
+    };
 
     let mut times = vec![("load", loaded)];
     times.extend(marched.times);
@@ -188,7 +206,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (Some(model), Some(learnt)) => learnt.text(model),
         _ => String::new(),
     };
-    let text = format!("wrote {}\n{new}{}\n", listed.join(", "), spent.join(", "));
+    let kept = checked.as_ref().map_or("", |(text, _)| text);
+    let text = format!("wrote {}\n{new}{}\n{kept}", listed.join(", "), spent.join(", "));
     let times: serde_json::Map<String, serde_json::Value> =
         times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
@@ -200,6 +219,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         "march": marched.details,
         "peak_mb": peak_mb(),
     });
+    if let Some((_, choice)) = checked {
+        json["choice"] = choice;
+    }
     if args.spectral.is_some() {
         json["reconstruction"] = json!(reconstruction);
     }
@@ -309,7 +331,7 @@ fn on_device(
     progress: &dyn Progress,
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
-    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let renderer = renderer_for(args)?;
     renderer.check_picture(&planned.plan, args.size, 0)?;
     let opened = clock.read();
     let clock = Stopwatch::start();

@@ -139,7 +139,7 @@ impl ColourModel {
     ) -> Result<Self, ModelError> {
         let wrong = |problem: String| Err(ModelError::Parts { problem });
         let dimension = projection.len();
-        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind == ModelKind::Rgb && dimension != 3 {
+        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind.is_rgb() && dimension != 3 {
             return wrong(format!("the model {kind} cannot have {dimension} coefficients"));
         }
         if cloud.is_empty() {
@@ -223,8 +223,11 @@ impl ColourModel {
             ModelKind::Sharpened(Order::Step) => format!("{k} sharpened factor{plural}, each step's light projected"),
             ModelKind::Sharpened(Order::Semigroup) => format!("{k} sharpened factor{plural}, absorption projected"),
             ModelKind::Bands => format!("{k} uniform band{plural} from 400 to 700 nm"),
-            ModelKind::Rgb if self.projection == fixed::rgb() => "RGB, not prefiltered".to_owned(),
-            ModelKind::Rgb => "RGB, prefiltered by D65".to_owned(),
+            ModelKind::RgbFitted => "RGB, prefiltered by D65, with a matrix fitted to each light".to_owned(),
+            ModelKind::Rgb | ModelKind::RgbNaive if self.projection == fixed::rgb() => {
+                "RGB, not prefiltered".to_owned()
+            }
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => "RGB, prefiltered by D65".to_owned(),
         }
     }
 
@@ -384,12 +387,12 @@ impl ColourModel {
         }
         let target = Target::new(&self.cloud, light);
         let xyz = match self.kind {
-            ModelKind::Nodes | ModelKind::Bands => {
+            ModelKind::Nodes | ModelKind::Bands | ModelKind::RgbFitted => {
                 let fitted = lawson::fit(&self.vectors, self.dimension(), &target, &target.forms());
                 return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
             }
             ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
-            ModelKind::Rgb => fixed::rgb_matrix(light),
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => fixed::rgb_matrix(light),
         };
         let error = ErrorSummary::of(&target.errors(&self.vectors, &xyz));
         LightMatrix { xyz, error, unseen: None }

@@ -3,7 +3,7 @@
 use super::{Planned, Transmittance, narrower};
 use crate::model::ModelKind;
 use crate::number::readable;
-use crate::scene::{AccumulateAs, Accuracy, Interpolation, Lookup, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
 
 impl Planned {
     /// Sentences on what the scene's accuracy states and this plan has no use for.
@@ -142,11 +142,15 @@ impl Planned {
         sentences.push(match plan.shading.filter(|_| plan.gradient()) {
             None => "Nothing is shaded by the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "Surfaces get their {} by which way values change there, which is stored beside each value.",
+                "Surfaces get their {} by which way values change there, which is {}.",
                 match (terms.diffuse, terms.specular) {
                     (true, None) => "shading",
                     (false, _) => "highlights",
                     (true, Some(_)) => "shading and highlights",
+                },
+                match plan.gradients {
+                    Gradients::Packed => "stored beside each value",
+                    Gradients::Central => "taken from six values around each sample",
                 }
             ),
         });
@@ -163,6 +167,8 @@ impl Planned {
         );
         let values = match plan.interpolation {
             Interpolation::Linear => "values change evenly from one to the next",
+            Interpolation::ExactLinear => "values change evenly from one to the next, in all bits of a number",
+            Interpolation::Cubic => "values follow a smooth curve, a cubic spline",
             Interpolation::Nearest => "a place has the value of the nearest",
         };
         let entries = match plan.lookup {

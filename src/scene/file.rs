@@ -421,6 +421,8 @@ impl Text<'_> {
             termination,
             skipping: file.accuracy.skipping.unwrap_or(true),
             interpolation: file.accuracy.interpolation,
+            volume: file.accuracy.volume,
+            gradients: file.accuracy.gradients,
             accumulate: file.accuracy.accumulate,
             model: file.accuracy.model,
             tolerance,

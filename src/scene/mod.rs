@@ -166,6 +166,10 @@ pub enum Interpolation {
     /// Trilinear, by the device's own filter.
     #[default]
     Linear,
+    /// Trilinear in f32: eight fetches in place of one. Moves the device's error where its filter has few bits.
+    ExactLinear,
+    /// A cubic B-spline, 64 fetches: smoother surfaces, and details of a voxel or two softer.
+    Cubic,
 }
 
 /// The knobs; each says what it costs and which error it moves.
@@ -180,6 +184,10 @@ pub struct Accuracy {
     pub skipping: bool,
     /// How values between voxels are made.
     pub interpolation: Interpolation,
+    /// How the volume is stored.
+    pub volume: VolumeAs,
+    /// Where gradients come from, where shading needs them.
+    pub gradients: Gradients,
     /// What pixels store.
     pub accumulate: AccumulateAs,
     /// What carries spectra where pixels store no weights.
@@ -191,6 +199,32 @@ pub struct Accuracy {
     /// How finished accumulators are stored: 16 bits take half the memory and move colours by up to what
     /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error) says.
     pub storage: StoreAs,
+}
+
+/// How voxels are stored on a device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+pub enum VolumeAs {
+    /// In 16 bits where that loses nothing, else in f32.
+    #[default]
+    #[serde(rename = "auto")]
+    Auto,
+    /// In f32: twice the memory, and gradients that are not rounded to 16 bits.
+    #[serde(rename = "f32")]
+    Single,
+    /// In 16 bits, whatever that loses: half the memory of f32.
+    #[serde(rename = "u16")]
+    Short,
+}
+
+/// Where gradients come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gradients {
+    /// Central differences of voxels, stored beside the values: four times the memory, one fetch.
+    #[default]
+    Packed,
+    /// Central differences of values a voxel before and behind a sample: seven fetches.
+    Central,
 }
 
 /// How the numbers of finished accumulators are stored.

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use super::super::{AccumulateAs, Interpolation, Lookup, Shading, StoreAs};
+use super::super::{AccumulateAs, Gradients, Interpolation, Lookup, Shading, StoreAs, VolumeAs};
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
 use crate::spectrum::SpectrumSource;
@@ -207,6 +207,10 @@ pub(super) struct AccuracyFile {
     pub(super) skipping: Option<bool>,
     #[serde(default)]
     pub(super) interpolation: Interpolation,
+    #[serde(default)]
+    pub(super) volume: VolumeAs,
+    #[serde(default)]
+    pub(super) gradients: Gradients,
     #[serde(default)]
     pub(super) accumulate: AccumulateAs,
     #[serde(default)]
