@@ -14,6 +14,7 @@ use relume::render::Renderer;
 use relume::scene::Mix;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
+use super::extremes;
 use super::files;
 use super::goal::{self, GoalArgs};
 use super::scene::{SceneArgs, size};
@@ -24,6 +25,7 @@ Examples:
   relume measure -o report.html                       every knob of the scene that is part of the program
   relume measure scene.toml --sweep k=3..12,step=0.25..4 --csv
   relume measure scene.toml --sweep model=nodes,rgb-fitted --sweep storage=f16 --markdown
+  relume measure --extremes                           what comes out at the extremes, beside what must
 
 Errors are ΔE00 (1 can just be seen side by side) against the full spectrum of 81 wavelengths in f64, with exact samples at
 an eighth of the shortest step and rays followed to their ends, in pixels of the picture that show something. They are split
@@ -63,6 +65,13 @@ pub(crate) struct Args {
     /// Print the table as Markdown.
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
+    /// Ask for the extremes in place of a scene: what must come out where numbers are largest, smallest or none at all, from
+    /// f64 to the device, each beside its bound. Ends with 1 where one does not hold.
+    #[arg(long, conflicts_with_all = [
+        "SceneArgs", "DefineArgs", "AccuracyArgs", "SelectionArgs", "RawArgs", "goal", "sweep", "size", "pixels", "runs",
+        "output",
+    ])]
+    extremes: bool,
     /// Report to write (repeatable): .html is one page with everything, .svg and .png are the trade as a picture.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
@@ -77,6 +86,9 @@ struct Outcome {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    if args.extremes {
+        return extremes::run(&args.device, args.csv, args.markdown, progress);
+    }
     let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
     let outputs: Vec<&PathBuf> = args.output.iter().collect();
     let kinds: Vec<ReportKind> = outputs.iter().map(|path| report_kind(path)).collect::<Result<_, _>>()?;

@@ -6,6 +6,7 @@ mod bench_load;
 mod bench_model;
 mod design;
 mod dial;
+mod extremes;
 mod figures;
 mod files;
 mod goal;
@@ -192,8 +193,9 @@ pub(crate) fn main() -> ExitCode {
             report.json["warnings"] = terminal.warnings().into();
             // A result may be what was done before Ctrl-C.
             let interrupted = report.json["interrupted"] == true;
+            let missed = report.json["holds"] == false;
             terminal::print(&if cli.json { report.json_text() } else { report.text });
-            ExitCode::from(if interrupted { INTERRUPTED } else { 0 })
+            ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
         Err(error) => {
             terminal::complain(&error);

@@ -31,9 +31,9 @@ pub use model::{
     automatic_dimension, model_row,
 };
 pub use report::{Findings, html, trade};
+pub use rungs::{RungError, Rungs};
 pub use sample::{Checked, check};
 pub use setting::{Knob, Setting, Value};
 pub use survey::{CloseUp, Cost, Measured, Survey, SurveyError, SurveyOptions, Times};
 pub use sweep::{SweepError, settings};
 pub use table::{to_csv, to_markdown, to_text};
-pub use rungs::{RungError, Rungs};

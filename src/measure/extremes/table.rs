@@ -134,3 +134,43 @@ pub fn to_csv(rows: &[Row]) -> String {
     }
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::extremes::{Bound, Rung};
+
+    fn rows() -> Vec<Row> {
+        let row = |name: &str, measured: f64, said: Option<&str>| Row {
+            group: Group::Steps,
+            name: name.to_owned(),
+            rung: Rung::Single,
+            bound: 0.0,
+            derivation: Bound::EXACT,
+            measured,
+            holds: measured <= 0.0,
+            said: said.map(str::to_owned),
+        };
+        vec![row("none", 0.0, None), row("a \"long\" one", f64::NAN, Some("it ends, here"))]
+    }
+
+    #[test]
+    fn a_row_that_does_not_hold_is_counted_and_says_why() {
+        let text = to_text(&rows());
+        assert!(text.contains("NO") && text.contains("    it ends, here\n"), "{text}");
+        assert!(text.ends_with("1 of 2 rows does not hold.\n"), "{text}");
+        assert_eq!(text.matches(Bound::EXACT.why).count(), 1, "each bound is explained once: {text}");
+        assert!(to_markdown(&rows()).contains("(“it ends, here”) | f32 | 0 | NaN | NO |"), "{}", to_markdown(&rows()));
+    }
+
+    #[test]
+    fn csv_and_json_say_nothing_where_there_is_no_number() {
+        let csv = to_csv(&rows());
+        assert!(csv.contains("steps,\"a \"\"long\"\" one\",f32,0,,false,exact,\"it ends, here\"\n"), "{csv}");
+        let json = serde_json::to_value(rows()).unwrap_or_default();
+        assert!(
+            json[1]["measured"].is_null() && json[1]["rung"] == "f32" && json[0]["derivation"] == "exact",
+            "{json}"
+        );
+    }
+}
