@@ -273,6 +273,11 @@ fn a_sweep_or_a_report_that_cannot_be_is_refused_before_anything_is_read() {
     folder.refused(2, &["measure", "missing.toml", "--sweep", "k=99"], &["--sweep k=99", "from 1 to 16"]);
     folder.refused(2, &["measure", "missing.toml", "-o", "report.pdf"], &[".html, .svg or .png"]);
     folder.refused(2, &["measure", "--csv", "--markdown"], &["cannot be used with"]);
+    for other in
+        [&["missing.toml"][..], &["--sweep", "k=3"], &["--tolerance", "2"], &["--budget", "40"], &["-o", "r.html"]]
+    {
+        folder.refused(2, &[&["measure", "--extremes"], other].concat(), &["cannot be used with"]);
+    }
     folder.refused(1, &["measure", "missing.toml"], &["cannot read the scene"]);
 }
 
@@ -291,6 +296,26 @@ fn ctrl_c_keeps_the_rows_that_are_finished() {
     let rows = String::from_utf8(output.stdout).unwrap().lines().count();
     assert!((2..700).contains(&rows), "{rows} lines; {said}");
     assert!(std::fs::read_to_string(folder.path("report.html")).unwrap().contains("Interrupted"), "the report, too");
+}
+
+/// Those of `tests/stability.rs`, as far as they come in this time.
+#[test]
+fn extremes_are_rows_and_ctrl_c_keeps_those_that_are_finished() {
+    let folder = Folder::new();
+    let mut command = folder.command(&["measure", "--extremes", "--json"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&json["interrupted"], &json["holds"]), (&true.into(), &true.into()), "{json}");
+    let rows = json["rows"].as_array().unwrap();
+    assert!(rows.iter().any(|row| row["rung"] == "gpu" && row["group"] == "opacity"), "{json}");
+    for row in rows {
+        assert!(row["measured"].as_f64().unwrap() <= row["bound"].as_f64().unwrap() && row["holds"] == true, "{row}");
+        assert!(json["bounds"][row["derivation"].as_str().unwrap()].is_string(), "{row} says by what it is bound");
+    }
 }
 
 #[test]

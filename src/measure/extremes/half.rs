@@ -37,7 +37,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         overflows("X-rays that add up to 1e5", || shining("0.5", 1e5)),
         overflows("X-rays of reflectance 1e3 that add up to 1e3", || {
             let mut scene = shining("1e3", 1e3)?;
-            scene.accuracy = Slab { ..k8() }.scene()?.accuracy;
+            scene.accuracy = k8().scene()?.accuracy;
             Ok(scene)
         }),
         overflows("a reflectance of 1e6 in 8 numbers", || {
@@ -53,8 +53,7 @@ fn k8() -> Slab {
     Slab { accuracy: "accumulate = \"spectral\"\nk = 8".to_owned(), ..Slab::default() }
 }
 
-fn in_half(scene: Scene) -> Picture {
-    let mut scene = scene;
+fn in_half(mut scene: Scene) -> Picture {
     scene.accuracy.storage = StoreAs::Half;
     Picture::of(scene)
 }
