@@ -4,6 +4,7 @@ mod accuracy;
 mod bench;
 mod bench_load;
 mod bench_model;
+mod bench_palette;
 mod design;
 mod dial;
 mod figures;
@@ -69,7 +70,7 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure marching, relighting, reading and colour models, as a table or as JSON.
+    /// Measure marching, relighting, reading, colour models and palettes, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -100,7 +101,7 @@ pub(crate) enum CliError {
     Lights(#[from] ModelError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
-    #[error("cancelled; the pictures that were written are whole")]
+    #[error("interrupted; the pictures that were written are whole")]
     Cancelled,
     #[error("{0}")]
     Usage(String),
@@ -157,8 +158,14 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(error) => {
-            terminal::complain(&error);
-            ExitCode::from(exit_code(&error))
+            let code = exit_code(&error);
+            match error {
+                error @ CliError::Cancelled => terminal::complain(&error),
+                // Which part of the work heard it first does not matter.
+                _ if code == INTERRUPTED => terminal::complain(&CliError::Failed(terminal::TOLD.to_owned())),
+                error => terminal::complain(&error),
+            }
+            ExitCode::from(code)
         }
     }
 }
