@@ -219,13 +219,13 @@ impl Search<'_> {
             }
             let found = self.alternated(&run.next);
             self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            if found.squares < run.best.squares {
-                let is_first = run.best.squares.is_infinite();
-                let gain = run.best.squares - found.squares;
-                run.ended = found.worst <= EXACT || !is_first && gain <= LEAST_GAIN * run.best.squares;
-                // A model is fitted to each light anew, and follows no long way.
-                let stays = is_first || self.model.is_some();
-                run.stride = if stays { 0.0 } else { f64::max(STRIDE, LENGTHENED * run.stride) };
+            // Without open lights, or with a model that is fitted to each light anew, there is one way on, until it settles.
+            let settles = self.lights.is_empty() || self.model.is_some();
+            let is_first = run.best.squares.is_infinite();
+            let gain = run.best.squares - found.squares;
+            if settles || gain > 0.0 {
+                run.ended = found.worst <= EXACT || !is_first && gain.abs() <= LEAST_GAIN * run.best.squares;
+                run.stride = if is_first || settles { 0.0 } else { f64::max(STRIDE, LENGTHENED * run.stride) };
                 run.next = self.beyond(&run.best.spectra, &found.spectra, run.stride);
                 run.best = found;
             } else if run.stride > 0.0 {
@@ -233,7 +233,7 @@ impl Search<'_> {
                 run.stride = 0.0;
                 run.next = run.best.spectra.clone();
             } else {
-                // A model, and what relations are measured by, change with the spectra: what is worse may lead on.
+                // Bends and relations count otherwise each time: what is worse may lead on.
                 run.next = found.spectra;
                 run.setbacks += 1;
                 run.ended = run.setbacks > SETBACKS;
