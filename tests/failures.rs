@@ -214,7 +214,7 @@ fn ctrl_c_ends_work_that_does_not_listen_at_once() {
 #[test]
 fn ctrl_c_ends_designing_at_once() {
     let name = "one_light_each_of_eight.toml";
-    let examples = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes");
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes");
     let scene = format!("version = 1\n[volume]\nphantom = \"slab\"\n[palette]\nuse = \"{name}\"\n");
     let folder = Folder::new().with(name, std::fs::read(examples.join(name)).unwrap()).with("designed.toml", scene);
     ends_at_once(&folder, &["design", name], after(300));
