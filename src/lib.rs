@@ -15,6 +15,7 @@ pub mod scene;
 pub mod shader;
 pub mod spectrum;
 pub mod tables;
+pub mod view;
 pub mod volume;
 #[expect(unsafe_code, reason = "the one door to the Vulkan API")]
 pub mod vulkan;

@@ -1,16 +1,19 @@
 //! What one frame computes: what the scene needs at the accuracy asked for.
 
+mod explain;
 mod half;
+mod needs;
 
 use std::sync::Arc;
 
-use crate::model::{self, ColourModel, Ingredients, ModelError};
-use crate::number::readable;
+use needs::{exponents, is_constant, longest_way, transmittance};
+
+use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Interpolation, Lookup, Material, Placement, Position, Scene, Shading, StoreAs, positions,
+    AccumulateAs, Accuracy, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, positions,
 };
-use crate::spectrum::{Light, Spectrum};
+use crate::spectrum::Light;
 
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
@@ -309,6 +312,9 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let planned = chosen(scene, lights, progress)?;
     half::check(&planned, scene)?;
+    for told in planned.unused(scene) {
+        tracing::warn!("{told}");
+    }
     for told in planned.amplified(scene) {
         tracing::warn!("{}", told.trim_end_matches('.'));
     }
@@ -351,8 +357,16 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, Some(dimension)) => {
             let ingredients = ingredients();
-            let mut model = model::fit(&ingredients, kind, dimension, progress)?;
-            model.check_on(&model::unseen(&ingredients)?);
+            let unseen = model::unseen(&ingredients)?;
+            let checked = |dimension| -> Result<ColourModel, ModelError> {
+                let mut model = model::fit(&ingredients, kind, dimension, progress)?;
+                model.check_on(&unseen)?;
+                Ok(model)
+            };
+            let model = checked(dimension)?;
+            if dimension > 1 && kind != ModelKind::Rgb {
+                warn_of_fewer(&model, &checked(dimension - 1)?);
+            }
             Some(model)
         }
         (AccumulateAs::Auto | AccumulateAs::Spectral, None) => {
@@ -360,6 +374,18 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         }
     };
     Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
+}
+
+/// Says where a model with one number less than asked for does better.
+fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
+    let (asked, fewer) = (model.worst().max, smaller.worst().max);
+    if fewer < asked {
+        tracing::warn!(
+            "k = {} is better here than k = {}: colours differ by at most ΔE00 {fewer:.2}, not {asked:.2}",
+            smaller.dimension(),
+            model.dimension()
+        );
+    }
 }
 
 /// The most numbers of a colour model that take fewer vectors than the weights of `plan`.
@@ -421,102 +447,11 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     Planned { plan, materials, positions, model }
 }
 
-/// Different exponents of the highlights of `materials`, ascending.
-fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
-    let mut exponents: Vec<u32> =
-        materials.filter(|material| material.specular > 0.0).map(|material| material.exponent).collect();
-    exponents.sort_unstable();
-    exponents.dedup();
-    exponents
-}
-
-/// Grey exactly as long as everything's absorption, summed, is the same at all wavelengths.
-fn transmittance(scene: &Scene) -> Transmittance {
-    let coloured = |absorption: &[f64]| {
-        let mut sum = Spectrum::constant(0.0);
-        for (&depth, material) in absorption.iter().zip(&scene.materials) {
-            if let Some(shape) = material.absorption.as_ref().filter(|_| depth > 0.0) {
-                sum = &sum + &shape.spectrum().scaled(depth);
-            }
-        }
-        !is_constant(&sum)
-    };
-    // Between two bends the sum is a parabola at each wavelength, which three places settle.
-    let bends = scene.transfer.bends();
-    let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
-    let by_value = bends.iter().copied().chain(halves).any(|value| {
-        // Beside a jump, too.
-        [value.next_down(), value, value.next_up()]
-            .into_iter()
-            .any(|value| coloured(&scene.transfer.medium(value, scene.materials.len()).absorption))
-    });
-    let by_label = scene.labels.iter().flat_map(|labels| &labels.declared).any(|entry| {
-        let mut absorption = vec![0.0; scene.materials.len()];
-        if let Some(depth) = absorption.get_mut(entry.material) {
-            *depth = entry.absorption;
-        }
-        coloured(&absorption)
-    });
-    if by_value || by_label { Transmittance::Coloured } else { Transmittance::Grey }
-}
-
-/// Whether all samples are the same, but for rounding.
-fn is_constant(spectrum: &Spectrum) -> bool {
-    let samples = spectrum.samples();
-    let (low, high) = samples.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
-    high - low <= 1e-12 * high.abs()
-}
-
-/// The largest optical depth of absorption that a ray can meet: that of the value that absorbs most, by all that shows
-/// it, along the volume's diagonal.
-fn largest_depth(scene: &Scene) -> f64 {
-    let of_value = |value| scene.transfer.medium(value, scene.materials.len()).absorption.iter().sum();
-    let of_values = scene.transfer.bends().into_iter().map(of_value);
-    let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
-    of_values.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
-}
-
-/// The longest way through the volume, its diagonal, in opacity lengths.
-fn longest_way(scene: &Scene) -> f64 {
-    let geometry = &scene.volume.geometry;
-    let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(crate::number::count))).length();
-    diagonal / scene.transfer.opacity_length
-}
-
 impl Planned {
-    /// What the light of `scene` can meet, under its own lights.
+    /// The plan of `scene`, which is the one that this is of but for its camera, its crop and how it is displayed.
     #[must_use]
-    pub fn ingredients(&self, scene: &Scene) -> Ingredients {
-        let coloured = self.plan.transmittance == Transmittance::Coloured;
-        let absorbing: Vec<usize> =
-            (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
-        let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
-        Ingredients {
-            reflectances: self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
-            absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
-            background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
-            highlights: self.plan.specular().is_some(),
-            lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
-            largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
-        }
-    }
-
-    /// The largest ΔE00 that the model may add under further lights: the scene's tolerance, or, where k is stated, what
-    /// it adds under the scene's own lights, if that is more (to three decimals).
-    #[must_use]
-    pub fn tolerance(&self, scene: &Scene) -> f64 {
-        let Accuracy { tolerance, dimension, .. } = scene.accuracy;
-        let own = |light: &Light| scene.lights.iter().any(|known| known.spectrum == *light);
-        let lights = self.model.iter().flat_map(|model| model.lights()).filter(|(_, light, _)| own(light));
-        let worst = lights.map(|(.., matrix)| matrix.worst().max).fold(tolerance, f64::max);
-        if dimension.is_some() { (worst * 1000.0).ceil() / 1000.0 } else { tolerance }
-    }
-
-    /// Different exponents of highlights, ascending; none where the plan has no highlights.
-    #[must_use]
-    pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
-        let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
-        if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
+    pub fn seen_otherwise(&self, scene: &Scene) -> Self {
+        planned(scene, self.model.clone())
     }
 
     /// The most, in ΔE00, that storing finished accumulators in 16 bits changes a colour of at most white's brightness
@@ -526,182 +461,4 @@ impl Planned {
     pub fn half_precision_error(&self, scene: &Scene) -> Option<f64> {
         (self.plan.storage == StoreAs::Half).then(|| half::error(self, scene))
     }
-
-    /// A sentence for each material whose absorption the colour model would turn into amplification, and holds at 0.
-    #[must_use]
-    pub fn amplified(&self, scene: &Scene) -> Vec<String> {
-        let coloured = self.plan.transmittance == Transmittance::Coloured;
-        let Some(model) = self.model.as_ref().filter(|_| coloured) else { return Vec::new() };
-        let absorbing = scene.materials.iter().enumerate().filter(|&(m, _)| scene.absorbs(m));
-        let told = absorbing.filter_map(|(_, material)| {
-            let told = model.amplification(material.absorption.as_ref()?.spectrum())?;
-            Some(format!("Of {}, {told}.", material.name))
-        });
-        told.collect()
-    }
-
-    /// How colours are followed through the volume, what a pixel keeps of them, and how true they stay.
-    fn explain_colours(&self, scene: &Scene) -> Vec<String> {
-        let plan = &self.plan;
-        let name = |material: usize| scene.materials.get(material).map(|material| material.name.as_str());
-        let shown = || listed(self.materials.iter().filter_map(|&material| name(material)));
-        let absorbs = |material: &usize| scene.absorbs(*material);
-        let passes = match plan.transmittance {
-            Transmittance::Grey => "All wavelengths pass alike, whatever light meets on its way".to_owned(),
-            Transmittance::Coloured => format!(
-                "Light changes its colour on its way, as through stained glass, where it meets {}",
-                listed((0..scene.materials.len()).filter(absorbs).filter_map(name))
-            ),
-        };
-        let each = if plan.positions.total() > 1 { ", for each of the places that light comes from" } else { "" };
-        let kept = plan.components() * plan.positions.total() + plan.passed();
-        let mut sentences = Vec::new();
-        match &self.model {
-            None => {
-                let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
-                sentences.push(format!("{passes}: a pixel's colour follows exactly, under every light, from how much it shows of each material."));
-                sentences.push(format!(
-                    "So a pixel keeps how much it shows of {}{white}{each}, and how much light passes through: {kept} numbers in all.",
-                    shown()
-                ));
-            }
-            Some(model) => {
-                let followed = match model.nodes_nm() {
-                    Some(nodes) => format!(
-                        "at {} wavelengths ({} nm), chosen for this scene so that they stand for all others",
-                        nodes.len(),
-                        nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
-                    ),
-                    None => format!("by {} in place of all wavelengths", model.description()),
-                };
-                sentences.push(format!("{passes}. It is followed {followed}."));
-                sentences.extend(self.amplified(scene));
-                sentences.push(format!(
-                    "So a pixel keeps {} numbers of the light that comes back{each}, and {} of what passes through: {kept} in all.",
-                    plan.components(),
-                    plan.passed()
-                ));
-            }
-        }
-        sentences.push(
-            "No light's colour is in them: lights can be exchanged later, without computing the picture anew."
-                .to_owned(),
-        );
-        sentences.extend(self.explain_choice(scene));
-        if let Some(model) = &self.model {
-            let errors = model.lights().iter().map(|(name, _, matrix)| {
-                let error = matrix.worst();
-                format!("{:.2} and {:.2} under {name}", error.mean, error.max)
-            });
-            let errors: Vec<String> = errors.collect();
-            if !errors.is_empty() {
-                sentences.push(format!(
-                    "Compared with following all wavelengths, colours are off, on average and at most, by ΔE00 {} (a difference of 1 can just be seen side by side).",
-                    errors.join(", ")
-                ));
-            }
-        }
-        if let Some(error) = self.half_precision_error(scene) {
-            sentences.push(format!(
-                "A finished pixel is stored in 16 bits a number, {} bytes in all; that moves no colour by more than ΔE00 {error:.2}.",
-                plan.pixel_bytes()
-            ));
-        }
-        let hidden = || (0..scene.materials.len()).filter(|material| !self.materials.contains(material));
-        let (filters, unused): (Vec<usize>, Vec<usize>) = hidden().partition(absorbs);
-        if !filters.is_empty() {
-            let filters = listed(filters.into_iter().filter_map(name));
-            sentences.push(format!("Seen only by what they take from the light: {filters}."));
-        }
-        if !unused.is_empty() {
-            let unused = listed(unused.into_iter().filter_map(name));
-            sentences.push(format!("Materials that nothing shows are left out: {unused}."));
-        }
-        sentences
-    }
-
-    /// The plan in sentences, for people who know volumes but not this program.
-    #[must_use]
-    pub fn explain(&self, scene: &Scene) -> Vec<String> {
-        let plan = &self.plan;
-        let mut sentences = self.explain_colours(scene);
-        sentences.push(match plan.positions.total() {
-            0 => "There is no light: only what passes is computed.".to_owned(),
-            1 if scene.lights.len() == 1 => "There is one light.".to_owned(),
-            1 => format!("Shading cannot tell the {} lights apart, so they share their numbers.", scene.lights.len()),
-            total => format!(
-                "{} lights shine from {total} places that shading can tell apart: {}.",
-                scene.lights.len(),
-                listed(self.positions.iter().map(|position| position.name.as_str()))
-            ),
-        });
-        sentences.push(match plan.shading.filter(|_| plan.gradient()) {
-            None => "Nothing is shaded by the direction of surfaces.".to_owned(),
-            Some(terms) => format!(
-                "Surfaces get their {} by which way values change there, which is stored beside each value.",
-                match (terms.diffuse, terms.specular) {
-                    (true, None) => "shading",
-                    (false, _) => "highlights",
-                    (true, Some(_)) => "shading and highlights",
-                }
-            ),
-        });
-        if plan.labels {
-            sentences.push("Labels decide what a voxel is; without a label, its value does.".to_owned());
-        }
-        sentences.push(
-            if plan.background {
-                "The background is seen through what passes, and relit with everything else."
-            } else {
-                "The background is black and costs nothing."
-            }
-            .to_owned(),
-        );
-        let values = match plan.interpolation {
-            Interpolation::Linear => "linear",
-            Interpolation::Nearest => "those of the nearest voxel",
-        };
-        let entries = match plan.lookup {
-            Lookup::Linear => "what lies between entries of the transfer table is linear",
-            Lookup::Nearest => "each takes the nearest entry of the transfer table",
-        };
-        sentences.push(format!("Values between voxels are {values}; {entries}."));
-        let termination = if scene.accuracy.termination > 0.0 {
-            format!("A ray ends once less than {} % of the light passes", readable(100.0 * scene.accuracy.termination))
-        } else {
-            "Every ray is followed to its end".to_owned()
-        };
-        let skipping = if plan.skipping { "what is empty is leapt over" } else { "what is empty is walked through" };
-        sentences.push(format!(
-            "{termination}; samples are {} apart, in the volume's own unit of length; {skipping}.",
-            readable(scene.accuracy.step_length)
-        ));
-        sentences
-    }
-
-    /// Why numbers of a colour model are kept where weights would be exact, or weights where fewer numbers were tried.
-    fn explain_choice(&self, scene: &Scene) -> Option<String> {
-        let Accuracy { accumulate, dimension, tolerance, .. } = scene.accuracy;
-        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
-        let lanes = self.plan.lanes();
-        match &self.model {
-            Some(_) if exact => {
-                let weights = self.materials.len() + usize::from(self.plan.specular().is_some());
-                let wider = weights.div_ceil(LANE);
-                Some(format!(
-                    "Weights of the materials would be exact, and are had by accumulate = \"weights\", but fill {wider} vectors of four where these fill {lanes}."
-                ))
-            }
-            None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "The weights fill {lanes} vectors of four; a colour model that fills fewer would differ by more than ΔE00 {tolerance}."
-            )),
-            _ => None,
-        }
-    }
-}
-
-/// Names one after the other.
-fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    let names: Vec<&str> = names.collect();
-    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
 }

@@ -106,10 +106,14 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     for word in ["was not planned for the light line.csv", "over the tolerance of 1", "--replan"] {
         assert!(outcome.err.contains(word), "no {word:?} in {}", outcome.err);
     }
-    // From the file it is as bad, and the way out is to render again.
+    let rendered = light;
+    // From the file it is exactly as bad, and the way out is to render again.
     let outcome = folder.done(&["relight", "acc.exr", "--light", "line.csv", "-o", "q.png", "--json"]);
     assert!(outcome.err.contains("render again with this --light and --replan"), "{}", outcome.err);
-    assert!(number(&new(&outcome.json())["max"]) > 1.0);
+    let mut relit = new(&outcome.json());
+    relit["planned"] = rendered["planned"].clone();
+    assert_eq!(relit, rendered, "one error, by either way");
+    assert_eq!(relit["on_unseen_colours"], true);
     // Lights of the scene are known by their spectra, whatever they are called.
     let known = folder.done(&["relight", "acc.exr", "--light", "D65", "--light", "FL11@key", "-o", "q.png", "--json"]);
     let json = known.json();
@@ -123,10 +127,10 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     let light = new(&outcome.json()["plan"]);
     assert!(light["planned"] == true && number(&light["max"]) <= 1.0, "{light}");
     assert!(!outcome.err.contains("planned"), "{}", outcome.err);
-    // Where k is stated, the lights of the scene say what is usual.
+    // A k that is stated stretches no tolerance.
     let few = ["render", "glass.toml", "--size", "8x8", "-o", "p.exr", "--k", "3", "--light", "FL2"];
     let outcome = folder.done(&few);
-    assert!(outcome.out.contains("FL2 is new") && !outcome.err.contains("planned"), "{}{}", outcome.out, outcome.err);
+    assert!(outcome.out.contains("FL2 is new") && outcome.err.contains("or take a larger --k"), "{}", outcome.err);
     // A light that was rendered with stretches no tolerance.
     folder.done(&[&few[..8], &["--light", "line.csv", "--accumulators", "few.exr"]].concat());
     let outcome = folder.done(&["relight", "few.exr", "--light", "line.csv", "-o", "q.png"]);
@@ -137,6 +141,49 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     let weights = ["render", "scene.toml", "--size", "8x8", "-o", "p.exr", "--light", "line.csv", "--replan", "--json"];
     let outcome = folder.done(&weights);
     assert!(outcome.json()["plan"]["model"].is_null() && outcome.err.is_empty(), "{}", outcome.err);
+}
+
+#[test]
+fn what_states_an_accuracy_without_use_is_told_so() {
+    let folder = folder();
+    let size = ["--size", "8x8", "-o", "p.png"];
+    let render = |scene: &'static str, flags: &[&'static str]| [&["render", scene], &size[..], flags].concat();
+    for flags in [["--k", "8"], ["--model", "rgb"]] {
+        let said = folder.done(&render("scene.toml", &flags)).err;
+        assert!(said.contains("is not used: pixels keep weights") && said.contains("--accumulate spectral"), "{said}");
+        assert!(!folder.done(&render("glass.toml", &["--k", "8"])).err.contains("not used"));
+    }
+    for flags in [&["--k", "8"][..], &["--model", "rgb"], &["--accumulate", "spectral"], &["--replan"]] {
+        let reference = render("glass.toml", &[&["--reference"], flags].concat());
+        folder.refused(2, &reference, &[flags[0], "does nothing here", "all wavelengths"]);
+        let relight = [&["relight", "acc.exr", "-o", "p.png"], flags].concat();
+        folder.refused(2, &relight, &[flags[0], "is for `relume render`"]);
+    }
+    folder.refused(2, &["info", "glass.toml", "--k", "-3"], &["--k -3", "from 1 to 16"]);
+    folder.refused(2, &["info", "glass.toml", "--tolerance", "-1"], &["--tolerance -1", "from 0.001 to 100"]);
+    let bench = ["bench", "peer", "peer-k8", "--size", "8x8", "--frames", "1", "--shading", "none"];
+    let said = folder.done(&[&bench[..], &["--k", "4", "--accumulate", "spectral"]].concat());
+    assert!(said.err.contains("--k is for the other workloads: peer-k8"), "{}", said.err);
+    assert!(said.out.contains("k = 4 (nodes)") && said.out.contains("k = 8 (nodes)"), "{}", said.out);
+    let said = folder.done(&["bench", "peer", "--size", "8x8", "--frames", "1", "--shading", "none", "--model", "rgb"]);
+    assert!(
+        said.err.contains("the model rgb is not used") && said.out.contains("4 weights"),
+        "{}{}",
+        said.err,
+        said.out
+    );
+}
+
+#[test]
+fn a_larger_k_that_is_worse_is_remarked_on() {
+    let folder = folder();
+    let worst = |k: &str| number(&planned(&folder, &["glass.toml", "--k", k]).0["model"]["max"]);
+    let ks = ["1", "2", "3", "4", "5", "6", "7", "8", "9", "10", "11", "12", "13", "14", "15", "16"];
+    let errors = ks.map(worst);
+    for (pair, k) in errors.windows(2).zip(&ks[1..]) {
+        let said = folder.done(&["info", "glass.toml", "--k", k]).err;
+        assert_eq!(said.contains("is better here than"), pair[0] < pair[1], "k = {k}: {errors:?}: {said}");
+    }
 }
 
 #[test]

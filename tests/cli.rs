@@ -171,12 +171,16 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     assert!(json["plan"]["explanation"].as_array().unwrap().len() > 2);
     let stored = |json: &Value| ["format", "bytes"].map(|key| json["plan"]["texture"][key].clone());
     assert_eq!(stored(&json), [Value::from("rgba16snorm"), Value::from(32 * 30 * 18 * 8)]);
-    let sentence = "The volume is stored as 16-bit values with gradients (Rgba16Snorm), 0.1 MB, which loses nothing.";
+    let sentence =
+        "For the device, the volume takes 0.1 MB, which way values change included; storing it so loses nothing.";
     assert!(text.contains(sentence), "{text}");
     assert_eq!(json["plan"]["explanation"].as_array().unwrap().last(), Some(&Value::from(sentence)));
     let plain = folder.done(&["info", "scene.toml", "-D", "shading=none", "--json"]).json();
     assert_eq!(stored(&plain), [Value::from("r16unorm"), Value::from(32 * 30 * 18 * 2)]);
     assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
+    let ball = folder.with("ball.toml", "version = 1\n[volume]\nphantom = \"shells\"\ndims = [3, 3, 3]\n");
+    let text = ball.done(&["info", "ball.toml", "--voxel", "1,1,1"]).out;
+    assert!(text.contains("values     ") && text.contains("1,1,1 is 1"), "{text}");
     assert_eq!(json["labels"], Value::Null);
     assert_eq!(json["materials"], serde_json::json!(["bone", "flesh"]));
     let lights: Vec<_> =
@@ -299,6 +303,30 @@ fn bench_measures_reading_beside_decoding() {
     }
     let text = folder.done(&["bench", "load", "--volume", "attached.nrrd", "--frames", "1"]).out;
     assert!(text.contains("MB/s") && text.contains("inflating its gzip stream"), "{text}");
+}
+
+#[test]
+fn bench_measures_reading_beside_decoding_for_every_compression() {
+    use std::io::Write as _;
+    let mut bzip2 = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+    bzip2.write_all(&[7; 4096]).unwrap();
+    let header = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 16 16 16\nencoding: bzip2\n\n";
+    let folder = Folder::new().with("v.nrrd", [&header[..], &bzip2.finish().unwrap()].concat());
+    let packed = folder.path("v.nrrd");
+    for (file, stream) in [
+        ("vti/raw_zlib_little_32.vti", "zlib"),
+        ("vti/base64_lz4_big_64.vti", "lz4"),
+        ("vti/binary_lzma_little_32.vti", "lzma"),
+        (packed.to_str().unwrap(), "bzip2"),
+    ] {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file);
+        let arguments = ["bench", "load", "--volume", path.to_str().unwrap(), "--frames", "3", "--json"];
+        let load = folder.done(&arguments).json()["load"].clone();
+        assert_eq!(load["stream"], stream, "{file}");
+        // As many bytes come out as there are voxels.
+        let decoded = load["bare_mb_s"].as_f64().unwrap() * load["bare"]["cpu_ms"]["median"].as_f64().unwrap() / 1e3;
+        assert!((decoded - load["voxels_mb"].as_f64().unwrap()).abs() < 1e-9, "{load}");
+    }
 }
 
 #[test]
@@ -810,6 +838,9 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
         (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
         (&["--sweep", "day"], "A..B"),
         (&["--sweep", "day..night"], "night: there is no such light"),
+        (&["--dial", "0,0", "--frames", "7"], "--sweep <A..B>|--tour"),
+        (&["--frames", "3"], "--sweep <A..B>|--tour"),
+        (&["--situation", "dusk"], "dusk: the dial has no situations; [[dial.situations]] of the scene declares them"),
     ] {
         folder.refused(2, &[&["relight", "acc.exr", "-o", "p.png"], arguments].concat(), &[words]);
     }

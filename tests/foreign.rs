@@ -88,6 +88,12 @@ fn a_name_that_promises_what_is_not_there_is_no_proof() {
     let said = refusal(&path);
     assert!(said.contains("unknown volume format, named like a NIfTI file"), "{said}");
     assert!(said.contains("--dims and --type"), "the way out: {said}");
+    assert!(said.contains(", a text"), "{said}");
+    // Cut in the middle of a letter, as what is looked at of a long file may be.
+    std::fs::write(&path, "Übung".repeat(1000).as_bytes()).unwrap();
+    assert!(refusal(&path).contains(", a text"));
+    std::fs::write(&path, b"words\0").unwrap();
+    assert!(!refusal(&path).contains(", a text"));
 }
 
 #[test]

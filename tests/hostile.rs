@@ -9,14 +9,21 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use hostile::{Counting, Place, Reader, most_held};
+use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelKind};
 use relume::output::Accumulators;
-use relume::output::accumulators::{Component, Components, Light, Position, PositionKind};
+use relume::output::accumulators::{
+    Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored,
+};
 use relume::progress::{Progress, Quiet};
+use relume::spectrum::{self, Spectrum};
 use relume::volume::{self, Selection, Volume, VolumeError};
 use rustix::time::{ClockId, clock_gettime};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
+
+/// One in so many scenes is planned, and one in so many palettes is solved.
+const RARELY: u64 = 64;
 
 /// Random numbers that are the same in every run (Steele et al. 2014, "Fast splittable pseudorandom number generators").
 struct Random(u64);
@@ -96,7 +103,7 @@ fn cpu_seconds() -> f64 {
 
 /// Gives `reader` all of `seeds` as they are, and `rounds` damaged ones.
 fn withstands(reader: Reader, seeds: &[Vec<u8>], rounds: usize) {
-    let place = Place::new(reader);
+    let place = Place::new(reader, RARELY);
     for (index, seed) in seeds.iter().enumerate() {
         assert!(place.read(seed), "seed {index} of {reader:?} should be sound");
     }
@@ -134,7 +141,7 @@ fn an_nrrd_of_anything_is_read_or_refused() {
 
 #[test]
 fn vtk_xml_of_anything_is_read_or_refused() {
-    let place = Place::new(Reader::Vti);
+    let place = Place::new(Reader::Vti, RARELY);
     // Some hold several arrays.
     let sound: Vec<_> = seeds("vti").into_iter().filter(|seed| place.read(seed)).collect();
     withstands(Reader::Vti, &sound, 8000);
@@ -151,6 +158,11 @@ fn a_scene_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_palette_of_anything_is_read_or_refused() {
+    withstands(Reader::Palette, &seeds("hostile/palette"), 4000);
+}
+
+#[test]
 fn a_spectrum_of_anything_is_read_or_refused() {
     withstands(Reader::Spectrum, &seeds("hostile/spectrum"), 8000);
 }
@@ -161,10 +173,10 @@ fn accumulators_of_anything_are_read_or_refused() {
 }
 
 #[test]
-#[ignore = "writes the file of accumulators in tests/data/hostile"]
+#[ignore = "writes the files of accumulators in tests/data/hostile"]
 fn accumulators_to_damage() {
     let ramp: [f64; 81] = std::array::from_fn(|band| f64::from(u8::try_from(band).unwrap()) / 81.0);
-    let file = Accumulators {
+    let point = Accumulators {
         width: 4,
         height: 3,
         components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: ramp }]),
@@ -177,9 +189,53 @@ fn accumulators_to_damage() {
         weights: vec![0.5; 12],
         transmittance: vec![0.25; 12],
     };
+    let node = |light: &str, on| Node { light: light.to_owned(), place: [0.0, f64::from(u8::from(on))], on };
+    let situation = |name: &str, hand| Situation {
+        name: name.to_owned(),
+        caption: "at dusk".to_owned(),
+        hand,
+        off: vec!["day".to_owned()],
+    };
+    let lamp = |name: &str| Light { name: name.to_owned(), position: 0, weight: 1.0, spectrum: [1.0; 81] };
+    let dial = Accumulators {
+        lights: vec![lamp("day"), lamp("lamp")],
+        dial: Some(Dial {
+            normalise: true,
+            master: 1.5,
+            nodes: vec![node("day", true), node("lamp", false)],
+            situations: vec![situation("evening", [0.5, -2.0]), situation("night", [0.0, 0.0])],
+        }),
+        ..point.clone()
+    };
+    // Few digits a spectrum: its text is not compressed.
+    let ones = |range: std::ops::Range<usize>| {
+        Spectrum::from_samples(std::array::from_fn(|band| f64::from(u8::from(range.contains(&band)))))
+    };
+    let cloud = vec![ones(0..81), ones(30..81), ones(10..50)];
+    let error = ErrorSummary { mean: 0.5, p95: 1.0, max: 2.0 };
+    let lights = |dimension: usize| {
+        let matrix = LightMatrix { xyz: vec![[0.25, 0.5, 0.125]; dimension], error, unseen: Some(error) };
+        vec![("lamp".to_owned(), spectrum::Light::new(ones(0..81)).unwrap(), matrix)]
+    };
+    let model = |kind, projection: Vec<Spectrum>, coloured| {
+        let dimension = projection.len();
+        let model = ColourModel::from_parts(kind, projection, cloud.clone(), None, lights(dimension)).unwrap();
+        Accumulators {
+            components: Components::Model(Stored { model, coloured, tolerance: 1.0 }),
+            lights: vec![lamp("lamp")],
+            background: coloured.then_some([0.5; 81]),
+            weights: vec![0.5; 12 * dimension],
+            transmittance: vec![0.25; if coloured { 12 * dimension } else { 12 }],
+            ..point.clone()
+        }
+    };
+    let nodes = model(ModelKind::Nodes, vec![ones(20..21), ones(44..45)], true);
+    let bands = model(ModelKind::Bands, vec![ones(0..81)], false);
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/hostile/accumulators");
     std::fs::create_dir_all(&folder).unwrap();
-    file.write(&folder.join("point")).unwrap();
+    for (name, file) in [("point", point), ("dial", dial), ("nodes", nodes), ("bands", bands)] {
+        file.write(&folder.join(name)).unwrap();
+    }
 }
 
 #[test]
@@ -227,7 +283,7 @@ fn long_files_of_many_small_things_take_little_memory_and_time() {
         (Reader::Spectrum, (1..900_000).map(|n| format!("{n} 1\n")).collect()),
         (Reader::Spectrum, long("", ",", 9 * mega)),
     ] {
-        let place = Place::new(reader);
+        let place = Place::new(reader, RARELY);
         let begun = cpu_seconds();
         let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| place.read(text.as_bytes())));
         let took = cpu_seconds() - begun;

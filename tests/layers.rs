@@ -22,11 +22,19 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
-    ("measure", &["model", "spectrum", "progress", "number"]),
+    ("measure", &["model", "number", "plan", "progress", "reference", "scene", "spectrum", "tables", "volume"]),
     ("output", &["input", "model", "spectrum", "progress"]),
+    (
+        "view",
+        &[
+            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
+            "progress", "number",
+        ],
+    ),
     (
         "cli",
         &[
+            "view",
             "input",
             "measure",
             "memory",

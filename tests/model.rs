@@ -7,7 +7,9 @@ mod support;
 use std::sync::LazyLock;
 
 use glam::DVec3;
-use relume::measure::{AutomaticSummary, ModelRow, ModelSetting, automatic_dimension, model_row};
+use relume::measure::{
+    AutomaticSummary, ModelRow, ModelSetting, automatic_dimension, halved_steps, model_row, relit_against_rendered,
+};
 use relume::model::random::Random;
 use relume::model::{
     Amplification, ChainClass, Cloud, ColourModel, ErrorSummary, Ingredients, LightMatrix, ModelError, ModelKind,
@@ -16,7 +18,7 @@ use relume::model::{
 use relume::progress::{Progress, Quiet};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::metric::difference_matrix;
-use relume::spectrum::{BANDS, Light, Spectrum, standard};
+use relume::spectrum::{BANDS, Kind, Light, Spectrum, standard};
 use support::scenes::black;
 
 const STEP: ModelKind = ModelKind::Sharpened(Order::Step);
@@ -147,12 +149,110 @@ fn automatic_dimensions_keep_their_tolerance() {
     }
 }
 
+/// ΔE00 of a model's colour of `spectrum` under the worst of its lights.
+fn error_of(model: &ColourModel, spectrum: &Spectrum) -> f64 {
+    let vector = model.coefficients(spectrum);
+    let of = |(_, light, matrix): &(String, Light, LightMatrix)| {
+        difference(colour(&matrix.xyz, &vector), xyz_of(&(light.spectrum() * spectrum)))
+    };
+    model.lights().iter().map(of).fold(0.0, f64::max)
+}
+
+/// Shares of a whole, in quarters, of each of four.
+fn quarters() -> Vec<[f64; 4]> {
+    let shares =
+        (0..5_u8).flat_map(|a| (0..5 - a).flat_map(move |b| (0..5 - a - b).map(move |c| [a, b, c, 4 - a - b - c])));
+    shares.map(|shares| shares.map(|share| f64::from(share) / 4.0)).collect()
+}
+
+/// C9, on ways that no random chain was drawn for: through four narrow dyes over one another, in even shares.
+#[test]
+fn automatic_dimensions_keep_their_tolerance_behind_many_dyes_at_once() {
+    let dye = |(centre, sigma)| &Spectrum::gaussian(centre, sigma, 1.0).unwrap() + &Spectrum::constant(0.01);
+    let dyes: Vec<Spectrum> = [(440.0, 15.0), (500.0, 12.0), (560.0, 12.0), (600.0, 12.0)].map(dye).to_vec();
+    let ingredients = Ingredients {
+        absorptions: dyes.clone(),
+        background: Some(Spectrum::constant(1.0)),
+        lights: lights(&["D65"]),
+        largest_depth: 20.0,
+        ..Ingredients::default()
+    };
+    for tolerance in [2.0, 1.0, 0.5] {
+        let model = match fit_automatic(&ingredients, ModelKind::Nodes, tolerance, &Quiet) {
+            // It may say that it cannot, but not at 1, the default.
+            Err(ModelError::Tolerance { reached, .. }) if tolerance < 1.0 && reached > tolerance => continue,
+            fitted => fitted.unwrap(),
+        };
+        let mut worst = (0.0_f64, [0.0; 4], 0.0);
+        for shares in quarters() {
+            for depth in (0..=30).map(|step| 0.05 * 400_f64.powf(f64::from(step) / 30.0)) {
+                let parts = dyes.iter().zip(shares).map(|(dye, share)| dye.scaled(share * depth));
+                let depths = parts.fold(Spectrum::constant(0.0), |sum, part| &sum + &part);
+                let passes = Spectrum::from_samples(depths.samples().map(|depth| (-depth).exp()));
+                let error = error_of(&model, &passes);
+                if error > worst.0 {
+                    worst = (error, shares, depth);
+                }
+            }
+        }
+        println!("tolerance {tolerance}: k = {}, worst {worst:?}", model.dimension());
+        assert!(worst.0 <= 1.2 * tolerance, "tolerance {tolerance}: k = {}, worst {worst:?}", model.dimension());
+    }
+}
+
+/// Two lights from two places: a pixel adds up one spectrum under one and another, lit more or less, under the other. Of
+/// its sum, which may have less colour than its parts, the same error is more.
+#[test]
+fn the_error_that_is_reported_is_that_of_two_lights_at_once_in_the_shade_too() {
+    let ingredients = Ingredients {
+        reflectances: standard::names(Kind::Reflectance).iter().take(16).map(|&name| patch(name)).collect(),
+        lights: lights(&["D65", "A"]),
+        mixed: true,
+        ..Ingredients::default()
+    };
+    let mut random = Random::new(99);
+    for tolerance in [1.0, 0.5] {
+        let model = fit_automatic(&ingredients, ModelKind::Nodes, tolerance, &Quiet).unwrap();
+        let told = model.worst().max;
+        let (mut apart, mut together) = (0.0_f64, 0.0_f64);
+        for _ in 0..20_000 {
+            let mut seen = |shade: f64| {
+                let shares: Vec<f64> = ingredients.reflectances.iter().map(|_| random.unit().powi(6)).collect();
+                let parts = ingredients.reflectances.iter().zip(&shares).map(|(it, &share)| it.scaled(share));
+                let sum = parts.fold(Spectrum::constant(0.0), |sum, part| &sum + &part);
+                sum.scaled(shade / shares.iter().sum::<f64>())
+            };
+            let spectra = [seen(1.0), seen(0.2)];
+            let mut sums = [DVec3::ZERO; 2];
+            for ((_, light, matrix), spectrum) in model.lights().iter().zip(&spectra) {
+                sums[0] += DVec3::from(colour(&matrix.xyz, &model.coefficients(spectrum)).0);
+                sums[1] += DVec3::from(xyz_of(&(light.spectrum() * spectrum)).0);
+                apart = apart.max(error_of(&model, spectrum));
+            }
+            together = together.max(difference(Xyz(sums[0].to_array()), Xyz(sums[1].to_array())));
+        }
+        println!("k = {}: told {told:.3}, apart {apart:.3}, together {together:.3}", model.dimension());
+        assert!(apart.max(together) <= 1.2 * told, "told {told}, apart {apart}, together {together}");
+    }
+}
+
+/// C11 and C13 as `relume bench model` prints them.
+#[test]
+fn neither_the_step_nor_when_a_light_is_known_matters() {
+    for row in halved_steps(&Quiet).unwrap() {
+        assert!(row.changed <= 2e-5, "{row:?}");
+    }
+    for row in relit_against_rendered(&Quiet).unwrap() {
+        assert!(row.rendered <= 1.0 && row.replanned <= row.reported[0] + row.reported[1], "{row:?}");
+    }
+}
+
 /// C9.
 #[test]
 fn four_natural_materials_need_at_most_eight_nodes() {
     let model = fit_automatic(&coloured(), ModelKind::Nodes, 1.0, &Quiet).unwrap();
     assert!(model.dimension() <= 8, "{}", model.description());
-    assert!(model.lights().iter().all(|(.., matrix)| matrix.unseen.is_some_and(|unseen| unseen.max <= 0.75)));
+    assert!(model.lights().iter().all(|(.., matrix)| matrix.unseen.is_some_and(|unseen| unseen.max <= 1.0)));
 }
 
 // What is exact.

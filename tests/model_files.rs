@@ -11,7 +11,7 @@ use exr::prelude::{
     ReadChannels as _, ReadLayers as _, Text, Vec2, WritableImage as _, read,
 };
 use glam::DVec3;
-use relume::model::{Ingredients, ModelKind, Order, fit};
+use relume::model::{Ingredients, ModelKind, Order, fit, unseen};
 use relume::output::accumulators::{Components, Light, Position, PositionKind, Stored};
 use relume::output::{Accumulators, BANDS};
 use relume::progress::Quiet;
@@ -33,18 +33,21 @@ const KINDS: [(ModelKind, usize); 5] = [
     (ModelKind::Rgb, 3),
 ];
 
-/// What passes with a colour and without, through every kind of model.
-fn example(kind: ModelKind, dimension: usize, coloured: bool) -> Accumulators {
+fn ingredients() -> Ingredients {
     let patch = |name| standard::reflectance(name).unwrap().spectrum().clone();
-    let lights = ["A", "D65"].map(|name| (name.to_owned(), standard::light(name).unwrap()));
-    let ingredients = Ingredients {
+    Ingredients {
         reflectances: vec![patch("orange"), patch("foliage")],
         absorptions: vec![Spectrum::gaussian(520.0, 30.0, 1.0).unwrap()],
-        lights: lights.to_vec(),
+        lights: ["A", "D65"].map(|name| (name.to_owned(), standard::light(name).unwrap())).to_vec(),
         largest_depth: 3.0,
         ..Ingredients::default()
-    };
-    let model = fit(&ingredients, kind, dimension, &Quiet).unwrap();
+    }
+}
+
+/// What passes with a colour and without, through every kind of model.
+fn example(kind: ModelKind, dimension: usize, coloured: bool) -> Accumulators {
+    let Ingredients { lights, .. } = ingredients();
+    let model = fit(&ingredients(), kind, dimension, &Quiet).unwrap();
     let (width, height) = (5, 19);
     let number = |index: usize| f32::from(u16::try_from(index % 251).unwrap()) / 251.0;
     let passed = if coloured { dimension } else { 1 };
@@ -78,16 +81,24 @@ fn a_model_comes_back_to_the_bit_and_fits_new_lights_to_the_bit() {
     let path = folder.path().join("acc.exr");
     let newcomer = standard::light("FL11").unwrap();
     for (kind, dimension) in KINDS {
-        for coloured in [false, true] {
-            let written = example(kind, dimension, coloured);
+        for (coloured, checked) in [(false, true), (true, false)] {
+            let mut written = example(kind, dimension, coloured);
+            if let (true, Components::Model(stored)) = (checked, &mut written.components) {
+                stored.model.check_on(&unseen(&ingredients()).unwrap()).unwrap();
+            }
             written.write(&path).unwrap();
             let found = Accumulators::read(&path).unwrap();
-            assert!(found == written, "{kind}, coloured {coloured}");
+            assert!(found == written, "{kind}, coloured {coloured}, checked {checked}");
             let model = |it: Accumulators| match it.components {
                 Components::Model(stored) => stored.model,
                 Components::Surfaces(_) => panic!("a model was written"),
             };
-            assert_eq!(model(found).matrix(&newcomer), model(written).matrix(&newcomer), "{kind}");
+            let [mut found, mut written] = [found, written].map(model);
+            for model in [&mut found, &mut written] {
+                model.learn("FL11", &newcomer).unwrap();
+            }
+            assert_eq!(found.matrix(&newcomer).unseen.is_some(), checked, "{kind}");
+            assert!(found == written, "{kind}: one light more, and its error");
         }
     }
 }
@@ -436,7 +447,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     let folder = Folder::new().with("glass.toml", GLASS);
     // Under one light of equal power, radiance is reflectance times a number.
     let render = ["render", "glass.toml", "--size", "16x16", "--light", "E", "-D", "lights.fill.intensity=0"];
-    let json = folder.done(&[&render[..], &["--reference", "--spectral", "s.exr", "--json"]].concat()).json();
+    let json = folder.done(&[&render[..], &["--spectral", "s.exr", "--json"]].concat()).json();
     let spectral = Exr::read(&folder.path("s.exr"));
     let stored: serde_json::Value = serde_json::from_str(&spectral.attributes["relumeReconstruction"]).unwrap();
     assert_eq!(stored, json["reconstruction"], "the file and the program say the same");
@@ -464,6 +475,27 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     let found = (squares / (256.0 * 81.0)).sqrt();
     // The pixels are mixtures of what the cloud holds, twice as bright.
     assert!(rms > 0.0 && found <= 2.0 * rms && largest > 0.5, "{found} of {rms}, up to {largest}");
+
+    // The reference has all bands, and nothing of a model.
+    let glass = GLASS.replace("FL11", "E").replace("D65", "E");
+    let folder = folder.with("even.toml", glass);
+    let render = ["render", "even.toml", "--size", "16x16", "--reference", "--spectral", "r.exr", "--json"];
+    let json = folder.done(&render).json();
+    assert!(json["reconstruction"].is_null(), "{json}");
+    let reference = Exr::read(&folder.path("r.exr"));
+    assert!(!reference.attributes.contains_key("relumeReconstruction"));
+    let weights = Mix::of_scene(&full.scene).0.into_iter().map(|light| (light.position, light.weight));
+    let weights: Vec<(usize, f64)> = weights.collect();
+    for band in 0..BANDS {
+        let found = &reference.channels[&format!("S0.{},000nm", 380 + 5 * band)];
+        for (pixel, &found) in found.iter().enumerate() {
+            let kept = |position: usize| marched.weights[(position * BANDS + band) * 256 + pixel];
+            let behind = 0.6 * marched.transmittance[band * 256 + pixel];
+            let truth: f64 = weights.iter().map(|&(position, weight)| weight * (kept(position) + behind)).sum();
+            let error = (f64::from(found) / power - truth).abs();
+            assert!(error <= 1e-6 * truth + 1e-9, "band {band}, pixel {pixel}: {found} for {truth}");
+        }
+    }
 
     // Weights are exact, and there is nothing to say.
     let json = folder.done(&["render", "scene.toml", "--size", "8x8", "--spectral", "w.exr", "--json"]).json();

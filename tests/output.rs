@@ -424,7 +424,7 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
     let path = folder.path().join("foreign.exr");
     let good = small_text();
     let cases = [
-        (good.replace("version = 1", "version = 3"), "version 3 is not known here"),
+        (good.replace("version = 1", "version = 4"), "version 4 is not known here"),
         (good.replace("version = 1", "version = 2"), "a file of version 2 has a `[model]`"),
         (good.replace("version = 1\n", ""), "missing field `version`"),
         (good.replace("weight = 2", "wieght = 2"), "line 11: unknown field `wieght`"),

@@ -205,6 +205,12 @@ fn every_conflict_is_told() {
     for (conflict, name) in solution.conflicts.iter().zip(["one", "two"]) {
         assert!(conflict.ways_out.contains(&format!("let {name} under A be free")), "{:?}", conflict.ways_out);
     }
+    // What one material is to look like counts for each that is to look as it.
+    let cells = [(0, 0, grey), (1, 0, like(0, 0)), (1, 1, like(0, 0)), (2, 0, like(0, 0)), (2, 1, like(0, 0))];
+    let rows = vec![natural("one"), natural("two"), natural("three")];
+    let solution = solved(&palette(rows, vec![given("D65"), given("A")], &cells));
+    let cores: Vec<_> = solution.conflicts.iter().map(|conflict| conflict.cells.clone()).collect();
+    assert_eq!(cores, [[(0, 0), (1, 0), (1, 1)], [(0, 0), (2, 0), (2, 1)]]);
 }
 
 #[test]
@@ -370,7 +376,9 @@ fn cells_that_contradict_each_other_share_the_error() {
     let mut contradictory = palette(vec![natural("one"), natural("two")], vec![given("D65"), given("D65")], &cells);
     contradictory.lights[1].name = "again".to_owned();
     let solution = solved(&contradictory);
-    assert!(only(&solution).least > 1.0);
+    // Each material with the other's colour.
+    assert_eq!(solution.conflicts.len(), 2);
+    assert!(solution.conflicts.iter().all(|conflict| conflict.least > 1.0));
     assert!(solution.cells.iter().all(|cell| cell.difference.unwrap() > 1.0));
 }
 
@@ -806,6 +814,22 @@ fn the_program_designs_saves_and_draws() {
     folder.refused(2, &["design", "used.toml", "-o", "small.toml"], &["small.toml is an input"]);
     assert_eq!(open["materials"][0]["open"], true);
     assert_eq!(closed["lights"][1]["open"], false);
+}
+
+#[test]
+fn the_program_measures_its_palettes() {
+    let json = Folder::new().done(&["bench", "palette", "--frames", "1", "--json"]).json();
+    let rows = json["palettes"].as_array().unwrap();
+    for row in rows {
+        assert!(row["worst"].as_f64().unwrap() <= 0.7, "{row}");
+        assert!(row["solve"]["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{row}");
+        // COLOUR.md B5: a floor that open lights do not move by much.
+        if let (Some(least), Some(reached)) = (row["least"].as_f64(), row["reached"].as_f64()) {
+            assert!(reached <= 1.2 * least, "{row}");
+        }
+    }
+    let figure_7 = rows.iter().find(|row| row["palette"] == "figure 7").unwrap();
+    assert!(figure_7["worst"].as_f64().unwrap() <= 0.1, "{figure_7}");
 }
 
 #[test]

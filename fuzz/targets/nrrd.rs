@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 #[global_allocator]
 static ALLOCATOR: hostile::Counting = hostile::Counting;
 
-static PLACE: LazyLock<hostile::Place> = LazyLock::new(|| hostile::Place::new(hostile::Reader::Nrrd));
+static PLACE: LazyLock<hostile::Place> = LazyLock::new(|| hostile::Place::new(hostile::Reader::Nrrd, 1024));
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     PLACE.read(bytes);

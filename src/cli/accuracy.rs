@@ -12,12 +12,12 @@ const COLOUR: &str = "Colour accuracy, in place of the scene's [accuracy]";
 /// What pixels keep of a spectrum.
 #[derive(Debug, Args)]
 pub(crate) struct AccuracyArgs {
-    /// Let a colour model add at most this ΔE00 (1 is about what an eye can see), in as few numbers a pixel as keep three quarters
-    /// of it on the colours that are tried.
-    #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k")]
+    /// Let a colour model add at most this ΔE00 (1 is about what an eye can see) to the colours that are tried, in as few numbers
+    /// a pixel as that takes.
+    #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k", allow_negative_numbers = true)]
     tolerance: Option<f64>,
     /// Let a colour model have N numbers, 1 to 16, whatever ΔE00 it adds.
-    #[arg(long, help_heading = COLOUR, value_name = "N")]
+    #[arg(long, help_heading = COLOUR, value_name = "N", allow_negative_numbers = true)]
     k: Option<i64>,
     /// Carry spectra by this model where pixels keep no weights of materials. Others than nodes are for comparison.
     #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(ModelKind::ALL.map(ModelKind::name)))]

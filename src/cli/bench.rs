@@ -100,6 +100,11 @@ impl Workload {
         !matches!(self, Self::Model | Self::Palette | Self::Load)
     }
 
+    /// What the command line calls it.
+    fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
     /// Whether it shows or reads what --volume names.
     fn takes_volume(&self) -> bool {
         !matches!(self, Self::Default | Self::Model | Self::Palette)
@@ -140,6 +145,16 @@ struct Row {
     peak_mb: Option<f64>,
 }
 
+impl Row {
+    /// What a pixel keeps of a position: "4 weights", "k = 8 (nodes)".
+    fn keeps(&self) -> String {
+        match self.model.as_ref().and_then(|model| model["kind"].as_str()) {
+            Some(kind) => format!("k = {} ({kind})", self.components),
+            None => format!("{} {}", self.components, self.accumulate),
+        }
+    }
+}
+
 #[derive(Serialize)]
 pub(super) struct Times {
     pub(super) wall_ms: Option<Summary>,
@@ -158,6 +173,16 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         return Err(CliError::Usage(format!(
             "{flag} does nothing here: these workloads say what pixels keep, or have none"
         )));
+    }
+    for flag in args.accuracy.given() {
+        let fixed = args.workloads.iter().filter(|workload| workload.is_fixed()).map(|workload| workload.name());
+        let fixed: Vec<String> = fixed.collect();
+        if !fixed.is_empty() {
+            tracing::warn!(
+                "{flag} is for the other workloads: {} have or say themselves what pixels keep",
+                fixed.join(", ")
+            );
+        }
     }
     if !args.define.is_empty() && args.workloads.iter().all(|workload| !workload.needs_device()) {
         return Err(CliError::Usage("-D does nothing here: these workloads have no scene".to_owned()));
@@ -217,15 +242,16 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         if name.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" }
     );
     text.push_str(
-        "workload             shading  positions  lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
+        "workload             shading  positions  keeps           lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
     );
     let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
     for row in &rows {
         text.push_str(&format!(
-            "{:<20} {:<8} {:>9}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10}\n",
+            "{:<20} {:<8} {:>9}  {:<14}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10}\n",
             row.workload,
             row.shading,
             row.positions,
+            row.keeps(),
             row.lanes,
             median(row.march.cpu_ms),
             median(row.march.wall_ms),
@@ -314,7 +340,7 @@ fn measure(
     }
     let info = renderer.device().info();
     Ok(Row {
-        workload: workload.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned()),
+        workload: workload.name(),
         volume: scene.volume.source.clone(),
         size: args.size,
         shading: if shading == BenchShading::None { "none" } else { "diffuse" },

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use bzip2::bufread::MultiBzDecoder;
 use flate2::Compression;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use flate2::write::GzEncoder;
@@ -27,8 +28,8 @@ const SCRATCH: usize = 1 << 16;
 #[derive(Serialize)]
 struct Row {
     volume: String,
-    /// The one stream of its data that is decoded; without one, the bytes of its files are only read.
-    stream: Option<Packing>,
+    /// How what is decoded is compressed; without that, the bytes of its files are only read.
+    stream: Option<&'static str>,
     /// Voxels in memory, in MB (10⁶ bytes).
     voxels_mb: f64,
     open: Times,
@@ -39,7 +40,7 @@ struct Row {
     bare_mb_s: f64,
     /// CPU time of opening over that of decoding; none where what was read is less than the voxels.
     ratio: Option<f64>,
-    /// The most memory that the process has held so far, in MB.
+    /// The most memory that the process had held when it had opened the volume once, in MB.
     peak_mb: Option<f64>,
 }
 
@@ -75,7 +76,8 @@ pub(super) fn run(
         median(row.open.wall_ms),
         median(row.open.cpu_ms),
         row.open_mb_s,
-        row.stream.map_or("reading the bytes of its files", Packing::what),
+        row.stream
+            .map_or("reading the bytes of its files".to_owned(), |stream| format!("inflating its {stream} stream")),
         median(row.bare.wall_ms),
         median(row.bare.cpu_ms),
         row.bare_mb_s,
@@ -95,7 +97,7 @@ fn median(times: Option<Summary>) -> f64 {
 
 fn measure(path: &Path, selection: &Selection, times: u32, progress: &dyn Progress) -> Result<Row, CliError> {
     let (mut opens, mut bares) = (Vec::new(), Vec::new());
-    let (mut voxel_bytes, mut bare_bytes, mut stream) = (0, 0, None);
+    let (mut voxel_bytes, mut bare_bytes, mut stream, mut peak) = (0, 0, None, None);
     for time in 0..=times {
         let clock = Stopwatch::start();
         let Volume { voxels, files, .. } = volume::open(path, selection, progress)?;
@@ -103,12 +105,20 @@ fn measure(path: &Path, selection: &Selection, times: u32, progress: &dyn Progre
         voxel_bytes = voxels.bytes().len();
         drop(voxels);
 
+        // Before there is anything of the measurement itself.
+        peak = peak.or_else(peak_mb);
+        let packed = volume::packed_blocks(path, selection, progress)?;
         let data = payload(files).map_err(|error| failed(path, &error))?;
         let clock = Stopwatch::start();
         bare_bytes = 0;
-        for part in &data {
-            bare_bytes += part.pass_over(progress)?;
-            stream = part.packing;
+        if let Some(packed) = &packed {
+            bare_bytes = packed.decode().map_err(|error| failed(path, &error))?;
+            stream = Some(packed.compression());
+        } else {
+            for part in &data {
+                bare_bytes += part.pass_over(progress)?;
+                stream = part.packing.map(Packing::name);
+            }
         }
         if time > 0 {
             bares.push(clock.read());
@@ -128,23 +138,24 @@ fn measure(path: &Path, selection: &Selection, times: u32, progress: &dyn Progre
         open_mb_s: voxels_mb / open_ms * 1e3,
         bare_mb_s: bare_mb / bare_ms * 1e3,
         ratio: (bare_bytes >= voxel_bytes).then(|| open_ms / bare_ms),
-        peak_mb: peak_mb(),
+        peak_mb: peak,
     })
 }
 
-/// How bytes are packed, as far as they are decoded here.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
+/// How a stream of bytes is packed, as far as it is decoded here.
+#[derive(Clone, Copy, Debug)]
 enum Packing {
     Gzip,
     Zlib,
+    Bzip2,
 }
 
 impl Packing {
-    fn what(self) -> &'static str {
+    fn name(self) -> &'static str {
         match self {
-            Self::Gzip => "inflating its gzip stream",
-            Self::Zlib => "inflating its zlib stream",
+            Self::Gzip => "gzip",
+            Self::Zlib => "zlib",
+            Self::Bzip2 => "bzip2",
         }
     }
 }
@@ -163,6 +174,7 @@ impl Part {
         Ok(match self.packing {
             Some(Packing::Gzip) => Box::new(MultiGzDecoder::new(file)),
             Some(Packing::Zlib) => Box::new(ZlibDecoder::new(file)),
+            Some(Packing::Bzip2) => Box::new(MultiBzDecoder::new(file)),
             None => Box::new(file),
         })
     }
@@ -205,6 +217,7 @@ fn payload(mut files: Vec<PathBuf>) -> io::Result<Vec<Part>> {
         let part = std::iter::once(0).chain(ends).find_map(|start| {
             let packing = match head[start..] {
                 [0x1f, 0x8b, 8, ..] => Packing::Gzip,
+                [b'B', b'Z', b'h', b'1'..=b'9', ..] => Packing::Bzip2,
                 [0x78, flags, ..] if (0x7800 + u16::from(flags)).is_multiple_of(31) => Packing::Zlib,
                 _ => return None,
             };

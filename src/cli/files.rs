@@ -76,7 +76,7 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
         Components::Model(model, transmittance) => FileComponents::Model(Stored {
             model: Arc::unwrap_or_clone(model),
             coloured: transmittance == Transmittance::Coloured,
-            tolerance: planned.tolerance(scene),
+            tolerance: scene.accuracy.tolerance,
         }),
     };
     let positions = planned.positions.iter().map(|position| FilePosition {
@@ -227,7 +227,7 @@ impl Reflectances {
             Components::Surfaces(surfaces) => Self { components: surfaces.clone(), behind: exact(), quality: None },
             Components::Model(model, transmittance) => {
                 let made = model.reconstruction();
-                let quality = Some(reconstruction_json(model, &made));
+                let quality = (model.dimension() < BANDS).then(|| reconstruction_json(model, &made));
                 let behind = match (transmittance, background) {
                     (Transmittance::Coloured, Some(surface)) => {
                         let parts = model.coefficients(surface.spectrum());

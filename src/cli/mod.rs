@@ -16,6 +16,7 @@ mod render;
 mod scene;
 mod shaders;
 mod terminal;
+mod view;
 
 use std::process::ExitCode;
 
@@ -50,6 +51,7 @@ struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   relume render -o frog.png                           the scene that is part of the program
+  relume view                                         the same in a window, its lights at hand
   relume info head.mhd                                what a volume holds
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png     the same view under a light bulb
@@ -62,6 +64,8 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 inte
 enum Command {
     /// March a scene and write pictures, accumulators or spectra of it.
     Render(render::Args),
+    /// Explore a scene or a volume by its light, in a window.
+    View(view::Args),
     /// Light saved accumulators anew: no volume, no march, no GPU.
     Relight(relight::Args),
     /// Find spectra that have the colours a palette asks for, and tell what cannot be had.
@@ -101,6 +105,12 @@ pub(crate) enum CliError {
     Lights(#[from] ModelError),
     #[error(transparent)]
     Shader(#[from] relume::shader::ShaderError),
+    #[cfg(feature = "window")]
+    #[error(transparent)]
+    View(#[from] relume::view::ViewError),
+    #[cfg(feature = "window")]
+    #[error(transparent)]
+    Script(#[from] relume::view::ScriptError),
     #[error("interrupted; the pictures that were written are whole")]
     Cancelled,
     #[error("{0}")]
@@ -123,12 +133,18 @@ fn exit_code(error: &CliError) -> u8 {
     match error {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
+        #[cfg(feature = "window")]
+        CliError::View(relume::view::ViewError::Vulkan(error)) => of_device(error),
         CliError::Cancelled
         | CliError::Reference(ReferenceError::Cancelled)
         | CliError::Palette(PaletteError::Cancelled)
         | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
-        | CliError::Model(ModelTableError::Model(ModelError::Cancelled))
+        | CliError::Model(
+            ModelTableError::Model(ModelError::Cancelled)
+            | ModelTableError::Plan(PlanError::Model(ModelError::Cancelled))
+            | ModelTableError::March(ReferenceError::Cancelled),
+        )
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
         | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,
@@ -143,6 +159,7 @@ pub(crate) fn main() -> ExitCode {
     let terminal = Terminal::new(cli.quiet);
     let outcome = match &cli.command {
         Command::Render(args) => render::run(args, &terminal),
+        Command::View(args) => view::run(args),
         Command::Relight(args) => relight::run(args, &terminal),
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),

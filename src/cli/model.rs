@@ -2,30 +2,20 @@
 
 use serde_json::{Value, json};
 
-use relume::model::{Cloud, ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstruction};
+use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstruction};
 use relume::scene::Mix;
 use relume::spectrum::Light;
 
 /// Fits `model` to those lights of `mix` that it does not have, and warns of the ones whose colours may be off by more
-/// than `tolerance`, with the `way_out`. `unseen` has spectra to check them on, where such can be had.
+/// than `tolerance`, with the `way_out`.
 ///
 /// # Errors
 ///
 /// [`ModelError::NotFinite`] for lights, or stored models, that cannot be computed with.
-pub(crate) fn learn(
-    model: &mut ColourModel,
-    mix: &Mix,
-    unseen: impl FnOnce() -> Option<Cloud>,
-    tolerance: f64,
-    way_out: &str,
-) -> Result<Learnt, ModelError> {
+pub(crate) fn learn(model: &mut ColourModel, mix: &Mix, tolerance: f64, way_out: &str) -> Result<Learnt, ModelError> {
     let planned = model.lights().len();
-    let is_new = |light: &Light| model.lights().iter().all(|(_, known, _)| known != light);
-    if mix.0.iter().any(|light| is_new(&light.spectrum)) {
-        let unseen = unseen();
-        for light in &mix.0 {
-            model.learn(&light.name, &light.spectrum, unseen.as_ref())?;
-        }
+    for light in &mix.0 {
+        model.learn(&light.name, &light.spectrum)?;
     }
     for (name, _, matrix) in &model.lights()[planned..] {
         let ErrorSummary { mean, max, .. } = matrix.worst();
@@ -92,7 +82,13 @@ impl Learnt {
 /// How good full spectra of a model's numbers are, for programs and for files.
 pub(crate) fn reconstruction_json(model: &ColourModel, reconstruction: &Reconstruction) -> Value {
     let lights: Vec<Value> = reconstruction.errors.iter().map(|(name, error)| error_json(name, *error)).collect();
-    json!({ "model": model.description(), "rms": reconstruction.rms, "lights": lights })
+    json!({
+        "model": model.description(),
+        "rms": reconstruction.rms,
+        "rms_unit": "share of white at the same wavelength",
+        "lights": lights,
+        "lights_unit": "CIEDE2000",
+    })
 }
 
 fn error_json(light: &str, error: ErrorSummary) -> Value {

@@ -37,6 +37,9 @@ pub(crate) struct Args {
     /// the file says.
     #[arg(long, value_name = "DE", value_parser = tolerance)]
     tolerance: Option<f64>,
+    /// Those of `render` that say how colours are modelled, to be told what becomes of them here.
+    #[command(flatten)]
+    planned: Planned,
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE", required = true)]
     output: Vec<PathBuf>,
@@ -45,7 +48,39 @@ pub(crate) struct Args {
     bits: Bits,
 }
 
+/// What was chosen when the file was rendered.
+#[derive(Debug, clap::Args)]
+struct Planned {
+    #[arg(long, hide = true, allow_hyphen_values = true)]
+    k: Option<String>,
+    #[arg(long, hide = true)]
+    model: Option<String>,
+    #[arg(long, hide = true)]
+    accumulate: Option<String>,
+    #[arg(long, hide = true)]
+    replan: bool,
+}
+
+impl Planned {
+    /// Refuses what only `render` can choose.
+    fn check(&self) -> Result<(), CliError> {
+        let given = [
+            ("--k", self.k.is_some()),
+            ("--model", self.model.is_some()),
+            ("--accumulate", self.accumulate.is_some()),
+            ("--replan", self.replan),
+        ];
+        match given.iter().find(|(_, given)| *given) {
+            Some((flag, _)) => Err(CliError::Usage(format!(
+                "{flag} is for `relume render`: what pixels keep was chosen when this file was rendered; render again with it"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    args.planned.check()?;
     for path in &args.output {
         files::picture_kind(path)?;
     }
@@ -76,7 +111,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let mix = if hand.is_some() { &saved.mix } else { &mixes[0] };
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
-        let learnt = model::learn(model, mix, || None, tolerance, "render again with this --light and --replan")?;
+        let learnt = model::learn(model, mix, tolerance, "render again with this --light and --replan")?;
         (text, model_json) = (learnt.text(model), learnt.json(model));
     }
     let (mut relit, mut written) = (clock.read(), Timing::default());

@@ -14,7 +14,7 @@ use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene, positions};
-use relume::spectrum::Light;
+use relume::spectrum::{BANDS, Light};
 use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
 use relume::volume::Statistics;
 use relume::vulkan::{Device, DeviceChoice, Validation};
@@ -69,6 +69,8 @@ pub(crate) struct Args {
 /// What was marched, wherever that was.
 struct Marched {
     accumulation: Option<Accumulation<f32>>,
+    /// All bands of each position and of what passes, where the reference makes spectra.
+    bands: Option<Accumulation<f32>>,
     /// Linear RGBA; made where an output needs it.
     linear: Option<Vec<f32>>,
     /// 8-bit sRGB RGBA.
@@ -85,6 +87,7 @@ struct Wanted {
     linear: bool,
     display: bool,
     accumulation: bool,
+    bands: bool,
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
@@ -104,6 +107,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
     check_memory(args)?;
+    if let Some(flag) = unused_by_the_reference(args) {
+        return Err(CliError::Usage(format!(
+            "{flag} does nothing here: --reference computes all wavelengths, and fits no colour model but for --accumulators"
+        )));
+    }
 
     let clock = Stopwatch::start();
     let scene = args.scene.load(progress)?;
@@ -116,8 +124,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
-    // The reference computes all wavelengths, and needs no model but for files.
-    let (planned, learnt) = if args.reference && args.accumulators.is_none() && args.spectral.is_none() {
+    // The reference computes all wavelengths, and needs no model but for accumulators.
+    let (planned, learnt) = if args.reference && args.accumulators.is_none() {
         (plan_full_spectrum(&scene), None)
     } else {
         let mut planned = plan_for(&scene, &lights, progress)?;
@@ -136,7 +144,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some(),
         display: kinds.iter().any(ready),
-        accumulation: args.accumulators.is_some() || args.spectral.is_some(),
+        accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
+        bands: args.spectral.is_some() && args.reference,
     };
     let marched = if args.reference {
         on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?
@@ -156,8 +165,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
     }
     let mut reconstruction = None;
-    if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, &marched.accumulation, &marched.linear) {
-        let (components, background) = (Components::new(&scene, &planned), scene.background.as_ref());
+    let (of_spectra, kept) = match &marched.bands {
+        Some(bands) => (&plan_full_spectrum(&scene), Some(bands)),
+        None => (&planned, marched.accumulation.as_ref()),
+    };
+    if let (Some(path), Some(accumulation), Some(linear)) = (&args.spectral, kept, &marched.linear) {
+        let (components, background) = (Components::new(&scene, of_spectra), scene.background.as_ref());
         reconstruction =
             files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
     }
@@ -195,16 +208,30 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
 /// Fits the colour model, where there is one, to the lights of `mix` that it was not planned for.
 fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Result<Option<Learnt>, CliError> {
-    let (tolerance, ingredients) = (planned.tolerance(scene), planned.ingredients(scene));
+    let way_out = match scene.accuracy.dimension {
+        None => "add --replan to plan it for this light too",
+        Some(_) => "add --replan to plan it for this light too, or take a larger --k",
+    };
     let Some(model) = planned.model.as_mut().map(Arc::make_mut) else { return Ok(None) };
-    let unseen = || relume::model::unseen(&ingredients).ok();
-    Ok(Some(super::model::learn(model, mix, unseen, tolerance, "add --replan to plan it for this light too")?))
+    Ok(Some(super::model::learn(model, mix, scene.accuracy.tolerance, way_out)?))
+}
+
+/// The first flag given that says how colours are to be modelled, where the reference models none. A tolerance it keeps.
+fn unused_by_the_reference(args: &Args) -> Option<&'static str> {
+    let given = args.scene.accuracy.given().into_iter().filter(|flag| *flag != "--tolerance");
+    let mut given = given.chain(args.replan.then_some("--replan"));
+    given.next().filter(|_| args.reference && args.accumulators.is_none())
 }
 
 /// Refuses a picture that this computer cannot hold.
 fn check_memory(args: &Args) -> Result<(), CliError> {
-    // Linear RGBA in f32; the reference has XYZ, colours and what passes in f64 beside it.
-    let pixel_bytes = if args.reference { 72 } else { 16 };
+    // Linear RGBA in f32; the reference has XYZ, colours and what passes in f64 beside it, and all bands of one position at
+    // least, in f64 and f32, where it makes spectra.
+    let pixel_bytes = match (args.reference, &args.spectral) {
+        (true, Some(_)) => 72 + 12 * BANDS,
+        (true, None) => 72,
+        (false, _) => 16,
+    };
     let [width, height] = args.size;
     let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
     match memory::available_bytes() {
@@ -300,6 +327,7 @@ fn on_device(
     let matrices = matrices(scene, planned, mix);
     let mut marched = Marched {
         accumulation: None,
+        bands: None,
         linear: None,
         display: None,
         device: super::info::device_json(renderer.device().info()),
@@ -336,6 +364,13 @@ pub(crate) fn matrices(scene: &Scene, planned: &Planned, mix: &Mix) -> RelightMa
     RelightMatrices::new(&components, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
 }
 
+/// As files hold it.
+#[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
+fn narrowed(march: Accumulation<f64>) -> Accumulation<f32> {
+    let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
+    Accumulation { size: march.size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) }
+}
+
 fn on_cpu(
     scene: &Scene,
     planned: &Planned,
@@ -350,24 +385,26 @@ fn on_cpu(
     let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
     warn_of_undeclared(labels.as_ref());
     warn_of_nothing(scene, planned, mix, None);
-    let mut linear = None;
-    if wanted.linear {
-        let truth = plan_full_spectrum(scene);
+    let marched = |planned: &Planned| -> Result<Accumulation<f64>, CliError> {
+        let exact = Exact::new(scene, planned, storage.clone(), labels.as_ref());
+        Ok(reference::march::<f64>(scene, planned, &exact, size, progress)?)
+    };
+    let truth = plan_full_spectrum(scene);
+    let (mut linear, mut bands) = (None, None);
+    if wanted.bands {
+        let (march, matrices) = (marched(&truth)?, matrices(scene, &truth, mix));
+        let pixels = reference::relight(&march, &matrices).into_iter().zip(reference::opacity(&march, &matrices));
+        linear = Some(files::rgba(pixels));
+        bands = Some(narrowed(march));
+    } else if wanted.linear {
         let exact = Exact::new(scene, &truth, storage.clone(), labels.as_ref());
         let pixels = reference::render(scene, &truth, &exact, &matrices(scene, &truth, mix), size, progress)?;
         linear = Some(files::rgba(pixels.into_iter()));
     }
-    #[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
-    let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
-    let accumulation = if wanted.accumulation {
-        let exact = Exact::new(scene, planned, storage.clone(), labels.as_ref());
-        let march = reference::march::<f64>(scene, planned, &exact, size, progress)?;
-        Some(Accumulation { size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) })
-    } else {
-        None
-    };
+    let accumulation = if wanted.accumulation { Some(narrowed(marched(planned)?)) } else { None };
     Ok(Marched {
         accumulation,
+        bands,
         linear,
         display: None,
         device: json!({"name": "reference: CPU, 81 bands, f64"}),

@@ -129,15 +129,20 @@ pub(crate) struct LightArgs {
 }
 
 impl SceneArgs {
-    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<Scene, CliError> {
-        let options = SceneOptions {
+    /// What is changed about the scene.
+    pub(crate) fn options(&self) -> SceneOptions {
+        SceneOptions {
             volume: self.volume.clone(),
             raw: self.raw.layout(),
             selection: self.selection.selection(),
             labels: self.labels.clone(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
-        };
+        }
+    }
+
+    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<Scene, CliError> {
+        let options = self.options();
         let scene = match &self.scene {
             Some(path) => scene::load(path, &options, progress)?,
             None => scene::load_embedded(&options, progress)?,

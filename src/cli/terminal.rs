@@ -28,9 +28,9 @@ pub(super) const INTERRUPTED: u8 = 130;
 /// What is said of it.
 pub(super) const TOLD: &str = "interrupted";
 
-/// How long work has to notice Ctrl-C, and to end in its own way; people notice three times that.
+/// How long work has to notice Ctrl-C, and to end in its own way; people notice six times that.
 #[cfg(unix)]
-const PATIENCE: Duration = Duration::from_millis(100);
+const PATIENCE: Duration = Duration::from_millis(50);
 
 /// The terminal: shows how far work is on standard error where that is a terminal, and turns Ctrl-C into a request to
 /// stop.
@@ -84,6 +84,7 @@ fn end_soon(_: &Arc<AtomicBool>) -> io::Result<()> {
     signal_hook::low_level::pipe::register(SIGINT, signal)?;
     let wait = move || {
         if heard.read_exact(&mut [0]).is_ok() {
+            wake_all();
             std::thread::sleep(PATIENCE);
             relume::output::discard_unfinished();
             complain(&super::CliError::Failed(TOLD.to_owned()));
@@ -93,6 +94,24 @@ fn end_soon(_: &Arc<AtomicBool>) -> io::Result<()> {
     };
     std::thread::Builder::new().name("ctrl-c".to_owned()).spawn(wait).map(drop)
 }
+
+/// Lets every thread of the program end as soon as any other, as far as the system allows that. Mesa's shader cache has one
+/// of the lowest priority: while other programs compute, it takes seconds to end, and frees all memory where it is last.
+#[cfg(target_os = "linux")]
+fn wake_all() {
+    use rustix::process::{Pid, setpriority_process};
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
+    for thread in threads {
+        let id = thread.file_name().to_str().and_then(|id| id.parse().ok()).and_then(Pid::from_raw);
+        if let Some(id) = id {
+            setpriority_process(Some(id), 0).ok();
+        }
+    }
+}
+
+/// Only Linux has priorities of threads that this program knows of.
+#[cfg(not(target_os = "linux"))]
+fn wake_all() {}
 
 /// A second Ctrl-C does not wait for the work to notice.
 #[cfg(not(unix))]
@@ -171,8 +190,13 @@ pub(crate) fn print(text: &str) {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
-/// Prints an error and its causes, in one line each.
+/// Prints an error and its causes, in one line each; nothing of a second one, when two threads end the program.
 pub(crate) fn complain(error: &dyn std::error::Error) {
+    static TOLD: Mutex<bool> = Mutex::new(false);
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    if std::mem::replace(&mut *told, true) {
+        return;
+    }
     let mut text = format!("error: {error}\n");
     let mut cause = error.source();
     while let Some(error) = cause {

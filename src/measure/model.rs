@@ -10,8 +10,12 @@ use crate::model::{
     fit_automatic, fit_cloud,
 };
 use crate::number::count;
+use crate::plan::PlanError;
 use crate::progress::Progress;
+use crate::reference::ReferenceError;
+use crate::scene::SceneError;
 use crate::spectrum::{Kind, Light, Spectrum, SpectrumError, standard};
+use crate::volume::VolumeError;
 
 /// Groups of lights: smooth ones, mixed ones, ones with lines.
 pub const LIGHT_GROUPS: [(&str, &[&str]); 3] = [
@@ -50,6 +54,18 @@ pub enum ModelTableError {
     /// A standard spectrum is missing.
     #[error(transparent)]
     Spectrum(#[from] SpectrumError),
+    /// A scene could not be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A volume could not be read.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    /// A scene could not be planned.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// A march was stopped.
+    #[error(transparent)]
+    March(#[from] ReferenceError),
 }
 
 /// One setting of [`model_row`].

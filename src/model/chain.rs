@@ -3,17 +3,21 @@
 use super::random::Random;
 
 /// The way of some light: through steps of a medium, and from what is behind them.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Chain {
     /// Front to back.
     steps: Vec<Step>,
     /// The sources that reflect it one after the other behind the steps; none: nothing is there.
     behind: Option<Vec<usize>>,
+    /// The share of light that shading leaves there.
+    lit_behind: f64,
 }
 
 /// A piece of a medium that is the same throughout.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Step {
+    /// The share of light that shading leaves.
+    lit: f64,
     /// Optical depths by which sources scatter, alike at all wavelengths.
     scattered: Vec<(usize, f64)>,
     /// Optical depths, at the peak, by which absorptions absorb.
@@ -30,8 +34,8 @@ pub enum ChainClass {
     Reflections,
     /// Two (two thirds) or three reflections (b). No renderer here makes them; the published tables have them.
     Bounces,
-    /// One reflection seen through one absorber or two, half of them deep: optical depths are log-uniform from 0.05 to
-    /// the largest, or uniform in the upper three quarters. What two deep absorbers leave is hardest to carry.
+    /// One reflection seen through one absorber or several, half of them deep: optical depths are log-uniform from 0.05
+    /// to the largest, or uniform in the upper three quarters. What deep absorbers leave together is hardest to carry.
     Absorbed,
     /// One reflection seen through one absorber of log-uniform optical depth: what the published tables call c.
     SinglyAbsorbed,
@@ -39,7 +43,13 @@ pub enum ChainClass {
     GreyRays(usize),
     /// Rays of this many steps through media that scatter and absorb, of total optical depth 0.3 to 20 (d1).
     ColouredRays(usize),
+    /// The same (without absorptions, through grey media) where shading leaves less of the light: from all of it to a
+    /// fiftieth, more and more, or less and less, along the ray.
+    ShadedRays(usize),
 }
+
+/// The least share of light that shading leaves a shaded ray: what is darker is too dark for errors to show.
+const DARKEST: f64 = 0.02;
 
 /// What chains can be made of.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +67,11 @@ pub(crate) struct Supply {
 impl Chain {
     /// The light of one source, by its number.
     pub(crate) fn reflection(source: usize) -> Self {
-        Self { steps: Vec::new(), behind: Some(vec![source]) }
+        Self::of(Vec::new(), Some(vec![source]))
+    }
+
+    fn of(steps: Vec<Step>, behind: Option<Vec<usize>>) -> Self {
+        Self { steps, behind, lit_behind: 1.0 }
     }
 
     /// A random chain of a class.
@@ -67,7 +81,7 @@ impl Chain {
             ChainClass::Bounces => {
                 let count = if random.unit() < 2.0 / 3.0 { 2 } else { 3 };
                 let behind = (0..count).map(|_| random.index(supply.scattering)).collect();
-                Self { steps: Vec::new(), behind: Some(behind) }
+                Self::of(Vec::new(), Some(behind))
             }
             ChainClass::Absorbed | ChainClass::SinglyAbsorbed => {
                 let any = class == ChainClass::Absorbed;
@@ -77,32 +91,76 @@ impl Chain {
                 } else {
                     random.between_magnitudes(0.05_f64.min(largest), largest)
                 };
-                let one = random.index(supply.absorptions);
-                let absorbed = if any && random.unit() < 0.5 {
-                    let share = random.unit();
-                    vec![(one, depth * share), (random.index(supply.absorptions), depth * (1.0 - share))]
-                } else {
-                    vec![(one, depth)]
-                };
+                let several = any && random.unit() < 0.5;
+                let absorbers = if several { 2 + random.index(supply.absorptions.saturating_sub(1)) } else { 1 };
+                let absorbed = shared(depth, absorbers, supply.absorptions, random);
                 let behind = Some(vec![random.index(supply.sources)]);
-                Self { steps: vec![Step { scattered: Vec::new(), absorbed }], behind }
+                Self::of(vec![Step { lit: 1.0, scattered: Vec::new(), absorbed }], behind)
             }
-            ChainClass::GreyRays(steps) => {
-                let depth = random.between_magnitudes(0.3, 20.0);
-                let scattered = clouds(supply.scattering, steps, depth, random);
-                let steps = scattered.into_iter().map(|scattered| Step { scattered, absorbed: Vec::new() }).collect();
-                Self { steps, behind: drawn_behind(supply, random) }
+            ChainClass::GreyRays(steps) => Self::grey_ray(steps, supply, random),
+            ChainClass::ColouredRays(steps) => Self::coloured_ray(steps, supply, random),
+            ChainClass::ShadedRays(steps) if supply.absorptions > 0 => {
+                Self::coloured_ray(steps, supply, random).shaded(supply, random)
             }
-            ChainClass::ColouredRays(steps) => {
-                let depth = random.between_magnitudes(0.3, 20.0);
-                let coloured = (depth * random.between(0.1, 0.9)).min(supply.largest_depth);
-                let scattered = clouds(supply.scattering, steps, depth - coloured, random);
-                let absorbed = clouds(supply.absorptions, steps, coloured, random);
-                let pairs = scattered.into_iter().zip(absorbed);
-                let steps = pairs.map(|(scattered, absorbed)| Step { scattered, absorbed }).collect();
-                Self { steps, behind: drawn_behind(supply, random) }
+            ChainClass::ShadedRays(steps) => Self::grey_ray(steps, supply, random).shaded(supply, random),
+        }
+    }
+
+    fn grey_ray(steps: usize, supply: Supply, random: &mut Random) -> Self {
+        let depth = random.between_magnitudes(0.3, 20.0);
+        let scattered = clouds(supply.scattering, steps, depth, random);
+        let step = |scattered| Step { lit: 1.0, scattered, absorbed: Vec::new() };
+        Self::of(scattered.into_iter().map(step).collect(), drawn_behind(supply, random))
+    }
+
+    fn coloured_ray(steps: usize, supply: Supply, random: &mut Random) -> Self {
+        let depth = random.between_magnitudes(0.3, 20.0);
+        let coloured = (depth * random.between(0.1, 0.9)).min(supply.largest_depth);
+        let scattered = clouds(supply.scattering, steps, depth - coloured, random);
+        let absorbed = clouds(supply.absorptions, steps, coloured, random);
+        let pairs = scattered.into_iter().zip(absorbed);
+        let steps = pairs.map(|(scattered, absorbed)| Step { lit: 1.0, scattered, absorbed }).collect();
+        Self::of(steps, drawn_behind(supply, random))
+    }
+
+    /// The same, less and less lit from one of its ends to the other. A background is not shaded.
+    fn shaded(mut self, supply: Supply, random: &mut Random) -> Self {
+        let [front, back] = [(); 2].map(|()| random.between_magnitudes(DARKEST, 1.0));
+        let steps = crate::number::count(self.steps.len());
+        for (index, step) in self.steps.iter_mut().enumerate() {
+            step.lit = front * (back / front).powf((crate::number::count(index) + 0.5) / steps);
+        }
+        if supply.sources == supply.scattering {
+            self.lit_behind = back;
+        }
+        self
+    }
+
+    /// The same way through somewhat more or less of each thing, somewhat better or worse lit.
+    pub(crate) fn varied(&self, supply: Supply, random: &mut Random) -> Self {
+        let mut varied = self.clone();
+        // Cubed, so that most are near 1.
+        let mut factor = || (random.between(-1.0, 1.0).powi(3)).exp();
+        let scattering: Vec<f64> = (0..supply.sources).map(|_| factor()).collect();
+        let absorbing: Vec<f64> = (0..supply.absorptions).map(|_| factor()).collect();
+        let lit = factor();
+        let mut total = 0.0;
+        for step in &mut varied.steps {
+            step.lit = (step.lit * lit).min(1.0);
+            step.scattered.iter_mut().for_each(|(source, depth)| *depth *= scattering[*source]);
+            for (absorption, depth) in &mut step.absorbed {
+                *depth *= absorbing[*absorption];
+                total += *depth;
             }
         }
+        if total > supply.largest_depth {
+            let absorbed = varied.steps.iter_mut().flat_map(|step| &mut step.absorbed);
+            absorbed.for_each(|(_, depth)| *depth *= supply.largest_depth / total);
+        }
+        if supply.sources == supply.scattering {
+            varied.lit_behind = (varied.lit_behind * lit).min(1.0);
+        }
+        varied
     }
 
     /// The light that comes back, per component.
@@ -118,7 +176,7 @@ impl Chain {
             for &(index, scattering) in &step.scattered {
                 for component in 0..dimension {
                     depth[component] += scattering;
-                    source[component] += scattering * sources[index][component];
+                    source[component] += step.lit * scattering * sources[index][component];
                 }
             }
             let grey = step.absorbed.is_empty().then(|| absorbed_share(depth.first().copied().unwrap_or(0.0)));
@@ -133,7 +191,7 @@ impl Chain {
         if let Some(behind) = &self.behind {
             for (component, light) in light.iter_mut().enumerate() {
                 let reflected: f64 = behind.iter().map(|&source| sources[source][component]).product();
-                *light += transmittance[component] * reflected;
+                *light += transmittance[component] * self.lit_behind * reflected;
             }
         }
         light
@@ -151,6 +209,20 @@ fn drawn_behind(supply: Supply, random: &mut Random) -> Option<Vec<usize>> {
         return Some(vec![supply.sources - 1]);
     }
     (random.unit() < 1.0 / 3.0).then(|| vec![random.index(supply.sources)])
+}
+
+/// A total optical depth in random shares, all equally likely, of so many of the `count` absorptions there are.
+fn shared(depth: f64, absorbers: usize, count: usize, random: &mut Random) -> Vec<(usize, f64)> {
+    if absorbers == 1 {
+        return vec![(random.index(count), depth)];
+    }
+    let mut left: Vec<usize> = (0..count).collect();
+    let drawn =
+        (0..absorbers.min(count)).map(|_| (left.swap_remove(random.index(left.len())), -random.unit().max(1e-12).ln()));
+    let mut shares: Vec<(usize, f64)> = drawn.collect();
+    let sum: f64 = shares.iter().map(|(_, share)| share).sum();
+    shares.iter_mut().for_each(|(_, share)| *share *= depth / sum);
+    shares
 }
 
 /// Per step, the optical depth of each of `count` smooth clouds along a ray; all together `total`.

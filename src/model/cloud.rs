@@ -17,6 +17,8 @@ pub const LARGEST_DEPTH: f64 = 20.0;
 pub struct Cloud {
     pub(super) sources: Vec<Spectrum>,
     pub(super) absorptions: Vec<Spectrum>,
+    pub(super) supply: Supply,
+    pub(super) mixed: bool,
     pub(super) chains: Vec<Chain>,
     pub(super) spectra: Vec<Spectrum>,
 }
@@ -54,7 +56,15 @@ impl Cloud {
                 chains.extend((0..count).map(|_| Chain::draw(class, supply, &mut random)));
             }
         }
-        let mut cloud = Self { sources, absorptions, chains, spectra: Vec::new() };
+        let mixed = ingredients.mixed;
+        Self { sources, absorptions, supply, mixed, chains: Vec::new(), spectra: Vec::new() }.of(chains)
+    }
+
+    /// Other chains of the same things.
+    pub(super) fn of(&self, chains: Vec<Chain>) -> Result<Self, ModelError> {
+        let (sources, absorptions) = (self.sources.clone(), self.absorptions.clone());
+        let mut cloud =
+            Self { sources, absorptions, supply: self.supply, mixed: self.mixed, chains, spectra: Vec::new() };
         cloud.spectra = cloud.computed();
         if cloud.spectra.iter().all(Spectrum::is_finite) { Ok(cloud) } else { Err(ModelError::NotFinite) }
     }

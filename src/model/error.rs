@@ -29,7 +29,7 @@ pub enum ModelError {
     /// No dimension keeps the tolerance.
     #[error(
         "no k up to {largest} is sure to keep ΔE00 {tolerance} with the model {kind}: k = {dimension} comes nearest and \
-         differs by {reached:.3} at worst, and a quarter is held in reserve for colours that were not tried; to go on with it, add --k {dimension} or --tolerance {kept:.3}{way_out}"
+         differs by {reached:.3} at worst; to go on with it, add --k {dimension} or --tolerance {kept:.3}{way_out}"
     )]
     Tolerance {
         /// The kind of model asked for.

@@ -5,8 +5,10 @@
 //! `c` is `W·c`. Which light it is enters in `W` alone.
 
 mod chain;
+mod check;
 mod cloud;
 mod error;
+mod fit;
 mod fixed;
 mod kind;
 mod lawson;
@@ -16,18 +18,16 @@ mod reconstruction;
 mod sharpened;
 mod target;
 
-use std::ops::RangeInclusive;
-
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::progress::Progress;
 use crate::spectrum::colour::OBSERVER;
-use crate::spectrum::{BANDS, Light, Spectrum, standard, wavelength_nm};
+use crate::spectrum::{BANDS, Light, Spectrum, wavelength_nm};
 
 pub use chain::ChainClass;
 pub use cloud::{Cloud, LARGEST_DEPTH};
 pub use error::ModelError;
+pub use fit::{fit, fit_automatic, fit_cloud, fit_narrow, unseen};
 pub use kind::{ModelKind, Order};
 pub use reconstruction::Reconstruction;
 pub use target::ErrorSummary;
@@ -36,20 +36,6 @@ use target::Target;
 
 /// The largest dimension of a model.
 pub const LARGEST_DIMENSION: usize = 16;
-
-/// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
-const FIT: [(ChainClass, usize); 3] =
-    [(ChainClass::GreyRays(24), 100), (ChainClass::Absorbed, 400), (ChainClass::ColouredRays(24), 150)];
-const FIT_SEED: u64 = 1;
-/// What automatic dimensions are checked on. Most of it is behind absorbers, where a rare pair of them can be far worse
-/// than all others.
-const VALIDATION: [(ChainClass, usize); 3] =
-    [(ChainClass::GreyRays(24), 200), (ChainClass::Absorbed, 3000), (ChainClass::ColouredRays(24), 300)];
-const VALIDATION_SEED: u64 = 2;
-/// The share of a tolerance that an automatic dimension uses up: what it was not checked on differs a little more.
-const MARGIN: f64 = 0.75;
-/// The mean error may be this share of the largest.
-const MEAN_SHARE: f64 = 0.2;
 
 /// What the light of a scene can meet on its way: what a model must carry.
 #[derive(Clone, Debug, Default)]
@@ -64,6 +50,8 @@ pub struct Ingredients {
     pub highlights: bool,
     /// The scene's own lights, by name.
     pub lights: Vec<(String, Light)>,
+    /// Whether they shine from several places: a pixel then adds up different spectra under each of them.
+    pub mixed: bool,
     /// The largest optical depth of coloured absorption that can occur; 0 when all absorption is grey. Above
     /// [`LARGEST_DEPTH`], it counts as that.
     pub largest_depth: f64,
@@ -103,207 +91,20 @@ pub struct ColourModel {
     projection: Vec<Spectrum>,
     cloud: Vec<Spectrum>,
     vectors: Vec<Vec<f64>>,
+    /// Spectra that were not used in the fit, with their coefficients; none where nothing was checked.
+    unseen: Samples,
+    /// Whether it is checked on sums of different spectra under different lights, too.
+    mixed: bool,
     lights: Vec<(String, Light, LightMatrix)>,
 }
 
-/// The model of `kind` with `dimension` coefficients for what is in `ingredients`.
-///
-/// It takes equal steps for equal input: equal models come out, also when materials or lights are given in another
-/// order. Without lights it is fitted for D65.
-///
-/// # Errors
-///
-/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 16, [`ModelError::NotThree`] for RGB of another dimension than
-/// 3, [`ModelError::Sample`] and [`ModelError::NotFinite`] for spectra that cannot be computed with,
-/// [`ModelError::Cancelled`] when `progress` says so.
-pub fn fit(
-    ingredients: &Ingredients,
-    kind: ModelKind,
-    dimension: usize,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    fit_cloud(&Cloud::new(ingredients, &FIT, FIT_SEED)?, &ingredients.lights, kind, dimension, progress)
-}
-
-/// The model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
-///
-/// Kept means: over the cloud of the fit and over another, larger one, whose spectra were not used in the fit,
-/// the largest ΔE00 is at most 0.75 of the tolerance and the mean at most a fifth of that.
-///
-/// # Errors
-///
-/// [`ModelError::Tolerance`] when 16 coefficients do not keep it (or RGB's 3), [`ModelError::NotATolerance`] unless it
-/// is above 0, and the errors of [`fit`].
-pub fn fit_automatic(
-    ingredients: &Ingredients,
-    kind: ModelKind,
-    tolerance: f64,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    check_tolerance(tolerance)?;
-    let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
-    let unseen = unseen(ingredients)?;
-    let dimensions = dimensions(kind, LARGEST_DIMENSION);
-    let largest = *dimensions.end();
-    let dimension = match least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)? {
-        Ok(model) => return Ok(model),
-        Err(nearest) => nearest,
-    };
-    let mut model = fit_targets(&cloud, &ingredients.lights, kind, dimension, f64::INFINITY, progress)?;
-    model.check_on(&unseen);
-    let worst = model.worst();
-    let way_out = match kind {
-        ModelKind::Nodes => "; --reference renders all bands, slowly and without this error",
-        _ => "; --model nodes may keep yours",
-    };
-    Err(ModelError::Tolerance {
-        kind,
-        tolerance,
-        largest,
-        dimension,
-        reached: worst.max,
-        kept: (needed_tolerance(&worst) * 1000.0).ceil() / 1000.0,
-        way_out: way_out.to_owned(),
-    })
-}
-
-/// The model of [`fit_automatic`] if it has at most `largest` coefficients; `None` where so few do not keep `tolerance`.
-///
-/// # Errors
-///
-/// Those of [`fit_automatic`] but [`ModelError::Tolerance`].
-pub fn fit_narrow(
-    ingredients: &Ingredients,
-    kind: ModelKind,
-    tolerance: f64,
-    largest: usize,
-    progress: &dyn Progress,
-) -> Result<Option<ColourModel>, ModelError> {
-    check_tolerance(tolerance)?;
-    let (cloud, unseen) = (Cloud::new(ingredients, &FIT, FIT_SEED)?, unseen(ingredients)?);
-    let dimensions = dimensions(kind, largest.min(LARGEST_DIMENSION));
-    Ok(least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)?.ok())
-}
-
-/// Spectra that are not used in fits for `ingredients`: what automatic dimensions and new lights are checked on.
-///
-/// # Errors
-///
-/// [`ModelError::Sample`] and [`ModelError::NotFinite`].
-pub fn unseen(ingredients: &Ingredients) -> Result<Cloud, ModelError> {
-    Cloud::new(ingredients, &VALIDATION, VALIDATION_SEED)
-}
-
-fn check_tolerance(tolerance: f64) -> Result<(), ModelError> {
-    if tolerance.is_nan() || tolerance <= 0.0 { Err(ModelError::NotATolerance { tolerance }) } else { Ok(()) }
-}
-
-/// The dimensions up to `largest` that a model of `kind` can have.
-fn dimensions(kind: ModelKind, largest: usize) -> RangeInclusive<usize> {
-    if kind == ModelKind::Rgb { 3..=largest.min(3) } else { 1..=largest }
-}
-
-/// The model of the first of `dimensions` that keeps `tolerance`, or the dimension that comes nearest.
-fn least(
-    cloud: &Cloud,
-    unseen: &Cloud,
-    lights: &[(String, Light)],
-    kind: ModelKind,
-    tolerance: f64,
-    dimensions: RangeInclusive<usize>,
-    progress: &dyn Progress,
-) -> Result<Result<ColourModel, usize>, ModelError> {
-    let largest = *dimensions.end();
-    let mut nearest = (f64::INFINITY, largest);
-    for dimension in dimensions {
-        let hopeless = if dimension == largest { f64::INFINITY } else { 2.0 * MARGIN * tolerance };
-        let mut model = fit_targets(cloud, lights, kind, dimension, hopeless, progress)?;
-        let needed = needed_tolerance(&model.worst());
-        if needed <= tolerance {
-            model.check_on(unseen);
-            if needed_tolerance(&model.worst()) <= tolerance {
-                return Ok(Ok(model));
-            }
-        }
-        if needed < nearest.0 {
-            nearest = (needed, dimension);
-        }
-    }
-    Ok(Err(nearest.1))
-}
-
-/// The least tolerance that errors like these keep.
-fn needed_tolerance(error: &ErrorSummary) -> f64 {
-    (error.max / MARGIN).max(error.mean / (MARGIN * MEAN_SHARE))
-}
-
-/// The model of `kind` with `dimension` coefficients for the spectra of `cloud` under `lights`.
-///
-/// # Errors
-///
-/// Those of [`fit`].
-pub fn fit_cloud(
-    cloud: &Cloud,
-    lights: &[(String, Light)],
-    kind: ModelKind,
-    dimension: usize,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    fit_targets(cloud, lights, kind, dimension, f64::INFINITY, progress)
-}
-
-/// [`fit_cloud`], whose nodes are left as they are once an error above `hopeless` shows that there are too few.
-fn fit_targets(
-    cloud: &Cloud,
-    lights: &[(String, Light)],
-    kind: ModelKind,
-    dimension: usize,
-    hopeless: f64,
-    progress: &dyn Progress,
-) -> Result<ColourModel, ModelError> {
-    if kind == ModelKind::Rgb && dimension != 3 {
-        return Err(ModelError::NotThree { dimension });
-    }
-    if !(1..=LARGEST_DIMENSION).contains(&dimension) {
-        return Err(ModelError::Dimension { dimension, largest: LARGEST_DIMENSION });
-    }
-    // What the fit is for, in an order that does not depend on the scene's.
-    let mut wanted: Vec<&Light> = lights.iter().map(|(_, light)| light).collect();
-    wanted.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
-    wanted.dedup();
-    wanted.retain(|light| light.spectrum().samples().iter().any(|&power| power != 0.0));
-    if wanted.is_empty() {
-        wanted.push(standard::d65());
-    }
-    let candidates = match kind {
-        ModelKind::Nodes => {
-            let targets: Vec<Target> = wanted.par_iter().map(|light| Target::new(&cloud.spectra, light)).collect();
-            let bands = nodes::select(&cloud.spectra, &targets, dimension, hopeless, progress)?;
-            vec![bands.into_iter().map(one_band).collect()]
-        }
-        ModelKind::Sharpened(_) => vec![sharpened::projection(&cloud.spectra, &wanted, dimension)],
-        ModelKind::Bands => vec![fixed::bands(dimension)],
-        ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
-    };
-    let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
-        let mut model =
-            ColourModel { kind, projection, cloud: cloud.spectra.clone(), vectors: Vec::new(), lights: Vec::new() };
-        // As the cloud's spectra are, so that a file of f32 brings the very same ones back.
-        model.vectors = model.vectors_of(cloud, Amplification::Held);
-        model.vectors.iter_mut().flatten().for_each(|part| *part = cloud::single(*part));
-        let matrices: Vec<LightMatrix> = lights.par_iter().map(|(_, light)| model.fitted(light)).collect();
-        let named = lights.iter().zip(matrices);
-        model.lights = named.map(|((name, light), matrix)| (name.clone(), light.clone(), matrix)).collect();
-        model
-    });
-    let mean = |model: &ColourModel| model.lights.iter().map(|(.., matrix)| matrix.error.mean).sum::<f64>();
-    let model = models.reduce(|best, next| if mean(&next) < mean(&best) { next } else { best });
-    progress.report("fitting the colour model", 1, 1);
-    match model {
-        _ if progress.cancelled() => Err(ModelError::Cancelled),
-        Some(model) if model.is_finite() => Ok(model),
-        _ => Err(ModelError::NotFinite),
-    }
+/// Light-independent spectra of pixels.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
+    /// The spectra.
+    pub spectra: Vec<Spectrum>,
+    /// The coefficients of each, as componentwise arithmetic makes them.
+    pub vectors: Vec<Vec<f64>>,
 }
 
 /// The row of a projection that takes the sample of one band.
@@ -315,8 +116,8 @@ impl ColourModel {
     /// Every band of the grid: nothing is left out, and nothing is fitted. What other models are measured against.
     pub fn full_spectrum() -> Self {
         let projection = (0..BANDS).map(one_band).collect();
-        let (cloud, vectors, lights) = (Vec::new(), Vec::new(), Vec::new());
-        Self { kind: ModelKind::Nodes, projection, cloud, vectors, lights }
+        let (cloud, vectors, unseen, lights) = (Vec::new(), Vec::new(), Samples::default(), Vec::new());
+        Self { kind: ModelKind::Nodes, projection, cloud, vectors, unseen, mixed: false, lights }
     }
 
     /// A model of stored parts; with it, new lights are fitted as with the model that the parts were taken from.
@@ -344,29 +145,59 @@ impl ColourModel {
         if cloud.is_empty() {
             return wrong("the cloud has no spectra".to_owned());
         }
-        let mut model = Self { kind, projection, cloud, vectors: Vec::new(), lights };
+        let unseen = Samples::default();
+        let mut model = Self { kind, projection, cloud, vectors: Vec::new(), unseen, mixed: false, lights };
         if kind == ModelKind::Nodes && model.nodes_nm().is_none_or(|nodes| nodes.len() != dimension) {
             return wrong("a row of the projection is not one wavelength, as a node is".to_owned());
         }
-        model.vectors =
-            vectors.unwrap_or_else(|| model.cloud.iter().map(|spectrum| model.coefficients(spectrum)).collect());
-        if model.vectors.len() != model.cloud.len() {
-            return wrong(format!("{} spectra have {} vectors", model.cloud.len(), model.vectors.len()));
-        }
-        if let Some(vector) = model.vectors.iter().find(|vector| vector.len() != dimension) {
-            return wrong(format!("a vector has {} of {dimension} coefficients", vector.len()));
-        }
+        model.vectors = model.checked_vectors(&model.cloud, vectors)?;
         if let Some((name, _, matrix)) = model.lights.iter().find(|(.., matrix)| matrix.xyz.len() != dimension) {
             return wrong(format!("the light {name:?} has {} of {dimension} columns", matrix.xyz.len()));
         }
         if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
     }
 
+    /// The same with stored spectra that were not used in its fit, and their coefficients: see [`Self::from_parts`].
+    /// `mixed` says whether it is checked on sums of them under several lights.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::Parts`] when their numbers differ, [`ModelError::NotFinite`] when one is not finite.
+    pub fn with_unseen(
+        mut self,
+        spectra: Vec<Spectrum>,
+        vectors: Option<Vec<Vec<f64>>>,
+        mixed: bool,
+    ) -> Result<Self, ModelError> {
+        let vectors = self.checked_vectors(&spectra, vectors)?;
+        self.mixed = mixed;
+        self.unseen = Samples { spectra, vectors };
+        if self.is_finite() { Ok(self) } else { Err(ModelError::NotFinite) }
+    }
+
+    /// `vectors`, or where there are none the projections of `spectra`, if there is a whole one for each of these.
+    fn checked_vectors(
+        &self,
+        spectra: &[Spectrum],
+        vectors: Option<Vec<Vec<f64>>>,
+    ) -> Result<Vec<Vec<f64>>, ModelError> {
+        let wrong = |problem: String| Err(ModelError::Parts { problem });
+        let vectors = vectors.unwrap_or_else(|| spectra.iter().map(|spectrum| self.coefficients(spectrum)).collect());
+        if vectors.len() != spectra.len() {
+            return wrong(format!("{} spectra have {} vectors", spectra.len(), vectors.len()));
+        }
+        match vectors.iter().find(|vector| vector.len() != self.dimension()) {
+            Some(vector) => wrong(format!("a vector has {} of {} coefficients", vector.len(), self.dimension())),
+            None => Ok(vectors),
+        }
+    }
+
     fn is_finite(&self) -> bool {
-        let spectra = self.projection.iter().chain(&self.cloud).chain(self.lights.iter().map(|(_, l, _)| l.spectrum()));
+        let cloud = self.cloud.iter().chain(&self.unseen.spectra);
+        let vectors = self.vectors.iter().chain(&self.unseen.vectors);
+        let spectra = self.projection.iter().chain(cloud).chain(self.lights.iter().map(|(_, l, _)| l.spectrum()));
         let matrices = self.lights.iter().flat_map(|(.., matrix)| matrix.xyz.iter().flatten());
-        spectra.into_iter().all(Spectrum::is_finite)
-            && self.vectors.iter().flatten().chain(matrices).all(|part| part.is_finite())
+        spectra.into_iter().all(Spectrum::is_finite) && vectors.flatten().chain(matrices).all(|part| part.is_finite())
     }
 
     /// What kind of model it is.
@@ -422,6 +253,17 @@ impl ColourModel {
     /// The coefficients of each spectrum of the cloud, as componentwise arithmetic makes them; f32 holds them exactly.
     pub fn cloud_vectors(&self) -> &[Vec<f64>] {
         &self.vectors
+    }
+
+    /// Spectra that were not used in the fit, with their coefficients, which f32 holds exactly; none where nothing was
+    /// checked.
+    pub fn unseen(&self) -> &Samples {
+        &self.unseen
+    }
+
+    /// Whether errors are those of sums of different spectra under different lights, too.
+    pub const fn is_mixed(&self) -> bool {
+        self.mixed
     }
 
     /// The lights the model was fitted for, in the order they were given in.
@@ -509,19 +351,17 @@ impl ColourModel {
         cloud.chains.par_iter().map(|chain| chain.walk(self.dimension(), &sources, &depths)).collect()
     }
 
+    /// [`Self::vectors_of`] in numbers that f32 holds, so that a file of f32 brings the very same ones back.
+    fn stored_vectors_of(&self, cloud: &Cloud) -> Vec<Vec<f64>> {
+        let mut vectors = self.vectors_of(cloud, Amplification::Held);
+        vectors.iter_mut().flatten().for_each(|part| *part = cloud::single(*part));
+        vectors
+    }
+
     /// ΔE00 of each of `cloud`'s spectra under `light`, whether it belongs to the model or is new.
     pub fn errors(&self, cloud: &Cloud, light: &Light, amplification: Amplification) -> Vec<f64> {
         let target = Target::new(&cloud.spectra, light);
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
-    }
-
-    /// Notes the errors of the model's lights on spectra that were not used in the fit.
-    pub fn check_on(&mut self, unseen: &Cloud) {
-        let vectors = self.vectors_of(unseen, Amplification::Held);
-        self.lights.par_iter_mut().for_each(|(_, light, matrix)| {
-            let target = Target::new(&unseen.spectra, light);
-            matrix.unseen = Some(ErrorSummary::of(&target.errors(&vectors, &matrix.xyz)));
-        });
     }
 
     /// The matrix of a light: the model's own where the light is one of its lights, else a new one fitted on the
@@ -533,31 +373,6 @@ impl ColourModel {
             Some((.., matrix)) => matrix.clone(),
             None => self.fitted(light),
         }
-    }
-
-    /// Adds a light to the model, fitted on the cloud, and notes its error on `unseen` where that is given.
-    ///
-    /// A light that the model has already, under whatever name, stays as it is.
-    ///
-    /// # Errors
-    ///
-    /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, cannot be computed with.
-    pub fn learn(&mut self, name: &str, light: &Light, unseen: Option<&Cloud>) -> Result<(), ModelError> {
-        if self.lights.iter().any(|(_, known, _)| known == light) {
-            return Ok(());
-        }
-        let mut matrix = self.fitted(light);
-        if let Some(unseen) = unseen {
-            let vectors = self.vectors_of(unseen, Amplification::Held);
-            let errors = Target::new(&unseen.spectra, light).errors(&vectors, &matrix.xyz);
-            matrix.unseen = Some(ErrorSummary::of(&errors));
-        }
-        let worst = matrix.worst();
-        if !worst.max.is_finite() || !matrix.xyz.iter().flatten().all(|part| part.is_finite()) {
-            return Err(ModelError::NotFinite);
-        }
-        self.lights.push((name.to_owned(), light.clone(), matrix));
-        Ok(())
     }
 
     fn fitted(&self, light: &Light) -> LightMatrix {

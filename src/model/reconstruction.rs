@@ -7,12 +7,14 @@ use super::{ColourModel, ErrorSummary, matrix_of};
 use crate::number::count;
 use crate::spectrum::{BANDS, Spectrum};
 
-/// The 81 × k matrix that brings spectra back from coefficients, with least squares over a model's cloud.
+/// The 81 × k matrix that brings spectra back from coefficients, with least squares over a model's cloud; of all 81 bands,
+/// the bands themselves.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
     /// Column i: the spectrum per unit of component i.
     pub spectra: Vec<Spectrum>,
-    /// The root of the mean squared difference of the cloud's samples.
+    /// The root of the mean squared difference of the cloud's samples: of light that comes back at a wavelength, as a share
+    /// of what a white surface would send there.
     pub rms: f64,
     /// ΔE00 of the cloud's reconstructed spectra under each of the model's lights, by name.
     pub errors: Vec<(String, ErrorSummary)>,
@@ -20,6 +22,9 @@ pub struct Reconstruction {
 
 impl Reconstruction {
     pub(super) fn new(model: &ColourModel) -> Self {
+        if model.dimension() == BANDS {
+            return Self { spectra: model.projection().to_vec(), rms: 0.0, errors: Vec::new() };
+        }
         let (cloud, vectors) = (model.cloud(), model.cloud_vectors());
         let known = matrix_of(cloud);
         let dimension = model.dimension();

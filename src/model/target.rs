@@ -77,6 +77,11 @@ fn lab(xyz: [f64; 3]) -> Lab {
     lab_from_xyz(Xyz(xyz), d65_white())
 }
 
+/// ΔE00 between two colours.
+pub(super) fn difference(one: [f64; 3], two: [f64; 3]) -> f64 {
+    ciede2000(lab(one), lab(two))
+}
+
 /// The colour of a vector: the sum of the matrix's columns, each times its component.
 pub(super) fn colour(matrix: &[[f64; 3]], vector: &[f64]) -> [f64; 3] {
     let mut xyz = [0.0; 3];

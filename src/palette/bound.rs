@@ -160,21 +160,14 @@ impl Relaxed<'_> {
         Ok(self.least(palette, cells)? <= REACHABLE)
     }
 
-    /// A conflict for each set of cells of the part that exclude one another; no two share a cell.
+    /// A conflict for each set of cells of the part that exclude one another.
     fn conflicts(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Conflict>, PaletteError> {
-        let mut cores: Vec<Vec<Cell>> = Vec::new();
-        let mut rest = part.to_vec();
-        // What is impossible for one material alone is the plainest to tell.
-        for row in 0..palette.materials.len() {
-            let of_row = |cell: &Cell| Place::both(cell).all(|place| place.material == row);
-            self.take_cores(palette, &mut rest, of_row, &mut cores)?;
-        }
-        self.take_cores(palette, &mut rest, |_| true, &mut cores)?;
+        let cores = self.cores(palette, part)?;
         let least = self.least(palette, part)?;
         let reached = self.reached(part);
         let places = |cells: &[Cell]| cells.iter().map(|cell| (cell.material, cell.light)).collect();
         let told = |core: &Vec<Cell>| {
-            let elsewhere = |cell: &Cell| cores.iter().any(|other| other != core && other.contains(cell));
+            let elsewhere = |cell: &Cell| cores.iter().any(|other| other.contains(cell)) && !core.contains(cell);
             let around: Vec<Cell> = part.iter().filter(|cell| !elsewhere(cell)).copied().collect();
             Ok(Conflict {
                 cells: places(core),
@@ -188,22 +181,37 @@ impl Relaxed<'_> {
         cores.iter().map(told).collect()
     }
 
-    /// Moves what excludes itself among those cells of `rest` that `counts` to `cores`, until nothing does.
-    fn take_cores(
-        &self,
-        palette: &Palette,
-        rest: &mut Vec<Cell>,
-        counts: impl Fn(&Cell) -> bool,
-        cores: &mut Vec<Vec<Cell>>,
-    ) -> Result<(), PaletteError> {
-        loop {
-            let among: Vec<Cell> = rest.iter().filter(|cell| counts(cell)).copied().collect();
-            if among.is_empty() || self.is_possible(palette, &among)? {
-                return Ok(());
+    /// What excludes itself in the part: first for each material alone, with the cells that it is to look as, which is
+    /// the plainest to tell; then in what is left.
+    fn cores(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Vec<Cell>>, PaletteError> {
+        let mut cores: Vec<Vec<Cell>> = Vec::new();
+        for row in 0..palette.materials.len() {
+            let mut own: Vec<Cell> = part.iter().filter(|cell| cell.material == row).copied().collect();
+            while !own.is_empty() {
+                let is_model = |cell: &&Cell| {
+                    cell.material != row && own.iter().any(|one| Place::both(one).any(|place| place == Place::of(cell)))
+                };
+                let among: Vec<Cell> = own.iter().chain(part.iter().filter(is_model)).copied().collect();
+                if self.is_possible(palette, &among)? {
+                    break;
+                }
+                let core = self.core(palette, &among)?;
+                let before = own.len();
+                own.retain(|cell| !core.contains(cell));
+                if own.len() == before {
+                    // It is of the other material alone.
+                    break;
+                }
+                cores.push(core);
             }
-            let core = self.core(palette, &among)?;
-            rest.retain(|cell| !core.contains(cell));
-            cores.push(core);
+        }
+        let mut rest = part.to_vec();
+        loop {
+            rest.retain(|cell| !cores.iter().any(|core| core.contains(cell)));
+            if rest.is_empty() || self.is_possible(palette, &rest)? {
+                return Ok(cores);
+            }
+            cores.push(self.core(palette, &rest)?);
         }
     }
 

@@ -13,7 +13,9 @@ use crate::progress::Progress;
 use crate::scene::{Lookup, Scene, StoreAs};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
-use crate::vulkan::{Buffer, Filter, Format, HostUse, Resource, Sampler, StorageImage};
+use crate::vulkan::{
+    Buffer, ComputePipeline, Device, Filter, Format, HostUse, Resource, ResourceSet, Sampler, StorageImage,
+};
 
 /// How long a dispatch may take, about: a person who moves on is heard after it, and no watchdog bites.
 const DISPATCH: Duration = Duration::from_millis(50);
@@ -98,6 +100,38 @@ pub struct Accumulators {
     pub occupied: [usize; 2],
     pub(super) weights: StorageImage,
     pub(super) transmittance: StorageImage,
+}
+
+/// A march under way: it rests between any two dispatches, and dropping it is to cancel it.
+#[derive(Debug)]
+pub struct March {
+    pipeline: ComputePipeline,
+    set: ResourceSet,
+    schedule: Schedule,
+    left: Accumulators,
+}
+
+/// How long a dispatch may take, about, and how much an earlier march of the same plan did in that time.
+#[derive(Clone, Copy, Debug)]
+pub struct Speed {
+    dispatch: Duration,
+    /// Samples, where known.
+    budget: Option<f64>,
+}
+
+impl Speed {
+    /// A device that nothing is known of, with dispatches of about `dispatch`.
+    #[must_use]
+    pub fn unknown(dispatch: Duration) -> Self {
+        // The first then takes so little that even a slow device is done in time.
+        Self { dispatch, budget: Some(FIRST_SAMPLES / 16.0) }
+    }
+}
+
+impl Default for Speed {
+    fn default() -> Self {
+        Self { dispatch: DISPATCH, budget: None }
+    }
 }
 
 /// The shader's texts by name: the march, what a step reflects, and what passes it.
@@ -241,6 +275,31 @@ impl Renderer {
         size: [usize; 2],
         progress: &dyn Progress,
     ) -> Result<Accumulators, RenderError> {
+        let mut march = self.begin_march(scene, planned, uploaded, size, Speed::default())?;
+        while !march.is_done() {
+            if progress.cancelled() {
+                return Err(RenderError::Cancelled);
+            }
+            march.step(self)?;
+            progress.report("marching", march.rows_done().into(), size[1] as u64);
+        }
+        march.finish(self)
+    }
+
+    /// A march of a picture of `size` (width, height) of the `uploaded` volume of `scene` that is set up and goes on when
+    /// asked to. What `speed` says of an earlier one decides how much its first dispatch takes.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn begin_march(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        size: [usize; 2],
+        speed: Speed,
+    ) -> Result<March, RenderError> {
         let plan = &planned.plan;
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes())?;
@@ -306,29 +365,12 @@ impl Renderer {
             },
         )?;
 
-        let mut dispatches = 0;
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };
-        let mut schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers());
-        while let Some((band, rows)) = schedule.next() {
-            if progress.cancelled() {
-                return Err(RenderError::Cancelled);
-            }
-            let begun = Instant::now();
-            device.run("march", |recorder| {
-                if band.first_sample > 0 {
-                    recorder.compute_to_compute();
-                }
-                let group = self.dispatching.group;
-                let groups = [extent[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
-                recorder.dispatch(&pipeline, &set, bytemuck::bytes_of(&band), groups)
-            })?;
-            schedule.took(begun.elapsed());
-            dispatches += 1;
-            progress.report("marching", u64::from(band.first_row + rows).min(size[1] as u64), size[1] as u64);
-        }
+        let schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        self.store(Accumulators { planned: planned.clone(), size, dispatches, occupied, weights, transmittance })
+        let left = Accumulators { planned: planned.clone(), size, dispatches: 0, occupied, weights, transmittance };
+        Ok(March { pipeline, set, schedule, left })
     }
 
     /// The accumulators on the host.
@@ -345,7 +387,7 @@ impl Renderer {
             weights.extend(self.read_numbers(&accumulators.weights, position * plan.lanes(), components)?);
         }
         let transmittance = match plan.transmittance {
-            Transmittance::Grey => self.read_layer(&accumulators.transmittance, 0)?,
+            Transmittance::Grey => read_layer(&self.device, &accumulators.transmittance, 0)?,
             Transmittance::Coloured => self.read_numbers(&accumulators.transmittance, 0, plan.passed())?,
         };
         Ok(Accumulation { size, weights, transmittance })
@@ -357,10 +399,10 @@ impl Renderer {
         for lane in 0..count.div_ceil(LANE) {
             let texels: Vec<[f32; LANE]> = match image.format() {
                 Format::Rgba16Float => {
-                    let halves: Vec<[u16; LANE]> = self.read_layer(image, unsigned(first + lane))?;
+                    let halves: Vec<[u16; LANE]> = read_layer(&self.device, image, unsigned(first + lane))?;
                     halves.into_iter().map(|texel| texel.map(|bits| f16::from_bits(bits).to_f32())).collect()
                 }
-                _ => self.read_layer(image, unsigned(first + lane))?,
+                _ => read_layer(&self.device, image, unsigned(first + lane))?,
             };
             for part in 0..LANE.min(count - lane * LANE) {
                 numbers.extend(texels.iter().map(|texel| texel[part]));
@@ -368,22 +410,78 @@ impl Renderer {
         }
         Ok(numbers)
     }
+}
 
-    /// The texels of a layer, rows from the top.
-    pub(super) fn read_layer<T: Pod>(&self, image: &StorageImage, layer: u32) -> Result<Vec<T>, RenderError> {
-        let bytes = image.layer_bytes();
-        let buffer = Buffer::host(&self.device, "read-back", bytes, HostUse::ReadBack)?;
-        self.device.run("read-back", |recorder| {
-            recorder.compute_to_transfer();
-            recorder.read_back(image, layer, &buffer, 0)?;
-            recorder.transfer_to_host();
-            Ok(())
-        })?;
-        let texels = usize::try_from(bytes).unwrap_or(usize::MAX) / size_of::<T>();
-        let mut read = vec![T::zeroed(); texels];
-        buffer.read(0, bytemuck::cast_slice_mut(&mut read))?;
-        Ok(read)
+impl March {
+    /// Whether nothing is left to do but [`Self::finish`].
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.schedule.is_done()
     }
+
+    /// Rows of the picture that are finished.
+    #[must_use]
+    pub fn rows_done(&self) -> u32 {
+        self.schedule.row.min(self.schedule.size[1])
+    }
+
+    /// Pixels across and down.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        self.left.size
+    }
+
+    /// How fast it has been so far.
+    #[must_use]
+    pub fn speed(&self) -> Speed {
+        Speed { dispatch: self.schedule.dispatch, budget: Some(self.schedule.budget) }
+    }
+
+    /// The next dispatch, on the renderer that began it.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Vulkan`].
+    pub fn step(&mut self, renderer: &Renderer) -> Result<(), RenderError> {
+        let Some((band, rows)) = self.schedule.next() else { return Ok(()) };
+        let begun = Instant::now();
+        renderer.device.run("march", |recorder| {
+            if band.first_sample > 0 {
+                recorder.compute_to_compute();
+            }
+            let group = self.schedule.dispatching.group;
+            let groups = [self.schedule.size[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
+            recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&band), groups)
+        })?;
+        self.schedule.took(begun.elapsed());
+        self.left.dispatches += 1;
+        Ok(())
+    }
+
+    /// What a march that is done has left, stored as its plan says.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Vulkan`].
+    pub fn finish(self, renderer: &Renderer) -> Result<Accumulators, RenderError> {
+        renderer.store(self.left)
+    }
+}
+
+/// The texels of a layer, rows from the top.
+pub(super) fn read_layer<T: Pod>(device: &Device, image: &StorageImage, layer: u32) -> Result<Vec<T>, RenderError> {
+    let bytes = image.layer_bytes();
+    let buffer = Buffer::host(device, "read-back", bytes, HostUse::ReadBack)?;
+    device.run("read-back", |recorder| {
+        recorder.compute_to_transfer();
+        recorder.read_back(image, layer, &buffer, 0)?;
+        recorder.transfer_to_host();
+        Ok(())
+    })?;
+    let texels = usize::try_from(bytes).unwrap_or(usize::MAX) / size_of::<T>();
+    let mut read = vec![T::zeroed(); texels];
+    buffer.read(0, bytemuck::cast_slice_mut(&mut read))?;
+    Ok(read)
 }
 
 /// Positions, then ambient, diffuse, specular and exponents of the materials: the struct `Shading` of the shader.
@@ -419,10 +517,12 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }
 
-/// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into [`DISPATCH`] at the
+/// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into `dispatch` at the
 /// speed of the last one.
+#[derive(Debug)]
 struct Schedule {
     dispatching: Dispatching,
+    dispatch: Duration,
     size: [u32; 2],
     samples: u32,
     row: u32,
@@ -436,14 +536,20 @@ struct Schedule {
 }
 
 impl Schedule {
-    fn new(size: [u32; 2], samples: u32, dispatching: Dispatching, layers: usize) -> Self {
-        let budget = dispatching.samples.map_or(FIRST_SAMPLES / count(layers.max(1)), f64::from);
-        Self { dispatching, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, taken: 0.0 }
+    fn new(size: [u32; 2], samples: u32, dispatching: Dispatching, layers: usize, speed: Speed) -> Self {
+        let unknown = || speed.budget.unwrap_or(FIRST_SAMPLES / count(layers.max(1)));
+        let budget = dispatching.samples.map_or_else(unknown, f64::from);
+        let dispatch = speed.dispatch;
+        Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, taken: 0.0 }
+    }
+
+    fn is_done(&self) -> bool {
+        self.row >= self.size[1]
     }
 
     /// The next dispatch and its rows; `None` when all is done.
     fn next(&mut self) -> Option<(Band, u32)> {
-        if self.row >= self.size[1] {
+        if self.is_done() {
             return None;
         }
         if self.sample == 0 {
@@ -473,7 +579,7 @@ impl Schedule {
         if self.dispatching.samples.is_some() {
             return;
         }
-        let fitting = self.taken * DISPATCH.as_secs_f64() / time.as_secs_f64().max(1e-6);
+        let fitting = self.taken * self.dispatch.as_secs_f64() / time.as_secs_f64().max(1e-6);
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0);
     }
 }

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use march::{Accumulators, Dispatching, MarchUniform};
+pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 

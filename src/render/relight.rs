@@ -2,13 +2,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::march::{common, images};
+use super::march::{common, images, read_layer};
 use super::{Accumulators, Key, RenderError, Renderer};
 use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
 use crate::shader::{Shader, ShaderError, compile};
 use crate::tables::RelightMatrices;
-use crate::vulkan::{Buffer, Format, HostUse, Resource, StorageImage};
+use crate::vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
 /// Workgroups of a relight: long rows (VULKAN.md §4).
 const GROUP: [u32; 2] = [64, 1];
@@ -53,11 +53,11 @@ pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderE
     compile(&[("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl"))], &constants)
 }
 
-/// A relight that is set up: run it as often as the light changes.
+/// A relight that is set up: run it as often as the light changes. It keeps the accumulators on the device.
 #[derive(Debug)]
-pub struct Relight<'a> {
-    renderer: &'a Renderer,
-    accumulators: &'a Accumulators,
+pub struct Relight {
+    device: Device,
+    components: usize,
     pipeline: crate::vulkan::ComputePipeline,
     set: crate::vulkan::ResourceSet,
     uniform: Buffer,
@@ -70,7 +70,7 @@ impl Renderer {
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn relight_display<'a>(&'a self, accumulators: &'a Accumulators) -> Result<Relight<'a>, RenderError> {
+    pub fn relight_display(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
         self.relight(accumulators, Target::Display)
     }
 
@@ -79,11 +79,11 @@ impl Renderer {
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn relight_linear<'a>(&'a self, accumulators: &'a Accumulators) -> Result<Relight<'a>, RenderError> {
+    pub fn relight_linear(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
         self.relight(accumulators, Target::Linear)
     }
 
-    fn relight<'a>(&'a self, accumulators: &'a Accumulators, target: Target) -> Result<Relight<'a>, RenderError> {
+    fn relight(&self, accumulators: &Accumulators, target: Target) -> Result<Relight, RenderError> {
         let plan = &accumulators.planned.plan;
         let device = &self.device;
         let bytes = size_of::<RelightUniform>()
@@ -109,26 +109,26 @@ impl Renderer {
                 })
             },
         )?;
-        Ok(Relight { renderer: self, accumulators, pipeline, set, uniform, picture })
+        Ok(Relight { device: device.clone(), components: plan.components(), pipeline, set, uniform, picture })
     }
 }
 
-impl Relight<'_> {
+impl Relight {
     /// Lights the accumulators by `matrices`. One dispatch; nothing is marched.
     ///
     /// # Errors
     ///
     /// [`RenderError`].
     pub fn run(&self, matrices: &RelightMatrices) -> Result<(), RenderError> {
-        let size = self.accumulators.size.map(unsigned);
+        let size = self.picture.extent();
         let head = RelightUniform { width: size[0], height: size[1], padding: [0; 2] };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
         let passing = matrices.passing_lanes();
         self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&passing))?;
         let colours_at = size_of::<RelightUniform>() + size_of_val(passing.as_slice());
-        let lanes = matrices.lanes(self.accumulators.planned.plan.components());
+        let lanes = matrices.lanes(self.components);
         self.uniform.write(colours_at as u64, bytemuck::cast_slice(&lanes))?;
-        self.renderer.device.run("relight", |recorder| {
+        self.device.run("relight", |recorder| {
             recorder.compute_to_compute();
             recorder.dispatch(
                 &self.pipeline,
@@ -140,12 +140,18 @@ impl Relight<'_> {
         Ok(())
     }
 
+    /// The picture on the device, for those who show it there.
+    #[must_use]
+    pub fn picture(&self) -> &StorageImage {
+        &self.picture
+    }
+
     /// The picture: `T` is `[u8; 4]` of a display relight, `[f32; 4]` of a linear one.
     ///
     /// # Errors
     ///
     /// [`RenderError`].
     pub fn read<T: Pod>(&self) -> Result<Vec<T>, RenderError> {
-        self.renderer.read_layer(&self.picture, 0)
+        read_layer(&self.device, &self.picture, 0)
     }
 }

@@ -116,13 +116,7 @@ impl Dial {
             nodes.map(|(_, weight)| weight).sum::<f64>()
         };
         let mixed = stated.0.iter().map(|light| MixLight { weight: light.weight * weight_of(light), ..light.clone() });
-        let mut mix = Mix(mixed.filter(|light| light.weight > 0.0).collect());
-        let luminance: f64 = mix.0.iter().map(|light| light.weight * light.spectrum.luminance()).sum();
-        let whole = if self.normalise && luminance > 0.0 { luminance } else { 1.0 };
-        for light in &mut mix.0 {
-            light.weight = light.weight * self.master / whole;
-        }
-        mix
+        Mix(mixed.filter(|light| light.weight > 0.0).collect()).mastered(self.normalise, self.master)
     }
 
     /// The straight way of the hand in `frames` steps from one node to another, both ends included.
@@ -145,6 +139,19 @@ impl Dial {
             Some(between(from, to, count(rest) / count(frames)))
         };
         (0..frames).filter_map(along).collect()
+    }
+}
+
+impl Mix {
+    /// The same lights, `master` times as strong; with `normalise` so that a white surface has the luminance `master`.
+    #[must_use]
+    pub fn mastered(mut self, normalise: bool, master: f64) -> Self {
+        let luminance: f64 = self.0.iter().map(|light| light.weight * light.spectrum.luminance()).sum();
+        let whole = if normalise && luminance > 0.0 { luminance } else { 1.0 };
+        for light in &mut self.0 {
+            light.weight = light.weight * master / whole;
+        }
+        self
     }
 }
 

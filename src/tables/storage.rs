@@ -170,15 +170,14 @@ impl Storage {
     /// The storage of a volume of `dims` voxels in a sentence, for people.
     #[must_use]
     pub fn explain(&self, dims: [usize; 3]) -> String {
-        let bits = match self.format {
-            VolumeFormat::R16Unorm | VolumeFormat::Rgba16Snorm => "16-bit values",
-            VolumeFormat::R32Float | VolumeFormat::Rgba32Float => "32-bit floats",
+        let gradients = if self.format.has_gradient() { ", which way values change included" } else { "" };
+        let moves = if self.loss > 0.0 {
+            format!("rounds its values by up to {:.1e}", self.loss)
+        } else {
+            "loses nothing".into()
         };
-        let gradients = if self.format.has_gradient() { " with gradients" } else { "" };
-        let moves =
-            if self.loss > 0.0 { format!("moves them by up to {:.1e}", self.loss) } else { "loses nothing".into() };
         let megabytes = count(usize::try_from(self.bytes(dims)).unwrap_or(usize::MAX)) / 1e6;
-        format!("The volume is stored as {bits}{gradients} ({:?}), {megabytes:.1} MB, which {moves}.", self.format)
+        format!("For the device, the volume takes {megabytes:.1} MB{gradients}; storing it so {moves}.")
     }
 
     /// Bytes of the whole texture.

@@ -63,7 +63,8 @@ pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let named = FOREIGN.iter().find(|foreign| foreign.extensions.contains(&extension.as_str()));
     let named = named.map_or(String::new(), |foreign| format!(", named like {} that it is not", foreign.name));
-    format!("unknown volume format{named} (headerless voxels of any name are read with --dims and --type)")
+    let text = if is_text(beginning) { ", a text" } else { "" };
+    format!("unknown volume format{named}{text} (headerless voxels of any name are read with --dims and --type)")
 }
 
 fn name(beginning: &[u8]) -> Option<&'static str> {
@@ -72,6 +73,9 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
 
 /// What a folder is that some programs treat as one file.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
+    if !path.is_dir() {
+        return None;
+    }
     let has = |name: &str| path.join(name).exists();
     if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
         return Some("this folder is a Zarr store");
@@ -93,6 +97,18 @@ fn is_nifti(beginning: &[u8]) -> bool {
 /// The length of the header, 348 bytes, in either byte order. Its successor has a magic word too.
 fn is_analyze(beginning: &[u8]) -> bool {
     matches!(beginning, [0x5c, 0x01, 0, 0, ..] | [0, 0, 0x01, 0x5c, ..])
+}
+
+/// UTF-8, perhaps cut in the middle of a letter, without control characters other than those that part lines and columns.
+fn is_text(beginning: &[u8]) -> bool {
+    let text = match std::str::from_utf8(beginning) {
+        Ok(text) => text,
+        Err(error) if error.error_len().is_none() => {
+            std::str::from_utf8(&beginning[..error.valid_up_to()]).unwrap_or_default()
+        }
+        Err(_) => return false,
+    };
+    !text.is_empty() && !text.contains(|letter: char| letter.is_control() && !letter.is_ascii_whitespace())
 }
 
 /// Either byte order, and the large ones.

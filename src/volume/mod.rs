@@ -22,7 +22,7 @@ mod vti;
 pub use error::VolumeError;
 pub use geometry::Geometry;
 pub(crate) use open::is_volume;
-pub use open::{open, open_by, open_raw};
+pub use open::{open, open_by, open_raw, packed_blocks};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
@@ -30,6 +30,7 @@ pub use select::Selection;
 pub use statistics::{BINS, Statistics};
 pub(crate) use voxels::with_voxels;
 pub use voxels::{Voxel, VoxelType, Voxels};
+pub use vti::PackedBlocks;
 
 use std::path::PathBuf;
 

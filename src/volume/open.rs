@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
+use super::{PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -58,6 +58,23 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
         Some(format) => (format.read)(path, selection, progress),
         None => Err(unknown(path, foreign::describe(path, &beginning))),
     }
+}
+
+/// The compressed blocks of the values that [`open`] would read of `path`; `None` where it is no VTK XML file of compressed
+/// blocks. They take as much memory as they take in the file.
+///
+/// # Errors
+///
+/// As [`open`].
+pub fn packed_blocks(
+    path: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Option<PackedBlocks>, VolumeError> {
+    let mut beginning = Vec::new();
+    let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut beginning);
+    read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
+    if vti::recognises(&beginning) { vti::packed(path, selection, progress) } else { Ok(None) }
 }
 
 /// The refusal of `path`, which is `what`.

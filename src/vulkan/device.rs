@@ -1,6 +1,7 @@
 //! An open device.
 
 use std::{
+    ffi::CStr,
     fmt,
     sync::{Arc, Mutex},
 };
@@ -14,7 +15,7 @@ use gpu_allocator::{
 use super::{
     DeviceChoice, DeviceInfo, Limits, Recorder, Validation, VulkanError,
     handle::RawDevice,
-    info::{Candidate, QueueFamily},
+    info::{Candidate, Purpose, QueueFamily},
     instance::Instance,
     simulate::Simulated,
     submission::CommandSlot,
@@ -38,7 +39,9 @@ struct Shared {
     queue: Mutex<vk::Queue>,
     /// Command buffers that nothing uses now.
     idle: Mutex<Vec<Arc<CommandSlot>>>,
-    allocator: Mutex<Allocator>,
+    allocator: Arc<Mutex<Allocator>>,
+    #[cfg_attr(not(feature = "window"), expect(dead_code, reason = "asked about surfaces only"))]
+    physical: vk::PhysicalDevice,
     raw: Arc<RawDevice>,
 }
 
@@ -52,14 +55,41 @@ impl Device {
     /// [`VulkanError::NoMatch`], [`VulkanError::Unsuitable`] for a device that is not there or cannot be used;
     /// [`VulkanError::NoValidation`] when the layer is asked for and not installed.
     pub fn open(choice: &DeviceChoice, validation: Validation) -> Result<Self, VulkanError> {
-        let instance = Instance::open(validation)?;
-        let candidate = Candidate::choose(Candidate::all(&instance)?, choice)?;
+        Self::open_with(choice, validation, Purpose::Compute, &[])
+    }
+
+    /// [`Self::open`], for a [`super::Surface`] on this display.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::open`], and [`VulkanError::NoWindow`].
+    #[cfg(feature = "window")]
+    pub fn open_for_window(
+        choice: &DeviceChoice,
+        validation: Validation,
+        display: winit::raw_window_handle::RawDisplayHandle,
+    ) -> Result<Self, VulkanError> {
+        let lacking = |_| VulkanError::NoWindow { lacking: "VK_KHR_surface".to_owned() };
+        let names = ash_window::enumerate_required_extensions(display).map_err(lacking)?;
+        // SAFETY: these are the literals of the crate that names Vulkan's extensions.
+        let names: Vec<&CStr> = names.iter().map(|&name| unsafe { CStr::from_ptr(name) }).collect();
+        Self::open_with(choice, validation, Purpose::Window, &names)
+    }
+
+    fn open_with(
+        choice: &DeviceChoice,
+        validation: Validation,
+        purpose: Purpose,
+        extensions: &[&'static CStr],
+    ) -> Result<Self, VulkanError> {
+        let instance = Instance::open(validation, extensions)?;
+        let candidate = Candidate::choose(Candidate::all(&instance, purpose)?, choice)?;
         let (Some(queue), true) = (candidate.queue, candidate.info.missing.is_empty()) else {
             let Candidate { info, .. } = candidate;
             return Err(VulkanError::Unsuitable { device: info.name, missing: info.missing });
         };
         let limits = Limits::of_device(&instance, candidate.raw, queue.timestamp_valid_bits)?;
-        let raw = open_raw(&instance, &candidate, queue)?;
+        let raw = open_raw(&instance, &candidate, queue, purpose)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.raw.clone(),
             device: raw.functions.clone(),
@@ -79,7 +109,8 @@ impl Device {
             queue_family: queue.index,
             queue: Mutex::new(raw_queue),
             idle: Mutex::new(Vec::new()),
-            allocator: Mutex::new(allocator),
+            allocator: Arc::new(Mutex::new(allocator)),
+            physical: candidate.raw,
             raw,
         })))
     }
@@ -137,8 +168,13 @@ impl Device {
         &self.0.idle
     }
 
-    pub(super) fn allocator(&self) -> &Mutex<Allocator> {
+    pub(super) fn allocator(&self) -> &Arc<Mutex<Allocator>> {
         &self.0.allocator
+    }
+
+    #[cfg(feature = "window")]
+    pub(super) fn physical(&self) -> vk::PhysicalDevice {
+        self.0.physical
     }
 }
 
@@ -153,18 +189,27 @@ fn open_raw(
     instance: &Arc<Instance>,
     candidate: &Candidate,
     queue: QueueFamily,
+    purpose: Purpose,
 ) -> Result<Arc<RawDevice>, VulkanError> {
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue.index).queue_priorities(&priorities)];
-    let extensions = if candidate.needs_extension { vec![khr::synchronization2::NAME.as_ptr()] } else { Vec::new() };
+    let mut extensions =
+        if candidate.needs_extension { vec![khr::synchronization2::NAME.as_ptr()] } else { Vec::new() };
     // Every device has it: a shader that reads or writes past a buffer's end stays within the buffer.
     let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
     let mut synchronization2 = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
-    let info = vk::DeviceCreateInfo::default()
+    let mut rendering = vk::PhysicalDeviceDynamicRenderingFeatures::default().dynamic_rendering(true);
+    if purpose != Purpose::Compute {
+        extensions.push(khr::swapchain::NAME.as_ptr());
+    }
+    let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_extension_names(&extensions)
         .enabled_features(&features)
         .push_next(&mut synchronization2);
+    if purpose != Purpose::Compute {
+        info = info.push_next(&mut rendering);
+    }
     // SAFETY: `info` borrows arrays that outlive the call, and asks only for what the candidate was found to have.
     let made = unsafe { instance.raw.create_device(candidate.raw, &info, None) };
     let functions = made.map_err(VulkanError::call("vkCreateDevice", &candidate.info.name))?;

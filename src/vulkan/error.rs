@@ -45,6 +45,19 @@ pub enum VulkanError {
          on Debian or Ubuntu `apt-get install vulkan-validationlayers`"
     )]
     NoValidation,
+    /// The drivers cannot show anything in a window of this display.
+    #[error("the Vulkan drivers show nothing in windows of this display: they lack {lacking}")]
+    NoWindow {
+        /// The extension.
+        lacking: String,
+    },
+    /// The panels of a window could not be drawn.
+    #[cfg(feature = "window")]
+    #[error("the panels cannot be drawn")]
+    Panels {
+        /// What the library that draws them says.
+        source: egui_ash_renderer::RendererError,
+    },
     /// The device has no such use for the format.
     #[error("{object:?}: this device does not support {format:?} as {purpose}")]
     NoFormat {

@@ -81,8 +81,37 @@ impl FromStr for DeviceChoice {
 ///
 /// [`VulkanError::NoLoader`], [`VulkanError::NoDriver`], [`VulkanError::NoDevice`].
 pub fn devices() -> Result<Vec<DeviceInfo>, VulkanError> {
-    let instance = Instance::open(Validation::Off)?;
-    Ok(Candidate::all(&instance)?.into_iter().map(|candidate| candidate.info).collect())
+    let instance = Instance::open(Validation::Off, &[])?;
+    Ok(Candidate::all(&instance, Purpose::Compute)?.into_iter().map(|candidate| candidate.info).collect())
+}
+
+/// What a device is opened for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// Dispatches and copies.
+    Compute,
+    /// A window's frames too.
+    #[cfg(feature = "window")]
+    Window,
+}
+
+impl Purpose {
+    fn queue_flags(self) -> vk::QueueFlags {
+        match self {
+            Self::Compute => vk::QueueFlags::COMPUTE,
+            #[cfg(feature = "window")]
+            Self::Window => vk::QueueFlags::COMPUTE | vk::QueueFlags::GRAPHICS,
+        }
+    }
+
+    /// The oldest version of Vulkan that will do: drawing without render passes is part of 1.3.
+    fn least_version(self) -> u32 {
+        match self {
+            Self::Compute => vk::API_VERSION_1_2,
+            #[cfg(feature = "window")]
+            Self::Window => vk::API_VERSION_1_3,
+        }
+    }
 }
 
 /// A device that could be opened, with what opening needs.
@@ -102,7 +131,7 @@ pub(super) struct QueueFamily {
 }
 
 impl Candidate {
-    pub(super) fn all(instance: &Arc<Instance>) -> Result<Vec<Self>, VulkanError> {
+    pub(super) fn all(instance: &Arc<Instance>, purpose: Purpose) -> Result<Vec<Self>, VulkanError> {
         // SAFETY: the call takes nothing but the instance, and the answer is copied out.
         let listed = unsafe { instance.raw.enumerate_physical_devices() };
         let raw = match listed {
@@ -113,7 +142,7 @@ impl Candidate {
         if raw.is_empty() {
             return Err(VulkanError::NoDevice);
         }
-        raw.into_iter().enumerate().map(|(index, device)| Self::new(instance, device, index)).collect()
+        raw.into_iter().enumerate().map(|(index, device)| Self::new(instance, device, index, purpose)).collect()
     }
 
     /// The device that `choice` means.
@@ -137,7 +166,12 @@ impl Candidate {
         Ok(all.swap_remove(index))
     }
 
-    fn new(instance: &Arc<Instance>, raw: vk::PhysicalDevice, index: usize) -> Result<Self, VulkanError> {
+    fn new(
+        instance: &Arc<Instance>,
+        raw: vk::PhysicalDevice,
+        index: usize,
+        purpose: Purpose,
+    ) -> Result<Self, VulkanError> {
         // SAFETY: `raw` comes from this instance; the answer is a plain value.
         let properties = unsafe { instance.raw.get_physical_device_properties(raw) };
         let version = properties.api_version;
@@ -164,9 +198,12 @@ impl Candidate {
             queue: None,
             needs_extension: version < vk::API_VERSION_1_3,
         };
-        if version < vk::API_VERSION_1_2 {
+        let least = purpose.least_version();
+        if version < least {
             let [major, minor, patch] = candidate.info.api_version;
-            candidate.info.missing.push(format!("it has Vulkan {major}.{minor}.{patch}, and 1.2 is needed"));
+            let [least_major, least_minor] = [vk::api_version_major(least), vk::api_version_minor(least)];
+            let missing = format!("it has Vulkan {major}.{minor}.{patch}, and {least_major}.{least_minor} is needed");
+            candidate.info.missing.push(missing);
             return Ok(candidate);
         }
 
@@ -179,13 +216,13 @@ impl Candidate {
 
         // SAFETY: `raw` comes from this instance; the answer is copied out.
         let families = unsafe { instance.raw.get_physical_device_queue_family_properties(raw) };
-        let computes = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(vk::QueueFlags::COMPUTE);
+        let computes = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(purpose.queue_flags());
         candidate.queue = (0..)
             .zip(&families)
             .find(|(_, family)| computes(family))
             .map(|(index, family)| QueueFamily { index, timestamp_valid_bits: family.timestamp_valid_bits });
         if candidate.queue.is_none() {
-            candidate.info.missing.push("none of its queues computes".to_owned());
+            candidate.info.missing.push(format!("none of its queues does {:?}", purpose.queue_flags()));
         }
         if !candidate.has_synchronization2(instance)? {
             candidate.info.missing.push("it lacks synchronization2 (Vulkan 1.3 or VK_KHR_synchronization2)".to_owned());

@@ -33,11 +33,12 @@ pub(super) struct Instance {
     /// Boxed: the messenger holds its address.
     messages: Box<Mutex<Vec<String>>>,
     /// The loaded library, whose functions `raw` calls.
-    _entry: ash::Entry,
+    pub(super) entry: ash::Entry,
 }
 
 impl Instance {
-    pub(super) fn open(validation: Validation) -> Result<Arc<Self>, VulkanError> {
+    /// With the extensions that `wanted` names; those that the loader lacks are what [`VulkanError::NoWindow`] says.
+    pub(super) fn open(validation: Validation, wanted: &[&'static CStr]) -> Result<Arc<Self>, VulkanError> {
         // SAFETY: this runs the initialisers of the system's Vulkan loader, which are made to be run by any program.
         let entry = unsafe { ash::Entry::load() }.map_err(|source| VulkanError::NoLoader { source })?;
 
@@ -52,7 +53,10 @@ impl Instance {
         }
         let has = |name: &CStr| extensions.iter().any(|found| found.extension_name_as_c_str() == Ok(name));
         let has_debug_utils = has(ext::debug_utils::NAME);
-        let mut enabled = Vec::new();
+        if let Some(lacking) = wanted.iter().find(|name| !has(name)) {
+            return Err(VulkanError::NoWindow { lacking: lacking.to_string_lossy().into_owned() });
+        }
+        let mut enabled: Vec<_> = wanted.iter().map(|name| name.as_ptr()).collect();
         if has_debug_utils {
             enabled.push(ext::debug_utils::NAME.as_ptr());
         }
@@ -82,7 +86,7 @@ impl Instance {
             source => VulkanError::call("vkCreateInstance", INSTANCE)(source),
         })?;
         let mut instance =
-            Self { raw, has_debug_utils, messenger: None, messages: Box::new(Mutex::new(Vec::new())), _entry: entry };
+            Self { raw, has_debug_utils, messenger: None, messages: Box::new(Mutex::new(Vec::new())), entry };
         if validation == Validation::On && has_debug_utils {
             instance.listen()?;
         }
@@ -91,7 +95,7 @@ impl Instance {
 
     /// Collects what the validation layer says from now on.
     fn listen(&mut self) -> Result<(), VulkanError> {
-        let functions = ext::debug_utils::Instance::new(&self._entry, &self.raw);
+        let functions = ext::debug_utils::Instance::new(&self.entry, &self.raw);
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,

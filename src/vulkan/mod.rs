@@ -20,6 +20,10 @@ mod resources;
 mod sampler;
 mod simulate;
 mod submission;
+#[cfg(feature = "window")]
+mod surface;
+#[cfg(feature = "window")]
+mod swapchain;
 
 pub use buffer::{Buffer, HostUse};
 pub use device::Device;
@@ -34,6 +38,8 @@ pub use record::Recorder;
 pub use resources::{BindingKind, Resource, ResourceSet};
 pub use sampler::{Filter, Sampler};
 pub use submission::Submission;
+#[cfg(feature = "window")]
+pub use surface::{Frame, Surface};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 

@@ -3,16 +3,24 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::fs::File;
+use std::io::{Seek as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use relume::output::Accumulators;
-use relume::progress::Quiet;
+use relume::palette::{self, Palette};
+use relume::plan;
+use relume::progress::{Progress, Quiet};
 use relume::scene::{self, Definition, SceneOptions};
 use relume::spectrum::{Column, SpectrumSource};
 use relume::volume::{self, Selection, VolumeError};
 
 /// What a reader may hold, whatever it reads; or twice what comes back, if that is more.
 const ALLOWED: usize = 64 << 20;
+
+/// How often work that takes long may ask whether it should go on: a few steps of it.
+const QUESTIONS: u32 = 8;
 
 /// The system's allocator, which counts what the thread holds.
 #[derive(Debug)]
@@ -73,6 +81,7 @@ pub enum Reader {
     Vti,
     Sidecar,
     Scene,
+    Palette,
     Spectrum,
     Accumulators,
 }
@@ -86,24 +95,48 @@ impl Reader {
             Self::Vti => "v.vti",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
+            Self::Palette => "palette.toml",
             Self::Spectrum => "s.csv",
             Self::Accumulators => "a.exr",
         }
     }
 }
 
+/// Work that is stopped once it has asked so often whether it should.
+struct Patience(AtomicU32);
+
+impl Patience {
+    const fn of(questions: u32) -> Self {
+        Self(AtomicU32::new(questions))
+    }
+}
+
+impl Progress for Patience {
+    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_err()
+    }
+}
+
 /// A folder of its own, in memory where the system has such a place, with some voxels for headers to name.
 pub struct Place {
     folder: tempfile::TempDir,
-    file: PathBuf,
+    path: PathBuf,
+    /// It stays open: some file systems wait for the disk when a file that was cut is closed.
+    file: File,
     reader: Reader,
+    rarely: u64,
 }
 
 impl Place {
+    /// What takes a thousand times as long as reading, planning a scene and solving a palette, is done with one in
+    /// `rarely` of what is read.
+    ///
     /// # Panics
     ///
     /// Where no folder can be made.
-    pub fn new(reader: Reader) -> Self {
+    pub fn new(reader: Reader, rarely: u64) -> Self {
         let memory = Path::new("/dev/shm");
         let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
         let folder = tempfile::Builder::new().prefix("relume-hostile-").tempdir_in(parent).expect("a folder");
@@ -111,8 +144,9 @@ impl Place {
         for name in ["v.raw", "v1", "v2"] {
             std::fs::write(folder.path().join(name), &voxels).expect("a file");
         }
-        let file = folder.path().join(reader.file());
-        Self { folder, file, reader }
+        let path = folder.path().join(reader.file());
+        let file = File::create(&path).expect("a file");
+        Self { folder, path, file, reader, rarely }
     }
 
     /// Whether `bytes` are accepted.
@@ -121,17 +155,19 @@ impl Place {
     ///
     /// Where reading them takes more memory than it may.
     pub fn read(&self, bytes: &[u8]) -> bool {
-        if !matches!(self.reader, Reader::Scene) {
-            // Some file systems wait for the disk when a file is cut and written again.
-            std::fs::remove_file(&self.file).ok();
-            std::fs::write(&self.file, bytes).expect("a file");
+        if !matches!(self.reader, Reader::Scene | Reader::Palette) {
+            let length = u64::try_from(bytes.len()).expect("a length");
+            (&self.file).rewind().expect("a file");
+            (&self.file).write_all(bytes).expect("room for a file");
+            self.file.set_len(length).expect("a file");
         }
         let (size, most) = most_held(|| match self.reader {
             Reader::MetaImage | Reader::Nrrd | Reader::Vti | Reader::Sidecar => self.volume(),
             Reader::Scene => self.scene(bytes),
+            Reader::Palette => self.palette(bytes),
             Reader::Spectrum => self.spectrum(),
             Reader::Accumulators => {
-                Accumulators::read(&self.file).ok().map(|read| 4 * (read.weights.len() + read.transmittance.len()))
+                Accumulators::read(&self.path).ok().map(|read| 4 * (read.weights.len() + read.transmittance.len()))
             }
         });
         let allowed = ALLOWED.max(2 * size.unwrap_or(0));
@@ -139,9 +175,17 @@ impl Place {
         size.is_some()
     }
 
+    /// Whether `bytes` are among those with which more is done.
+    fn is_chosen(&self, bytes: &[u8]) -> bool {
+        // FNV-1a.
+        let step = |hash: u64, &byte: &u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325, step);
+        (hash >> 32).is_multiple_of(self.rarely)
+    }
+
     /// Bytes of what comes back.
     fn volume(&self) -> Option<usize> {
-        let open = |selection: &Selection| volume::open(&self.file, selection, &Quiet);
+        let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), array: None };
         let opened = match open(&Selection::default()) {
             Err(VolumeError::Choose { .. }) => open(&first),
@@ -156,19 +200,33 @@ impl Place {
         let mut parts = text.split('\0').map(str::to_owned);
         let text = parts.next()?;
         let definitions: Vec<Definition> = parts.map(|text| Definition::new(&text)).collect();
-        // No large phantom and no file of this machine.
-        if !is_small(&text)
-            || definitions.iter().any(|definition| definition.text.contains("volume"))
-            || text.contains('/')
-        {
+        let is_chosen = self.is_chosen(bytes);
+        let says = |what: &str| definitions.iter().any(|definition| definition.text.contains(what));
+        // No large phantom, no file of this machine, and seldom a palette that is solved.
+        let solves = text.contains("palette") || says("palette");
+        if !is_small(&text) || says("volume") || text.contains('/') || solves && !is_chosen {
             return None;
         }
         let options = SceneOptions { definitions, ..SceneOptions::default() };
-        scene::parse("scene.toml", &text, self.folder.path(), &options, &Quiet).ok().map(|_| 0)
+        let scene = scene::parse("scene.toml", &text, self.folder.path(), &options, &Patience::of(QUESTIONS)).ok()?;
+        let said = plan::plan_full_spectrum(&scene).explain(&scene);
+        if is_chosen {
+            plan::plan(&scene, &Patience::of(QUESTIONS)).ok();
+        }
+        Some(said.iter().map(String::len).sum())
+    }
+
+    fn palette(&self, bytes: &[u8]) -> Option<usize> {
+        let text = std::str::from_utf8(bytes).ok().filter(|text| !text.contains('/'))?;
+        let palette: Palette = palette::parse("palette.toml", text, self.folder.path()).ok()?;
+        if self.is_chosen(bytes) {
+            palette::solve(&palette, &Patience::of(QUESTIONS)).ok();
+        }
+        Some(palette.cells.iter().map(|cell| palette.target_text(cell.material, cell.light).len()).sum())
     }
 
     fn spectrum(&self) -> Option<usize> {
-        let column = |column| SpectrumSource::File { path: self.file.clone(), column };
+        let column = |column| SpectrumSource::File { path: self.path.clone(), column };
         let second = column(Some(Column::Number(2)));
         let read = column(None).reflectance(Path::new("")).is_ok();
         (second.light(Path::new("")).is_ok() || read).then_some(0)

@@ -12,7 +12,7 @@
 //!
 //! | key | value |
 //! | --- | --- |
-//! | `version` | 1 with weights, 2 with a colour model |
+//! | `version` | 1 with weights, 2 with a colour model, 3 with one and what it was checked on |
 //! | `exposure` | factor on the linear picture; 1 where absent |
 //! | `adapt` | whether the white of the mixed light is adapted to D65 (Bradford); false where absent |
 //! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black where absent |
@@ -54,11 +54,17 @@
 //! - `coefficients`, k × n pixels with the channel `coefficient`: row j has the k coefficients that arithmetic on k
 //!   numbers makes of spectrum j. The model `nodes` has no such part: its coefficients are P times the spectrum.
 //!
+//! A file of version 3 holds in the same way, in the parts `unseen` and `unseen_coefficients`, spectra that were not used
+//! in the fit. The error of a further light is its error on both, where `mixed` also on sums of a spectrum under it and
+//! another under each light of the file. Of a file of version 2, which has no such spectra, it is
+//! that on the cloud, and colours that were not fitted may differ more.
+//!
 //! | key of `[model]` | value |
 //! | --- | --- |
 //! | `kind` | `"nodes"`, `"sharpened"`, `"sharpened-semigroup"`, `"bands"` or `"rgb"`: how it is fitted to further lights |
 //! | `transmittance` | `"grey"` or `"coloured"`: one channel or k |
 //! | `projection` | P: k lists of 81 numbers from −10⁹ to 10⁹; of `nodes`, each with a one at its wavelength and else zeros |
+//! | `mixed` | in version 3, whether lights shine from several places, so that pixels add up different spectra under them; false where absent |
 //! | `tolerance` | the largest ΔE00 that a further light is used with without a warning; 1 where absent |
 //! | `description`, `nodes_nm` | for people, need not be there: the model in words, and of `nodes` their wavelengths |
 //!
@@ -84,7 +90,6 @@ use super::{BANDS, OutputError};
 use serde::{Deserialize, Serialize};
 
 use crate::model::{ColourModel, ModelKind};
-use crate::spectrum::Spectrum;
 
 /// The name of the attribute that holds the text.
 const ATTRIBUTE: &str = "relume";
@@ -100,6 +105,12 @@ const CLOUD: (&str, &str) = ("cloud", "spectrum");
 
 /// The part that holds the coefficients of those spectra, and its channel.
 const COEFFICIENTS: (&str, &str) = ("coefficients", "coefficient");
+
+/// The part that holds spectra that were not used in the fit, and its channel.
+const UNSEEN: (&str, &str) = ("unseen", "spectrum");
+
+/// The part that holds the coefficients of those, and its channel.
+const UNSEEN_COEFFICIENTS: (&str, &str) = ("unseen_coefficients", "coefficient");
 
 /// The most spectra a cloud has: many times those of any fit, and few enough to be fitted to while one waits.
 const LARGEST_CLOUD: usize = 16_384;
@@ -293,23 +304,17 @@ impl Accumulators {
             let part = Part { name: None, size, channels: &names, attributes: &attributes };
             return channels::write(path, &[part], |_, first, data| picture(first, data));
         };
-        let (spectra, channels_of) = (model.cloud().len(), [CLOUD.1, COEFFICIENTS.1].map(str::to_owned));
-        let table = |(name, _): (&'static str, &str), width, channel| Part {
-            name: Some(name),
-            size: (width, spectra),
-            channels: &channels_of[channel..=channel],
+        let tables = tables(model);
+        let mut parts = vec![Part { name: Some(PICTURE), size, channels: &names, attributes: &attributes }];
+        parts.extend(tables.iter().map(|table| Part {
+            name: Some(table.name),
+            size: (table.width, table.rows.len()),
+            channels: std::slice::from_ref(&table.channel),
             attributes: &[],
-        };
-        let parts = [
-            Part { name: Some(PICTURE), size, channels: &names, attributes: &attributes },
-            table(CLOUD, BANDS, 0),
-            table(COEFFICIENTS, model.dimension(), 1),
-        ];
-        let parts = if has_coefficients(model.kind()) { &parts[..] } else { &parts[..2] };
-        channels::write(path, parts, |part, first, data| match part {
+        }));
+        channels::write(path, &parts, |part, first, data| match part {
             0 => picture(first, data),
-            1 => fill(data, model.cloud()[first..].iter().flat_map(Spectrum::samples)),
-            _ => fill(data, model.cloud_vectors()[first..].iter().flatten()),
+            _ => fill(data, tables[part - 1].rows[first..].iter().copied().flatten()),
         })
     }
 
@@ -353,6 +358,37 @@ fn channel_names(positions: &[Position], components: &[String], coloured: bool) 
 /// What coefficients are called in channels.
 fn coefficient_names(dimension: usize) -> Vec<String> {
     (0..dimension).map(|index| index.to_string()).collect()
+}
+
+/// Numbers that lie beside the picture.
+struct Table<'a> {
+    name: &'static str,
+    channel: String,
+    width: usize,
+    rows: Vec<&'a [f64]>,
+}
+
+/// What `model` was fitted on and checked on, with the coefficients of both where a file holds them.
+fn tables(model: &ColourModel) -> Vec<Table<'_>> {
+    let sets = [
+        (CLOUD, COEFFICIENTS, model.cloud(), model.cloud_vectors()),
+        (UNSEEN, UNSEEN_COEFFICIENTS, &model.unseen().spectra, &model.unseen().vectors),
+    ];
+    let mut tables = Vec::new();
+    for (of_spectra, of_vectors, spectra, vectors) in sets.into_iter().filter(|(_, _, spectra, _)| !spectra.is_empty())
+    {
+        let table = |(name, channel): (&'static str, &str), width, rows| Table {
+            name,
+            channel: channel.to_owned(),
+            width,
+            rows,
+        };
+        tables.push(table(of_spectra, BANDS, spectra.iter().map(|spectrum| &spectrum.samples()[..]).collect()));
+        if has_coefficients(model.kind()) {
+            tables.push(table(of_vectors, model.dimension(), vectors.iter().map(Vec::as_slice).collect()));
+        }
+    }
+    tables
 }
 
 /// Whether a file holds the coefficients of the cloud, since the projection alone does not make them.

@@ -16,8 +16,8 @@ use ::exr::prelude::f16;
 use super::rules::{check_cloud, check_planes};
 use super::text::{self, ModelDraft};
 use super::{
-    ATTRIBUTE, Accumulators, BANDS, CLOUD, COEFFICIENTS, Components, OutputError, Stored, channel_names,
-    coefficient_names, has_coefficients,
+    ATTRIBUTE, Accumulators, BANDS, CLOUD, COEFFICIENTS, Components, OutputError, Stored, UNSEEN, UNSEEN_COEFFICIENTS,
+    channel_names, coefficient_names, has_coefficients,
 };
 use crate::input;
 use crate::model::ColourModel;
@@ -31,12 +31,15 @@ const LARGEST_EXPANSION: u64 = 1100;
 /// The longest text that is looked at, in bytes: hundreds of spectra. The parser takes a hundred times as much.
 const LONGEST_TEXT: usize = 1 << 19;
 
+/// The names of a part and of its channel.
+type PartNames = (&'static str, &'static str);
+
 /// A part of the file, and what is wanted of it.
 struct Wanted {
     /// Which part it is.
     part: usize,
     /// What messages add to the names of its channels.
-    place: &'static str,
+    place: String,
     /// Pixels across and down.
     size: Vec2<usize>,
     /// Names of the planes.
@@ -83,7 +86,7 @@ impl Accumulators {
             Some(model) => channel_names(&this.positions, &coefficient_names(model.projection.len()), model.coloured),
         };
         this.check_lists(&names).map_err(wrong_text)?;
-        let mut wanted = vec![Wanted::new(headers, part, "", names).map_err(foreign)?];
+        let mut wanted = vec![Wanted::new(headers, part, String::new(), names).map_err(foreign)?];
         if let Some(model) = &model {
             wanted.extend(parts_of(model, headers).map_err(foreign)?);
         }
@@ -100,9 +103,7 @@ impl Accumulators {
         let mut parts = wanted.into_iter().map(|part| part.data);
         let mut numbers = parts.next().unwrap_or_default();
         if let Some(model) = model {
-            let (cloud, coefficients) = (parts.next().unwrap_or_default(), parts.next());
-            let stored = model.stored(&cloud, coefficients.as_deref()).map_err(wrong_text)?;
-            this.components = Components::Model(stored);
+            this.components = Components::Model(model.stored(parts).map_err(wrong_text)?);
         }
         this.transmittance = numbers.split_off(numbers.len() - this.passed() * this.width * this.height);
         this.weights = numbers;
@@ -112,7 +113,7 @@ impl Accumulators {
 
 impl Wanted {
     /// The planes called `names` of part number `part`, which has their channels and no others.
-    fn new(headers: &[Header], part: usize, place: &'static str, names: Vec<String>) -> Result<Self, String> {
+    fn new(headers: &[Header], part: usize, place: String, names: Vec<String>) -> Result<Self, String> {
         let header = &headers[part];
         if header.deep {
             return Err("it is a deep picture".to_owned());
@@ -143,7 +144,7 @@ impl Wanted {
     /// Whether every value is there and finite.
     fn check(&self) -> Result<(), String> {
         let pixels = self.size.0 * self.size.1;
-        check_planes(&self.names, self.data.chunks_exact(pixels), self.size.0, self.place)
+        check_planes(&self.names, self.data.chunks_exact(pixels), self.size.0, &self.place)
     }
 
     /// Copies a decoded block into the planes that its channels fill.
@@ -186,11 +187,12 @@ fn picture_part(headers: &[Header]) -> Result<(usize, String), String> {
     }
 }
 
-/// The parts that hold what a model was fitted on.
+/// The parts that hold what a model was fitted on, and what it was checked on.
 fn parts_of(model: &ModelDraft, headers: &[Header]) -> Result<Vec<Wanted>, String> {
-    let find = |(name, channel): (&str, &str), place, width| {
+    let find = |(name, channel): (&'static str, &str), width| {
         let is_it = |header: &Header| header.own_attributes.layer_name == Some(channels::text(name));
         let part = headers.iter().position(is_it).ok_or_else(|| format!("the part {name:?} is missing"))?;
+        let place = format!(" of the part {name:?}");
         let wanted = Wanted::new(headers, part, place, vec![channel.to_owned()])?;
         let Vec2(found, spectra) = wanted.size;
         if found != width {
@@ -199,15 +201,22 @@ fn parts_of(model: &ModelDraft, headers: &[Header]) -> Result<Vec<Wanted>, Strin
         check_cloud(spectra)?;
         Ok(wanted)
     };
-    let cloud = find(CLOUD, " of the part \"cloud\"", BANDS)?;
-    if !has_coefficients(model.kind) {
-        return Ok(vec![cloud]);
+    let mut parts = Vec::new();
+    for (of_spectra, of_vectors) in model.tables() {
+        let spectra = find(*of_spectra, BANDS)?;
+        if has_coefficients(model.kind) {
+            let vectors = find(*of_vectors, model.projection.len())?;
+            let (rows, of_vectors) = ((spectra.size.1, vectors.size.1), of_vectors.0);
+            if rows.0 != rows.1 {
+                let part = of_spectra.0;
+                return Err(format!("it has {} spectra in its {part} and {} rows of {of_vectors}", rows.0, rows.1));
+            }
+            parts.extend([spectra, vectors]);
+        } else {
+            parts.push(spectra);
+        }
     }
-    let coefficients = find(COEFFICIENTS, " of the part \"coefficients\"", model.projection.len())?;
-    match (cloud.size.1, coefficients.size.1) {
-        (spectra, rows) if spectra == rows => Ok(vec![cloud, coefficients]),
-        (spectra, rows) => Err(format!("it has {spectra} spectra in its cloud and {rows} rows of coefficients")),
-    }
+    Ok(parts)
 }
 
 /// Makes room for all planes, in a file long enough to hold them.
@@ -242,14 +251,30 @@ fn read_blocks(reader: Reader<BufReader<File>>, wanted: &mut [Wanted]) -> Result
 }
 
 impl ModelDraft {
-    /// The model, with the spectra that it was fitted on and their coefficients, row by row.
-    fn stored(self, cloud: &[f32], coefficients: Option<&[f32]>) -> Result<Stored, String> {
-        let dimension = self.projection.len();
-        let spectrum = |row: &[f32]| Spectrum::from_samples(std::array::from_fn(|band| f64::from(row[band])));
-        let vectors = coefficients
-            .map(|all| all.chunks_exact(dimension).map(|row| row.iter().copied().map(f64::from).collect()).collect());
-        let spectra = cloud.chunks_exact(BANDS).map(spectrum).collect();
-        let model = ColourModel::from_parts(self.kind, self.projection, spectra, vectors, self.lights);
+    /// The parts of spectra and of their coefficients that its file has.
+    fn tables(&self) -> &'static [(PartNames, PartNames)] {
+        const TABLES: [(PartNames, PartNames); 2] = [(CLOUD, COEFFICIENTS), (UNSEEN, UNSEEN_COEFFICIENTS)];
+        if self.has_unseen { &TABLES } else { &TABLES[..1] }
+    }
+
+    /// The model, with what [`parts_of`] found, row by row.
+    fn stored(self, mut parts: impl Iterator<Item = Vec<f32>>) -> Result<Stored, String> {
+        let (kind, dimension, has_unseen) = (self.kind, self.projection.len(), self.has_unseen);
+        let mixed = self.mixed;
+        let mut next = || {
+            let spectrum = |row: &[f32]| Spectrum::from_samples(std::array::from_fn(|band| f64::from(row[band])));
+            let vector = |row: &[f32]| row.iter().copied().map(f64::from).collect();
+            let spectra = parts.next().unwrap_or_default().chunks_exact(BANDS).map(spectrum).collect();
+            let vectors = (has_coefficients(kind).then(|| parts.next()).flatten())
+                .map(|all: Vec<f32>| all.chunks_exact(dimension).map(vector).collect());
+            (spectra, vectors)
+        };
+        let (cloud, vectors) = next();
+        let mut model = ColourModel::from_parts(kind, self.projection, cloud, vectors, self.lights);
+        if has_unseen {
+            let (spectra, vectors) = next();
+            model = model.and_then(|model| model.with_unseen(spectra, vectors, mixed));
+        }
         let model = model.map_err(|error| error.to_string())?;
         Ok(Stored { model, coloured: self.coloured, tolerance: self.tolerance })
     }

@@ -94,7 +94,7 @@ impl Accumulators {
     fn check_model(&self, stored: &Stored) -> Result<(), String> {
         check_finite("", "tolerance", &[stored.tolerance])?;
         check_dimension(stored.model.dimension())?;
-        check_cloud(stored.model.cloud().len())
+        check_cloud(stored.model.cloud().len().max(stored.model.unseen().spectra.len()))
     }
 }
 

@@ -13,6 +13,9 @@ const WEIGHTS: i64 = 1;
 /// The version of a file with a colour model.
 const MODEL: i64 = 2;
 
+/// The version of a file with a colour model and what it was checked on.
+const CHECKED: i64 = 3;
+
 /// The largest number of a projection. Those of fits are below a hundred, and huge ones would overflow in one.
 const LARGEST_SHARE: f64 = 1e9;
 
@@ -54,6 +57,8 @@ struct ModelEntry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     nodes_nm: Option<Vec<f64>>,
     transmittance: Passing,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    mixed: bool,
     #[serde(default = "one")]
     tolerance: f64,
     projection: Vec<Vec<f64>>,
@@ -154,11 +159,16 @@ impl From<&Accumulators> for Document {
             description: Some(stored.model.description()),
             nodes_nm: stored.model.nodes_nm(),
             transmittance: if stored.coloured { Passing::Coloured } else { Passing::Grey },
+            mixed: stored.model.is_mixed() && !stored.model.unseen().spectra.is_empty(),
             tolerance: stored.tolerance,
             projection: stored.model.projection().iter().map(|row| row.samples().to_vec()).collect(),
         };
         Self {
-            version: if stored.is_some() { MODEL } else { WEIGHTS },
+            version: match stored {
+                None => WEIGHTS,
+                Some(stored) if stored.model.unseen().spectra.is_empty() => MODEL,
+                Some(_) => CHECKED,
+            },
             exposure: accumulators.exposure,
             adapt: accumulators.adapt,
             background: accumulators.background.map(|background| background.to_vec()),
@@ -175,6 +185,10 @@ impl From<&Accumulators> for Document {
 pub(super) struct ModelDraft {
     pub(super) kind: ModelKind,
     pub(super) coloured: bool,
+    /// Whether the file has spectra that were not used in the fit.
+    pub(super) has_unseen: bool,
+    /// Whether errors are those of sums under several lights, too.
+    pub(super) mixed: bool,
     pub(super) tolerance: f64,
     pub(super) projection: Vec<Spectrum>,
     /// Those of the file's lights that have a matrix.
@@ -188,16 +202,16 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
         None => error.message().to_owned(),
     };
     let VersionOnly { version } = toml::from_str(text).map_err(located)?;
-    if version != WEIGHTS && version != MODEL {
+    if ![WEIGHTS, MODEL, CHECKED].contains(&version) {
         return Err(format!(
-            "version {version} is not known here; this program knows the versions {WEIGHTS} and {MODEL}"
+            "version {version} is not known here; this program knows the versions {WEIGHTS} to {CHECKED}"
         ));
     }
     let mut document: Document = toml::from_str(text).map_err(located)?;
     match (version, &document.model) {
-        (WEIGHTS, Some(_)) => return Err(format!("a file with a `[model]` has the version {MODEL}")),
-        (MODEL, None) => return Err(format!("a file of version {MODEL} has a `[model]`")),
-        (MODEL, Some(_)) if !document.components.is_empty() => {
+        (WEIGHTS, Some(_)) => return Err(format!("a file with a `[model]` has the version {MODEL} or {CHECKED}")),
+        (MODEL | CHECKED, None) => return Err(format!("a file of version {version} has a `[model]`")),
+        (MODEL | CHECKED, Some(_)) if !document.components.is_empty() => {
             return Err("a file with a `[model]` has no `[[components]]`".to_owned());
         }
         _ => {}
@@ -206,7 +220,8 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
         let spectrum = bands(&format!("the component {:?}", entry.name), entry.spectrum)?;
         Ok(Component { name: entry.name, spectrum })
     };
-    let model = document.model.take().map(|entry| model_draft(entry, &document.lights)).transpose()?;
+    let model =
+        document.model.take().map(|entry| model_draft(entry, &document.lights, version == CHECKED)).transpose()?;
     if let Some(light) = document.lights.iter().find(|light| model.is_none() && light.has_matrix()) {
         return Err(format!("the light {:?} has a matrix, and there is no `[model]`", light.name));
     }
@@ -269,8 +284,8 @@ fn position(entry: PositionEntry) -> Result<Position, String> {
     Ok(Position { name: entry.name, kind })
 }
 
-/// The model of `entry`, with the matrices of `lights`.
-fn model_draft(entry: ModelEntry, lights: &[LightEntry]) -> Result<ModelDraft, String> {
+/// The model of `entry`, with the matrices of `lights`, of a file that has spectra to check on or has none.
+fn model_draft(entry: ModelEntry, lights: &[LightEntry], has_unseen: bool) -> Result<ModelDraft, String> {
     check_dimension(entry.projection.len())?;
     check_finite("", "tolerance", &[entry.tolerance])?;
     let dimension = entry.projection.len();
@@ -304,5 +319,13 @@ fn model_draft(entry: ModelEntry, lights: &[LightEntry]) -> Result<ModelDraft, S
     };
     let lights = lights.iter().filter_map(|light| matrix(light).transpose()).collect::<Result<_, String>>()?;
     let coloured = entry.transmittance == Passing::Coloured;
-    Ok(ModelDraft { kind: entry.kind, coloured, tolerance: entry.tolerance, projection, lights })
+    Ok(ModelDraft {
+        kind: entry.kind,
+        coloured,
+        has_unseen,
+        mixed: entry.mixed,
+        tolerance: entry.tolerance,
+        projection,
+        lights,
+    })
 }

@@ -307,6 +307,58 @@ impl<R: Read> Blocks<R> {
     }
 }
 
+/// Compressed blocks in memory, to be decoded to nothing: what reading a file can be compared with.
+#[derive(Debug)]
+pub struct PackedBlocks {
+    compressor: Compressor,
+    /// Each with how many bytes it becomes.
+    blocks: Vec<(Vec<u8>, usize)>,
+}
+
+impl PackedBlocks {
+    pub(super) fn new(compressor: Compressor) -> Self {
+        Self { compressor, blocks: Vec::new() }
+    }
+
+    /// Takes all of `blocks` as they are.
+    pub(super) fn add(&mut self, mut blocks: Blocks<impl Read>) -> io::Result<()> {
+        while let Some(size) = blocks.sizes.pop() {
+            let mut packed = Vec::new();
+            resize(&mut packed, size)?;
+            blocks.packed.read_exact(&mut packed)?;
+            let next = blocks.left.min(blocks.full);
+            blocks.left -= next;
+            self.blocks.push((packed, usize::try_from(next).unwrap_or(usize::MAX)));
+        }
+        Ok(())
+    }
+
+    /// How they are compressed: "zlib", "lz4" or "lzma".
+    #[must_use]
+    pub fn compression(&self) -> &'static str {
+        match self.compressor {
+            Compressor::Zlib => "zlib",
+            Compressor::Lz4 => "lz4",
+            Compressor::Lzma => "lzma",
+        }
+    }
+
+    /// Decodes all of them, one into the place of the other; how many bytes that were.
+    ///
+    /// # Errors
+    ///
+    /// What is wrong with a block, or that there is no memory for one.
+    pub fn decode(&self) -> io::Result<usize> {
+        let (mut inflater, mut place, mut all) = (Decompress::new(true), Vec::new(), 0);
+        for (packed, bytes) in &self.blocks {
+            resize(&mut place, count(*bytes))?;
+            self.compressor.decode(packed, &mut place, &mut inflater)?;
+            all += bytes;
+        }
+        Ok(all)
+    }
+}
+
 /// Makes room for just `size` bytes.
 fn resize(buffer: &mut Vec<u8>, size: u64) -> io::Result<()> {
     let size = usize::try_from(size).unwrap_or(usize::MAX);

@@ -11,6 +11,7 @@ use std::collections::HashSet;
 use std::io::{BufRead, Read};
 use std::path::Path;
 
+pub use self::bytes::PackedBlocks;
 use self::bytes::{Base64, Blocks, Compressor, UntilTag, Words};
 use self::grid::Block;
 use self::header::{Array, Header, Place, Section};
@@ -18,7 +19,7 @@ use super::data::{self, Next, SLAB_BYTES};
 use super::raw::ByteOrder;
 use super::stream::{self, count};
 use super::voxels::{with_type, with_voxels};
-use super::{Selection, Volume, VolumeError, Voxel, Voxels};
+use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::{Progress, Quiet};
 
 /// Neighbouring pieces share points: along each axis, pieces of one cell have nearly twice as many as there are.
@@ -42,8 +43,7 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source = path.display().to_string();
     let header = Header::read(path, progress)?;
-    let chosen = choose(&header, selection, &source)?;
-    let step = selection.time(&source, steps(&header, chosen))?;
+    let (chosen, step) = choose(&header, selection, &source)?;
     let voxel_type = chosen.voxel_type().ok_or_else(|| header.wrong(format!("{} are no numbers", chosen.type_name)))?;
     let what = format!("the {voxel_type} array {} of {}", chosen.name, chosen.section.name());
     let component = selection.component(&source, chosen.components, &what)?;
@@ -68,6 +68,35 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
+/// The compressed blocks of what [`read`] would decode; `None` where nothing is compressed.
+pub(super) fn packed(
+    path: &Path,
+    selection: &Selection,
+    progress: &dyn Progress,
+) -> Result<Option<PackedBlocks>, VolumeError> {
+    let header = Header::read(path, progress)?;
+    let (chosen, step) = choose(&header, selection, &path.display().to_string())?;
+    let (Some(compressor), false) = (header.compressor, matches!(chosen.place, Place::Text(_))) else {
+        return Ok(None);
+    };
+    let mut all = PackedBlocks::new(compressor);
+    for Part { array, block } in parts(&header, chosen, step)? {
+        let bytes = chosen.voxel_type().map_or(0, VoxelType::bytes);
+        let expected =
+            [array.components, bytes].into_iter().try_fold(block.voxels().unwrap_or(usize::MAX), usize::checked_mul);
+        let Stored { stream, there, .. } = stored(&header, array)?;
+        let words = Words { wide: header.wide, byte_order: header.byte_order };
+        let blocks = Blocks::new(stream, compressor, words, count(expected.unwrap_or(usize::MAX)), there);
+        blocks.and_then(|blocks| all.add(blocks)).map_err(|source| VolumeError::VtiArray {
+            path: path.to_owned(),
+            array: array.name.clone(),
+            decoded: 0,
+            source,
+        })?;
+    }
+    Ok(Some(all))
+}
+
 /// The arrays of the first piece that has points; all others have the same.
 fn arrays(header: &Header) -> impl Iterator<Item = &Array> {
     let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::Points, &piece.extent).is_empty());
@@ -86,8 +115,14 @@ fn steps(header: &Header, chosen: &Array) -> usize {
     arrays(header).filter(|array| array.is_same(chosen)).count()
 }
 
+/// The array and the time step that are chosen.
+fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<(&'a Array, usize), VolumeError> {
+    let chosen = choose_array(header, selection, source)?;
+    Ok((chosen, selection.time(source, steps(header, chosen))?))
+}
+
 /// The array that is chosen, else the one that is active, of points before cells, else the only one.
-fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<&'a Array, VolumeError> {
+fn choose_array<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<&'a Array, VolumeError> {
     let candidates = candidates(header);
     if candidates.is_empty() {
         return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
@@ -245,35 +280,19 @@ impl<'a> Values<'a> {
         let numbers = numbers.filter(|numbers| numbers.checked_mul(size_of::<T>()).is_some());
         let numbers = numbers.ok_or_else(|| header.wrong(format!("the array {:?} is too large", array.name)))?;
         let expected = count(numbers) * count(size_of::<T>());
-        let (start, base64) = match (array.place, header.appended) {
-            (Place::Text(at), _) => (at, false),
-            (Place::Base64(at), _) => (at, true),
-            (Place::Appended(offset), Some(appended)) => (appended.start.saturating_add(offset), appended.base64),
-            (Place::Appended(_), None) => {
-                return Err(header.wrong(format!("the array {:?} is appended, but nothing is", array.name)));
-            }
-        };
-        let length = header.length;
-        let there = length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
-            header.wrong(format!("the values of {:?} begin at byte {start}, but the file has {length}", array.name))
-        })?;
-        let text = stream::at(path, start)?;
-        let stream = if matches!(array.place, Place::Text(_)) {
+        let stream = if let Place::Text(start) = array.place {
+            let there = there(header, array, start)?;
             // A number and what parts it from the next take two bytes; the last needs no parting.
             if there.div_ceil(2) < count(numbers) {
                 let found = usize::try_from(there.div_ceil(2)).unwrap_or(usize::MAX);
                 return Err(VolumeError::ShortText { path: path.clone(), found, expected: numbers });
             }
-            Stream::Text(Box::new(UntilTag::new(text)))
+            Stream::Text(Box::new(UntilTag::new(stream::at(path, start)?)))
         } else {
-            let unpacked = if base64 {
-                unpacked(header, Base64::new(UntilTag::new(text)), expected, there / 4 * 3 + 3)
-            } else {
-                unpacked(header, text, expected, there)
-            };
+            let Stored { stream, there } = stored(header, array)?;
             let failed =
                 |source| VolumeError::VtiArray { path: path.clone(), array: array.name.clone(), decoded: 0, source };
-            Stream::Bytes(unpacked.map_err(failed)?)
+            Stream::Bytes(unpacked(header, stream, expected, there).map_err(failed)?)
         };
         Ok(Self { header, array, stream, at: 0, numbers })
     }
@@ -312,13 +331,41 @@ impl<'a> Values<'a> {
     }
 }
 
-/// The bytes of values, of which there are `expected`, out of at most `there` as they are stored.
-fn unpacked<R: Read + 'static>(
-    header: &Header,
-    mut stored: R,
-    expected: u64,
+/// Bytes of an array that are not text, as they are compressed or not, and the most there can be of them.
+struct Stored {
+    stream: Box<dyn Read>,
     there: u64,
-) -> std::io::Result<Box<dyn Read>> {
+}
+
+/// Goes to the bytes of `array`.
+fn stored(header: &Header, array: &Array) -> Result<Stored, VolumeError> {
+    let (start, base64) = match (array.place, header.appended) {
+        (Place::Text(at), _) => (at, false),
+        (Place::Base64(at), _) => (at, true),
+        (Place::Appended(offset), Some(appended)) => (appended.start.saturating_add(offset), appended.base64),
+        (Place::Appended(_), None) => {
+            return Err(header.wrong(format!("the array {:?} is appended, but nothing is", array.name)));
+        }
+    };
+    let there = there(header, array, start)?;
+    let text = stream::at(&header.path, start)?;
+    Ok(if base64 {
+        Stored { stream: Box::new(Base64::new(UntilTag::new(text))), there: there / 4 * 3 + 3 }
+    } else {
+        Stored { stream: Box::new(text), there }
+    })
+}
+
+/// Bytes of the file from `start` on, where the values of `array` begin.
+fn there(header: &Header, array: &Array, start: u64) -> Result<u64, VolumeError> {
+    let length = header.length;
+    length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
+        header.wrong(format!("the values of {:?} begin at byte {start}, but the file has {length}", array.name))
+    })
+}
+
+/// The bytes of values, of which there are `expected`, out of at most `there` as they are stored.
+fn unpacked(header: &Header, mut stored: Box<dyn Read>, expected: u64, there: u64) -> std::io::Result<Box<dyn Read>> {
     let words = Words { wide: header.wide, byte_order: header.byte_order };
     if let Some(compressor) = header.compressor {
         return Ok(Box::new(Blocks::new(stored, compressor, words, expected, there)?));
@@ -331,7 +378,7 @@ fn unpacked<R: Read + 'static>(
     if there < expected {
         return Err(bytes::wrong(format!("it needs {expected} bytes, but the file has {there}")));
     }
-    Ok(Box::new(stored))
+    Ok(stored)
 }
 
 /// What else the file says: which arrays there are, which of them was read, and short field data.

@@ -1,0 +1,73 @@
+//! `relume view`: a scene in a window.
+
+use std::path::PathBuf;
+
+use relume::vulkan::DeviceChoice;
+
+use super::scene::SceneArgs;
+use super::{CliError, Report};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume view                                 the scene that is part of the program
+  relume view scene.toml
+  relume view head.mhd                        a volume: materials by its histogram
+  relume view --frames 100 --json             draws 100 frames, and says how long they took";
+
+/// `relume view`
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// Pixels of the window, across and down.
+    #[arg(long, value_name = "WxH", value_parser = super::scene::size)]
+    size: Option<[usize; 2]>,
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
+    #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
+    device: DeviceChoice,
+    /// Draw so many frames and end.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    frames: Option<u32>,
+    /// Do what is recorded in this file, a command a line, and end (commands: docs/VIEW.md).
+    #[arg(long, value_name = "FILE", conflicts_with = "frames")]
+    script: Option<PathBuf>,
+    /// Let the Vulkan validation layer watch; what it says is in --json.
+    #[arg(long, hide = true)]
+    validation: bool,
+}
+
+/// Opens the window, and returns when it is closed.
+#[cfg(feature = "window")]
+pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
+    use relume::view::{self, Options, Script, Source};
+    use relume::vulkan::Validation;
+
+    let script = args.script.as_deref().map(Script::read).transpose()?;
+    let source = Source { path: args.scene.scene.clone(), options: args.scene.options() };
+    let report = view::run(Options {
+        source,
+        size: args.size.map(|size| size.map(|side| u32::try_from(side).unwrap_or(u32::MAX))),
+        device: args.device.clone(),
+        validation: if args.validation { Validation::On } else { Validation::Off },
+        frames: args.frames,
+        script,
+    })?;
+    let [median, _, longest] = report.frame_ms;
+    let text = format!(
+        "{} frames, {} marches, {} relights; a frame took {median:.1} ms, the longest {longest:.0} ms\n",
+        report.frames, report.counts.marches, report.counts.relights
+    );
+    let json = serde_json::to_value(&report).map_err(|error| CliError::Failed(error.to_string()))?;
+    Ok(Report { text, json })
+}
+
+/// Says that there is none.
+#[cfg(not(feature = "window"))]
+pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
+    let Args { scene, size, device, frames, script, validation } = args;
+    tracing::debug!("asked for {scene:?} {size:?} {device:?} {frames:?} {script:?} {validation}");
+    Err(CliError::Failed(
+        "this build of Relume has no window (the feature `window` is off); `relume render` writes pictures".to_owned(),
+    ))
+}

@@ -1,0 +1,135 @@
+//! What must not matter: how long a step is, and whether a light was known when rays were marched.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::model::ModelTableError;
+use crate::plan::{Planned, plan, plan_for};
+use crate::progress::Progress;
+use crate::reference::{self, Real, Stored};
+use crate::scene::{Mix, Scene, SceneOptions, parse};
+use crate::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
+use crate::spectrum::standard;
+use crate::tables::{Accumulation, Components, RelightMatrices, Storage, StoredVolume, TransferTable};
+
+/// A homogeneous slab that scatters and absorbs in colour, seen straight on.
+const SLAB: &str = include_str!("slab.toml");
+/// Glass in several colours under two lights, of which one has lines.
+const GLASS: &str = include_str!("../../data/scenes/glass_shells.toml");
+/// Pixels across and down, of the glass.
+const SIZE: [usize; 2] = [48, 48];
+
+/// What halving the step of a homogeneous coloured slab changes.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct HalvedStep {
+    /// The step, of a slab 64 thick.
+    pub step: f64,
+    /// The largest relative change of what a pixel keeps, marched in f32.
+    pub changed: f64,
+}
+
+/// Marches the slab on stored tables in f32, with steps that are each half of the one before.
+///
+/// # Errors
+///
+/// [`ModelTableError`] when a march fails or `progress` asks to stop.
+pub fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTableError> {
+    const STEPS: [f64; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
+    let mut marches = Vec::new();
+    for step in STEPS {
+        let mut scene = parse("the slab", SLAB, Path::new(""), &SceneOptions::default(), progress)?;
+        scene.accuracy.step_length = step;
+        let planned = plan(&scene, progress)?;
+        let Accumulation { weights, transmittance, .. } = march::<f32>(&scene, &planned, [1, 1], progress)?;
+        marches.push((step, [weights, transmittance].concat()));
+    }
+    let changed = |pair: &[(f64, Vec<f32>)]| {
+        let numbers = pair[0].1.iter().zip(&pair[1].1);
+        let changes = numbers.map(|(&whole, &half)| ((f64::from(half) - f64::from(whole)) / f64::from(whole)).abs());
+        HalvedStep { step: pair[0].0, changed: changes.fold(0.0, f64::max) }
+    };
+    Ok(marches.windows(2).map(changed).collect())
+}
+
+/// A light that was unknown when the glass was marched: relit from the stored numbers, rendered, and planned for.
+#[derive(Clone, Debug, Serialize)]
+pub struct RelitRow {
+    /// The light.
+    pub light: String,
+    /// Against a render in f64 with the same model: the largest difference of a coordinate of XYZ, as a share of what is
+    /// allowed, 1e-5 of the coordinate and 1e-6.
+    pub rendered: f64,
+    /// Against a render in f64 with a model planned for the light: the largest ΔE00.
+    pub replanned: f64,
+    /// The errors that the two models report for the light, ΔE00 at most.
+    pub reported: [f64; 2],
+}
+
+/// Relights the glass from what a march in f32 left, under lights that its plan did not know.
+///
+/// # Errors
+///
+/// [`ModelTableError`] when a march or a fit fails or `progress` asks to stop.
+pub fn relit_against_rendered(progress: &dyn Progress) -> Result<Vec<RelitRow>, ModelTableError> {
+    let scene = parse("glass", GLASS, Path::new(""), &SceneOptions::default(), progress)?;
+    let planned = plan(&scene, progress)?;
+    let kept = march::<f32>(&scene, &planned, SIZE, progress)?;
+    let exact = march::<f64>(&scene, &planned, SIZE, progress)?;
+    let mut rows = Vec::new();
+    for name in ["A", "FL2", "LED-B3", "LED-RGB1"] {
+        let light = standard::light(name)?;
+        let mut mix = Mix::of_scene(&scene);
+        for shining in &mut mix.0 {
+            (shining.name, shining.spectrum) = (name.to_owned(), light.clone());
+        }
+        let mut model = planned.model.as_deref().cloned();
+        let mut reported = [0.0; 2];
+        if let Some(model) = &mut model {
+            model.learn(name, &light)?;
+            reported[0] = model.matrix(&light).worst().max;
+        }
+        let learnt = Planned { model: model.map(Arc::new), ..planned.clone() };
+        let relit = xyz(&scene, &learnt, &mix, &kept);
+        let rendered = xyz(&scene, &learnt, &mix, &exact);
+        let replan = plan_for(&scene, &[(name.to_owned(), light.clone())], progress)?;
+        reported[1] = replan.model.as_ref().map_or(0.0, |model| model.matrix(&light).worst().max);
+        let replanned = xyz(&scene, &replan, &mix, &march::<f64>(&scene, &replan, SIZE, progress)?);
+        let share = |(relit, rendered): (&Xyz, &Xyz)| {
+            let axes = relit.0.iter().zip(&rendered.0);
+            axes.map(|(relit, rendered)| (relit - rendered).abs() / (1e-5 * rendered.abs() + 1e-6)).fold(0.0, f64::max)
+        };
+        let lab = |xyz: &Xyz| lab_from_xyz(*xyz, d65_white());
+        rows.push(RelitRow {
+            light: name.to_owned(),
+            rendered: relit.iter().zip(&rendered).map(share).fold(0.0, f64::max),
+            replanned: relit.iter().zip(&replanned).map(|(one, two)| ciede2000(lab(one), lab(two))).fold(0.0, f64::max),
+            reported,
+        });
+    }
+    Ok(rows)
+}
+
+/// A march over the stored volume and tables.
+fn march<R: Real>(
+    scene: &Scene,
+    planned: &Planned,
+    size: [usize; 2],
+    progress: &dyn Progress,
+) -> Result<Accumulation<R>, ModelTableError> {
+    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
+    let volume = StoredVolume::new(&scene.volume, &storage);
+    let table = TransferTable::new(scene, planned, storage.domain);
+    let samples = Stored::<R>::new(planned, &storage, &volume, &table, None);
+    Ok(reference::march(scene, planned, &samples, size, progress)?)
+}
+
+/// The colour of every pixel under `mix`.
+fn xyz<R: Real>(scene: &Scene, planned: &Planned, mix: &Mix, kept: &Accumulation<R>) -> Vec<Xyz> {
+    let components = Components::new(scene, planned);
+    let background = scene.background.as_ref();
+    let matrices = RelightMatrices::new(&components, planned.positions.len(), background, mix, &scene.display);
+    let picture = reference::relight(kept, &matrices);
+    picture.into_iter().map(|colour| Xyz((*XYZ_FROM_LINEAR_SRGB * colour).to_array())).collect()
+}

@@ -1,0 +1,95 @@
+//! What of a scene its pixels must be able to show: how light passes, how deep, and what of.
+
+use super::{Planned, Transmittance};
+use crate::model::Ingredients;
+use crate::scene::{Material, Scene};
+use crate::spectrum::Spectrum;
+
+/// Different exponents of the highlights of `materials`, ascending.
+pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
+    let mut exponents: Vec<u32> =
+        materials.filter(|material| material.specular > 0.0).map(|material| material.exponent).collect();
+    exponents.sort_unstable();
+    exponents.dedup();
+    exponents
+}
+
+/// Grey exactly as long as everything's absorption, summed, is the same at all wavelengths.
+pub(super) fn transmittance(scene: &Scene) -> Transmittance {
+    let coloured = |absorption: &[f64]| {
+        let mut sum = Spectrum::constant(0.0);
+        for (&depth, material) in absorption.iter().zip(&scene.materials) {
+            if let Some(shape) = material.absorption.as_ref().filter(|_| depth > 0.0) {
+                sum = &sum + &shape.spectrum().scaled(depth);
+            }
+        }
+        !is_constant(&sum)
+    };
+    // Between two bends the sum is a parabola at each wavelength, which three places settle.
+    let bends = scene.transfer.bends();
+    let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
+    let by_value = bends.iter().copied().chain(halves).any(|value| {
+        // Beside a jump, too.
+        [value.next_down(), value, value.next_up()]
+            .into_iter()
+            .any(|value| coloured(&scene.transfer.medium(value, scene.materials.len()).absorption))
+    });
+    let by_label = scene.labels.iter().flat_map(|labels| &labels.declared).any(|entry| {
+        let mut absorption = vec![0.0; scene.materials.len()];
+        if let Some(depth) = absorption.get_mut(entry.material) {
+            *depth = entry.absorption;
+        }
+        coloured(&absorption)
+    });
+    if by_value || by_label { Transmittance::Coloured } else { Transmittance::Grey }
+}
+
+/// Whether all samples are the same, but for rounding.
+pub(super) fn is_constant(spectrum: &Spectrum) -> bool {
+    let samples = spectrum.samples();
+    let (low, high) = samples.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
+    high - low <= 1e-12 * high.abs()
+}
+
+/// The largest optical depth of absorption that a ray can meet: that of the value that absorbs most, by all that shows
+/// it, along the volume's diagonal.
+pub(super) fn largest_depth(scene: &Scene) -> f64 {
+    let of_value = |value| scene.transfer.medium(value, scene.materials.len()).absorption.iter().sum();
+    let of_values = scene.transfer.bends().into_iter().map(of_value);
+    let of_labels = scene.labels.iter().flat_map(|labels| &labels.declared).map(|entry| entry.absorption);
+    of_values.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
+}
+
+/// The longest way through the volume, its diagonal, in opacity lengths.
+pub(super) fn longest_way(scene: &Scene) -> f64 {
+    let geometry = &scene.volume.geometry;
+    let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(crate::number::count))).length();
+    diagonal / scene.transfer.opacity_length
+}
+
+impl Planned {
+    /// What the light of `scene` can meet, under its own lights.
+    #[must_use]
+    pub fn ingredients(&self, scene: &Scene) -> Ingredients {
+        let coloured = self.plan.transmittance == Transmittance::Coloured;
+        let absorbing: Vec<usize> =
+            (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
+        let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());
+        Ingredients {
+            reflectances: self.materials.iter().map(|&m| scene.materials[m].reflectance.spectrum().clone()).collect(),
+            absorptions: absorptions.map(|absorption| absorption.spectrum().clone()).collect(),
+            background: scene.background.as_ref().map(|surface| surface.spectrum().clone()),
+            highlights: self.plan.specular().is_some(),
+            lights: scene.lights.iter().map(|light| (light.name.clone(), light.spectrum.clone())).collect(),
+            mixed: self.positions.len() > 1,
+            largest_depth: if coloured { largest_depth(scene) } else { 0.0 },
+        }
+    }
+
+    /// Different exponents of highlights, ascending; none where the plan has no highlights.
+    #[must_use]
+    pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
+        let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));
+        if self.plan.specular().is_some() { exponents(used) } else { Vec::new() }
+    }
+}

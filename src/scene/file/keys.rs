@@ -1,0 +1,239 @@
+//! What a scene file may say: its keys as they are written.
+
+use std::collections::BTreeMap;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use serde::Deserialize;
+use toml::{Spanned, Value};
+
+use super::super::{AccumulateAs, Interpolation, Lookup, Shading, StoreAs};
+use crate::model::ModelKind;
+use crate::palette::PaletteFile;
+use crate::spectrum::SpectrumSource;
+use crate::volume::ByteOrder;
+
+/// Anything the file says, with where it says it.
+pub(super) type At<T> = Spanned<T>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub(super) version: At<i64>,
+    #[serde(default)]
+    pub(super) shading: Shading,
+    pub(super) background: Option<At<SpectrumSource>>,
+    #[serde(default)]
+    pub(super) volume: VolumeFile,
+    pub(super) palette: Option<At<PaletteFile>>,
+    #[serde(default)]
+    pub(super) materials: BTreeMap<String, At<MaterialFile>>,
+    #[serde(default)]
+    pub(super) transfer: TransferFile,
+    #[serde(default)]
+    pub(super) labels: BTreeMap<String, At<LabelFile>>,
+    #[serde(default)]
+    pub(super) lights: BTreeMap<String, At<LightFile>>,
+    #[serde(default)]
+    pub(super) dial: DialFile,
+    pub(super) camera: Option<At<CameraFile>>,
+    pub(super) crop: Option<At<CropFile>>,
+    #[serde(default)]
+    pub(super) accuracy: AccuracyFile,
+    #[serde(default)]
+    pub(super) display: DisplayFile,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct VolumeFile {
+    pub(super) file: Option<PathBuf>,
+    pub(super) phantom: Option<At<String>>,
+    pub(super) labels: Option<PathBuf>,
+    pub(super) phantom_labels: Option<At<bool>>,
+    pub(super) downsample: Option<[NonZeroUsize; 3]>,
+    pub(super) dims: Option<[NonZeroUsize; 3]>,
+    pub(super) spacing: Option<At<[f64; 3]>>,
+    pub(super) origin: Option<At<[f64; 3]>>,
+    pub(super) direction: Option<At<[f64; 9]>>,
+    pub(super) r#type: Option<At<String>>,
+    #[serde(default)]
+    pub(super) byte_order: ByteOrder,
+    #[serde(default)]
+    pub(super) header_bytes: u64,
+    pub(super) slices: Option<Vec<i64>>,
+    pub(super) component: Option<usize>,
+    pub(super) time: Option<usize>,
+    pub(super) array: Option<String>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialFile {
+    pub(super) reflectance: Option<At<SpectrumSource>>,
+    pub(super) absorption: Option<At<SpectrumSource>>,
+    pub(super) ambient: Option<At<f64>>,
+    pub(super) diffuse: Option<At<f64>>,
+    pub(super) specular: Option<At<f64>>,
+    pub(super) exponent: Option<At<i64>>,
+    #[serde(default)]
+    pub(super) xray: bool,
+    pub(super) emission: Option<At<Value>>,
+    pub(super) fluorescence: Option<At<Value>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TransferFile {
+    pub(super) opacity_length: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) lookup: Lookup,
+    pub(super) entries: Option<At<i64>>,
+    #[serde(default)]
+    pub(super) intervals: Vec<IntervalFile>,
+    pub(super) opacity: Option<At<Vec<[f64; 2]>>>,
+    pub(super) absorption: Option<At<Vec<[f64; 2]>>>,
+    pub(super) material: Option<At<Vec<(f64, String)>>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct IntervalFile {
+    pub(super) material: At<String>,
+    pub(super) range: At<[f64; 2]>,
+    pub(super) ramp: Option<At<f64>>,
+    pub(super) opacity: At<f64>,
+    pub(super) absorption: Option<At<f64>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LabelFile {
+    pub(super) name: Option<String>,
+    pub(super) material: At<String>,
+    pub(super) opacity: At<f64>,
+    pub(super) absorption: Option<At<f64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LightFile {
+    pub(super) spectrum: Option<At<SpectrumSource>>,
+    pub(super) intensity: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) kind: LightKind,
+    pub(super) direction: Option<At<[f64; 3]>>,
+    pub(super) position: Option<At<[f64; 3]>>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum LightKind {
+    Ambient,
+    #[default]
+    Headlight,
+    Directional,
+    Point,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DialFile {
+    pub(super) normalise: Option<bool>,
+    pub(super) master: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) off: Vec<At<String>>,
+    #[serde(default)]
+    pub(super) nodes: BTreeMap<String, At<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) situations: Vec<SituationFile>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SituationFile {
+    pub(super) name: String,
+    #[serde(default)]
+    pub(super) caption: String,
+    pub(super) hand: At<HandFile>,
+    #[serde(default)]
+    pub(super) off: Vec<At<String>>,
+}
+
+/// A node by the name of its light, or a place.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a hand is the name of a light, or [x, y]")]
+pub(super) enum HandFile {
+    Node(String),
+    Place([f64; 2]),
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraFile {
+    #[serde(default)]
+    pub(super) projection: ProjectionFile,
+    pub(super) fov: Option<At<f64>>,
+    pub(super) height: Option<At<f64>>,
+    pub(super) position: Option<At<[f64; 3]>>,
+    pub(super) target: Option<At<[f64; 3]>>,
+    pub(super) up: Option<At<[f64; 3]>>,
+    pub(super) front: Option<At<[f64; 3]>>,
+    pub(super) azimuth: Option<At<f64>>,
+    pub(super) elevation: Option<At<f64>>,
+    pub(super) fill: Option<At<f64>>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum ProjectionFile {
+    #[default]
+    Perspective,
+    Orthographic,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CropFile {
+    pub(super) min: [f64; 3],
+    pub(super) max: [f64; 3],
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct AccuracyFile {
+    pub(super) step: Option<At<f64>>,
+    pub(super) termination: Option<At<f64>>,
+    pub(super) skipping: Option<bool>,
+    #[serde(default)]
+    pub(super) interpolation: Interpolation,
+    #[serde(default)]
+    pub(super) accumulate: AccumulateAs,
+    #[serde(default)]
+    pub(super) model: ModelKind,
+    pub(super) tolerance: Option<At<f64>>,
+    pub(super) k: Option<At<DimensionFile>>,
+    #[serde(default)]
+    pub(super) storage: StoreAs,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "k is a whole number from 1 to 16, or \"auto\"")]
+pub(super) enum DimensionFile {
+    Stated(i64),
+    Planned(Auto),
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Auto {
+    Auto,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct DisplayFile {
+    pub(super) exposure: Option<At<f64>>,
+    #[serde(default)]
+    pub(super) adapt: bool,
+}

@@ -1,0 +1,223 @@
+//! The materials of a scene file, and what values and labels show of them.
+
+use super::*;
+
+impl Text<'_> {
+    pub(super) fn materials(
+        &self,
+        files: &BTreeMap<String, At<MaterialFile>>,
+        base: &Path,
+    ) -> Result<Vec<Material>, SceneError> {
+        files
+            .iter()
+            .map(|(name, stated)| {
+                let file = stated.get_ref();
+                for (key, value) in [("emission", &file.emission), ("fluorescence", &file.fluorescence)] {
+                    if let Some(value) = value {
+                        let message = format!(
+                            "materials.{name}.{key}: a material that shines by itself, or in other wavelengths than it is lit with, does not factor by the light, so a picture could not be relit; only reflectances can"
+                        );
+                        return Err(self.invalid(value, message));
+                    }
+                }
+                let share = |key: &str, value: Option<&At<f64>>, otherwise| {
+                    self.optional(&format!("materials.{name}.{key}"), value, &UNIT, otherwise)
+                };
+                let exponent = match &file.exponent {
+                    None => 20,
+                    Some(value) => unsigned(self.whole(&format!("materials.{name}.exponent"), value, 1..=1024)?),
+                };
+                let key = format!("materials.{name}.reflectance");
+                let source = self.stated("reflectance", stated, file.reflectance.as_ref())?;
+                let reflectance = self.spectrum(key.clone(), source, |source| source.reflectance(base))?;
+                warn_above_one(&key, &reflectance);
+                Ok(Material {
+                    name: name.clone(),
+                    reflectance,
+                    absorption: file
+                        .absorption
+                        .as_ref()
+                        .map(|stated| {
+                            let key = format!("materials.{name}.absorption");
+                            self.spectrum(key, stated, |source| source.absorption(base))
+                        })
+                        .transpose()?,
+                    ambient: share("ambient", file.ambient.as_ref(), 0.2)?,
+                    diffuse: share("diffuse", file.diffuse.as_ref(), 0.8)?,
+                    specular: share("specular", file.specular.as_ref(), 0.0)?,
+                    exponent,
+                    xray: file.xray,
+                })
+            })
+            .collect()
+    }
+
+    pub(super) fn material(&self, name: &At<String>, materials: &[Material]) -> Result<usize, SceneError> {
+        self.material_named(name.get_ref(), materials).map_err(|message| self.invalid(name, message))
+    }
+
+    #[expect(clippy::unused_self, reason = "reads beside `material`")]
+    pub(super) fn material_named(&self, name: &str, materials: &[Material]) -> Result<usize, String> {
+        materials.iter().position(|material| material.name == name).ok_or_else(|| {
+            let names: Vec<_> = materials.iter().map(|material| material.name.as_str()).collect();
+            format!("there is no material {name:?}; there are: {}", names.join(", "))
+        })
+    }
+
+    /// Optical depth per opacity length where `material` absorbs most.
+    pub(super) fn absorption(
+        &self,
+        key: &str,
+        value: Option<&At<f64>>,
+        material: &Material,
+    ) -> Result<f64, SceneError> {
+        let Some(value) = value else { return Ok(0.0) };
+        let depth = self.number(key, value, &DEPTH)?;
+        if depth > 0.0 && material.absorption.is_none() {
+            return Err(self.invalid(value, without_absorption(key, &material.name)));
+        }
+        Ok(depth)
+    }
+
+    pub(super) fn opacity(&self, key: &str, value: &At<f64>, material: &Material) -> Result<f64, SceneError> {
+        let opacity = self.number(key, value, &UNIT)?;
+        if material.xray && opacity >= 1.0 {
+            let message = format!(
+                "{key} = 1 for the X-ray material {}; it adds light and hides nothing, so 1 would be light without end: it is a number from 0 to less than 1",
+                material.name
+            );
+            return Err(self.invalid(value, message));
+        }
+        Ok(opacity)
+    }
+
+    pub(super) fn transfer(&self, file: &TransferFile, materials: &[Material]) -> Result<Transfer, SceneError> {
+        let mut terms = Vec::new();
+        for interval in &file.intervals {
+            let material = self.material(&interval.material, materials)?;
+            let [low, high] = *interval.range.get_ref();
+            if !(low.is_finite() && high.is_finite() && low <= high) {
+                return Err(self.invalid(
+                    &interval.range,
+                    format!(
+                        "range = [{}, {}]; it is two finite numbers, the lower one first",
+                        readable(low),
+                        readable(high)
+                    ),
+                ));
+            }
+            let ramp = self.optional("ramp", interval.ramp.as_ref(), &(0.0..=f64::MAX), 0.0)?;
+            let opacity = self.opacity("opacity", &interval.opacity, &materials[material])?;
+            let absorption = self.absorption("absorption", interval.absorption.as_ref(), &materials[material])?;
+            terms.push(Term::interval(material, [low, high], [ramp, ramp], opacity, absorption));
+        }
+        match (&file.opacity, &file.material) {
+            (None, None) => {}
+            (Some(opacity), Some(material)) => {
+                terms.push(self.curves(opacity, file.absorption.as_ref(), material, materials)?);
+            }
+            (Some(alone), None) => {
+                return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it"));
+            }
+            (None, Some(alone)) => {
+                return Err(self.invalid(alone, "a material curve needs an `opacity` curve beside it"));
+            }
+        }
+        let entries = file.entries.as_ref().map(|value| self.whole("entries", value, 2..=1 << 20)).transpose()?;
+        Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
+    }
+
+    /// The points of a curve of the transfer function, whose heights are in `range`.
+    pub(super) fn curve(
+        &self,
+        what: &str,
+        stated: &At<Vec<[f64; 2]>>,
+        range: &RangeInclusive<f64>,
+    ) -> Result<Vec<(f64, f64)>, SceneError> {
+        let points: Vec<(f64, f64)> = stated.get_ref().iter().map(|&[value, height]| (value, height)).collect();
+        if points.is_empty() {
+            return Err(self.invalid(stated, "a curve has at least one point"));
+        }
+        if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && range.contains(&point.1))) {
+            let [value, height, most] = [point.0, point.1, *range.end()].map(readable);
+            let message = format!("the point [{value}, {height}] is not a value and {what} from 0 to {most}");
+            return Err(self.invalid(stated, message));
+        }
+        match points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
+            Some(pair) => Err(self.invalid(stated, descends(pair[0].0, pair[1].0))),
+            None => Ok(points),
+        }
+    }
+
+    pub(super) fn curves(
+        &self,
+        opacity: &At<Vec<[f64; 2]>>,
+        absorption: Option<&At<Vec<[f64; 2]>>>,
+        material: &At<Vec<(f64, String)>>,
+        materials: &[Material],
+    ) -> Result<Term, SceneError> {
+        let points = self.curve("an opacity", opacity, &UNIT)?;
+        let depths = absorption.map(|stated| self.curve("an optical depth", stated, &DEPTH)).transpose()?;
+        let depths = depths.unwrap_or_default();
+        if material.get_ref().is_empty() {
+            return Err(self.invalid(material, "a curve has at least one point"));
+        }
+        let mut curve = Vec::new();
+        for (value, name) in material.get_ref() {
+            let index = self.material_named(name, materials).map_err(|message| self.invalid(material, message))?;
+            if materials[index].xray && points.iter().any(|point| point.1 >= 1.0) {
+                return Err(
+                    self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it is less than 1"))
+                );
+            }
+            curve.push((*value, index));
+        }
+        if let Some(stated) = absorption.filter(|_| depths.iter().any(|point| point.1 > 0.0))
+            && curve.iter().all(|&(_, index)| materials[index].absorption.is_none())
+        {
+            let names: Vec<&str> = material.get_ref().iter().map(|(_, name)| name.as_str()).collect();
+            return Err(self.invalid(stated, without_absorption("absorption", &names.join(", "))));
+        }
+        if let Some(point) = curve.iter().find(|point| !point.0.is_finite()) {
+            return Err(self.invalid(material, format!("the value {}; a material curve has finite values", point.0)));
+        }
+        if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
+            return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
+        }
+        Ok(Term { opacity: points, absorption: depths, material: MaterialCurve(curve) })
+    }
+
+    pub(super) fn label_entries(
+        &self,
+        files: &BTreeMap<String, At<LabelFile>>,
+        materials: &[Material],
+    ) -> Result<Vec<LabelEntry>, SceneError> {
+        let mut entries: Vec<LabelEntry> = Vec::new();
+        for (key, value) in files {
+            if entries.len() == MOST_LABELS {
+                let message = format!("{} labels are declared; {MOST_LABELS} can be", files.len());
+                return Err(self.invalid(value, message));
+            }
+            let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {
+                self.invalid(
+                    value,
+                    format!(
+                        "labels.{key}: a label is a whole number from 1 to 65535; label 0 follows the transfer function"
+                    ),
+                )
+            })?;
+            if entries.iter().any(|entry| entry.label == u32::from(label)) {
+                return Err(self.invalid(value, format!("labels.{key}: label {label} is declared twice")));
+            }
+            let file = value.get_ref();
+            let material = self.material(&file.material, materials)?;
+            let opacity = self.opacity(&format!("labels.{key}.opacity"), &file.opacity, &materials[material])?;
+            let absorption = format!("labels.{key}.absorption");
+            let absorption = self.absorption(&absorption, file.absorption.as_ref(), &materials[material])?;
+            let name = file.name.clone().unwrap_or_else(|| key.clone());
+            entries.push(LabelEntry { label: u32::from(label), name, material, opacity, absorption });
+        }
+        entries.sort_by_key(|entry| entry.label);
+        Ok(entries)
+    }
+}

@@ -1,0 +1,117 @@
+//! The lights, the light dial and the camera of a scene file.
+
+use super::*;
+
+impl Text<'_> {
+    pub(super) fn lights(
+        &self,
+        files: &BTreeMap<String, At<LightFile>>,
+        base: &Path,
+    ) -> Result<Vec<SceneLight>, SceneError> {
+        files
+            .iter()
+            .map(|(name, stated)| {
+                let file = stated.get_ref();
+                let source = self.stated("spectrum", stated, file.spectrum.as_ref())?;
+                let spectrum = self.spectrum(format!("lights.{name}.spectrum"), source, |source| source.light(base))?;
+                warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
+                let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
+                let placement = match (file.kind, &file.direction, &file.position) {
+                    (LightKind::Ambient, None, None) => Placement::Ambient,
+                    (LightKind::Headlight, None, None) => Placement::Headlight,
+                    (LightKind::Directional, Some(direction), None) => {
+                        Placement::Directional(self.direction(&format!("lights.{name}.direction"), direction)?)
+                    }
+                    (LightKind::Point, None, Some(position)) => {
+                        Placement::Point(self.vector(&format!("lights.{name}.position"), position)?)
+                    }
+                    _ => {
+                        let message = format!("lights.{name}: a directional light has a `direction` (towards the light), a point light a `position`, ambient lights and headlights neither");
+                        return Err(self.invalid(stated, message));
+                    }
+                };
+                Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
+            })
+            .collect()
+    }
+
+    /// The regular polygon of `lights`, changed by what the file says.
+    pub(super) fn dial(&self, file: &DialFile, lights: &[SceneLight]) -> Result<Dial, SceneError> {
+        let mut dial = Dial::regular(lights.iter().map(|light| light.name.as_str()));
+        dial.normalise = file.normalise.unwrap_or(dial.normalise);
+        dial.master = self.optional("dial.master", file.master.as_ref(), &INTENSITY, dial.master)?;
+        for (name, stated) in &file.nodes {
+            let place = DVec2::from_array(*stated.get_ref());
+            let node = dial.node_mut(name).map_err(|message| self.invalid(stated, format!("dial.nodes.{message}")))?;
+            if !place.is_finite() {
+                return Err(self.invalid(stated, format!("dial.nodes.{name} has a component that is not finite")));
+            }
+            node.place = place;
+        }
+        for name in &file.off {
+            dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("dial.off: {message}")))?.on =
+                false;
+        }
+        for stated in &file.situations {
+            let key = format!("dial.situations, {}", stated.name);
+            let hand = match stated.hand.get_ref() {
+                HandFile::Node(name) => {
+                    dial.node_mut(name)
+                        .map_err(|message| self.invalid(&stated.hand, format!("{key}: {message}")))?
+                        .place
+                }
+                HandFile::Place(place) if !place.iter().all(|part| part.is_finite()) => {
+                    return Err(self.invalid(&stated.hand, format!("{key}: the hand's place is not finite")));
+                }
+                HandFile::Place(place) => DVec2::from_array(*place),
+            };
+            for name in &stated.off {
+                dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("{key}: {message}")))?;
+            }
+            let off = stated.off.iter().map(|name| name.get_ref().clone()).collect();
+            let (name, caption) = (stated.name.clone(), stated.caption.clone());
+            dial.situations.push(Situation { name, caption, hand, off });
+        }
+        Ok(dial)
+    }
+
+    pub(super) fn camera(&self, file: &CameraFile) -> Result<Camera, SceneError> {
+        let projection = match (file.projection, &file.fov, &file.height) {
+            (ProjectionFile::Perspective, fov, None) => Projection::Perspective {
+                fov_degrees: self.optional("camera.fov", fov.as_ref(), &(0.001..=179.0), 30.0)?,
+            },
+            (ProjectionFile::Orthographic, None, height) => Projection::Orthographic {
+                height: height.as_ref().map(|height| self.number("camera.height", height, &POSITIVE)).transpose()?,
+            },
+            (ProjectionFile::Perspective, _, Some(key)) | (ProjectionFile::Orthographic, Some(key), _) => {
+                return Err(self.invalid(key, "a perspective camera has a `fov` (vertical, in degrees), an orthographic one a `height` (in world units)"));
+            }
+        };
+        let up = file.up.as_ref().map_or(Ok(DVec3::NEG_Y), |up| self.direction("camera.up", up))?;
+        let aim = match (&file.position, &file.target) {
+            (Some(position), Some(target)) => {
+                let orbit = [&file.azimuth, &file.elevation, &file.fill];
+                if let Some(key) = orbit.into_iter().flatten().next() {
+                    return Err(self.invalid(
+                        key,
+                        "a camera with a `position` and a `target` has no `azimuth`, `elevation` or `fill`",
+                    ));
+                }
+                Aim::LookAt {
+                    position: self.vector("camera.position", position)?,
+                    target: self.vector("camera.target", target)?,
+                }
+            }
+            (None, None) => Aim::Orbit {
+                azimuth: self.optional("camera.azimuth", file.azimuth.as_ref(), &FINITE, -20.0)?,
+                elevation: self.optional("camera.elevation", file.elevation.as_ref(), &(-89.9..=89.9), 15.0)?,
+                fill: self.optional("camera.fill", file.fill.as_ref(), &(0.01..=100.0), 0.95)?,
+                front: file.front.as_ref().map_or(Ok(DVec3::NEG_Z), |front| self.direction("camera.front", front))?,
+            },
+            (Some(key), None) | (None, Some(key)) => {
+                return Err(self.invalid(key, "`position` and `target` of a camera come together"));
+            }
+        };
+        Ok(Camera { projection, aim, up })
+    }
+}

@@ -1,0 +1,158 @@
+//! The volumes that a scene file names, and the part of them that it shows.
+
+use super::*;
+
+impl Text<'_> {
+    pub(super) fn crop(&self, crop: &At<CropFile>, volume: &Volume) -> Result<[DVec3; 2], SceneError> {
+        let CropFile { min, max } = crop.get_ref();
+        let last = volume.geometry.dims.map(|n| count(n) - 1.0);
+        for axis in 0..3 {
+            // Only an axis of one voxel has no more than one index to show.
+            let apart = min[axis] < max[axis] || last[axis] <= 0.0;
+            if !(0.0 <= min[axis] && apart && min[axis] <= max[axis] && max[axis] <= last[axis]) {
+                let message = format!(
+                    "crop from {min:?} to {max:?}; on axis {} it is two different voxel indices from 0 to {}, the lower one first",
+                    ["x", "y", "z"][axis],
+                    last[axis]
+                );
+                return Err(self.invalid(crop, message));
+            }
+        }
+        Ok([DVec3::from_array(*min), DVec3::from_array(*max)])
+    }
+
+    /// The volume, and the grid it lies on before the scene moves it.
+    pub(super) fn volume(
+        &self,
+        file: &VolumeFile,
+        base: &Path,
+        options: &SceneOptions,
+        progress: &dyn Progress,
+    ) -> Result<(Volume, Geometry), SceneError> {
+        let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+        let path = options.volume.clone().or_else(|| file.file.as_ref().map(|path| base.join(path)));
+        let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
+        let layout = options.raw.clone().or(stated);
+        let selection = file.selection(options);
+        let mut volume = match (path, &file.phantom) {
+            (Some(path), _) => volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?,
+            (None, Some(phantom)) => {
+                let kind: Phantom =
+                    phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
+                selection.only(phantom.get_ref()).map_err(fail)?;
+                Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
+            }
+            (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
+        };
+        if let Some(blocks) = file.blocks(options) {
+            volume = volume.downsample(blocks).map_err(fail)?;
+        }
+        let stored = volume.geometry;
+        if let Some(spacing) = &file.spacing {
+            let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
+            volume = changed.map_err(|error| self.invalid(spacing, error.to_string()))?;
+        }
+        let Geometry { dims, spacing, origin, direction } = volume.geometry;
+        let grid = |origin, direction| Geometry::new(&volume.source, dims, spacing, origin, direction);
+        let geometry = match (&file.origin, &file.direction) {
+            (None, None) => volume.geometry,
+            (moved, turned) => {
+                let origin = match moved {
+                    Some(moved) => self.vector("volume.origin", moved)?,
+                    None => origin,
+                };
+                let turned_to = turned.as_ref().map_or(direction, |axes| DMat3::from_cols_array(axes.get_ref()));
+                grid(origin, turned_to).map_err(|error| match turned {
+                    Some(turned) => self.invalid(turned, error.to_string()),
+                    None => fail(error),
+                })?
+            }
+        };
+        volume.geometry = geometry;
+        Ok((volume, stored))
+    }
+
+    pub(super) fn label_volume(
+        &self,
+        file: &VolumeFile,
+        (volume, stored): (&str, &Geometry),
+        declared: Vec<LabelEntry>,
+        base: &Path,
+        options: &SceneOptions,
+        progress: &dyn Progress,
+    ) -> Result<Option<Labels>, SceneError> {
+        let stated = file.labels.as_ref().map(|path| base.join(path)).filter(|_| options.volume.is_none());
+        let is_frog = file.phantom.as_ref().is_some_and(|phantom| phantom.get_ref() == Phantom::Frog.name());
+        let of_phantom = file.phantom_labels.as_ref().filter(|wanted| *wanted.get_ref());
+        if let Some(wanted) = of_phantom.filter(|_| !is_frog) {
+            return Err(self.invalid(wanted, "volume.phantom_labels: only the phantom \"frog\" has labels"));
+        }
+        let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+        let mut labels = match options.labels.clone().or(stated) {
+            Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
+            None if of_phantom.is_some() && options.volume.is_none() => {
+                Volume::frog_labels(file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
+            }
+            None => return Ok(None),
+        };
+        if labels.blocks != [1; 3] {
+            let problem = "labels have no mean: write downsample into the scene's [volume], where it takes the most \
+                           frequent label of a block, not beside the labels";
+            return Err(fail(VolumeError::Layout { source_name: labels.source, problem: problem.to_owned() }));
+        }
+        if let Some(blocks) = file.blocks(options) {
+            labels = labels.downsample_labels(blocks).map_err(fail)?;
+        }
+        if labels.geometry.dims != stored.dims {
+            return Err(SceneError::LabelGrid {
+                labels: labels.source,
+                theirs: labels.geometry.dims,
+                volume: volume.to_owned(),
+                ours: stored.dims,
+            });
+        }
+        if !labels.geometry.lies_on(stored) {
+            labels.notes.push(format!(
+                "{}: the labels have another spacing, origin or direction than the volume {volume}; they are shown voxel by voxel on its grid",
+                labels.source
+            ));
+        }
+        Ok(Some(Labels { volume: Arc::new(labels), declared }))
+    }
+}
+
+impl VolumeFile {
+    /// How to read a headerless file, where the scene says so by naming a type.
+    pub(super) fn raw_layout(&self, text: &Text<'_>) -> Result<Option<RawLayout>, SceneError> {
+        let Some(name) = &self.r#type else {
+            return Ok(None);
+        };
+        let voxel_type = name.get_ref().parse().map_err(|error: VolumeError| text.invalid(name, error.to_string()))?;
+        let Some(dims) = self.dims else {
+            return Err(text.invalid(name, "headerless voxels need `dims` beside their `type`"));
+        };
+        let plain = RawLayout::new(dims.map(NonZeroUsize::get), voxel_type);
+        Ok(Some(RawLayout {
+            slices: self.slices.clone(),
+            byte_order: self.byte_order,
+            header_bytes: self.header_bytes,
+            spacing: self.spacing.as_ref().map_or(plain.spacing, |spacing| *spacing.get_ref()),
+            origin: self.origin.as_ref().map_or(plain.origin, |origin| *origin.get_ref()),
+            direction: self.direction.as_ref().map_or(plain.direction, |direction| *direction.get_ref()),
+            ..plain
+        }))
+    }
+
+    /// What to read of a file that holds several volumes.
+    pub(super) fn selection(&self, options: &SceneOptions) -> Selection {
+        let stated = Selection { component: self.component, time: self.time, array: self.array.clone() };
+        if options.volume.is_some() { options.selection.clone() } else { options.selection.or(&stated) }
+    }
+
+    /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.
+    pub(super) fn blocks(&self, options: &SceneOptions) -> Option<[usize; 3]> {
+        let is_file = options.volume.is_some() || self.phantom.is_none();
+        let stated = self.downsample.map(|blocks| blocks.map(NonZeroUsize::get)).filter(|_| is_file);
+        options.downsample.or(stated)
+    }
+}

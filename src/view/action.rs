@@ -1,0 +1,27 @@
+//! What can be asked of the viewer, by a hand or by a script.
+
+use std::path::PathBuf;
+
+use super::state::Edit;
+
+/// Something that is asked of the viewer.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Action {
+    /// A change of what is looked at.
+    Edit(Edit),
+    /// A step back.
+    Undo,
+    /// A step forward.
+    Redo,
+    /// Another scene or volume.
+    Open(PathBuf),
+    /// The picture alone, as PNG, once it is as fine as it gets: the bytes that `relume render` would write.
+    SavePicture(PathBuf),
+    /// All pixels of the window, as PNG.
+    SaveWindow(PathBuf),
+    /// The panels beside the picture, or the picture alone.
+    Panels(bool),
+    /// A notice that was read, by its index.
+    Dismiss(usize),
+}

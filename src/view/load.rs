@@ -1,0 +1,285 @@
+//! What is opened: read, planned and brought to the device beside the window.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use crate::number::count;
+use crate::plan::{PlanError, Planned, plan};
+use crate::progress::Progress;
+use crate::render::{RenderError, Renderer, Speed, Uploaded};
+use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
+use crate::volume::{Statistics, VolumeError, is_volume};
+
+/// The scene around a volume that has none.
+const AROUND: &str = include_str!("../../data/scenes/volume.toml");
+
+/// What to open.
+#[derive(Clone, Debug, Default)]
+pub struct Source {
+    /// A scene file or a volume; without one, the scene that is part of the program.
+    pub path: Option<PathBuf>,
+    /// What is changed about it.
+    pub options: SceneOptions,
+}
+
+/// Why something could not be opened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// The scene.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Its volume.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    /// What it needs.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The device.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// A scene on the device.
+#[derive(Debug)]
+pub struct Loaded {
+    /// What makes pictures of it.
+    pub renderer: Arc<Renderer>,
+    /// The scene.
+    pub scene: Scene,
+    /// What it needs.
+    pub planned: Planned,
+    /// Its volume on the device.
+    pub uploaded: Uploaded,
+    /// What the volume's values are like.
+    pub statistics: Statistics,
+    /// Whether it is a volume without a scene.
+    pub is_bare: bool,
+}
+
+/// Something that is being opened on a thread of its own. Dropping it is to give up.
+#[derive(Debug)]
+pub struct Loading {
+    name: String,
+    listener: Arc<Listener>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Loading {
+    /// Begins. `progressed` is called now and then, `loaded` at the end.
+    pub fn start(
+        source: Source,
+        renderer: Arc<Renderer>,
+        progressed: impl Fn() + Send + Sync + 'static,
+        loaded: impl FnOnce(Result<Loaded, LoadError>) + Send + 'static,
+    ) -> Self {
+        let listener = Arc::new(Listener {
+            stage: Mutex::default(),
+            cancelled: AtomicBool::new(false),
+            progressed: Box::new(progressed),
+        });
+        let (name, heard) = (source.name(), Arc::clone(&listener));
+        let thread = std::thread::spawn(move || loaded(source.load(renderer, &*heard)));
+        Self { name, listener, thread: Some(thread) }
+    }
+
+    /// Gives up, and waits until nothing is done for it any more.
+    pub fn end(mut self) {
+        let thread = self.thread.take();
+        drop(self);
+        // A panic there has been told of.
+        thread.map(JoinHandle::join).transpose().ok();
+    }
+
+    /// What is opened, how much of the present stage is done (0 to 1, where known), and what stage that is.
+    #[must_use]
+    pub fn progress(&self) -> (String, Option<f32>, String) {
+        let stage = self.listener.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "for a bar on the screen")]
+        let part = (stage.total > 0).then(|| (stage.done as f64 / stage.total as f64) as f32);
+        (self.name.clone(), part, stage.name.clone())
+    }
+}
+
+impl Drop for Loading {
+    fn drop(&mut self) {
+        self.listener.cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Least time between two pieces of news.
+const NEWS: Duration = Duration::from_millis(50);
+
+/// How far something is.
+#[derive(Debug, Default)]
+struct Stage {
+    name: String,
+    done: u64,
+    total: u64,
+    told: Option<Instant>,
+}
+
+struct Listener {
+    stage: Mutex<Stage>,
+    cancelled: AtomicBool,
+    progressed: Box<dyn Fn() + Send + Sync>,
+}
+
+impl fmt::Debug for Listener {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Listener").field("stage", &self.stage).finish_non_exhaustive()
+    }
+}
+
+impl Progress for Listener {
+    fn report(&self, name: &str, done: u64, total: u64) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        if stage.name != name {
+            name.clone_into(&mut stage.name);
+        }
+        (stage.done, stage.total) = (done, total);
+        if stage.told.is_none_or(|told| told.elapsed() > NEWS) {
+            stage.told = Some(Instant::now());
+            drop(stage);
+            (self.progressed)();
+        }
+    }
+
+    fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+}
+
+impl Source {
+    /// What is at `path`, unchanged.
+    #[must_use]
+    pub fn of(path: &Path) -> Self {
+        Self { path: Some(path.to_owned()), options: SceneOptions::default() }
+    }
+
+    /// How it is called.
+    #[must_use]
+    pub fn name(&self) -> String {
+        self.path.as_ref().map_or_else(|| "the default scene".to_owned(), |path| path.display().to_string())
+    }
+
+    /// The volume that it is, where it is no scene.
+    fn bare_volume(&self) -> Option<&Path> {
+        self.path.as_deref().filter(|path| is_volume(path, &[]) || is_raw(path, &self.options))
+    }
+
+    /// Reads the scene. A volume without one gets a transfer function made from its histogram.
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError`], [`VolumeError`].
+    pub fn scene(&self, progress: &dyn Progress) -> Result<(Scene, Statistics), LoadError> {
+        let without_scene = self.bare_volume();
+        let mut scene = match (&self.path, without_scene) {
+            (None, _) => scene::load_embedded(&self.options, progress)?,
+            (_, Some(volume)) => {
+                let options = SceneOptions { volume: Some(volume.to_owned()), ..self.options.clone() };
+                scene::parse(&volume.display().to_string(), AROUND, Path::new(""), &options, progress)?
+            }
+            (Some(path), None) => scene::load(path, &self.options, progress)?,
+        };
+        let statistics = scene.volume.statistics()?;
+        if without_scene.is_some() {
+            scene.transfer.terms = terms(&statistics, scene.materials.len());
+        }
+        Ok((scene, statistics))
+    }
+
+    /// Reads it, plans it, and brings it to the device, where everything it runs is made ready.
+    ///
+    /// # Errors
+    ///
+    /// [`LoadError`].
+    pub fn load(&self, renderer: Arc<Renderer>, progress: &dyn Progress) -> Result<Loaded, LoadError> {
+        let (scene, statistics) = self.scene(progress)?;
+        let planned = plan(&scene, progress)?;
+        let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
+        // Software devices compile a shader when it first runs, which is not to be while a hand waits.
+        let mut march = renderer.begin_march(&scene, &planned, &uploaded, [8, 8], Speed::default())?;
+        while !march.is_done() {
+            march.step(&renderer)?;
+        }
+        let relight = renderer.relight_display(&march.finish(&renderer)?)?;
+        let components = crate::tables::Components::new(&scene, &planned);
+        let mix = scene::Mix::of_scene(&scene);
+        let background = scene.background.as_ref();
+        relight.run(&crate::tables::RelightMatrices::new(
+            &components,
+            planned.positions.len(),
+            background,
+            &mix,
+            &scene.display,
+        ))?;
+        Ok(Loaded { renderer, scene, planned, uploaded, statistics, is_bare: self.bare_volume().is_some() })
+    }
+}
+
+/// Whether `path` is a headerless volume whose layout is given.
+fn is_raw(path: &Path, options: &SceneOptions) -> bool {
+    options.raw.is_some() && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("raw"))
+}
+
+/// Opacities of the materials of a volume that has no scene, from the rarest-valued air up.
+const OPACITIES: [f64; 3] = [0.01, 0.06, 0.4];
+
+/// A first transfer function: what surrounds things is left out, and the rest is cut into ranges of values that hold
+/// about as much each, where a value counts by the logarithm of how often it occurs.
+fn terms(statistics: &Statistics, materials: usize) -> Vec<Term> {
+    let bins = &statistics.histogram;
+    let width = (statistics.max - statistics.min) / count(bins.len());
+    if width <= 0.0 || !width.is_finite() {
+        return vec![Term::interval(0, [statistics.min, statistics.max], [0.0; 2], OPACITIES[1], 0.0)];
+    }
+    let edge = |bin: usize| statistics.min + width * count(bin);
+    let first = threshold(bins);
+    let weight = |bin: usize| bins.get(bin).map_or(0.0, |&n| count(usize::try_from(n).unwrap_or(usize::MAX)).ln_1p());
+    let total: f64 = (first..bins.len()).map(weight).sum();
+    let ranges = materials.clamp(1, OPACITIES.len());
+    let mut cuts = vec![first];
+    let mut sum = 0.0;
+    for bin in first..bins.len() {
+        sum += weight(bin);
+        if sum >= total * count(cuts.len()) / count(ranges) && cuts.len() < ranges && bin + 1 < bins.len() {
+            cuts.push(bin + 1);
+        }
+    }
+    cuts.push(bins.len());
+    let term = |(material, cut): (usize, &[usize])| {
+        let [low, high] = [edge(cut[0]), edge(cut[1])];
+        let ramp = (high - low).min(4.0 * width) / 2.0;
+        let opacity = OPACITIES.get(material).copied().unwrap_or(OPACITIES[1]);
+        Term::interval(material, [low + ramp / 2.0, high - ramp / 2.0], [ramp; 2], opacity, 0.0)
+    };
+    cuts.windows(2).enumerate().map(term).collect()
+}
+
+/// The bin above which a voxel belongs to a thing and not to what surrounds it: the cut into two classes of values with
+/// the largest variance between them (Otsu 1979).
+fn threshold(bins: &[u64]) -> usize {
+    let weight = |&n: &u64| count(usize::try_from(n).unwrap_or(usize::MAX));
+    let total: f64 = bins.iter().map(weight).sum();
+    let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * weight(n)).sum();
+    let (mut below, mut moment_below, mut best) = (0.0, 0.0, (0.0, 1));
+    for (bin, n) in bins.iter().enumerate() {
+        below += weight(n);
+        moment_below += count(bin) * weight(n);
+        let above = total - below;
+        if below > 0.0 && above > 0.0 {
+            let apart = moment_below / below - (moment - moment_below) / above;
+            let between = below * above * apart * apart;
+            if between > best.0 {
+                best = (between, bin + 1);
+            }
+        }
+    }
+    best.1
+}

@@ -1,0 +1,23 @@
+//! The viewer: a scene explored by its light, in a window.
+//!
+//! [`state`] is what a person changes, [`engine`] makes pictures of it in slices, [`load`] opens files beside the window.
+//! Those know no window and no toolkit; `window` and `ui`, of the feature `window`, put them on a screen.
+
+pub mod action;
+pub mod camera;
+pub mod engine;
+pub mod load;
+pub mod script;
+pub mod state;
+#[cfg(feature = "window")]
+pub mod ui;
+#[cfg(feature = "window")]
+pub mod window;
+
+pub use action::Action;
+pub use engine::{Counts, Engine};
+pub use load::{LoadError, Loaded, Source};
+pub use script::{Script, ScriptError};
+pub use state::{Cost, Document, Edit, LightState, Mixing, Slider, State};
+#[cfg(feature = "window")]
+pub use window::{Options, Report, ViewError, run};

@@ -1,0 +1,244 @@
+//! Recorded input: what a hand would do, line by line, so that the viewer can be driven without one.
+//!
+//! A line is a command and what it needs, words apart by spaces; `#` begins a comment. Each line takes a frame. The commands
+//! are in `docs/VIEW.md`.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use glam::DVec2;
+
+use super::action::Action;
+use super::camera::{Move, Side};
+use super::state::{Edit, State};
+use crate::input;
+
+/// Longer than any script of a person.
+const LONGEST: u64 = 1 << 20;
+
+/// Why a script cannot be carried out.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScriptError {
+    /// The file cannot be read.
+    #[error("cannot read the script {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A line is not what a line may be.
+    #[error("{at}: {message}")]
+    Line {
+        /// `file:line`.
+        at: String,
+        /// What is wrong.
+        message: String,
+    },
+}
+
+/// A script, checked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Script {
+    /// What errors call it.
+    name: String,
+    /// Its commands, and the lines they stand on.
+    commands: Vec<(usize, Command)>,
+}
+
+/// A line of a script.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Command {
+    /// Draws so many frames more.
+    Frames(u32),
+    /// Draws until nothing is left to do.
+    Settle,
+    /// Something that needs no name of the scene.
+    Do(Action),
+    /// Something about the light of this name.
+    Named(About, String),
+    /// A movement of the camera.
+    Camera(Move),
+    /// A window of so many pixels.
+    Size([u32; 2]),
+    /// What a hand does.
+    Input(Input),
+}
+
+/// What is asked of the light, the node or the situation of a name.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(missing_docs, reason = "each is the edit of its name")]
+pub enum About {
+    Weight(f64),
+    On(bool),
+    Solo,
+    HandOnNode,
+    NodePlace(DVec2),
+    NodeOn(bool),
+    Situation,
+}
+
+/// What a hand does at the mouse and the keyboard; places are in points of the window.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input {
+    /// The pointer is here now.
+    Pointer(f32, f32),
+    /// The first button goes down, or up.
+    Button(bool),
+    /// The wheel turns by so many lines.
+    Scroll(f32),
+    /// A key goes down and up, by its name.
+    Key(String),
+}
+
+impl Script {
+    /// The script in the file `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`ScriptError`].
+    pub fn read(path: &Path) -> Result<Self, ScriptError> {
+        let read = |source| ScriptError::Read { path: path.to_owned(), source };
+        let bytes = input::read(path, LONGEST).map_err(read)?;
+        let text = String::from_utf8(bytes).map_err(|error| read(std::io::Error::other(error)))?;
+        Self::parse(&path.display().to_string(), &text)
+    }
+
+    /// The script that `text` is; `name` heads messages.
+    ///
+    /// # Errors
+    ///
+    /// [`ScriptError::Line`].
+    pub fn parse(name: &str, text: &str) -> Result<Self, ScriptError> {
+        let mut commands = Vec::new();
+        for (number, line) in (1..).zip(text.lines()) {
+            let words: Vec<&str> = line.split('#').next().unwrap_or_default().split_whitespace().collect();
+            if let Some((&verb, rest)) = words.split_first() {
+                let at = format!("{name}:{number}");
+                let command = command(verb, rest).map_err(|message| ScriptError::Line { at, message })?;
+                commands.push((number, command));
+            }
+        }
+        Ok(Self { name: name.to_owned(), commands })
+    }
+
+    /// The command number `index`, counted from 0; `None` behind the last.
+    #[must_use]
+    pub fn command(&self, index: usize) -> Option<&Command> {
+        self.commands.get(index).map(|(_, command)| command)
+    }
+
+    /// What is wrong with the command number `index`.
+    #[must_use]
+    pub fn wrong(&self, index: usize, message: String) -> ScriptError {
+        let line = self.commands.get(index).map_or(0, |(line, _)| *line);
+        ScriptError::Line { at: format!("{}:{line}", self.name), message }
+    }
+}
+
+fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
+    let text = || rest.join(" ");
+    let file = || Some(PathBuf::from(text())).filter(|_| !rest.is_empty()).ok_or(format!("{verb} FILE"));
+    let name = || Some(text()).filter(|_| !rest.is_empty()).ok_or(format!("{verb} NAME"));
+    let edit = |edit: Edit| Command::Do(Action::Edit(edit));
+    Ok(match verb {
+        "frames" => Command::Frames(numbers::<u32, 1>(verb, rest)?[0]),
+        "settle" => Command::Settle,
+        "light" => {
+            let (weight, name) = rest.split_last().ok_or("light NAME WEIGHT")?;
+            let weight = weight.parse().map_err(|_| format!("{weight} is not a number: light NAME WEIGHT"))?;
+            Command::Named(About::Weight(weight), name.join(" "))
+        }
+        "on" | "off" => Command::Named(About::On(verb == "on"), name()?),
+        "solo" => Command::Named(About::Solo, name()?),
+        "all" => edit(Edit::Solo(None)),
+        "hand" => edit(Edit::Hand(numbers(verb, rest)?.into())),
+        "node" => Command::Named(About::HandOnNode, name()?),
+        "place" => {
+            let (name, place) = rest.split_at_checked(rest.len().saturating_sub(2)).unwrap_or_default();
+            Command::Named(About::NodePlace(numbers(verb, place)?.into()), name.join(" "))
+        }
+        "take" | "leave" => Command::Named(About::NodeOn(verb == "take"), name()?),
+        "situation" => Command::Named(About::Situation, name()?),
+        "master" => edit(Edit::Master(numbers::<f64, 1>(verb, rest)?[0])),
+        "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
+        "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
+        "adapt" => edit(Edit::Adapt(switch(verb, rest)?)),
+        "orbit" => {
+            let [right, up] = numbers(verb, rest)?;
+            Command::Camera(Move::Orbit { right, up })
+        }
+        "pan" => {
+            let [right, up] = numbers(verb, rest)?;
+            Command::Camera(Move::Pan { right, up })
+        }
+        "dolly" => Command::Camera(Move::Dolly(numbers::<f64, 1>(verb, rest)?[0])),
+        "roll" => Command::Camera(Move::Roll(numbers::<f64, 1>(verb, rest)?[0])),
+        "axis" => {
+            let sides = Side::ALL.map(|side| (format!("{side:?}").to_lowercase(), side));
+            let found = sides.iter().find(|(name, _)| *name == text());
+            let names = || sides.each_ref().map(|(name, _)| name.as_str()).join(", ");
+            let (_, side) = found.ok_or_else(|| format!("{verb} SIDE, one of: {}", names()))?;
+            Command::Camera(Move::Axis(*side))
+        }
+        "projection" => Command::Camera(Move::Projection),
+        "reset" => Command::Camera(Move::Reset),
+        "undo" => Command::Do(Action::Undo),
+        "redo" => Command::Do(Action::Redo),
+        "open" => Command::Do(Action::Open(file()?)),
+        "window" => Command::Do(Action::SaveWindow(file()?)),
+        "picture" => Command::Do(Action::SavePicture(file()?)),
+        "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),
+        "size" => Command::Size(numbers(verb, rest)?),
+        "pointer" => {
+            let [x, y] = numbers(verb, rest)?;
+            Command::Input(Input::Pointer(x, y))
+        }
+        "press" | "release" => Command::Input(Input::Button(verb == "press")),
+        "scroll" => Command::Input(Input::Scroll(numbers::<f32, 1>(verb, rest)?[0])),
+        "key" => Command::Input(Input::Key(name()?)),
+        _ => return Err(format!("{verb:?} is no command of a script")),
+    })
+}
+
+fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T; N], String> {
+    let numbers: Option<Vec<T>> = words.iter().map(|word| word.parse().ok()).collect();
+    let wanted = if N == 1 { "a number".to_owned() } else { format!("{N} numbers") };
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} takes {wanted}"))
+}
+
+fn switch(verb: &str, words: &[&str]) -> Result<bool, String> {
+    match words {
+        ["on"] => Ok(true),
+        ["off"] => Ok(false),
+        _ => Err(format!("{verb} is on or off")),
+    }
+}
+
+impl About {
+    /// The edit that this is in `state`, for the light, node or situation `name`.
+    ///
+    /// # Errors
+    ///
+    /// A sentence with the names that there are.
+    pub fn edit(self, state: &State, name: &str) -> Result<Edit, String> {
+        let find = |names: Vec<&str>| {
+            let found = names.iter().position(|&one| one == name);
+            found.ok_or_else(|| format!("there is no {name:?}; there are: {}", names.join(", ")))
+        };
+        let light = || find(state.scene.lights.iter().map(|light| light.name.as_str()).collect());
+        let node = || find(state.scene.dial.nodes.iter().map(|node| node.light.as_str()).collect());
+        let situation = || find(state.scene.dial.situations.iter().map(|one| one.name.as_str()).collect());
+        Ok(match self {
+            Self::Weight(weight) => Edit::Weight(light()?, weight),
+            Self::On(on) => Edit::On(light()?, on),
+            Self::Solo => Edit::Solo(Some(light()?)),
+            Self::HandOnNode => Edit::HandOnNode(node()?),
+            Self::NodePlace(place) => Edit::NodePlace(node()?, place),
+            Self::NodeOn(on) => Edit::NodeOn(node()?, on),
+            Self::Situation => Edit::Situation(situation()?),
+        })
+    }
+}

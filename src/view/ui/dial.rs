@@ -1,0 +1,173 @@
+//! The light dial: nodes that stand for lights, and a hand between them that mixes them.
+
+use egui::{
+    Align2, FontId, Key, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2,
+};
+use glam::DVec2;
+
+use super::controls::panel;
+use super::spectrum::{narrow, paint_swatch};
+use crate::number::count;
+use crate::scene::Dial;
+use crate::view::action::Action;
+use crate::view::state::{Cost, Document, Edit, Mixing};
+
+/// Points between the outermost nodes and the edge, for their names.
+const MARGIN: f32 = 28.0;
+/// Radius of a node in points.
+const NODE: f32 = 7.0;
+/// Nearer than this, in points, the hand is on a node.
+const SNAP: f32 = 9.0;
+/// How far an arrow key moves the hand, as a share of the dial.
+const STEP: f64 = 0.02;
+
+/// Shows the dial.
+pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    let dial = &document.state().scene.dial;
+    if dial.nodes.len() < 2 {
+        return;
+    }
+    panel(ui, "Light dial", Cost::Relight, |ui| {
+        let side = ui.available_width().min(210.0);
+        let (rect, hand) = ui.allocate_exact_size(vec2(ui.available_width(), side), Sense::click_and_drag());
+        hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, "light dial"));
+        let map = Map::new(dial, rect);
+        ui.painter().rect_filled(rect, 4.0, ui.visuals().extreme_bg_color);
+        nodes(ui, document, &map, asked);
+        move_hand(ui, document, &map, &hand, asked);
+        draw_hand(ui, document, &map);
+        hand.on_hover_text(
+            "Drag the hand between the lights: the nearer, the stronger. Click a node for that light alone. \
+             Right-click a node to leave it out, drag it with Shift to move it.",
+        );
+        if document.state().light.mixing == Mixing::Sliders {
+            ui.label(RichText::new("The sliders decide now; click into the dial to let it mix.").small().weak());
+        }
+        ui.horizontal_wrapped(|ui| {
+            if document.opened().dial.nodes != dial.nodes && ui.button("Reset nodes").clicked() {
+                asked.push(Action::Edit(Edit::ResetDial));
+            }
+            for (index, situation) in dial.situations.iter().enumerate() {
+                let here = document.state().light.situation == Some(index);
+                let label = ui.selectable_label(here, &situation.name);
+                let label = if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
+                if label.clicked() {
+                    asked.push(Action::Edit(Edit::Situation(index)));
+                }
+            }
+        });
+    });
+}
+
+/// From the dial's plane to the screen and back.
+struct Map {
+    centre: DVec2,
+    middle: Pos2,
+    scale: f64,
+}
+
+impl Map {
+    fn new(dial: &Dial, rect: Rect) -> Self {
+        let places = || dial.nodes.iter().map(|node| node.place);
+        let low = places().fold(DVec2::INFINITY, DVec2::min);
+        let high = places().fold(DVec2::NEG_INFINITY, DVec2::max);
+        let room = (rect.size().min_elem() - 2.0 * MARGIN).max(10.0);
+        let scale = f64::from(room) / (high - low).max_element().max(1e-3);
+        Self { centre: (low + high) / 2.0, middle: rect.center(), scale }
+    }
+
+    fn screen_from_dial(&self, place: DVec2) -> Pos2 {
+        let from_centre = (place - self.centre) * self.scale;
+        self.middle + vec2(narrow(from_centre.x), -narrow(from_centre.y))
+    }
+
+    fn dial_from_screen(&self, place: Pos2) -> DVec2 {
+        let from_middle = place - self.middle;
+        self.centre + DVec2::new(f64::from(from_middle.x), -f64::from(from_middle.y)) / self.scale
+    }
+}
+
+/// Where the nodes of `dial` are, were it shown in `rect`.
+#[must_use]
+pub fn node_places(dial: &Dial, rect: Rect) -> Vec<Pos2> {
+    let map = Map::new(dial, rect);
+    dial.nodes.iter().map(|node| map.screen_from_dial(node.place)).collect()
+}
+
+fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
+    let state = document.state();
+    let dial = &state.scene.dial;
+    let weights = dial.weights(state.light.hand);
+    let visuals = ui.visuals().clone();
+    for (index, node) in dial.nodes.iter().enumerate() {
+        let place = map.screen_from_dial(node.place);
+        let rect = Rect::from_center_size(place, Vec2::splat(3.0 * NODE));
+        let touched = ui.interact(rect, ui.id().with(("node", index)), Sense::click_and_drag());
+        touched.widget_info(|| {
+            WidgetInfo::selected(WidgetType::Button, true, node.on, format!("{} on the dial", node.light))
+        });
+        let shift = ui.input(|input| input.modifiers.shift);
+        if touched.clicked() {
+            asked.push(Action::Edit(Edit::HandOnNode(index)));
+        } else if touched.secondary_clicked() {
+            asked.push(Action::Edit(Edit::NodeOn(index, !node.on)));
+        } else if let (true, Some(pointer)) = (touched.dragged(), touched.interact_pointer_pos()) {
+            let here = map.dial_from_screen(pointer);
+            asked.push(Action::Edit(if shift { Edit::NodePlace(index, here) } else { snapped(dial, map, pointer) }));
+        }
+        let colour = if node.on { visuals.text_color() } else { visuals.weak_text_color() };
+        if node.on {
+            let weight = weights.get(index).copied().unwrap_or(0.0);
+            let thick = Stroke::new(0.5 + 3.0 * narrow(weight), visuals.selection.bg_fill);
+            if state.light.mixing == Mixing::Dial {
+                ui.painter().line_segment([place, map.screen_from_dial(state.light.hand)], thick);
+            }
+        }
+        if let Some(light) = state.scene.lights.iter().find(|light| light.name == node.light) {
+            let rect = Rect::from_center_size(place, Vec2::splat(2.0 * NODE));
+            paint_swatch(ui, &light.spectrum, if node.on { 1.0 } else { 0.15 }, rect);
+        }
+        if touched.hovered() || touched.has_focus() {
+            ui.painter().circle_stroke(place, 1.6 * NODE, Stroke::new(1.0, colour));
+        }
+        let away = (place - map.middle).normalized();
+        let below = away.y >= 0.0;
+        let (align, at) = if below {
+            (Align2::CENTER_TOP, place + vec2(0.0, NODE + 2.0))
+        } else {
+            (Align2::CENTER_BOTTOM, place - vec2(0.0, NODE + 2.0))
+        };
+        let text = if node.on { node.light.clone() } else { format!("({})", node.light) };
+        ui.painter().text(at, align, text, FontId::proportional(12.0), colour);
+    }
+}
+
+/// The hand here, or exactly on the node that it is near to.
+fn snapped(dial: &Dial, map: &Map, pointer: Pos2) -> Edit {
+    let near = dial.nodes.iter().position(|node| node.on && map.screen_from_dial(node.place).distance(pointer) < SNAP);
+    near.map_or_else(|| Edit::Hand(map.dial_from_screen(pointer)), Edit::HandOnNode)
+}
+
+fn move_hand(ui: &Ui, document: &Document, map: &Map, hand: &Response, asked: &mut Vec<Action>) {
+    let light = &document.state().light;
+    if let (true, Some(pointer)) = (hand.dragged() || hand.clicked(), hand.interact_pointer_pos()) {
+        asked.push(Action::Edit(snapped(&document.state().scene.dial, map, pointer)));
+    }
+    if hand.has_focus() {
+        let keys = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowDown, Key::ArrowUp];
+        let pressed = ui.input(|input| keys.map(|key| count(input.num_presses(key))));
+        let step = DVec2::new(pressed[1] - pressed[0], pressed[3] - pressed[2]) * STEP;
+        if step != DVec2::ZERO {
+            asked.push(Action::Edit(Edit::Hand(light.hand + step)));
+        }
+    }
+}
+
+fn draw_hand(ui: &Ui, document: &Document, map: &Map) {
+    let light = &document.state().light;
+    let place = map.screen_from_dial(light.hand);
+    let active = light.mixing == Mixing::Dial;
+    let visuals = ui.visuals();
+    let fill = if active { visuals.selection.bg_fill } else { visuals.extreme_bg_color };
+    ui.painter().circle(place, 6.0, fill, Stroke::new(2.0, visuals.strong_text_color()));
+}

@@ -1,0 +1,29 @@
+//! The display panel: how colours reach the screen.
+
+use egui::{Slider, Ui};
+
+use super::controls::panel;
+use crate::view::action::Action;
+use crate::view::state::{Cost, Document, Edit};
+
+/// Shows the display panel.
+pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    panel(ui, "Display", Cost::Relight, |ui| {
+        let display = &document.state().scene.display;
+        let mut exposure = display.exposure;
+        ui.horizontal(|ui| {
+            ui.label("Exposure");
+            ui.spacing_mut().slider_width = ui.available_width() - 76.0;
+            let slider = Slider::new(&mut exposure, 0.05..=20.0).logarithmic(true);
+            let slider = ui.add(slider.clamping(egui::SliderClamping::Never).max_decimals(2));
+            if slider.on_hover_text("What all colours are multiplied by before they are shown.").changed() {
+                asked.push(Action::Edit(Edit::Exposure(exposure)));
+            }
+        });
+        let mut adapt = display.adapt;
+        let adapts = ui.checkbox(&mut adapt, "eye adapts to the light");
+        if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
+            asked.push(Action::Edit(Edit::Adapt(adapt)));
+        }
+    });
+}

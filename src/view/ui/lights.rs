@@ -1,0 +1,75 @@
+//! The light panel: a slider, a switch, a swatch and a spectrum for each light.
+
+use egui::{DragValue, RichText, Slider, Ui, Vec2};
+
+use super::controls::panel;
+use super::spectrum::{curve, swatch};
+use crate::view::action::Action;
+use crate::view::state::{BRIGHTEST, Cost, Document, Edit, Mixing};
+
+/// Shows the light panel.
+pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    panel(ui, "Lights", Cost::Relight, |ui| {
+        let state = document.state();
+        let shares = state.shares();
+        if state.scene.lights.is_empty() {
+            ui.label("The scene has no lights.");
+        }
+        for (index, light) in state.scene.lights.iter().enumerate() {
+            let share = shares.get(index).copied().unwrap_or(0.0);
+            let slider = state.light.sliders.get(index);
+            let by_slider = state.light.mixing == Mixing::Sliders;
+            ui.horizontal(|ui| {
+                swatch(ui, &light.spectrum, share, 16.0)
+                    .on_hover_text("The light's own colour, as bright as it shines.");
+                let mut on = slider.is_some_and(|slider| slider.on);
+                ui.add_enabled_ui(by_slider, |ui| {
+                    let name = RichText::new(&light.name).strong();
+                    on |= !by_slider;
+                    if ui.checkbox(&mut on, name).on_hover_text("Switches this light on and off.").changed() {
+                        asked.push(Action::Edit(Edit::On(index, on)));
+                    }
+                });
+                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                    let alone = state.light.solo == Some(index) && by_slider;
+                    let solo = ui.selectable_label(alone, "solo").on_hover_text("This light alone, or all again.");
+                    if solo.clicked() {
+                        asked.push(Action::Edit(Edit::Solo((!alone).then_some(index))));
+                    }
+                    curve(ui, light.spectrum.spectrum(), Vec2::new(56.0, 16.0)).on_hover_ui(|ui| {
+                        ui.label(format!("{}: power from 380 to 780 nm", light.name));
+                        curve(ui, light.spectrum.spectrum(), Vec2::new(260.0, 90.0));
+                    });
+                });
+            });
+            // What the dial gives a light is shown, and taken over by whoever moves the slider.
+            let mut weight = if by_slider { slider.map_or(0.0, |slider| slider.weight) } else { share };
+            ui.spacing_mut().slider_width = ui.available_width() - 62.0;
+            let moved = Slider::new(&mut weight, 0.0..=2.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
+            let moved = ui.add(moved).on_hover_text("How strongly it shines, as a multiple of what the scene states.");
+            name(&moved, &format!("{}: strength", light.name), weight);
+            if moved.changed() {
+                asked.push(Action::Edit(Edit::Weight(index, weight)));
+            }
+        }
+        let (mut normalise, mut master) = state.master();
+        ui.horizontal(|ui| {
+            ui.label("Master").on_hover_text("All lights together.");
+            let drag = DragValue::new(&mut master).speed(0.01).range(0.0..=BRIGHTEST).max_decimals(3);
+            let dragged = ui.add(drag).on_hover_text("Drag, or type a number.");
+            name(&dragged, "master", master);
+            if dragged.changed() {
+                asked.push(Action::Edit(Edit::Master(master)));
+            }
+            let keep = ui.checkbox(&mut normalise, "keep brightness");
+            if keep.on_hover_text("A white surface keeps its brightness, whatever is mixed.").changed() {
+                asked.push(Action::Edit(Edit::Normalise(normalise)));
+            }
+        });
+    });
+}
+
+/// Says what a number is of, to screen readers and tests.
+fn name(response: &egui::Response, of: &str, value: f64) {
+    response.widget_info(|| egui::WidgetInfo::slider(true, value, of));
+}

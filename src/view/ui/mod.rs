@@ -1,0 +1,82 @@
+//! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
+
+mod controls;
+mod dial;
+mod display;
+mod lights;
+mod notices;
+mod picture;
+mod spectrum;
+mod status;
+mod toolbar;
+
+use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
+
+pub use dial::{node_places, show as show_dial};
+pub use lights::show as show_lights;
+pub use status::Status;
+
+use super::action::Action;
+use super::state::Document;
+
+/// Narrower windows open with the picture alone.
+pub const ROOM_FOR_PANELS: f32 = 560.0;
+/// Width of the panels in points.
+const WIDTH: f32 = 290.0;
+
+/// What the panels show.
+#[derive(Debug)]
+pub struct Shown<'a> {
+    /// What is looked at; `None` before anything is open.
+    pub document: Option<&'a Document>,
+    /// What the last line says.
+    pub status: &'a Status,
+    /// What is being opened, how far it is (0 to 1, where known), and what is done for it.
+    pub loading: Option<(&'a str, Option<f32>, &'a str)>,
+    /// What went wrong, the newest last.
+    pub notices: &'a [String],
+    /// Whether there are panels beside the picture.
+    pub panels: bool,
+    /// Width over height of the picture in the last frame.
+    pub aspect: f64,
+}
+
+/// Sizes that all panels share.
+pub fn style(context: &egui::Context) {
+    context.all_styles_mut(|style| {
+        let font = egui::FontId::proportional(11.5);
+        style.text_styles.insert(egui::TextStyle::Small, font);
+    });
+}
+
+/// Shows everything but the picture. What is asked for is added to `asked`; the answer is where the picture belongs.
+pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
+    Panel::bottom("status").show(ui, |ui| status::show(ui, shown.status));
+    toolbar::keys(ui, shown, asked);
+    if shown.panels {
+        Panel::left("panels").resizable(false).exact_size(WIDTH).show(ui, |ui| {
+            toolbar::show(ui, shown, asked);
+            ui.separator();
+            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                if let Some(document) = shown.document {
+                    lights::show(ui, document, asked);
+                    dial::show(ui, document, asked);
+                    display::show(ui, document, asked);
+                    picture::controls(ui, document, shown.aspect, asked);
+                }
+            });
+        });
+    }
+    CentralPanel::default()
+        .frame(Frame::NONE)
+        .show(ui, |ui| {
+            let rect = ui.available_rect_before_wrap();
+            picture::show(ui, shown, rect, asked);
+            notices::show(ui, shown, rect, asked);
+            if !shown.panels {
+                toolbar::opener(ui, rect, asked);
+            }
+            rect
+        })
+        .inner
+}

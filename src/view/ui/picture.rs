@@ -1,0 +1,154 @@
+//! The picture: where the camera is moved by hand, by keys, and by buttons.
+
+use egui::{Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, Ui, UiBuilder, vec2};
+
+use super::Shown;
+use super::controls::panel;
+use super::spectrum::narrow;
+use crate::number::count;
+use crate::scene::Projection;
+use crate::view::action::Action;
+use crate::view::camera::{Move, Side};
+use crate::view::state::{Cost, Document, Edit};
+
+/// Degrees that a drag over the whole picture turns.
+const TURN: f64 = 180.0;
+/// Degrees that an arrow key turns.
+const KEY_TURN: f64 = 5.0;
+/// How much nearer a line of the wheel, or a key, goes.
+const NEARER: f64 = 1.1;
+
+/// What the camera does at the mouse.
+pub(super) const HELP: &str =
+    "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll, wheel to go nearer.";
+
+/// Moves the camera by what the hand does over the picture, and says what to do where there is none.
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+    if let Some((name, part, stage)) = shown.loading {
+        let at = Rect::from_center_size(rect.center(), vec2(rect.width().min(340.0) - 20.0, 60.0));
+        ui.scope_builder(UiBuilder::new().max_rect(at), |ui| {
+            Frame::popup(ui.style()).show(ui, |ui| {
+                ui.label(format!("Opening {name}"));
+                ui.add(part.map_or_else(|| ProgressBar::new(0.0), |part| ProgressBar::new(part).show_percentage()));
+                ui.label(stage);
+            });
+        });
+        return;
+    }
+    if shown.document.is_none() {
+        empty(ui, rect);
+        return;
+    }
+    let hand = ui.interact(rect, ui.id().with("picture"), Sense::click_and_drag());
+    hand.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
+    let mut go = |step: Move| asked.push(Action::Edit(Edit::Camera(step, shown.aspect)));
+    let (dragged, height) = (hand.drag_delta(), f64::from(rect.height()).max(1.0));
+    let [right, down] = [f64::from(dragged.x) / height, f64::from(dragged.y) / height];
+    if right != 0.0 || down != 0.0 {
+        let modifiers = ui.input(|input| input.modifiers);
+        let pans = hand.dragged_by(PointerButton::Secondary) || hand.dragged_by(PointerButton::Middle);
+        if pans || modifiers.shift {
+            go(Move::Pan { right, up: -down });
+        } else if modifiers.command {
+            go(Move::Roll(TURN * right));
+        } else {
+            // The volume follows the hand, so the camera goes the other way.
+            go(Move::Orbit { right: -TURN * right, up: TURN * down });
+        }
+    }
+    if hand.hovered() {
+        let (scrolled, pinched) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+        let closer = NEARER.powf(f64::from(scrolled) / 50.0) * f64::from(pinched);
+        if (closer - 1.0).abs() > 1e-6 {
+            go(Move::Dolly(closer));
+        }
+    }
+    if ui.memory(|memory| memory.focused().is_none_or(|focused| focused == hand.id)) {
+        keys(ui, &mut go);
+    }
+}
+
+/// The camera by the keyboard.
+fn keys(ui: &Ui, go: &mut impl FnMut(Move)) {
+    let presses = |key: Key, modifiers: Modifiers| {
+        ui.input(|input| {
+            let pressed = |event: &&egui::Event| {
+                matches!(event, egui::Event::Key { key: it, pressed: true, modifiers: with, .. }
+                    if *it == key && with.shift == modifiers.shift && !with.command && !with.alt)
+            };
+            count(input.events.iter().filter(pressed).count())
+        })
+    };
+    let arrows = |modifiers| {
+        let times = |key| presses(key, modifiers);
+        let right: f64 = times(Key::ArrowRight) - times(Key::ArrowLeft);
+        [right, times(Key::ArrowUp) - times(Key::ArrowDown)]
+    };
+    let [right, up] = arrows(Modifiers::NONE);
+    if right != 0.0 || up != 0.0 {
+        go(Move::Orbit { right: KEY_TURN * right, up: KEY_TURN * up });
+    }
+    let [right, up] = arrows(Modifiers::SHIFT);
+    if right != 0.0 || up != 0.0 {
+        go(Move::Pan { right: -0.05 * right, up: -0.05 * up });
+    }
+    let times = |key| presses(key, Modifiers::NONE);
+    let nearer = times(Key::Plus) + times(Key::Equals) + times(Key::PageUp) - times(Key::Minus) - times(Key::PageDown);
+    if nearer != 0.0 {
+        go(Move::Dolly(NEARER.powf(nearer)));
+    }
+    let rolled = times(Key::Period) - times(Key::Comma);
+    if rolled != 0.0 {
+        go(Move::Roll(KEY_TURN * rolled));
+    }
+    for (key, side) in [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6].into_iter().zip(Side::ALL) {
+        if times(key) > 0.0 {
+            go(Move::Axis(side));
+        }
+    }
+    if times(Key::P) > 0.0 {
+        go(Move::Projection);
+    }
+    if times(Key::R) > 0.0 {
+        go(Move::Reset);
+    }
+}
+
+/// Shows the camera panel.
+pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mut Vec<Action>) {
+    panel(ui, "Camera", Cost::March, |ui| {
+        let mut go = |step: Move| asked.push(Action::Edit(Edit::Camera(step, aspect)));
+        ui.horizontal_wrapped(|ui| {
+            for (number, side) in (1..).zip(Side::ALL) {
+                let help = format!("From this side of the volume (key {number}).");
+                if ui.small_button(format!("{side:?}")).on_hover_text(help).clicked() {
+                    go(Move::Axis(side));
+                }
+            }
+        });
+        ui.horizontal_wrapped(|ui| {
+            let parallel = matches!(document.state().scene.camera.projection, Projection::Orthographic { .. });
+            let (name, other) =
+                if parallel { ("Orthographic", "perspective") } else { ("Perspective", "parallel rays") };
+            if ui.button(name).on_hover_text(format!("Changes to {other} (key P).")).clicked() {
+                go(Move::Projection);
+            }
+            if ui.button("Reset").on_hover_text("The camera of the scene (key R).").clicked() {
+                go(Move::Reset);
+            }
+        });
+        ui.label(egui::RichText::new(HELP).small().weak());
+    });
+}
+
+fn empty(ui: &Ui, rect: Rect) {
+    let text = "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti) on this window,\nor start `relume view FILE`.";
+    let size = narrow(f64::from(rect.width()) / 24.0).clamp(10.0, 18.0);
+    ui.painter().text(
+        rect.center(),
+        Align2::CENTER_CENTER,
+        text,
+        FontId::proportional(size),
+        ui.visuals().text_color(),
+    );
+}

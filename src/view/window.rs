@@ -1,0 +1,703 @@
+//! The window: the system's events in, frames out; it draws when something has changed, and rests otherwise.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use egui::{Context, Pos2, Rect, TexturesDelta, ViewportId};
+use egui_winit::accesskit_winit;
+use winit::application::ApplicationHandler;
+use winit::dpi::PhysicalSize;
+use winit::error::{EventLoopError, OsError};
+use winit::event::{StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::window::{Window, WindowId};
+
+use super::action::Action;
+use super::engine::{Counts, Engine};
+use super::load::{LoadError, Loaded, Loading, Source};
+use super::script::{Command, Input, Script, ScriptError};
+use super::state::{Cost, Document, Edit};
+use super::ui::{self, Shown, Status};
+use crate::number::{count, unsigned, whole};
+use crate::output::{OutputError, write_ready_png};
+use crate::render::{RenderError, Renderer};
+use crate::vulkan::{Device, DeviceChoice, Frame, Surface, Validation, VulkanError};
+
+/// How long after its last movement a hand rests.
+const REST: Duration = Duration::from_millis(150);
+/// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
+const PATIENCE: u32 = 120;
+/// Notices that are kept.
+const MOST_NOTICES: usize = 4;
+
+/// How the viewer is started.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// What is opened first.
+    pub source: Source,
+    /// Pixels of the window, across and down.
+    pub size: Option<[u32; 2]>,
+    /// What renders.
+    pub device: DeviceChoice,
+    /// Whether the validation layer watches.
+    pub validation: Validation,
+    /// Ends after so many frames of what was opened.
+    pub frames: Option<u32>,
+    /// Ends after what is recorded here.
+    pub script: Option<Script>,
+}
+
+/// What a session was like.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Report {
+    /// The device's name.
+    pub device: String,
+    /// Pixels of the picture, at the end.
+    pub size: [usize; 2],
+    /// Frames drawn.
+    pub frames: u64,
+    /// Marches, dispatches and relights, of all that was opened.
+    #[serde(flatten)]
+    pub counts: Counts,
+    /// The counts at each `settle` of the script.
+    pub settled: Vec<Counts>,
+    /// From the start to the first picture.
+    pub first_picture_ms: Option<f64>,
+    /// From each change of what is marched to a picture of it.
+    pub coarse_ms: Vec<f64>,
+    /// From each to the finest picture, where nothing came between.
+    pub finest_ms: Vec<f64>,
+    /// Frames by how long they took, the longest of them last: median, 95th of a hundred, longest.
+    pub frame_ms: [f64; 3],
+    /// The longest call into the engine.
+    pub longest_step_ms: f64,
+    /// What went wrong.
+    pub notices: Vec<String>,
+    /// What the validation layer has said.
+    pub validation: Vec<String>,
+}
+
+/// Why there is no window, or no longer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// There is no screen.
+    #[error(
+        "there is no display to open a window on; `relume render` writes pictures without one, and `xvfb-run` lends one"
+    )]
+    NoDisplay,
+    /// The system's events ended in an error.
+    #[error("the window's events ended")]
+    Events(#[source] EventLoopError),
+    /// The system gives no window.
+    #[error("the system opens no window")]
+    NoWindow(#[from] OsError),
+    /// The device.
+    #[error(transparent)]
+    Vulkan(#[from] VulkanError),
+    /// The script.
+    #[error(transparent)]
+    Script(#[from] ScriptError),
+}
+
+/// Opens the window and returns when it is closed. Must be called on the main thread, once.
+///
+/// # Errors
+///
+/// [`ViewError`].
+pub fn run(options: Options) -> Result<Report, ViewError> {
+    let begun = Instant::now();
+    let events = EventLoop::with_user_event().build().map_err(|error| {
+        tracing::debug!("{error}");
+        ViewError::NoDisplay
+    })?;
+    let mut viewer = Viewer::new(options, events.create_proxy(), begun);
+    events.run_app(&mut viewer).map_err(ViewError::Events)?;
+    viewer.end()
+}
+
+/// What other threads tell the window.
+#[derive(Debug)]
+enum Woken {
+    /// Something is read aloud, or asks to be.
+    Accessibility(accesskit_winit::Event),
+    /// What is opened has gone on.
+    Progress,
+    /// What was opened, by its number.
+    Loaded(u64, Box<Result<Loaded, LoadError>>),
+}
+
+impl From<accesskit_winit::Event> for Woken {
+    fn from(event: accesskit_winit::Event) -> Self {
+        Self::Accessibility(event)
+    }
+}
+
+/// A window and what draws in it.
+struct Screen {
+    // Before the window it draws in.
+    surface: Surface,
+    egui: egui_winit::State,
+    renderer: Arc<Renderer>,
+    window: Arc<Window>,
+}
+
+/// The application.
+struct Viewer {
+    options: Options,
+    proxy: EventLoopProxy<Woken>,
+    begun: Instant,
+    context: Context,
+    engine: Option<Engine>,
+    screen: Option<Screen>,
+    document: Option<Document>,
+    loading: Option<Loading>,
+    /// How many things were opened.
+    opened: u64,
+    notices: Vec<String>,
+    panels: Option<bool>,
+    textures: TexturesDelta,
+    /// The picture's place in the window, in points.
+    place: Rect,
+    /// The last edit that marches.
+    moved: Instant,
+    /// Pictures to save once they are finest.
+    to_save: Vec<PathBuf>,
+    /// Where the window's pixels of this frame go.
+    to_capture: Option<PathBuf>,
+    script: Position,
+    drawn: Vec<f64>,
+    report: Report,
+    /// Counts of engines that are gone.
+    before: Counts,
+    failed: Option<ViewError>,
+}
+
+/// How far the script is.
+#[derive(Default)]
+struct Position {
+    /// The next command.
+    next: usize,
+    /// Frames that the last one still waits.
+    waits: u32,
+}
+
+impl Viewer {
+    fn new(options: Options, proxy: EventLoopProxy<Woken>, begun: Instant) -> Self {
+        Self {
+            options,
+            proxy,
+            begun,
+            context: Context::default(),
+            engine: None,
+            screen: None,
+            document: None,
+            loading: None,
+            opened: 0,
+            notices: Vec::new(),
+            panels: None,
+            textures: TexturesDelta::default(),
+            place: Rect::ZERO,
+            moved: begun,
+            to_save: Vec::new(),
+            to_capture: None,
+            script: Position::default(),
+            drawn: Vec::new(),
+            report: Report::default(),
+            before: Counts::default(),
+            failed: None,
+        }
+    }
+
+    fn end(mut self) -> Result<Report, ViewError> {
+        if let Some(loading) = self.loading.take() {
+            // The end of the program is no time to be at work on the device.
+            loading.end();
+        }
+        if let Some(failed) = self.failed.take() {
+            return Err(failed);
+        }
+        self.report.counts = self.counts();
+        self.report.notices = std::mem::take(&mut self.notices);
+        self.drawn.sort_by(f64::total_cmp);
+        let at = |part: f64| self.drawn.get(whole(part * count(self.drawn.len().saturating_sub(1)))).copied();
+        self.report.frame_ms = [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default());
+        if let Some(screen) = &self.screen {
+            self.report.validation = screen.renderer.device().validation_messages();
+        }
+        Ok(self.report)
+    }
+
+    fn counts(&self) -> Counts {
+        let now = self.engine.as_ref().map(Engine::counts).unwrap_or_default();
+        Counts {
+            marches: self.before.marches + now.marches,
+            dispatches: self.before.dispatches + now.dispatches,
+            relights: self.before.relights + now.relights,
+        }
+    }
+
+    fn tell(&mut self, error: &dyn std::error::Error) {
+        let mut text = error.to_string();
+        let mut cause = error.source();
+        while let Some(error) = cause {
+            text = format!("{text}: {error}");
+            cause = error.source();
+        }
+        self.note(text);
+    }
+
+    fn note(&mut self, text: String) {
+        self.notices.retain(|known| *known != text);
+        self.notices.push(text);
+        if self.notices.len() > MOST_NOTICES {
+            self.notices.remove(0);
+        }
+    }
+
+    fn open_screen(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        let [width, height] = self.options.size.unwrap_or([1280, 800]);
+        ui::style(&self.context);
+        // AccessKit has to be there before the window is seen.
+        let attributes = Window::default_attributes()
+            .with_title("Relume")
+            .with_inner_size(PhysicalSize::new(width, height))
+            .with_visible(false);
+        let window = Arc::new(events.create_window(attributes)?);
+        let scale = window.scale_factor();
+        #[expect(clippy::cast_possible_truncation, reason = "egui counts pixels of a point in f32")]
+        let scale = Some(scale as f32);
+        let theme = window.theme();
+        let mut egui = egui_winit::State::new(self.context.clone(), ViewportId::ROOT, &window, scale, theme, None);
+        egui.init_accesskit(events, &window, self.proxy.clone());
+        window.set_visible(true);
+        use winit::raw_window_handle::HasDisplayHandle;
+        let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
+        let device = Device::open_for_window(&self.options.device, self.options.validation, display.as_raw())?;
+        let surface = Surface::new(&device, Arc::clone(&window))?;
+        self.report.device.clone_from(&device.info().name);
+        self.screen = Some(Screen { surface, egui, renderer: Arc::new(Renderer::new(device)), window });
+        self.open(self.options.source.clone());
+        Ok(())
+    }
+
+    /// Opens something beside the window; what was being opened is given up.
+    fn open(&mut self, source: Source) {
+        let Some(screen) = &self.screen else { return };
+        self.opened += 1;
+        let (number, proxy) = (self.opened, self.proxy.clone());
+        let loaded = {
+            let proxy = proxy.clone();
+            // A window that is gone needs no news.
+            move |loaded| drop(proxy.send_event(Woken::Loaded(number, Box::new(loaded))))
+        };
+        let progressed = move || drop(proxy.send_event(Woken::Progress));
+        self.loading = Some(Loading::start(source, Arc::clone(&screen.renderer), progressed, loaded));
+    }
+
+    fn loaded(&mut self, loaded: Result<Loaded, LoadError>) {
+        self.loading = None;
+        match loaded {
+            Err(error) => self.tell(&error),
+            Ok(loaded) => {
+                self.before = self.counts();
+                let mut document = Document::new(loaded.scene.clone());
+                if loaded.is_bare {
+                    // Its lights are there to choose from, and not meant together.
+                    document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
+                }
+                let mut engine = Engine::new(loaded);
+                engine.light(document.state());
+                self.engine = Some(engine);
+                self.document = Some(document);
+                // The next frame looks: only there is the size of the picture known.
+                self.place = Rect::ZERO;
+            }
+        }
+    }
+
+    fn ask(&mut self, action: Action) {
+        match action {
+            Action::Edit(edit) => {
+                let cost = self.document.as_mut().and_then(|document| document.edit(&edit));
+                self.show_again(cost);
+            }
+            Action::Undo => {
+                let cost = self.document.as_mut().and_then(Document::undo);
+                self.show_again(cost);
+            }
+            Action::Redo => {
+                let cost = self.document.as_mut().and_then(Document::redo);
+                self.show_again(cost);
+            }
+            Action::Open(path) => self.open(Source::of(&path)),
+            Action::SavePicture(path) => self.to_save.push(path),
+            Action::SaveWindow(path) => self.to_capture = Some(path),
+            Action::Panels(shown) => self.panels = Some(shown),
+            Action::Dismiss(index) => {
+                if index < self.notices.len() {
+                    self.notices.remove(index);
+                }
+            }
+        }
+    }
+
+    fn show_again(&mut self, cost: Option<Cost>) {
+        let (Some(document), Some(engine), Some(cost)) = (&self.document, &mut self.engine, cost) else { return };
+        let state = document.state();
+        engine.light(state);
+        if cost == Cost::March {
+            engine.look(&state.scene, self.report.size);
+            self.moved = Instant::now();
+        }
+    }
+
+    /// The picture's place in pixels of the window: left, top, width, height.
+    fn pixels(&self, pixels_per_point: f32) -> [u32; 4] {
+        let edge = |points: f32| unsigned(whole(f64::from(points * pixels_per_point).round().max(0.0)));
+        let (low, high) = (self.place.min, self.place.max);
+        let [left, top] = [edge(low.x), edge(low.y)];
+        [left, top, edge(high.x).saturating_sub(left), edge(high.y).saturating_sub(top)]
+    }
+
+    /// One frame. Says when the next one is due: at once, later, or when something happens.
+    fn frame(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        let begun = Instant::now();
+        if let Some(screen) = &mut self.screen {
+            screen.surface.wait()?;
+        }
+        let inputs = self.run_script(events)?;
+        let Some(screen) = &mut self.screen else { return Ok(()) };
+        let mut raw = screen.egui.take_egui_input(&screen.window);
+        raw.events.extend(inputs);
+        let status = self.status();
+        let Some(screen) = &mut self.screen else { return Ok(()) };
+        let size = screen.window.inner_size();
+        let points = f64::from(size.width) / f64::from(self.context.pixels_per_point());
+        let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
+        let loading = self.loading.as_ref().map(Loading::progress);
+        let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
+        let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
+        let aspect = self.place.width() / self.place.height().max(1.0);
+        let shown = Shown {
+            document: self.document.as_ref(),
+            status: &status,
+            loading,
+            notices: &self.notices,
+            panels: self.panels.unwrap_or(wide),
+            aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
+        };
+        let output = self.context.run_ui(raw, |ui| place = ui::show(ui, &shown, &mut asked));
+        let again = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |view| view.repaint_delay);
+        screen.egui.handle_platform_output(&screen.window, output.platform_output);
+        self.textures.append(output.textures_delta);
+
+        let background = if self.context.theme() == egui::Theme::Dark { [0.0; 3] } else { [0.15; 3] };
+        asked.into_iter().for_each(|action| self.ask(action));
+        if !self.context.input(|input| input.pointer.any_down()) {
+            self.document.iter_mut().for_each(Document::rest);
+        }
+        self.fit(place, output.pixels_per_point);
+        let stepped = self.step();
+        self.save_pictures();
+
+        let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
+        let capture = self.to_capture.take();
+        let place = self.pixels(output.pixels_per_point);
+        let picture = self.engine.as_ref().and_then(Engine::picture).map(|picture| (picture, place));
+        let Some(screen) = &mut self.screen else { return Ok(()) };
+        let captured = screen.surface.show(Frame {
+            size: [size.width, size.height],
+            background,
+            picture,
+            textures: &mut self.textures,
+            panels: &panels,
+            pixels_per_point: output.pixels_per_point,
+            capture: capture.is_some(),
+        })?;
+        match (captured, capture) {
+            (Some(pixels), Some(path)) => {
+                let size = [size.width as usize, size.height as usize];
+                if let Err(error) = write_rgba(&path, size, &pixels) {
+                    self.tell(&error);
+                }
+            }
+            // It was shown in no frame; the next one will do.
+            (None, Some(path)) => self.to_capture = Some(path),
+            _ => {}
+        }
+        self.report.frames += 1;
+        self.drawn.push(1000.0 * begun.elapsed().as_secs_f64());
+        self.next(events, again, stepped);
+        Ok(())
+    }
+
+    /// Gives the picture its place; a picture of another size is marched.
+    fn fit(&mut self, place: Rect, pixels_per_point: f32) {
+        if self.place == place && self.report.size != [0; 2] {
+            return;
+        }
+        self.place = place;
+        let [_, _, width, height] = self.pixels(pixels_per_point).map(|pixels| pixels.max(1));
+        self.report.size = [width as usize, height as usize];
+        self.show_again(Some(Cost::March));
+    }
+
+    fn hand_rests(&self) -> bool {
+        self.moved.elapsed() > REST || self.is_scripted()
+    }
+
+    /// Goes on with the picture. Says whether there is more to do.
+    fn step(&mut self) -> bool {
+        let rests = self.hand_rests();
+        let Some(engine) = &mut self.engine else { return false };
+        let begun = Instant::now();
+        let before = engine.latency();
+        let stepped = engine.step(rests);
+        let took = 1000.0 * begun.elapsed().as_secs_f64();
+        self.report.longest_step_ms = self.report.longest_step_ms.max(took);
+        let (after, more) = (engine.latency(), engine.has_work(rests));
+        if let (None, Some(first)) = (before.first, after.first) {
+            self.report.coarse_ms.push(1000.0 * first.as_secs_f64());
+            let since_start = 1000.0 * self.begun.elapsed().as_secs_f64();
+            self.report.first_picture_ms.get_or_insert(since_start);
+        }
+        if let (None, Some(finest)) = (before.finest, after.finest) {
+            self.report.finest_ms.push(1000.0 * finest.as_secs_f64());
+        }
+        match stepped {
+            Ok(_) => {}
+            Err(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => self.failed = Some(lost.into()),
+            Err(error) => self.tell(&error),
+        }
+        more
+    }
+
+    fn save_pictures(&mut self) {
+        if self.to_save.is_empty() || self.loading.is_some() {
+            return;
+        }
+        let Some(engine) = &self.engine else {
+            self.to_save.clear();
+            self.note("There is no picture to save: nothing is open.".to_owned());
+            return;
+        };
+        if !engine.is_finest() {
+            return;
+        }
+        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
+        let pixels = match engine.read() {
+            Ok(pixels) => pixels,
+            Err(error) => {
+                self.to_save.clear();
+                self.tell(&error);
+                return;
+            }
+        };
+        for path in std::mem::take(&mut self.to_save) {
+            match write_rgba(&path, size, &pixels) {
+                Err(error) => self.tell(&error),
+                Ok(()) if self.is_scripted() => {}
+                Ok(()) => self.note(format!("The picture is {}.", path.display())),
+            }
+        }
+    }
+
+    fn status(&self) -> Status {
+        let engine = self.engine.as_ref();
+        Status {
+            device: self.report.device.clone(),
+            size: self.report.size,
+            marching: engine.and_then(Engine::progress),
+            finest: engine.is_some_and(Engine::is_finest),
+            counts: self.counts(),
+            frame_ms: self.drawn.last().copied().unwrap_or_default(),
+        }
+    }
+
+    fn is_scripted(&self) -> bool {
+        self.options.script.is_some() || self.options.frames.is_some()
+    }
+
+    /// When the next frame is due.
+    fn next(&mut self, events: &ActiveEventLoop, again: Duration, more: bool) {
+        let over = self.options.frames.is_some_and(|frames| self.report.frames >= u64::from(frames));
+        if self.failed.is_some() || (over && self.options.script.is_none() && self.loading.is_none()) {
+            events.exit();
+            return;
+        }
+        events.set_control_flow(ControlFlow::Wait);
+        let Some(screen) = &self.screen else { return };
+        let refines = !self.hand_rests() && self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
+        let waits = if refines { again.min(REST) } else { again };
+        if more || waits.is_zero() || self.is_scripted() || self.to_capture.is_some() {
+            screen.window.request_redraw();
+        } else if let Some(due) = Instant::now().checked_add(waits).filter(|_| waits < Duration::from_secs(3600)) {
+            events.set_control_flow(ControlFlow::WaitUntil(due));
+        }
+    }
+
+    /// Whether nothing is left to do of what was asked for.
+    fn is_settled(&self) -> bool {
+        let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
+        // The first frame after something was opened has not yet looked at it.
+        let looked = self.document.is_none() || self.place != Rect::ZERO;
+        self.loading.is_none() && finest && looked && self.to_save.is_empty() && self.to_capture.is_none()
+    }
+
+    /// The next command of the script; what a hand does is answered.
+    fn run_script(&mut self, events: &ActiveEventLoop) -> Result<Vec<egui::Event>, ViewError> {
+        let Some(script) = &self.options.script else { return Ok(Vec::new()) };
+        if self.script.waits > 0 {
+            self.script.waits -= 1;
+            return Ok(Vec::new());
+        }
+        let at = self.script.next;
+        let Some(command) = script.command(at).cloned() else {
+            if self.to_save.is_empty() && self.to_capture.is_none() {
+                events.exit();
+            }
+            return Ok(Vec::new());
+        };
+        let inputs = match command {
+            Command::Settle if !self.is_settled() => return Ok(Vec::new()),
+            // What is saved is what was asked for before, and not after.
+            _ if !self.to_save.is_empty() || self.to_capture.is_some() => return Ok(Vec::new()),
+            Command::Settle => {
+                self.report.settled.push(self.counts());
+                Vec::new()
+            }
+            Command::Frames(frames) => {
+                self.script.waits = frames.saturating_sub(1);
+                Vec::new()
+            }
+            Command::Do(action) => {
+                self.ask(action);
+                Vec::new()
+            }
+            Command::Named(about, name) => {
+                let edit = match &self.document {
+                    None => Err("nothing is open".to_owned()),
+                    Some(document) => about.edit(document.state(), &name),
+                };
+                self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
+                Vec::new()
+            }
+            Command::Camera(step) => {
+                let aspect = f64::from(self.place.width() / self.place.height().max(1.0));
+                self.ask(Action::Edit(Edit::Camera(step, if aspect > 0.0 { aspect } else { 1.0 })));
+                Vec::new()
+            }
+            Command::Size([width, height]) => {
+                let Some(screen) = &self.screen else { return Ok(Vec::new()) };
+                let wanted = PhysicalSize::new(width, height);
+                if self.options.size != Some([width, height]) {
+                    self.options.size = Some([width, height]);
+                    // Where the system gives it at once, it tells of it as always.
+                    let _given = screen.window.request_inner_size(wanted);
+                    self.script.waits = 1;
+                    return Ok(Vec::new());
+                }
+                if screen.window.inner_size() != wanted {
+                    self.script.waits = PATIENCE;
+                }
+                Vec::new()
+            }
+            Command::Input(input) => self.input(&input).map_err(|message| script.wrong(at, message))?,
+        };
+        self.script.next += 1;
+        Ok(inputs)
+    }
+
+    /// What a hand does, as egui hears of it.
+    fn input(&self, input: &Input) -> Result<Vec<egui::Event>, String> {
+        let pointer = self.context.input(|input| input.pointer.latest_pos()).unwrap_or(Pos2::ZERO);
+        let modifiers = egui::Modifiers::NONE;
+        Ok(match input {
+            Input::Pointer(x, y) => vec![egui::Event::PointerMoved(Pos2::new(*x, *y))],
+            Input::Button(pressed) => {
+                let button = egui::PointerButton::Primary;
+                vec![egui::Event::PointerButton { pos: pointer, button, pressed: *pressed, modifiers }]
+            }
+            Input::Scroll(lines) => vec![egui::Event::MouseWheel {
+                unit: egui::MouseWheelUnit::Line,
+                delta: egui::vec2(0.0, *lines),
+                phase: egui::TouchPhase::Move,
+                modifiers,
+            }],
+            Input::Key(name) => {
+                let key = egui::Key::from_name(name).ok_or_else(|| format!("{name:?} is no key"))?;
+                let event = |pressed| egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+                vec![event(true), event(false)]
+            }
+        })
+    }
+}
+
+/// A PNG of RGBA pixels, without their opacity.
+fn write_rgba(path: &Path, size: [usize; 2], pixels: &[u8]) -> Result<(), OutputError> {
+    let rgb: Vec<u8> = pixels.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    write_ready_png(path, size[0], size[1], &rgb)
+}
+
+impl ApplicationHandler<Woken> for Viewer {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.screen.is_none()
+            && let Err(error) = self.open_screen(events)
+        {
+            self.failed = Some(error);
+            events.exit();
+        }
+    }
+
+    fn new_events(&mut self, _events: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(screen)) = (cause, &self.screen) {
+            screen.window.request_redraw();
+        }
+    }
+
+    fn user_event(&mut self, _events: &ActiveEventLoop, woken: Woken) {
+        match woken {
+            Woken::Accessibility(event) => {
+                if let (accesskit_winit::WindowEvent::ActionRequested(request), Some(screen)) =
+                    (event.window_event, &mut self.screen)
+                {
+                    screen.egui.on_accesskit_action_request(request);
+                }
+            }
+            Woken::Progress => {}
+            Woken::Loaded(number, loaded) if number == self.opened => self.loaded(*loaded),
+            // Something else was opened since.
+            Woken::Loaded(..) => {}
+        }
+        if let Some(screen) = &self.screen {
+            screen.window.request_redraw();
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _window: WindowId, event: WindowEvent) {
+        match &event {
+            WindowEvent::CloseRequested => {
+                events.exit();
+                return;
+            }
+            WindowEvent::RedrawRequested => {
+                if let Err(error) = self.frame(events) {
+                    self.failed = Some(error);
+                    events.exit();
+                }
+                return;
+            }
+            WindowEvent::DroppedFile(path) => {
+                let path = path.clone();
+                self.ask(Action::Open(path));
+            }
+            _ => {}
+        }
+        let Some(screen) = &mut self.screen else { return };
+        if screen.egui.on_window_event(&screen.window, &event).repaint || matches!(event, WindowEvent::Resized(_)) {
+            screen.window.request_redraw();
+        }
+    }
+}

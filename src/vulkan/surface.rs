@@ -1,0 +1,424 @@
+//! A window's frames: a picture, and panels drawn over it.
+
+use std::fmt;
+use std::mem::ManuallyDrop;
+use std::sync::Arc;
+
+use ash::{khr, vk};
+use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use egui_ash_renderer::{DynamicRendering, Options, RenderMode, Renderer, RendererError, allocator::GpuAllocator};
+use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use winit::window::Window;
+
+use super::swapchain::{FORMAT, RawSurface, Swapchain, semaphore};
+use super::{Buffer, Device, HostUse, StorageImage, VulkanError, handle::Owned, image, lock};
+
+/// What errors and the validation layer call it.
+const NAME: &str = "window";
+
+/// What a window shows.
+pub struct Frame<'a> {
+    /// Pixels of the window, across and down; nothing is shown where one is 0.
+    pub size: [u32; 2],
+    /// Red, green and blue, encoded for the screen, where nothing else is.
+    pub background: [f32; 3],
+    /// A picture, and the pixels that it covers: left, top, width, height.
+    pub picture: Option<(&'a StorageImage, [u32; 4])>,
+    /// What changes of the panels' textures; taken out of it, even where nothing is shown.
+    pub textures: &'a mut TexturesDelta,
+    /// The panels.
+    pub panels: &'a [ClippedPrimitive],
+    /// Pixels of the window that are one unit of the panels.
+    pub pixels_per_point: f32,
+    /// Whether the pixels shown are wanted back.
+    pub capture: bool,
+}
+
+impl fmt::Debug for Frame<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Frame").field("size", &self.size).finish_non_exhaustive()
+    }
+}
+
+/// A window that frames are shown in, one after the other.
+pub struct Surface {
+    // In the order in which they go, once the device is idle.
+    panels: ManuallyDrop<Renderer<GpuAllocator>>,
+    swapchain: Option<Swapchain>,
+    /// Whether the swapchain no longer fits the window.
+    stale: bool,
+    /// Textures that the frame under way may still read.
+    freed: Vec<TextureId>,
+    /// What it blits.
+    picture: Option<StorageImage>,
+    acquired: Owned<vk::Semaphore>,
+    fence: Owned<vk::Fence>,
+    commands: vk::CommandBuffer,
+    /// Owns `commands`.
+    pool: Owned<vk::CommandPool>,
+    raw: RawSurface,
+    device: Device,
+    /// What the surface was made from.
+    _window: Arc<Window>,
+}
+
+impl fmt::Debug for Surface {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Surface").field("device", &self.device).finish_non_exhaustive()
+    }
+}
+
+impl Surface {
+    /// The surface of `window`, on a device that was opened for windows of its display.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::NoWindow`] where the device cannot show anything there.
+    pub fn new(device: &Device, window: Arc<Window>) -> Result<Self, VulkanError> {
+        let raw = raw_surface(device, &window)?;
+        let functions = &device.raw().functions;
+        let info = vk::CommandPoolCreateInfo::default()
+            .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)
+            .queue_family_index(device.queue_family());
+        // SAFETY: the family is the one that the device was opened with.
+        let made = unsafe { functions.create_command_pool(&info, None) };
+        let pool = Owned::new(device.raw(), NAME, "vkCreateCommandPool", made, ash::Device::destroy_command_pool)?;
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool.raw()).command_buffer_count(1);
+        // SAFETY: the pool is new, and nobody else uses it.
+        let made = unsafe { functions.allocate_command_buffers(&info) };
+        let commands = made
+            .and_then(|buffers| buffers.first().copied().ok_or(vk::Result::ERROR_UNKNOWN))
+            .map_err(VulkanError::call("vkAllocateCommandBuffers", NAME))?;
+        let info = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
+        // SAFETY: the description asks for nothing special.
+        let made = unsafe { functions.create_fence(&info, None) };
+        let fence = Owned::new(device.raw(), NAME, "vkCreateFence", made, ash::Device::destroy_fence)?;
+        let mode = RenderMode::DynamicRendering(DynamicRendering {
+            color_attachment_format: FORMAT,
+            depth_attachment_format: None,
+            stencil_attachment_format: None,
+        });
+        let allocator = Arc::clone(device.allocator());
+        let panels = Renderer::with_gpu_allocator(allocator, functions.clone(), mode, Options::default());
+        let panels = ManuallyDrop::new(panels.map_err(of_panels)?);
+        Ok(Self {
+            panels,
+            swapchain: None,
+            stale: true,
+            freed: Vec::new(),
+            picture: None,
+            acquired: semaphore(device, "acquired")?,
+            fence,
+            commands,
+            pool,
+            raw,
+            device: device.clone(),
+            _window: window,
+        })
+    }
+
+    /// Shows `frame`, once the one before is done. Where its pixels are wanted: RGBA of each, rows from the top.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::DeviceLost`], [`VulkanError::Panels`], [`VulkanError::OutOfMemory`].
+    pub fn show(&mut self, frame: Frame<'_>) -> Result<Option<Vec<u8>>, VulkanError> {
+        self.wait()?;
+        self.update_textures(frame.textures)?;
+        if frame.size.contains(&0) {
+            return Ok(None);
+        }
+        let fits = self.swapchain.as_ref().is_some_and(|it| [it.extent.width, it.extent.height] == frame.size);
+        if self.stale || !fits {
+            self.swapchain = Swapchain::new(&self.raw, frame.size, self.swapchain.as_ref())?;
+            self.stale = false;
+        }
+        let Some(swapchain) = &self.swapchain else { return Ok(None) };
+        let Some((index, fits)) = swapchain.acquire(self.acquired.raw())? else {
+            self.stale = true;
+            return Ok(None);
+        };
+        self.stale = !fits;
+        let extent = swapchain.extent;
+        let capture = if frame.capture {
+            let bytes = 4 * u64::from(extent.width) * u64::from(extent.height);
+            Some(Buffer::host(&self.device, "screenshot", bytes, HostUse::ReadBack)?)
+        } else {
+            None
+        };
+        self.record(&frame, index, capture.as_ref())?;
+        self.picture = frame.picture.map(|(picture, _)| picture.clone());
+        self.submit(index)?;
+        let Some(capture) = capture else { return Ok(None) };
+        self.wait()?;
+        let mut pixels = vec![0; usize::try_from(capture.bytes()).unwrap_or_default()];
+        capture.read(0, &mut pixels)?;
+        for pixel in pixels.chunks_exact_mut(4) {
+            pixel.swap(0, 2);
+            pixel[3] = u8::MAX;
+        }
+        Ok(Some(pixels))
+    }
+
+    /// Waits until the frame before has been drawn, so that what it showed may be written again.
+    ///
+    /// # Errors
+    ///
+    /// [`VulkanError::DeviceLost`].
+    pub fn wait(&mut self) -> Result<(), VulkanError> {
+        let fences = [self.fence.raw()];
+        // SAFETY: the fence is signalled, or was given to a submission.
+        let waited = unsafe { self.device.raw().functions.wait_for_fences(&fences, true, u64::MAX) };
+        waited.map_err(VulkanError::call("vkWaitForFences", NAME))?;
+        self.picture = None;
+        for texture in std::mem::take(&mut self.freed) {
+            self.panels.free_texture(texture).map_err(of_panels)?;
+        }
+        Ok(())
+    }
+
+    fn update_textures(&mut self, textures: &mut TexturesDelta) -> Result<(), VulkanError> {
+        let queue = lock(self.device.queue());
+        for (texture, deltas) in textures.set.drain() {
+            for delta in deltas {
+                self.panels.set_texture(*queue, self.pool.raw(), texture, &delta).map_err(of_panels)?;
+            }
+        }
+        self.freed.extend(textures.free.drain());
+        Ok(())
+    }
+
+    fn record(&mut self, frame: &Frame<'_>, index: u32, capture: Option<&Buffer>) -> Result<(), VulkanError> {
+        let Some(swapchain) = &self.swapchain else { return Ok(()) };
+        let Some(shown) = swapchain.images.get(index as usize) else { return Ok(()) };
+        let (raw, commands, extent) = (self.device.raw(), self.commands, swapchain.extent);
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the frame before has ended, so nothing uses the commands, and beginning resets them.
+        let begun = unsafe { raw.functions.begin_command_buffer(commands, &info) };
+        begun.map_err(VulkanError::call("vkBeginCommandBuffer", NAME))?;
+
+        let barrier = |from: Use, to: Use| {
+            // What dispatches wrote, in earlier submissions too, is there for the copy.
+            let memory = [vk::MemoryBarrier2::default()
+                .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER)
+                .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+                .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)];
+            let image = [vk::ImageMemoryBarrier2::default()
+                .image(shown.image)
+                .subresource_range(image::all_layers())
+                .old_layout(from.layout)
+                .src_stage_mask(from.stage)
+                .src_access_mask(from.access)
+                .new_layout(to.layout)
+                .dst_stage_mask(to.stage)
+                .dst_access_mask(to.access)
+                .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+                .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)];
+            let info = vk::DependencyInfo::default().memory_barriers(&memory).image_memory_barriers(&image);
+            // SAFETY: recording; the info borrows arrays that outlive the call, the image is of the swapchain, which is
+            // kept until its frames are done, and the function is this device's.
+            unsafe { (raw.pipeline_barrier2)(commands, &info) };
+        };
+        barrier(ACQUIRED, COPIED_TO);
+        let [red, green, blue] = frame.background;
+        let colour = vk::ClearColorValue { float32: [red, green, blue, 1.0] };
+        let range = [image::all_layers()];
+        // SAFETY: recording; the barrier has brought the image, which may be copied to, into this layout.
+        unsafe { raw.functions.cmd_clear_color_image(commands, shown.image, COPIED_TO.layout, &colour, &range) };
+        barrier(COPIED_TO, COPIED_TO);
+        if let Some((picture, place)) = frame.picture {
+            picture.check_device(&self.device)?;
+            if let Some((region, filter)) = blit(picture.extent(), place, extent) {
+                // SAFETY: recording; both images are in these layouts, the region lies in both, and both are kept until the
+                // frame has ended.
+                unsafe {
+                    raw.functions.cmd_blit_image(
+                        commands,
+                        picture.raw(),
+                        image::STORAGE_LAYOUT,
+                        shown.image,
+                        COPIED_TO.layout,
+                        &[region],
+                        filter,
+                    );
+                };
+            }
+        }
+        barrier(COPIED_TO, DRAWN_ON);
+        let attachments = [vk::RenderingAttachmentInfo::default()
+            .image_view(shown.view.raw())
+            .image_layout(DRAWN_ON.layout)
+            .load_op(vk::AttachmentLoadOp::LOAD)
+            .store_op(vk::AttachmentStoreOp::STORE)];
+        let info = vk::RenderingInfo::default()
+            .render_area(vk::Rect2D::default().extent(extent))
+            .layer_count(1)
+            .color_attachments(&attachments);
+        // SAFETY: recording; the view is of the format that the panels' pipeline draws, in this layout, and kept.
+        unsafe { raw.functions.cmd_begin_rendering(commands, &info) };
+        self.panels.cmd_draw(commands, extent, frame.pixels_per_point, frame.panels).map_err(of_panels)?;
+        // SAFETY: recording; rendering was begun above.
+        unsafe { raw.functions.cmd_end_rendering(commands) };
+        if let Some(buffer) = capture {
+            barrier(DRAWN_ON, COPIED_FROM);
+            let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+            let region = vk::BufferImageCopy::default().image_subresource(layers).image_extent(vk::Extent3D {
+                width: extent.width,
+                height: extent.height,
+                depth: 1,
+            });
+            // SAFETY: recording; the buffer has four bytes a pixel, is kept until the frame has ended, and the barrier has
+            // brought the image into this layout.
+            unsafe {
+                raw.functions.cmd_copy_image_to_buffer(
+                    commands,
+                    shown.image,
+                    COPIED_FROM.layout,
+                    buffer.raw(),
+                    &[region],
+                );
+            };
+            let memory = [vk::MemoryBarrier2::default()
+                .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+                .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+                .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+                .dst_access_mask(vk::AccessFlags2::HOST_READ)];
+            let info = vk::DependencyInfo::default().memory_barriers(&memory);
+            // SAFETY: recording; the info borrows an array that outlives the call.
+            unsafe { (raw.pipeline_barrier2)(commands, &info) };
+            barrier(COPIED_FROM, PRESENTED);
+        } else {
+            barrier(DRAWN_ON, PRESENTED);
+        }
+        // SAFETY: recording was begun above, and rendering has ended.
+        let ended = unsafe { raw.functions.end_command_buffer(commands) };
+        ended.map_err(VulkanError::call("vkEndCommandBuffer", NAME))
+    }
+
+    fn submit(&mut self, index: u32) -> Result<(), VulkanError> {
+        let Some(swapchain) = &self.swapchain else { return Ok(()) };
+        let Some(shown) = swapchain.images.get(index as usize) else { return Ok(()) };
+        let functions = &self.device.raw().functions;
+        // SAFETY: `wait` has seen the fence signalled, so no submission has it.
+        let reset = unsafe { functions.reset_fences(&[self.fence.raw()]) };
+        reset.map_err(VulkanError::call("vkResetFences", NAME))?;
+        let (commands, waits, signals) = ([self.commands], [self.acquired.raw()], [shown.drawn.raw()]);
+        let stages = [vk::PipelineStageFlags::TRANSFER];
+        let info = [vk::SubmitInfo::default()
+            .command_buffers(&commands)
+            .wait_semaphores(&waits)
+            .wait_dst_stage_mask(&stages)
+            .signal_semaphores(&signals)];
+        let queue = lock(self.device.queue());
+        let submitted = if self.device.simulated().loses_device() {
+            Err(vk::Result::ERROR_DEVICE_LOST)
+        } else {
+            // SAFETY: the lock keeps other threads off the queue; the fence is reset, the semaphores are this frame's, and
+            // what the commands use is kept by `self` until the fence has signalled.
+            unsafe { functions.queue_submit(*queue, &info, self.fence.raw()) }
+        };
+        submitted.map_err(VulkanError::call("vkQueueSubmit", NAME))?;
+        self.stale |= !swapchain.present(*queue, index)?;
+        Ok(())
+    }
+}
+
+impl Drop for Surface {
+    fn drop(&mut self) {
+        // SAFETY: waiting needs no more than the device; where it fails the device is lost, and uses nothing any more.
+        let idle = unsafe { self.device.raw().functions.device_wait_idle() };
+        idle.ok();
+        // SAFETY: this is the end of `self`, so the panels go once, and the device is done with them.
+        unsafe { ManuallyDrop::drop(&mut self.panels) };
+    }
+}
+
+fn raw_surface(device: &Device, window: &Window) -> Result<RawSurface, VulkanError> {
+    let instance = &device.raw().instance;
+    let lacking = |_| VulkanError::NoWindow { lacking: "a handle of the window".to_owned() };
+    let display = window.display_handle().map_err(lacking)?.as_raw();
+    let handle = window.window_handle().map_err(lacking)?.as_raw();
+    // SAFETY: both handles are of a window that the caller keeps longer than the surface.
+    let made = unsafe { ash_window::create_surface(&instance.entry, &instance.raw, display, handle, None) };
+    let raw = made.map_err(VulkanError::call("vkCreateSurfaceKHR", NAME))?;
+    let functions = khr::surface::Instance::new(&instance.entry, &instance.raw);
+    let surface = RawSurface { functions, raw, device: device.clone() };
+    let (functions, physical) = (&surface.functions, device.physical());
+    // SAFETY: the surface and the physical device are of one instance, and the family is one of the device's.
+    let asked = unsafe { functions.get_physical_device_surface_support(physical, device.queue_family(), raw) };
+    let supported = asked.map_err(VulkanError::call("vkGetPhysicalDeviceSurfaceSupportKHR", NAME))?;
+    // SAFETY: as above.
+    let asked = unsafe { functions.get_physical_device_surface_formats(physical, raw) };
+    let formats = asked.map_err(VulkanError::call("vkGetPhysicalDeviceSurfaceFormatsKHR", NAME))?;
+    if !supported || formats.iter().all(|format| format.format != FORMAT) {
+        return Err(VulkanError::NoWindow { lacking: format!("{FORMAT:?} on the queue of {}", device.info().name) });
+    }
+    Ok(surface)
+}
+
+fn of_panels(error: RendererError) -> VulkanError {
+    match error {
+        RendererError::Vulkan(result) => VulkanError::call("drawing", "panels")(result),
+        source => VulkanError::Panels { source },
+    }
+}
+
+/// The copy of a picture of `from` pixels to `place` of a window of `extent`, as far as it lies within.
+fn blit(from: [u32; 2], place: [u32; 4], extent: vk::Extent2D) -> Option<(vk::ImageBlit, vk::Filter)> {
+    let [left, top, width, height] = place;
+    let shown = [width.min(extent.width.checked_sub(left)?), height.min(extent.height.checked_sub(top)?)];
+    if shown.contains(&0) {
+        return None;
+    }
+    // Of a picture that is cut off, as much as is seen.
+    let part = |from: u32, shown: u32, whole: u32| {
+        u32::try_from((u64::from(from) * u64::from(shown)).div_ceil(u64::from(whole))).unwrap_or(from)
+    };
+    let seen = [part(from[0], shown[0], width), part(from[1], shown[1], height)];
+    let corner = |x: u32, y: u32, z: i32| vk::Offset3D { x: x.cast_signed(), y: y.cast_signed(), z };
+    let layers = vk::ImageSubresourceLayers::default().aspect_mask(vk::ImageAspectFlags::COLOR).layer_count(1);
+    let region = vk::ImageBlit::default()
+        .src_subresource(layers)
+        .src_offsets([corner(0, 0, 0), corner(seen[0], seen[1], 1)])
+        .dst_subresource(layers)
+        .dst_offsets([corner(left, top, 0), corner(left + shown[0], top + shown[1], 1)]);
+    Some((region, if seen == shown { vk::Filter::NEAREST } else { vk::Filter::LINEAR }))
+}
+
+/// What an image of the window is used for, between two barriers.
+#[derive(Clone, Copy)]
+struct Use {
+    layout: vk::ImageLayout,
+    stage: vk::PipelineStageFlags2,
+    access: vk::AccessFlags2,
+}
+
+/// Whatever it held is lost; the stage is the one that waits for it.
+const ACQUIRED: Use = Use {
+    layout: vk::ImageLayout::UNDEFINED,
+    stage: vk::PipelineStageFlags2::ALL_TRANSFER,
+    access: vk::AccessFlags2::NONE,
+};
+const COPIED_TO: Use = Use {
+    layout: vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+    stage: vk::PipelineStageFlags2::ALL_TRANSFER,
+    access: vk::AccessFlags2::TRANSFER_WRITE,
+};
+const DRAWN_ON: Use = Use {
+    layout: vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL,
+    stage: vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT,
+    access: vk::AccessFlags2::from_raw(
+        vk::AccessFlags2::COLOR_ATTACHMENT_READ.as_raw() | vk::AccessFlags2::COLOR_ATTACHMENT_WRITE.as_raw(),
+    ),
+};
+const COPIED_FROM: Use = Use {
+    layout: vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+    stage: vk::PipelineStageFlags2::ALL_TRANSFER,
+    access: vk::AccessFlags2::TRANSFER_READ,
+};
+const PRESENTED: Use = Use {
+    layout: vk::ImageLayout::PRESENT_SRC_KHR,
+    stage: vk::PipelineStageFlags2::NONE,
+    access: vk::AccessFlags2::NONE,
+};

@@ -1,0 +1,272 @@
+//! What the viewer's panels ask for, and what it does to the document, without a window and without a GPU.
+#![cfg(feature = "window")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::path::Path;
+
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::DVec2;
+use relume::progress::Quiet;
+use relume::scene::{self, Mix, SceneOptions};
+use relume::view::camera::{Move, Side};
+use relume::view::ui::{self, Shown, Status};
+use relume::view::{Action, Cost, Document, Edit, Mixing};
+
+const DIAL: &str = r#"
+[dial.nodes]
+day = [0, 1]
+lamp = [0, -1]
+[[dial.situations]]
+name = "evening"
+hand = "lamp"
+off = ["day"]
+"#;
+
+fn document() -> Document {
+    let text = format!("{}{DIAL}", support::program::SCENE);
+    Document::new(scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
+}
+
+/// A document that does what the panels ask for.
+struct App {
+    document: Option<Document>,
+    asked: Vec<Action>,
+    panels: bool,
+}
+
+impl App {
+    fn open(size: Vec2, document: Option<Document>) -> Harness<'static, Self> {
+        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS };
+        Harness::builder().with_size(size).build_ui_state(Self::show, app)
+    }
+
+    fn show(ui: &mut egui::Ui, app: &mut Self) {
+        let mut asked = Vec::new();
+        let shown = Shown {
+            document: app.document.as_ref(),
+            status: &Status::default(),
+            loading: None,
+            notices: &[],
+            panels: app.panels,
+            aspect: 1.5,
+        };
+        ui::show(ui, &shown, &mut asked);
+        for action in &asked {
+            match (action, &mut app.document) {
+                (Action::Edit(edit), Some(document)) => {
+                    document.edit(edit);
+                }
+                (Action::Undo, Some(document)) => {
+                    document.undo();
+                }
+                (Action::Panels(shown), _) => app.panels = *shown,
+                _ => {}
+            }
+        }
+        app.asked.extend(asked);
+    }
+}
+
+fn wide(document: Document) -> Harness<'static, App> {
+    App::open(Vec2::new(1280.0, 720.0), Some(document))
+}
+
+fn light_names(mix: &Mix) -> Vec<&str> {
+    mix.0.iter().map(|light| light.name.as_str()).collect()
+}
+
+#[test]
+fn a_switch_and_solo_of_the_light_panel_decide_which_lights_shine() {
+    let mut window = wide(document());
+    window.get_by_label("lamp").click();
+    window.run();
+    let mix = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().mix();
+    assert_eq!(light_names(&mix(&window)), ["day"]);
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(light_names(&mix(&window)).len(), 2);
+    window.get_all_by_label("solo").nth(1).unwrap().click();
+    window.run();
+    assert_eq!(light_names(&mix(&window)), ["lamp"]);
+}
+
+#[test]
+fn all_lights_off_is_a_notice_that_turns_them_on_again() {
+    let mut document = document();
+    for light in 0..2 {
+        document.edit(&Edit::On(light, false));
+    }
+    assert!(!document.state().is_lit());
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    assert!(window.state().document.as_ref().unwrap().state().is_lit());
+    assert!(window.query_by_label("Turn the lights on").is_none(), "the notice has gone");
+}
+
+#[test]
+fn nothing_of_the_light_is_asked_for_that_marches() {
+    let mut window = wide(document());
+    window.run();
+    for label in ["lamp", "keep brightness", "eye adapts to the light", "evening"] {
+        window.get_all_by_label(label).next().unwrap().click();
+        window.run();
+    }
+    let asked = &window.state().asked;
+    assert!(asked.len() >= 4, "{asked:?}");
+    let costs =
+        asked.iter().filter_map(|action| if let Action::Edit(edit) = action { Some(edit.cost()) } else { None });
+    assert!(costs.into_iter().all(|cost| cost == Cost::Relight), "{asked:?}");
+    window.get_by_label("Top").click();
+    window.run();
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Camera(Move::Axis(Side::Top), _)))));
+}
+
+#[test]
+fn the_hand_of_the_dial_is_dragged_and_snaps_onto_a_node() {
+    let mut window = wide(document());
+    window.run();
+    let rect = window.get_by_label("light dial").rect();
+    let dial = window.state().document.as_ref().unwrap().state().scene.dial.clone();
+    let nodes = ui::node_places(&dial, rect);
+    let to = |window: &mut Harness<'_, App>, place: Pos2| {
+        window.event(Event::PointerMoved(place));
+        window.run();
+    };
+    let button = |window: &mut Harness<'_, App>, pos: Pos2, pressed: bool| {
+        window.event(Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    };
+    to(&mut window, rect.center());
+    button(&mut window, rect.center(), true);
+    to(&mut window, rect.center() + Vec2::new(30.0, 20.0));
+    let light = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().light.clone();
+    assert_eq!(light(&window).mixing, Mixing::Dial);
+    assert!(light(&window).hand.x > 0.0 && light(&window).hand.y < 0.0, "{}", light(&window).hand);
+    to(&mut window, nodes[1] + Vec2::new(4.0, -3.0));
+    assert_eq!(light(&window).hand, DVec2::new(0.0, -1.0), "exactly on the node");
+    button(&mut window, nodes[1], false);
+    let document = window.state_mut().document.as_mut().unwrap();
+    assert_eq!(light_names(&document.state().mix()), ["lamp"], "that light alone");
+    document.rest();
+    document.undo();
+    assert_eq!(document.state().light.hand, DVec2::ZERO, "a drag is one step back");
+}
+
+#[test]
+fn keys_move_the_camera() {
+    let mut window = wide(document());
+    window.run();
+    let keys = [
+        (Key::ArrowLeft, Move::Orbit { right: -5.0, up: 0.0 }),
+        (Key::Num6, Move::Axis(Side::Top)),
+        (Key::P, Move::Projection),
+        (Key::R, Move::Reset),
+    ];
+    for (key, expected) in keys {
+        window.key_press(key);
+        window.run();
+        let last = window.state().asked.last();
+        assert!(matches!(last, Some(Action::Edit(Edit::Camera(step, _))) if *step == expected), "{key:?}: {last:?}");
+    }
+}
+
+#[test]
+fn an_empty_window_of_any_size_shows_what_to_do() {
+    for size in [[1.0, 1.0], [300.0, 200.0], [1280.0, 720.0]] {
+        App::open(Vec2::from(size), None).run();
+        App::open(Vec2::from(size), Some(document())).run();
+    }
+}
+
+#[test]
+fn a_slider_takes_over_what_the_dial_made() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.4)));
+    let by_dial = document.state().mix();
+    let share = document.state().shares()[0];
+    document.edit(&Edit::Weight(0, share));
+    assert_eq!(document.state().light.mixing, Mixing::Sliders);
+    for (ours, theirs) in document.state().mix().0.iter().zip(&by_dial.0) {
+        assert!((ours.weight - theirs.weight).abs() <= 1e-12 * theirs.weight, "{} {}", ours.weight, theirs.weight);
+    }
+}
+
+#[test]
+fn on_a_node_the_mix_is_that_light_alone_to_the_bit() {
+    let mut document = document();
+    document.edit(&Edit::HandOnNode(1));
+    let on_node = document.state().mix();
+    document.edit(&Edit::Solo(Some(1)));
+    document.edit(&Edit::Normalise(true));
+    assert_eq!(document.state().mix(), on_node);
+}
+
+#[test]
+fn a_node_that_is_off_keeps_its_place_and_comes_back_to_it() {
+    let mut document = document();
+    document.edit(&Edit::NodePlace(0, DVec2::new(0.5, 0.25)));
+    document.edit(&Edit::NodeOn(0, false));
+    document.edit(&Edit::Hand(DVec2::new(0.4, 0.2)));
+    assert_eq!(light_names(&document.state().mix()), ["lamp"]);
+    document.edit(&Edit::NodeOn(0, true));
+    assert_eq!(document.state().scene.dial.nodes[0].place, DVec2::new(0.5, 0.25));
+    document.edit(&Edit::ResetDial);
+    assert_eq!(document.state().scene.dial, document.opened().dial);
+}
+
+#[test]
+fn numbers_out_of_range_are_brought_into_it() {
+    let mut document = document();
+    let strange = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -3.0, 1e300];
+    for number in strange {
+        for edit in [
+            Edit::Weight(0, number),
+            Edit::Weight(99, number),
+            Edit::Master(number),
+            Edit::Exposure(number),
+            Edit::Hand(DVec2::new(number, number)),
+            Edit::NodePlace(0, DVec2::splat(number)),
+            Edit::Camera(Move::Orbit { right: number, up: number }, number),
+            Edit::Camera(Move::Pan { right: number, up: number }, 1.0),
+            Edit::Camera(Move::Dolly(number), 1.0),
+            Edit::Camera(Move::Roll(number), 1.0),
+        ] {
+            document.edit(&edit);
+            let state = document.state();
+            assert!(state.mix().0.iter().all(|light| light.weight.is_finite() && light.weight >= 0.0), "{edit:?}");
+            assert!(state.scene.camera.view(&state.scene.volume.geometry, 1.0).is_some(), "{edit:?}");
+        }
+    }
+}
+
+#[test]
+fn an_edit_costs_what_it_says() {
+    let edits = [
+        Edit::Weight(0, 0.5),
+        Edit::On(0, false),
+        Edit::Solo(Some(0)),
+        Edit::Normalise(true),
+        Edit::Master(0.5),
+        Edit::Hand(DVec2::new(0.1, 0.2)),
+        Edit::HandOnNode(0),
+        Edit::NodePlace(0, DVec2::splat(0.3)),
+        Edit::NodeOn(0, false),
+        Edit::Situation(0),
+        Edit::Exposure(2.0),
+        Edit::Adapt(true),
+        Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0),
+        Edit::Camera(Move::Projection, 1.0),
+    ];
+    for edit in edits {
+        let mut document = document();
+        assert_eq!(document.edit(&edit), Some(edit.cost()), "{edit:?}");
+        assert_eq!(document.undo(), Some(edit.cost()), "{edit:?} undone");
+        assert_eq!(document.redo(), Some(edit.cost()), "{edit:?} done again");
+    }
+}

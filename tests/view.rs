@@ -1,0 +1,284 @@
+//! The viewer's window, opened on a screen of its own and driven by scripts.
+#![cfg(feature = "window")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test fails by panicking, and says what it did not test"
+)]
+
+mod support;
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+
+use serde_json::Value;
+use support::program::{Folder, Outcome, SCENE};
+
+/// Brightness as it comes, so that a node is what `--light` asks for.
+const DIAL: &str = "[dial]\nnormalise = false\n[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
+
+/// A screen in memory.
+struct Screen {
+    server: Child,
+    display: String,
+}
+
+impl Screen {
+    /// `None`, and a word about it, where there is no Xvfb.
+    fn new() -> Option<Self> {
+        let mut command = Command::new("Xvfb");
+        command.args(["-displayfd", "1", "-screen", "0", "1700x1100x24", "-nolisten", "tcp"]);
+        let started = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut server) = started else {
+            println!("nothing was tested: there is no Xvfb (scripts/setup --tests installs it)");
+            return None;
+        };
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Some(Self { server, display: format!(":{}", number.trim()) })
+    }
+
+    /// Runs the viewer in `folder` with `arguments`, watched by the validation layer.
+    fn run(&self, folder: &Folder, arguments: &[&str]) -> Outcome {
+        let mut command = folder.command(&["view", "--json", "--validation", "--size", "640x480"]);
+        Outcome::of(command.args(arguments).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY"))
+    }
+
+    /// Runs `script` on `scene`, which must succeed without a word of the validation layer.
+    fn script(&self, folder: &Folder, scene: &str, script: &str) -> Value {
+        std::fs::write(folder.path("script.txt"), script).unwrap();
+        let outcome = self.run(folder, &[scene, "--script", "script.txt"]);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+        let report = outcome.json();
+        assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
+        report
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        self.server.kill().ok();
+        self.server.wait().ok();
+    }
+}
+
+fn folder() -> Folder {
+    Folder::new().with("dial.toml", format!("{SCENE}{DIAL}"))
+}
+
+fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
+    std::fs::read(folder.path(name)).unwrap()
+}
+
+/// `WxH` of the pictures of a session.
+fn size(report: &Value) -> String {
+    format!("{}x{}", report["size"][0], report["size"][1])
+}
+
+#[test]
+fn without_a_display_one_sentence_names_the_command_that_needs_none() {
+    let folder = folder();
+    let mut command = folder.command(&["view"]);
+    command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
+    Outcome::of(&mut command).assert_refused(1, &["display", "relume render"]);
+}
+
+#[test]
+fn a_scene_opens_as_render_shows_it_and_its_light_never_marches() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle
+picture opened.png
+settle
+light lamp 0.3
+off day
+on day
+solo lamp
+all
+normalise on
+master 0.7
+exposure 2
+adapt on
+hand 0.3 -0.1
+place day 0.5 0.5
+leave day
+take day
+undo
+redo
+settle
+node lamp
+exposure 1
+adapt off
+picture node.png
+settle
+solo lamp
+light lamp 1
+normalise off
+master 1
+picture alone.png
+settle
+";
+    let report = screen.script(&folder, "dial.toml", script);
+    let settled: Vec<[u64; 2]> = report["settled"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|counts| ["marches", "relights"].map(|count| counts[count].as_u64().unwrap()))
+        .collect();
+    assert!(settled.windows(2).all(|pair| pair[0][0] == pair[1][0]), "marches and relights: {settled:?}");
+    assert!(settled[2][1] > settled[1][1] + 8, "marches and relights: {settled:?}");
+    assert_eq!(bytes(&folder, "node.png"), bytes(&folder, "alone.png"), "a node is its light alone");
+
+    let size = size(&report);
+    folder.done(&["render", "dial.toml", "-o", "rendered.png", "--size", &size]);
+    assert_eq!(bytes(&folder, "opened.png"), bytes(&folder, "rendered.png"), "as it opens");
+    folder.done(&["render", "dial.toml", "-o", "lamp.png", "--size", &size, "--light", "lamp"]);
+    assert_eq!(bytes(&folder, "node.png"), bytes(&folder, "lamp.png"), "on a node");
+    assert_ne!(bytes(&folder, "opened.png"), bytes(&folder, "node.png"), "the light has changed");
+}
+
+#[test]
+fn the_camera_marches_and_every_step_back_is_the_same_picture() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle
+picture first.png
+settle
+orbit 40 20
+pan 0.1 0
+dolly 1.5
+roll 10
+projection
+settle
+picture moved.png
+undo
+undo
+undo
+undo
+undo
+picture undone.png
+axis top
+reset
+picture reset.png
+settle
+";
+    let report = screen.script(&folder, "scene.toml", script);
+    let marches = |at: usize| report["settled"][at]["marches"].as_u64().unwrap();
+    assert!(marches(2) >= marches(1) + 2, "{}", report["settled"]);
+    assert_ne!(bytes(&folder, "first.png"), bytes(&folder, "moved.png"));
+    assert_eq!(bytes(&folder, "first.png"), bytes(&folder, "undone.png"), "undone");
+    assert_eq!(bytes(&folder, "first.png"), bytes(&folder, "reset.png"), "reset");
+}
+
+#[test]
+fn a_hand_at_the_mouse_and_the_keyboard_moves_the_camera() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "panels off
+settle
+picture first.png
+pointer 320 240
+press
+pointer 380 260
+release
+settle
+picture dragged.png
+scroll 3
+frames 20
+settle
+picture scrolled.png
+key R
+settle
+picture reset.png
+settle
+";
+    screen.script(&folder, "scene.toml", script);
+    let pictures = ["first", "dragged", "scrolled", "reset"].map(|name| bytes(&folder, &format!("{name}.png")));
+    assert_ne!(pictures[0], pictures[1], "dragged");
+    assert_ne!(pictures[1], pictures[2], "scrolled");
+    assert_eq!(pictures[0], pictures[3], "R brings the scene's camera back");
+}
+
+#[test]
+fn a_window_of_any_size_shows_its_picture() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let sizes = [[300, 200], [1600, 1000], [1, 1], [640, 480], [301, 199], [1280, 720]];
+    let resize = |[width, height]: [u32; 2]| format!("size {width} {height}\nframes 2\n");
+    let mut script: String = sizes.iter().cycle().take(18).map(|&size| resize(size)).collect();
+    script += "settle\nwindow window.png\n";
+    let report = screen.script(&folder, "scene.toml", &script);
+    assert_eq!(report["notices"], Value::Array(Vec::new()));
+    let decoder = png::Decoder::new(std::io::Cursor::new(bytes(&folder, "window.png")));
+    let shown = decoder.read_info().unwrap().info().size();
+    assert_eq!(shown, (1280, 720), "the last size asked for");
+}
+
+#[test]
+fn what_cannot_be_opened_is_told_in_the_window_which_stays_usable() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder().with("broken.toml", "version = 1\n[lights.day]\nspectrum = \"D99\"\n");
+    let script = "settle
+picture before.png
+open nothing.toml
+settle
+open broken.toml
+settle
+picture after.png
+open dial.toml
+settle
+node lamp
+picture other.png
+";
+    let report = screen.script(&folder, "scene.toml", script);
+    let notices = report["notices"].to_string();
+    assert!(notices.contains("nothing.toml") && notices.contains("D99"), "{notices}");
+    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"));
+    assert_ne!(bytes(&folder, "before.png"), bytes(&folder, "other.png"));
+}
+
+#[test]
+fn a_volume_without_a_scene_shows_something_at_once() {
+    let Some(screen) = Screen::new() else { return };
+    // A ball in the air, with a core.
+    let voxel = |index: usize| {
+        let [x, y, z] = [index % 24, index / 24 % 24, index / 576].map(|at| i32::try_from(at).unwrap() - 12);
+        match x * x + y * y + z * z {
+            0..20 => 220,
+            20..90 => 110,
+            _ => u8::try_from(index % 7).unwrap(),
+        }
+    };
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 24 24 24\nencoding: raw\n\n";
+    let ball: Vec<u8> = header.bytes().chain((0..24 * 24 * 24).map(voxel)).collect();
+    let folder = folder().with("ball.nrrd", ball);
+    screen.script(&folder, "ball.nrrd", "settle\npicture ball.png\n");
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes(&folder, "ball.png"))).read_info().unwrap();
+    let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
+    let info = decoder.next_frame(&mut pixels).unwrap();
+    let at = |x: u32, y: u32| {
+        let first = 3 * (y * info.width + x) as usize;
+        pixels[first..first + 3].iter().map(|&part| u32::from(part)).sum::<u32>()
+    };
+    assert!(at(info.width / 2, info.height / 2) > 150, "the ball is seen in the middle");
+    assert_eq!(at(2, 2), 0, "and air is not seen");
+}
+
+#[test]
+fn it_ends_after_its_frames_and_in_the_middle_of_a_march() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let outcome = screen.run(&folder, &["scene.toml", "--frames", "5"]);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    assert!(outcome.json()["frames"].as_u64().unwrap() >= 5);
+    screen.script(&folder, "scene.toml", "settle\nsize 1600 1000\norbit 10 0\n");
+}
+
+#[test]
+fn a_script_that_cannot_be_carried_out_says_which_line() {
+    let folder = folder().with("bad.txt", "settle\ndance\n").with("name.txt", "settle\nnode moon\n");
+    folder.refused(1, &["view", "--script", "bad.txt"], &["bad.txt:2", "dance"]);
+    let Some(screen) = Screen::new() else { return };
+    let outcome = screen.run(&folder, &["scene.toml", "--script", "name.txt"]);
+    outcome.assert_refused(1, &["name.txt:2", "moon", "day, lamp"]);
+}
