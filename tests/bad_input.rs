@@ -296,7 +296,11 @@ fn flags_that_info_has_no_use_for_are_refused() {
     folder.refused(2, &["info", "v.mhd", "-D", "display.exposure=2"], &["-D", "v.mhd is a volume"]);
     folder.refused(2, &["info", "v.mhd", "--labels", "v.mhd"], &["--labels", "v.mhd is a volume"]);
     folder.refused(2, &["info", "v.mhd", "--light", "D65"], &["--light"]);
-    folder.refused(2, &["info", "scene.toml", "--voxel", "0,0,0"], &["--voxel", "scene.toml is a scene"]);
+    folder.refused(
+        2,
+        &["info", "scene.toml", "--voxel", "32,0,0"],
+        &["--voxel [32, 0, 0] is outside the volume's [32"],
+    );
     folder.refused(2, &["info", "--labels", "v.mhd"], &["--labels", "name a scene"]);
     folder.refused(2, &["info", "--downsample", "2x2x2"], &["--downsample", "name a scene"]);
     folder.refused(2, &["info", "--voxel", "0,0,0"], &["--voxel", "name a scene"]);

@@ -178,6 +178,9 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     let plain = folder.done(&["info", "scene.toml", "-D", "shading=none", "--json"]).json();
     assert_eq!(stored(&plain), [Value::from("r16unorm"), Value::from(32 * 30 * 18 * 2)]);
     assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
+    let ball = folder.with("ball.toml", "version = 1\n[volume]\nphantom = \"shells\"\ndims = [3, 3, 3]\n");
+    let text = ball.done(&["info", "ball.toml", "--voxel", "1,1,1"]).out;
+    assert!(text.contains("values     ") && text.contains("1,1,1 is 1"), "{text}");
     assert_eq!(json["labels"], Value::Null);
     assert_eq!(json["materials"], serde_json::json!(["bone", "flesh"]));
     let lights: Vec<_> =
@@ -835,6 +838,9 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
         (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
         (&["--sweep", "day"], "A..B"),
         (&["--sweep", "day..night"], "night: there is no such light"),
+        (&["--dial", "0,0", "--frames", "7"], "--sweep <A..B>|--tour"),
+        (&["--frames", "3"], "--sweep <A..B>|--tour"),
+        (&["--situation", "dusk"], "dusk: the dial has no situations; [[dial.situations]] of the scene declares them"),
     ] {
         folder.refused(2, &[&["relight", "acc.exr", "-o", "p.png"], arguments].concat(), &[words]);
     }

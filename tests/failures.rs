@@ -171,6 +171,7 @@ fn interrupted(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) -> 
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(130), "{arguments:?}: {said}");
     assert!(said.lines().filter(|line| line.starts_with("error: ")).count() == 1, "{said}");
+    assert!(said.contains("error: interrupted"), "{said}");
     assert_eq!(folder.names(), before, "{arguments:?} left something behind");
     took
 }
@@ -208,6 +209,16 @@ fn ctrl_c_ends_work_that_does_not_listen_at_once() {
     // Nobody reads this pipe.
     make_pipe(&folder.path("pipe.png"));
     ends_at_once(&folder, &render(&["-o", "pipe.png"]), after(1500));
+}
+
+#[test]
+fn ctrl_c_ends_designing_at_once() {
+    let name = "one_light_each_of_eight.toml";
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes");
+    let scene = format!("version = 1\n[volume]\nphantom = \"slab\"\n[palette]\nuse = \"{name}\"\n");
+    let folder = Folder::new().with(name, std::fs::read(examples.join(name)).unwrap()).with("designed.toml", scene);
+    ends_at_once(&folder, &["design", name], after(300));
+    ends_at_once(&folder, &["info", "designed.toml"], after(300));
 }
 
 #[test]

@@ -9,10 +9,11 @@ use std::path::Path;
 use glam::DVec3;
 use relume::progress::Quiet;
 use relume::reference;
+use relume::render::Renderer;
 use relume::scene::{self, Scene, SceneOptions};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
-use support::rungs::{Rungs, in_xyz};
+use support::rungs::{Rungs, in_xyz, with_renderer};
 
 const SIZE: [usize; 2] = [40, 36];
 
@@ -47,8 +48,17 @@ fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
     .unwrap()
 }
 
-/// XYZ of every pixel under one light alone, marched in f32 over the stored tables, and its opacity.
-fn seen(scene: &Scene, light: &str) -> Vec<(DVec3, f64)> {
+/// What a picture of a scene under one of its lights is.
+type Seen<'a> = &'a dyn Fn(&Scene, &str) -> Vec<(DVec3, f64)>;
+
+/// Runs `test` on pictures of the reference in f32 over the stored tables, and on pictures of the GPU.
+fn on_each_rung(test: impl Fn(Seen<'_>)) {
+    test(&|scene, light| seen(scene, light, None));
+    with_renderer(|renderer| test(&|scene, light| seen(scene, light, Some(renderer))));
+}
+
+/// XYZ of every pixel under one light alone, and its opacity.
+fn seen(scene: &Scene, light: &str, renderer: Option<&Renderer>) -> Vec<(DVec3, f64)> {
     let mut scene = scene.clone();
     assert!(scene.lights.iter().any(|other| other.name == light), "there is no light {light}");
     for other in &mut scene.lights {
@@ -56,7 +66,10 @@ fn seen(scene: &Scene, light: &str) -> Vec<(DVec3, f64)> {
     }
     let rungs = Rungs::new(scene, SIZE);
     let matrices = in_xyz(&rungs.matrices());
-    let accumulation = rungs.march::<f32>(&rungs.stored());
+    let accumulation = match renderer {
+        None => rungs.march::<f32>(&rungs.stored()),
+        Some(renderer) => rungs.gpu(renderer),
+    };
     reference::relight(&accumulation, &matrices).into_iter().zip(reference::opacity(&accumulation, &matrices)).collect()
 }
 
@@ -96,101 +109,124 @@ fn exchanged(scene: &Scene, one: &str, two: &str) -> Scene {
 
 #[test]
 fn metamers_can_be_exchanged_under_their_light_only() {
-    for kept in KEPT {
-        let scene = frog("metamers", "rock", "ore", &[kept]);
-        let other = exchanged(&scene, "rock", "ore");
-        let (merged, parted) =
-            (largest(&seen(&scene, "day"), &seen(&other, "day")), p95(&seen(&scene, "bulb"), &seen(&other, "bulb")));
-        println!("{kept}: at most {merged:.4} under day, p95 {parted:.1} under bulb");
-        assert!(merged < 1.0 && parted > 10.0);
-        let scene = frog("metamers_two_lights", "rock", "ore", &[kept]);
-        let other = exchanged(&scene, "rock", "ore");
-        assert!(largest(&seen(&scene, "day"), &seen(&other, "day")) < 1.0);
-        assert!(largest(&seen(&scene, "bulb"), &seen(&other, "bulb")) < 1.0);
-        assert!(p95(&seen(&scene, "probe"), &seen(&other, "probe")) > 10.0);
-    }
+    on_each_rung(|seen| {
+        for kept in KEPT {
+            let scene = frog("metamers", "rock", "ore", &[kept]);
+            let other = exchanged(&scene, "rock", "ore");
+            let (merged, parted) = (
+                largest(&seen(&scene, "day"), &seen(&other, "day")),
+                p95(&seen(&scene, "bulb"), &seen(&other, "bulb")),
+            );
+            println!("{kept}: at most {merged:.4} under day, p95 {parted:.1} under bulb");
+            assert!(merged < 1.0 && parted > 10.0);
+            let scene = frog("metamers_two_lights", "rock", "ore", &[kept]);
+            let other = exchanged(&scene, "rock", "ore");
+            assert!(largest(&seen(&scene, "day"), &seen(&other, "day")) < 1.0);
+            assert!(largest(&seen(&scene, "bulb"), &seen(&other, "bulb")) < 1.0);
+            assert!(p95(&seen(&scene, "probe"), &seen(&other, "probe")) > 10.0);
+        }
+    });
 }
 
 #[test]
 fn an_xray_material_turned_black_is_as_if_it_were_not_there() {
-    for kept in KEPT {
-        let with = frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true"]);
-        let without =
-            frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true", "transfer.intervals.0.opacity=0"]);
-        let off = largest(&seen(&with, "removes"), &seen(&without, "removes"));
-        println!("{kept}: {off:.4}");
-        assert!(off <= 0.05);
-        assert!(p95(&seen(&with, "day"), &seen(&without, "day")) > 1.0, "it shows under the other light");
-    }
+    on_each_rung(|seen| {
+        for kept in KEPT {
+            let with = frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true"]);
+            let without =
+                frog("xray", "shell", "inside", &[kept, "materials.shell.xray=true", "transfer.intervals.0.opacity=0"]);
+            let off = largest(&seen(&with, "removes"), &seen(&without, "removes"));
+            println!("{kept}: {off:.4}");
+            assert!(off <= 0.05);
+            assert!(p95(&seen(&with, "day"), &seen(&without, "day")) > 1.0, "it shows under the other light");
+        }
+    });
 }
 
 #[test]
 fn an_occluding_black_hides_as_much_as_nothing_of_its_opacity() {
-    for kept in KEPT {
-        for (palette, hides) in
-            [("metameric_black", &["hides"][..]), ("metameric_black_two_lights", &["hides", "hides_too"])]
-        {
-            let black = frog(palette, "smoke", "core", &[kept]);
+    on_each_rung(|seen| {
+        for kept in KEPT {
+            for (palette, hides) in
+                [("metameric_black", &["hides"][..]), ("metameric_black_two_lights", &["hides", "hides_too"])]
+            {
+                let black = frog(palette, "smoke", "core", &[kept]);
+                let mut dark = black.clone();
+                let smoke = material(&dark, "smoke");
+                dark.materials[smoke].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
+                for light in hides {
+                    let off = largest(&seen(&black, light), &seen(&dark, light));
+                    println!("{palette} under {light}, {kept}: {off:.4}");
+                    assert!(off <= 0.05);
+                }
+                let clear = frog(palette, "smoke", "core", &[kept, "transfer.intervals.0.opacity=0"]);
+                assert!(p95(&seen(&black, hides[0]), &seen(&clear, hides[0])) > 1.0, "its opacity stays");
+                assert!(p95(&seen(&black, "shows"), &seen(&dark, "shows")) > 10.0, "it shows under the other light");
+            }
+            let black = frog("negative", "smoke", "core", &[kept]);
             let mut dark = black.clone();
             let smoke = material(&dark, "smoke");
             dark.materials[smoke].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
-            for light in hides {
-                let off = largest(&seen(&black, light), &seen(&dark, light));
-                println!("{palette} under {light}, {kept}: {off:.4}");
-                assert!(off <= 0.05);
-            }
-            let clear = frog(palette, "smoke", "core", &[kept, "transfer.intervals.0.opacity=0"]);
-            assert!(p95(&seen(&black, hides[0]), &seen(&clear, hides[0])) > 1.0, "its opacity stays");
-            assert!(p95(&seen(&black, "shows"), &seen(&dark, "shows")) > 10.0, "it shows under the other light");
+            assert!(largest(&seen(&black, "day"), &seen(&dark, "day")) <= 0.05);
+            assert!(p95(&seen(&black, "shows"), &seen(&dark, "shows")) > 10.0);
         }
-        let black = frog("negative", "smoke", "core", &[kept]);
-        let mut dark = black.clone();
-        let smoke = material(&dark, "smoke");
-        dark.materials[smoke].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
-        assert!(largest(&seen(&black, "day"), &seen(&dark, "day")) <= 0.05);
-        assert!(p95(&seen(&black, "shows"), &seen(&dark, "shows")) > 10.0);
-    }
+    });
 }
 
 #[test]
 fn a_constant_material_stays_while_others_move() {
-    let stays = frog("constancy", "block", "block", &[]);
-    assert!(largest(&seen(&stays, "day"), &seen(&stays, "evening")) <= 1.0);
-    let moves = frog("constancy", "valve", "pin", &[]);
-    assert!(p95(&seen(&moves, "day"), &seen(&moves, "evening")) > 10.0);
+    on_each_rung(|seen| {
+        let stays = frog("constancy", "block", "block", &[]);
+        assert!(largest(&seen(&stays, "day"), &seen(&stays, "evening")) <= 1.0);
+        let moves = frog("constancy", "valve", "pin", &[]);
+        assert!(p95(&seen(&moves, "day"), &seen(&moves, "evening")) > 10.0);
+    });
 }
 
 #[test]
 fn each_light_shows_its_own_material() {
-    let both = frog("one_light_each", "skin", "bone", &[]);
-    let dark = |name: &str| {
-        let mut scene = both.clone();
-        let index = material(&scene, name);
-        scene.materials[index].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
-        scene
-    };
-    for (light, shown, hidden) in [("for_skin", "skin", "bone"), ("for_bone", "bone", "skin")] {
-        assert!(largest(&seen(&both, light), &seen(&dark(hidden), light)) <= 0.1, "{hidden} is black under {light}");
-        assert!(p95(&seen(&both, light), &seen(&dark(shown), light)) > 10.0, "{shown} shows under {light}");
-    }
+    on_each_rung(|seen| {
+        let both = frog("one_light_each", "skin", "bone", &[]);
+        let dark = |name: &str| {
+            let mut scene = both.clone();
+            let index = material(&scene, name);
+            scene.materials[index].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
+            scene
+        };
+        for (light, shown, hidden) in [("for_skin", "skin", "bone"), ("for_bone", "bone", "skin")] {
+            assert!(
+                largest(&seen(&both, light), &seen(&dark(hidden), light)) <= 0.1,
+                "{hidden} is black under {light}"
+            );
+            assert!(p95(&seen(&both, light), &seen(&dark(shown), light)) > 10.0, "{shown} shows under {light}");
+        }
+    });
 }
 
 #[test]
 fn what_merges_with_the_background_leaves_no_trace() {
-    let scene = frog("background", "tissue", "vessel", &[]);
-    let empty =
-        frog("background", "tissue", "vessel", &["transfer.intervals.0.opacity=0", "transfer.intervals.1.opacity=0"]);
-    assert!(largest(&seen(&scene, "merges"), &seen(&empty, "merges")) <= 0.1);
-    assert!(p95(&seen(&scene, "parts"), &seen(&empty, "parts")) > 10.0);
+    on_each_rung(|seen| {
+        let scene = frog("background", "tissue", "vessel", &[]);
+        let empty = frog(
+            "background",
+            "tissue",
+            "vessel",
+            &["transfer.intervals.0.opacity=0", "transfer.intervals.1.opacity=0"],
+        );
+        assert!(largest(&seen(&scene, "merges"), &seen(&empty, "merges")) <= 0.1);
+        assert!(p95(&seen(&scene, "parts"), &seen(&empty, "parts")) > 10.0);
+    });
 }
 
 #[test]
 fn daylight_merges_what_a_bulb_and_designed_lights_part() {
-    let scene = frog("daylight_and_bulb", "flesh", "eyes", &[]);
-    let other = exchanged(&scene, "flesh", "stomach");
-    assert!(largest(&seen(&scene, "day"), &seen(&other, "day")) < 1.0);
-    assert!(p95(&seen(&scene, "bulb"), &seen(&other, "bulb")) > 5.0);
-    let blind = exchanged(&scene, "eyes", "heart");
-    assert!(largest(&seen(&scene, "day"), &seen(&blind, "day")) < 1.0);
-    assert!(p95(&seen(&scene, "marks_eyes"), &seen(&blind, "marks_eyes")) > 10.0);
+    on_each_rung(|seen| {
+        let scene = frog("daylight_and_bulb", "flesh", "eyes", &[]);
+        let other = exchanged(&scene, "flesh", "stomach");
+        assert!(largest(&seen(&scene, "day"), &seen(&other, "day")) < 1.0);
+        assert!(p95(&seen(&scene, "bulb"), &seen(&other, "bulb")) > 5.0);
+        let blind = exchanged(&scene, "eyes", "heart");
+        assert!(largest(&seen(&scene, "day"), &seen(&blind, "day")) < 1.0);
+        assert!(p95(&seen(&scene, "marks_eyes"), &seen(&blind, "marks_eyes")) > 10.0);
+    });
 }

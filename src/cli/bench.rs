@@ -1,4 +1,4 @@
-//! `relume bench`: how long marching, relighting and reading take; how good colour models are.
+//! `relume bench`: how long marching, relighting, reading and designing take; how good colour models are.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -21,13 +21,14 @@ use super::accuracy::AccuracyArgs;
 use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{DefineArgs, SelectionArgs, size};
-use super::{CliError, Report, bench_load, bench_model};
+use super::{CliError, Report, bench_load, bench_model, bench_palette};
 
 const EXAMPLES: &str = "\
 Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
   relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
+  relume bench palette --frames 1                     how exact designed palettes are, and how long they take
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
 
 Times are medians over the frames: CPU time of all threads, and wall time; --json has {median, min, max} of each.
@@ -52,7 +53,7 @@ pub(crate) struct Args {
     /// Pixels across and down.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
-    /// Frames to measure, after two that warm up; how often `load` reads.
+    /// Frames to measure, after two that warm up; how often `load` reads and `palette` solves.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
     /// Scenes that colour models are measured on.
@@ -88,13 +89,15 @@ enum Workload {
     Default,
     /// Colour models on seeded scenes: no march, no device.
     Model,
+    /// Palettes designed: those of data/palettes and of the figures: no device.
+    Palette,
     /// Reading a volume, beside what decodes its bytes: no device.
     Load,
 }
 
 impl Workload {
     fn needs_device(self) -> bool {
-        !matches!(self, Self::Model | Self::Load)
+        !matches!(self, Self::Model | Self::Palette | Self::Load)
     }
 
     /// What the command line calls it.
@@ -104,7 +107,7 @@ impl Workload {
 
     /// Whether it shows or reads what --volume names.
     fn takes_volume(&self) -> bool {
-        !matches!(self, Self::Default | Self::Model)
+        !matches!(self, Self::Default | Self::Model | Self::Palette)
     }
 
     /// Whether it says itself what pixels keep, or has none.
@@ -203,6 +206,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     if args.workloads.contains(&Workload::Model) {
         reports.push(bench_model::run(args.scenes.into(), progress)?);
     }
+    if args.workloads.contains(&Workload::Palette) {
+        reports.push(bench_palette::run(args.frames, progress)?);
+    }
     if args.workloads.contains(&Workload::Load) {
         reports.push(bench_load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
@@ -277,7 +283,7 @@ fn measure(
         scene.shading = Shading::None;
     }
     match workload {
-        Workload::Peer | Workload::Default | Workload::Model | Workload::Load => {}
+        Workload::Peer | Workload::Default | Workload::Model | Workload::Palette | Workload::Load => {}
         Workload::PeerFourLights => add_peer_lights(&mut scene),
         Workload::PeerEightMaterials => {
             double_materials(&mut scene);

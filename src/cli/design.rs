@@ -25,7 +25,8 @@ The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra fro
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Palette file (TOML): which colours materials are to have under lights, and which spectra are open.
+    /// Palette file (TOML), or a scene with a [palette]: which colours materials are to have under lights, and which
+    /// spectra are open.
     palette: PathBuf,
     /// Write the palette with all its spectra, as a palette file.
     #[arg(short, long, value_name = "FILE")]
@@ -121,7 +122,7 @@ fn text(solution: &Solution) -> String {
                 let is_shown = is_displayable(linear_srgb_from_xyz(cell.xyz));
                 beyond |= !is_shown;
                 let difference = cell.difference.map_or_else(String::new, |difference| format!("  {difference:.3}"));
-                let model = cell.shown.map_or_else(String::new, |(_, off)| format!(" (model {off:.3})"));
+                let model = cell.shown.map_or_else(String::new, |(_, off)| format!(" (model off by {off:.3})"));
                 let mark = if is_shown { "" } else { "!" };
                 format!("{} → {}{mark}{difference}{model}", palette.target_text(row, column), code(cell.xyz))
             }));

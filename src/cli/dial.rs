@@ -26,13 +26,14 @@ pub(crate) struct DialArgs {
     situation: Option<String>,
     /// Move the hand straight from the node of light A to that of light B: one picture a frame.
     #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "tour"])]
+    #[arg(group = "moves")]
     sweep: Option<String>,
     /// Move the hand over all nodes and back to the first: one picture a frame, which repeated make a loop.
-    #[arg(long, help_heading = DIAL, conflicts_with = "lights")]
+    #[arg(long, help_heading = DIAL, conflicts_with = "lights", group = "moves")]
     tour: bool,
     /// Pictures of a sweep or tour, as NAME-0001.png and so on.
     #[arg(long, help_heading = DIAL, value_name = "N", default_value_t = 25)]
-    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..), requires = "moves")]
     frames: u16,
     /// Leave the light of this name out of the dial (repeatable).
     #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with = "lights")]

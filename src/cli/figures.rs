@@ -73,14 +73,18 @@ struct Panel {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    // All, before the first picture is written: what a later figure cannot read would leave half of them behind.
+    let mut scenes = Vec::new();
+    for (name, figure, is_frog) in FIGURES {
+        let clock = Stopwatch::start();
+        let scene = load(args, name, figure, is_frog, progress)?;
+        scenes.push((name, scene, clock.read()));
+    }
     std::fs::create_dir_all(&args.output)
         .map_err(|error| CliError::Failed(format!("the folder {} cannot be made: {error}", args.output.display())))?;
     let (mut rows, mut panels, mut outputs) = (Vec::new(), Vec::new(), Vec::new());
     let mut text = String::new();
-    for (name, figure, is_frog) in FIGURES {
-        let clock = Stopwatch::start();
-        let scene = load(args, name, figure, is_frog, progress)?;
-        let loaded = clock.read();
+    for (name, scene, loaded) in scenes {
         let names = scene.dial.situations.iter().map(|situation| args.output.join(format!("{}.png", situation.name)));
         let names: Vec<PathBuf> = names.collect();
         let inputs: Vec<&Path> = scene.inputs.iter().map(PathBuf::as_path).collect();
@@ -88,13 +92,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
         let planned = plan(&scene, progress)?;
         let uploaded = renderer.upload(&scene, &planned, &scene.volume.statistics()?, progress)?;
-        let mut marches = 0;
-        let mut march = || {
-            marches += 1;
-            renderer.march(&scene, &planned, &uploaded, args.size, progress)
-        };
+        let before = renderer.marches();
         let clock = Stopwatch::start();
-        let accumulators = march()?;
+        let accumulators = renderer.march(&scene, &planned, &uploaded, args.size, progress)?;
         let marched = clock.read();
         let relight = renderer.relight_display(&accumulators)?;
         let stated = Mix::of_scene(&scene);
@@ -128,7 +128,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             marched.wall_ms,
             names.len()
         );
-        outputs.push(json!({"figure": name, "marches": marches, "dispatches": accumulators.dispatches, "load": loaded, "march": marched}));
+        outputs.push(json!({"figure": name, "marches": renderer.marches() - before, "dispatches": accumulators.dispatches, "load": loaded, "march": marched}));
     }
     let sheet = args.output.join("figures.html");
     write_atomically(&sheet, |out| out.write_all(contact_sheet(&panels).as_bytes()))?;

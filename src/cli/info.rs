@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use relume::input;
@@ -37,7 +38,7 @@ const ARGUMENT: &str = "A scene (.toml), an accumulator file (.exr), or a volume
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Also print the value of this voxel of the volume, counted from 0 (repeatable).
+    /// Also print the value of this voxel of the volume, a scene's too, counted from 0 (repeatable).
     #[arg(long, value_name = "x,y,z", value_parser = voxel)]
     voxel: Vec<[usize; 3]>,
 }
@@ -69,11 +70,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             of_volume(&volume, &args.voxel)
         }
         (None, Some(_)) => of_volume(&args.scene.load(progress)?.volume, &args.voxel),
-        (path, _) => {
-            let path = path.as_ref().map_or("the default scene".into(), |path| path.display().to_string());
-            args.refuse(&["--voxel"], &format!("{path} is a scene; it is for volumes"))?;
+        _ => {
             let scene = args.scene.load(progress)?;
-            of_scene(&scene, &plan(&scene, progress)?)
+            of_scene(&scene, &plan(&scene, progress)?, &args.voxel)
         }
     }
 }
@@ -147,6 +146,30 @@ pub(crate) fn device_json(device: &DeviceInfo) -> Value {
     })
 }
 
+/// A voxel that was asked for.
+#[derive(Serialize)]
+struct Sampled {
+    index: [usize; 3],
+    value: f64,
+}
+
+impl Sampled {
+    fn text(&self) -> String {
+        let [x, y, z] = self.index;
+        format!("{x},{y},{z} is {}", readable(self.value))
+    }
+}
+
+fn sampled(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Vec<Sampled>, CliError> {
+    let sample = |&index: &[usize; 3]| {
+        let value = volume.value(index).ok_or_else(|| {
+            CliError::Usage(format!("--voxel {index:?} is outside the volume's {:?} voxels", volume.geometry.dims))
+        })?;
+        Ok(Sampled { index, value })
+    };
+    voxels.iter().map(sample).collect()
+}
+
 fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
     let statistics = volume.statistics()?;
     super::render::warn_of_odd_values(&statistics);
@@ -154,13 +177,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         tracing::warn!("{note}");
     }
     let geometry = &volume.geometry;
-    let mut sampled = Vec::new();
-    for &index in voxels {
-        let value = volume.value(index).ok_or_else(|| {
-            CliError::Usage(format!("--voxel {index:?} is outside the volume's {:?} voxels", geometry.dims))
-        })?;
-        sampled.push((index, value));
-    }
+    let sampled = sampled(volume, voxels)?;
     let direction = geometry.direction;
     let mut text = format!("{}\n", volume.source);
     let mut line = |name: &str, value: &str| {
@@ -184,8 +201,8 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             bars(&statistics.histogram)
         ),
     );
-    for (index, value) in &sampled {
-        line("voxel", &format!("{},{},{} is {}", index[0], index[1], index[2], readable(*value)));
+    for voxel in &sampled {
+        line("voxel", &voxel.text());
     }
     for (key, value) in &volume.metadata {
         line("header", &format!("{key} = {value}"));
@@ -207,7 +224,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "max": statistics.max,
             "mean": statistics.mean,
             "histogram": statistics.histogram.to_vec(),
-            "voxels": sampled.iter().map(|(index, value)| json!({"index": index, "value": value})).collect::<Vec<_>>(),
+            "voxels": sampled,
             "not_a_number": statistics.not_a_number,
             "infinite": statistics.infinite,
             "metadata": metadata,
@@ -261,8 +278,10 @@ fn of_accumulators(path: &Path, file: &Accumulators) -> Report {
     Report { text, json }
 }
 
-fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
-    let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
+fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
+    let statistics = scene.volume.statistics()?;
+    let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
+    let sampled = sampled(&scene.volume, voxels)?;
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
     let mut text = format!("{}\n", scene.source);
     let mut line = |name: &str, value: &str| {
@@ -278,6 +297,10 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
             volume.voxels.type_name()
         ),
     );
+    line("values", &format!("{} to {}", readable(statistics.min), readable(statistics.max)));
+    for voxel in &sampled {
+        line("voxel", &voxel.text());
+    }
     if let Some(labels) = &scene.labels {
         let declared: Vec<String> =
             labels.declared.iter().map(|entry| format!("{} {}", entry.label, entry.name)).collect();
@@ -314,6 +337,9 @@ fn of_scene(scene: &Scene, planned: &Planned) -> Result<Report, CliError> {
             "dims": geometry.dims,
             "type": volume.voxels.type_name(),
             "spacing": geometry.spacing.to_array(),
+            "min": statistics.min,
+            "max": statistics.max,
+            "voxels": sampled,
         },
         "labels": scene.labels.as_ref().map(|labels| json!({
             "source": labels.volume.source,

@@ -4,6 +4,7 @@ mod accuracy;
 mod bench;
 mod bench_load;
 mod bench_model;
+mod bench_palette;
 mod design;
 mod dial;
 mod extremes;
@@ -78,7 +79,7 @@ enum Command {
     Info(info::Args),
     /// Measure what each setting of a scene costs here, and how far from the truth it is and why.
     Measure(measure::Args),
-    /// Measure marching, relighting, reading and colour models, as a table or as JSON.
+    /// Measure marching, relighting, reading, colour models and palettes, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -121,7 +122,7 @@ pub(crate) enum CliError {
     #[cfg(feature = "window")]
     #[error(transparent)]
     Script(#[from] relume::view::ScriptError),
-    #[error("cancelled; the pictures that were written are whole")]
+    #[error("interrupted; the pictures that were written are whole")]
     Cancelled,
     #[error("{0}")]
     Usage(String),
@@ -198,8 +199,14 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
         Err(error) => {
-            terminal::complain(&error);
-            ExitCode::from(exit_code(&error))
+            let code = exit_code(&error);
+            match error {
+                error @ CliError::Cancelled => terminal::complain(&error),
+                // Which part of the work heard it first does not matter.
+                _ if code == INTERRUPTED => terminal::complain(&CliError::Failed(terminal::TOLD.to_owned())),
+                error => terminal::complain(&error),
+            }
+            ExitCode::from(code)
         }
     }
 }

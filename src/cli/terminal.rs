@@ -25,6 +25,9 @@ use tracing_subscriber::registry::LookupSpan;
 /// The exit code of what Ctrl-C ended: 128 and the number of the signal, as shells have it.
 pub(super) const INTERRUPTED: u8 = 130;
 
+/// What is said of it.
+pub(super) const TOLD: &str = "interrupted";
+
 /// How long work has to notice Ctrl-C, and to end in its own way; people notice six times that.
 #[cfg(unix)]
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -96,7 +99,7 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
             wake_all();
             std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
             relume::output::discard_unfinished();
-            complain(&super::CliError::Failed("interrupted".to_owned()));
+            complain(&super::CliError::Failed(TOLD.to_owned()));
             // Without the ends of other threads, which are still at work.
             signal_hook::low_level::exit(INTERRUPTED.into());
         }

@@ -8,11 +8,11 @@ use glam::DVec3;
 
 use super::program::Program;
 use super::step::{Seen, Spectra, alike, connected, equal_energy, form, light, reflectance};
-use super::{Cell, LAMP, Palette, PaletteError, Place, Target};
+use super::{Cell, LAMP, Member, Palette, PaletteError, Place, Target};
 use crate::number::readable;
 use crate::progress::Progress;
-use crate::spectrum::BANDS;
 use crate::spectrum::colour::{OBSERVER, Xyz};
+use crate::spectrum::{BANDS, Spectrum};
 
 /// Below this ΔE00, a bound is what the solver's accuracy leaves.
 const REACHABLE: f64 = 0.02;
@@ -32,7 +32,8 @@ pub struct Conflict {
     pub reached: f64,
     /// Why, in a sentence.
     pub reason: String,
-    /// What would make the cells possible, each by itself; checked by the same convex problem.
+    /// What may make the cells possible, each by itself, with the part's other conflicts left aside: the same convex
+    /// problem does not exclude it.
     pub ways_out: Vec<String>,
 }
 
@@ -48,9 +49,8 @@ pub(super) fn conflicts(
     let total = u64::try_from(parts.len()).unwrap_or(u64::MAX);
     for (part, done) in parts.iter().zip(0..) {
         progress.report(STAGE, done, total);
-        let least = relaxed.least(palette, part)?;
-        if least > REACHABLE {
-            conflicts.push(relaxed.conflict(palette, part, least)?);
+        if !relaxed.is_possible(palette, part)? {
+            conflicts.extend(relaxed.conflicts(palette, part)?);
         }
     }
     Ok(conflicts)
@@ -80,7 +80,7 @@ fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
     parts
 }
 
-fn is_open(members: &[super::Member], index: usize) -> bool {
+fn is_open(members: &[Member], index: usize) -> bool {
     members.get(index).is_some_and(|member| member.spectrum.is_none())
 }
 
@@ -129,7 +129,7 @@ impl Relaxed<'_> {
                     Seen::through(first, &reflectance.scaled(1.0 / equal_energy()))
                 }
                 (None, reflectance, None, Some(light)) => {
-                    let even = crate::spectrum::Spectrum::constant(1.0 / equal_energy());
+                    let even = Spectrum::constant(1.0 / equal_energy());
                     Seen::through(product(&mut program, row.bounds, reflectance, column.bounds, light), &even)
                 }
                 _ => continue,
@@ -160,17 +160,59 @@ impl Relaxed<'_> {
         Ok(self.least(palette, cells)? <= REACHABLE)
     }
 
-    fn conflict(&self, palette: &Palette, part: &[Cell], least: f64) -> Result<Conflict, PaletteError> {
-        let core = self.core(palette, part)?;
+    /// A conflict for each set of cells of the part that exclude one another.
+    fn conflicts(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Conflict>, PaletteError> {
+        let cores = self.cores(palette, part)?;
+        let least = self.least(palette, part)?;
+        let reached = self.reached(part);
         let places = |cells: &[Cell]| cells.iter().map(|cell| (cell.material, cell.light)).collect();
-        Ok(Conflict {
-            cells: places(&core),
-            part: places(part),
-            least,
-            reached: self.reached(part),
-            reason: reason(palette, &core),
-            ways_out: self.ways_out(palette, part, &core)?,
-        })
+        let told = |core: &Vec<Cell>| {
+            let elsewhere = |cell: &Cell| cores.iter().any(|other| other.contains(cell)) && !core.contains(cell);
+            let around: Vec<Cell> = part.iter().filter(|cell| !elsewhere(cell)).copied().collect();
+            Ok(Conflict {
+                cells: places(core),
+                part: places(part),
+                least,
+                reached,
+                reason: reason(palette, core),
+                ways_out: self.ways_out(palette, &around, core)?,
+            })
+        };
+        cores.iter().map(told).collect()
+    }
+
+    /// What excludes itself in the part: first for each material alone, with the cells that it is to look as, which is
+    /// the plainest to tell; then in what is left.
+    fn cores(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Vec<Cell>>, PaletteError> {
+        let mut cores: Vec<Vec<Cell>> = Vec::new();
+        for row in 0..palette.materials.len() {
+            let mut own: Vec<Cell> = part.iter().filter(|cell| cell.material == row).copied().collect();
+            while !own.is_empty() {
+                let is_model = |cell: &&Cell| {
+                    cell.material != row && own.iter().any(|one| Place::both(one).any(|place| place == Place::of(cell)))
+                };
+                let among: Vec<Cell> = own.iter().chain(part.iter().filter(is_model)).copied().collect();
+                if self.is_possible(palette, &among)? {
+                    break;
+                }
+                let core = self.core(palette, &among)?;
+                let before = own.len();
+                own.retain(|cell| !core.contains(cell));
+                if own.len() == before {
+                    // It is of the other material alone.
+                    break;
+                }
+                cores.push(core);
+            }
+        }
+        let mut rest = part.to_vec();
+        loop {
+            rest.retain(|cell| !cores.iter().any(|core| core.contains(cell)));
+            if rest.is_empty() || self.is_possible(palette, &rest)? {
+                return Ok(cores);
+            }
+            cores.push(self.core(palette, &rest)?);
+        }
     }
 
     /// Cells of the part that exclude one another, none of which can be left out.
@@ -211,7 +253,7 @@ impl Relaxed<'_> {
         f64::sqrt(squares / weights)
     }
 
-    /// Changes of one thing after which the whole part is possible.
+    /// Changes of one thing after which `part` is not shown to be impossible any more.
     fn ways_out(&self, palette: &Palette, part: &[Cell], core: &[Cell]) -> Result<Vec<String>, PaletteError> {
         let mut ways = Vec::new();
         for freed in core {
@@ -246,7 +288,6 @@ impl Relaxed<'_> {
             let mut changed = palette.clone();
             changed.lights[column].spectrum = None;
             changed.lights[column].bounds = LAMP;
-            // Nothing is shown to be impossible then; that it is possible, only solving it can show.
             if self.is_possible(&changed, part)? {
                 ways.push(format!("leave the light {} open", palette.lights[column].name));
             }
@@ -300,7 +341,7 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
         let [low, high] = palette.materials[row].bounds;
         format!("from {} to {}", readable(low), readable(high))
     };
-    let open = |members: &[super::Member], index: Option<usize>| index.filter(|&index| is_open(members, index));
+    let open = |members: &[Member], index: Option<usize>| index.filter(|&index| is_open(members, index));
     let (open_row, open_column) = (open(&palette.materials, row), open(&palette.lights, column));
     let black = core.iter().find(|cell| {
         let power = palette.lights[cell.light].spectrum.as_ref();
@@ -326,10 +367,34 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
             if open_column.is_some() { " under any light within its bounds" } else { " there" }
         ),
         (_, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
-        (_, None, Some(column), _) => format!(
-            "{listed}: no one light with a peak of at most {} times its mean gives all these colours",
-            readable(palette.lights[column].bounds[1])
-        ),
+        (_, None, Some(column), _) => {
+            let rounded = |number: f64| readable((number * 1e3).round() / 1e3);
+            // What a light of luminance 1 makes of a given reflectance is as bright as some sample of it.
+            let beyond = core.iter().find_map(|cell| {
+                let samples = palette.materials.get(cell.material)?.spectrum.as_ref()?.samples();
+                let [low, high] = [
+                    samples.iter().copied().fold(f64::INFINITY, f64::min),
+                    samples.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+                ];
+                let asked = cell.target.xyz()?.0[1];
+                let name = &palette.materials[cell.material].name;
+                (palette.lights[column].bounds[0] >= 0.0 && !(low..=high).contains(&asked)).then(|| {
+                    format!(
+                        "a light has luminance 1, so that {name} looks as bright as Y = {} to {} under it, not Y = {}",
+                        rounded(low),
+                        rounded(high),
+                        rounded(asked)
+                    )
+                })
+            });
+            let shape = || {
+                format!(
+                    "no one light of luminance 1 with a peak of at most {} times its mean gives all these colours",
+                    readable(palette.lights[column].bounds[1])
+                )
+            };
+            format!("{listed}: {}", beyond.unwrap_or_else(shape))
+        }
         _ => format!("{listed}: no spectra within their bounds have all these colours"),
     }
 }

@@ -49,13 +49,13 @@ impl Solution {
 
     fn draw_matrix(&self, drawing: &mut Drawing) {
         let top = drawing.height + 30.0;
-        for (column, light) in self.palette.lights.iter().enumerate() {
+        for (column, light) in shortened(self.palette.lights.iter().map(titled), 18).iter().enumerate() {
             let x = count(column).mul_add(CELL[0], LABELS);
-            drawing.text([x, top - 6.0], 12.0, &shortened(&titled(light), 18));
+            drawing.text([x, top - 6.0], 12.0, light);
         }
-        for (row, material) in self.palette.materials.iter().enumerate() {
+        for (row, material) in shortened(self.palette.materials.iter().map(titled), 18).iter().enumerate() {
             let y = count(row).mul_add(CELL[1], top);
-            drawing.text([MARGIN, y + 24.0], 12.0, &shortened(&titled(material), 18));
+            drawing.text([MARGIN, y + 24.0], 12.0, material);
         }
         for cell in &self.cells {
             let [x, y] = [count(cell.light).mul_add(CELL[0], LABELS), count(cell.material).mul_add(CELL[1], top)];
@@ -129,6 +129,7 @@ impl Solution {
         }
         drawing.height = y;
         let mut light = None;
+        let short = shortened(self.palette.materials.iter().map(|material| material.name.clone()), 14);
         for contrast in contrasts.iter().take(MOST_LINES) {
             if light != Some(contrast.light) {
                 light = Some(contrast.light);
@@ -141,7 +142,7 @@ impl Solution {
             }
             drawing.height += LINE;
             let y = drawing.height;
-            let names = contrast.materials.map(|material| shortened(&self.palette.materials[material].name, 14));
+            let names = contrast.materials.map(|material| &*short[material]);
             drawing.text([MARGIN + 12.0, y], 11.0, &names.join(" – "));
             let colours = contrast
                 .materials
@@ -169,15 +170,25 @@ impl Solution {
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
         let mut lines = Vec::new();
-        for conflict in &self.conflicts {
-            lines.push(format!(
-                "Cannot be had exactly: {}. Over what hangs together with it, the root mean square ΔE00 is at least {:.2} (by the metric at the targets); it is {:.2}.",
-                conflict.reason, conflict.least, conflict.reached
-            ));
+        for (index, conflict) in self.conflicts.iter().enumerate() {
+            lines.push(format!("Cannot be had exactly: {}.", conflict.reason));
             lines.push(match conflict.ways_out.as_slice() {
-                [] => "No single change is known to make it possible.".to_owned(),
-                ways => format!("Ways out: {}.", ways.join("; or ")),
+                [] => "No single change is known that may make it possible.".to_owned(),
+                ways => format!("What may make it possible: {}.", ways.join("; or ")),
             });
+            // All conflicts of a part have its bound.
+            if self.conflicts.get(index + 1).is_none_or(|next| next.part != conflict.part) {
+                let has_open_light = conflict
+                    .part
+                    .iter()
+                    .any(|&(_, light)| self.palette.lights.get(light).is_some_and(|light| light.spectrum.is_none()));
+                lines.push(format!(
+                    "Over what hangs together with it, the root mean square ΔE00 (by the metric at the targets) is at least {:.2}{}; it is {:.2}.",
+                    conflict.least,
+                    if has_open_light { ", and with an open light how near one can come is not known" } else { "" },
+                    conflict.reached
+                ));
+            }
         }
         let name = |(material, light): (usize, usize)| match (
             self.palette.materials.get(material),
@@ -202,12 +213,22 @@ fn titled(member: &Member) -> String {
     if member.spectrum.is_some() { format!("{} (given)", member.name) } else { member.name.clone() }
 }
 
-/// At most `most` characters.
-fn shortened(text: &str, most: usize) -> String {
-    match text.char_indices().nth(most) {
-        Some((end, _)) => format!("{}…", &text[..end]),
-        None => text.to_owned(),
-    }
+/// Each name in about `most` characters: from its beginning on, or from where it parts from others that begin alike.
+fn shortened(names: impl Iterator<Item = String>, most: usize) -> Vec<String> {
+    let names: Vec<Vec<char>> = names.map(|name| name.chars().collect()).collect();
+    let cut = |name: &[char]| -> String {
+        let rest = if name.len() > most { "…" } else { "" };
+        name.iter().take(most).collect::<String>() + rest
+    };
+    let short = |name: &Vec<char>| {
+        let alike = |other: &&Vec<char>| *other != name && cut(other) == cut(name);
+        let common = |other: &Vec<char>| name.iter().zip(other).take_while(|(one, two)| one == two).count();
+        match names.iter().filter(alike).map(common).min() {
+            Some(common) => format!("…{}", cut(&name[common..])),
+            None => cut(name),
+        }
+    };
+    names.iter().map(short).collect()
 }
 
 /// Lines of about `most` characters, broken at blanks.
@@ -315,7 +336,8 @@ impl Drawing {
             self.text([x - 28.0, height + 4.0], 10.0, &format!("{tick:.1}"));
         }
         let mut bottom = y + PANEL[1] + 20.0;
-        for (index, ((member, spectrum), facts)) in members.iter().zip(spectra).zip(facts).enumerate() {
+        let names = shortened(members.iter().map(titled), 24);
+        for (index, ((name, spectrum), facts)) in names.iter().zip(spectra).zip(facts).enumerate() {
             let colour = CURVES[index % CURVES.len()];
             let dashes = DASHES[(index / CURVES.len()) % DASHES.len()];
             let points = (0..BANDS).map(|band| at(wavelength_nm(band), spectrum.samples()[band]));
@@ -337,8 +359,7 @@ impl Drawing {
             } else {
                 String::new()
             };
-            let range =
-                format!("{}: {:.2} to {:.2}{negative}", shortened(&titled(member), 24), facts.lowest, facts.highest);
+            let range = format!("{name}: {:.2} to {:.2}{negative}", facts.lowest, facts.highest);
             self.text([x + 32.0, bottom], 11.0, &range);
         }
         self.reach(x + PANEL[0]);

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target};
+use super::{
+    Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, Solution, Target, WEIGHTS, range,
+};
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
 use crate::number::readable;
@@ -64,7 +66,8 @@ struct ColumnFile {
 )]
 enum CellFile {
     Text(String),
-    Table(CellTable),
+    /// Looked into later, so that what is wrong with it is told, not only that it is no text.
+    Table(toml::Table),
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -97,7 +100,13 @@ impl Misplaced {
     }
 }
 
-/// Reads the palette file `path`.
+/// A scene, as far as a palette is concerned.
+#[derive(Deserialize)]
+struct SceneFile {
+    palette: Option<At<PaletteFile>>,
+}
+
+/// Reads the palette file `path`, or the `[palette]` of the scene `path`.
 ///
 /// # Errors
 ///
@@ -121,15 +130,31 @@ pub fn load(path: &Path) -> Result<Palette, PaletteError> {
     parse(&name, &text, path.parent().unwrap_or(Path::new("")))
 }
 
-/// The palette that `text` describes; `name` heads messages, relative paths start at `base`.
+/// The palette that `text` describes, a palette file or a scene; `name` heads messages, relative paths start at `base`.
 ///
 /// # Errors
 ///
 /// As [`load`].
 pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteError> {
     let invalid = |byte, message| PaletteError::Invalid { at: place(name, text, byte), message };
-    let file: PaletteFile = toml::from_str(text)
-        .map_err(|error| invalid(error.span().map_or(0, |span| span.start), with_suggestion(error.message())))?;
+    let misread =
+        |error: toml::de::Error| invalid(error.span().map_or(0, |span| span.start), with_suggestion(error.message()));
+    let misplaced = |Misplaced { byte, message, cause }| match cause {
+        None => invalid(byte, message),
+        Some(source) => PaletteError::Spectrum { at: place(name, text, byte), what: message, source },
+    };
+    let scene: SceneFile = toml::from_str(text).map_err(misread)?;
+    if let Some(table) = scene.palette.map(At::into_inner) {
+        let Some(other) = &table.r#use else { return table.resolve(name, base).map_err(misplaced) };
+        if table.says_more_than_use() {
+            return Err(invalid(other.span().start, "a [palette] has `use`, or says all by itself".to_owned()));
+        }
+        let path = base.join(other.get_ref());
+        let mut palette = load(&path)?;
+        palette.inputs.push(path);
+        return Ok(palette);
+    }
+    let file: PaletteFile = toml::from_str(text).map_err(misread)?;
     match file.version.as_ref().map(|version| (version, *version.get_ref())) {
         Some((_, 1)) => {}
         Some((at, version)) => {
@@ -140,10 +165,7 @@ pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteErro
     if let Some(other) = &file.r#use {
         return Err(invalid(other.span().start, "`use` stands in the [palette] of a scene".to_owned()));
     }
-    file.resolve(name, base).map_err(|Misplaced { byte, message, cause }| match cause {
-        None => invalid(byte, message),
-        Some(source) => PaletteError::Spectrum { at: place(name, text, byte), what: message, source },
-    })
+    file.resolve(name, base).map_err(misplaced)
 }
 
 impl PaletteFile {
@@ -199,10 +221,10 @@ impl PaletteFile {
                     format!("model.k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}"),
                 ));
             }
-            if !(weight.is_finite() && weight > 0.0) {
+            if !WEIGHTS.contains(&weight) {
                 return Err(Misplaced::new(
                     at,
-                    format!("model.weight = {}; it is a finite number above 0", readable(weight)),
+                    format!("model.weight = {}; it is {}", readable(weight), range(&WEIGHTS)),
                 ));
             }
             Ok(ModelTerm { dimension: *k, weight })
@@ -272,13 +294,11 @@ fn target(
     materials: &[Member],
     lights: &[Member],
 ) -> Result<Option<(Target, f64)>, String> {
-    let plain;
     let table = match file {
-        CellFile::Text(text) => {
-            plain = CellTable { target: Some(text.clone()), ..CellTable::default() };
-            &plain
+        CellFile::Text(text) => CellTable { target: Some(text.clone()), ..CellTable::default() },
+        CellFile::Table(table) => {
+            table.clone().try_into().map_err(|error: toml::de::Error| with_suggestion(error.message()))?
         }
-        CellFile::Table(table) => table,
     };
     let finite = |numbers: [f64; 3]| match numbers.iter().all(|number| number.is_finite()) {
         true => Ok(numbers),
@@ -316,11 +336,8 @@ fn target(
         _ => return Err("it says one of `target`, `xyz` and `lab`".to_owned()),
     };
     let weight = table.weight.unwrap_or(1.0);
-    if !(weight.is_finite() && weight > 0.0) {
-        return Err(format!(
-            "weight = {}; it is a finite number above 0 (\"free\" asks for nothing)",
-            readable(weight)
-        ));
+    if !WEIGHTS.contains(&weight) {
+        return Err(format!("weight = {}; it is {} (\"free\" asks for nothing)", readable(weight), range(&WEIGHTS)));
     }
     Ok(Some((target, weight)))
 }

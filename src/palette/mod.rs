@@ -14,6 +14,7 @@ mod solve;
 mod start;
 mod step;
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 pub use bound::Conflict;
@@ -35,7 +36,13 @@ pub const NATURAL: [f64; 2] = [0.0, 1.0];
 /// What an open light may be where nothing else is said, in multiples of its mean.
 pub const LAMP: [f64; 2] = [0.0, 10.0];
 /// How much the bends of an open spectrum count where nothing else is said.
-pub const SMOOTHNESS: f64 = 1e-3;
+pub const SMOOTHNESS: f64 = 1e-4;
+/// What bounds may be, of a light in multiples of its mean; a spectrum of 81 samples peaks at 81 times its mean.
+const BOUNDS: RangeInclusive<f64> = -1e3..=1e3;
+/// What a smoothness may be.
+const SMOOTHNESSES: RangeInclusive<f64> = 1e-12..=1e6;
+/// What the weight of a cell or of a model may be; squares of what lies farther apart drown one another.
+const WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
 
 /// Colours that materials are to have under lights, and what is known of the spectra.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,21 +79,26 @@ impl Member {
     /// What is wrong with the bounds, where something is.
     fn bounds_problem(&self, kind: Kind) -> Option<String> {
         let [low, high] = self.bounds;
-        let finite = low.is_finite() && high.is_finite() && low < high;
+        let in_order = BOUNDS.contains(&low) && BOUNDS.contains(&high) && low < high;
         let allowed = match kind {
-            Kind::Light if finite && low < 1.0 && high > 1.0 => return None,
-            Kind::Light => "in multiples of its mean, one below 1 and one above 1",
-            _ if finite => return None,
-            _ => "two finite numbers, the lower one first",
+            Kind::Light if in_order && low < 1.0 && high > 1.0 => return None,
+            Kind::Light => "in multiples of its mean, one from -1000 to below 1 and one from above 1 to 1000",
+            _ if in_order => return None,
+            _ => "two numbers from -1000 to 1000, the lower one first",
         };
         Some(format!("{} to {}; they are {allowed}", readable(low), readable(high)))
     }
 
     /// What is wrong with the smoothness, where something is.
     fn smoothness_problem(&self) -> Option<String> {
-        let is_right = self.smoothness.is_finite() && self.smoothness > 0.0;
-        (!is_right).then(|| format!("{}; it is a finite number above 0", readable(self.smoothness)))
+        (!SMOOTHNESSES.contains(&self.smoothness))
+            .then(|| format!("{}; it is {}", readable(self.smoothness), range(&SMOOTHNESSES)))
     }
+}
+
+/// "a number from 1e-6 to 1000000"
+fn range(allowed: &RangeInclusive<f64>) -> String {
+    format!("a number from {} to {}", readable(*allowed.start()), readable(*allowed.end()))
 }
 
 /// What one material is to look like under one light.
@@ -232,10 +244,11 @@ impl Palette {
             if other == at && matches!(cell.target, Target::Like { .. }) {
                 return wrong(format!("the cell {name} is to look as itself; leave it out to let it be free"));
             }
-            if !(cell.weight.is_finite() && cell.weight > 0.0) {
+            if !WEIGHTS.contains(&cell.weight) {
                 return wrong(format!(
-                    "the weight of the cell {name} is {}; it is a finite number above 0",
-                    cell.weight
+                    "the weight of the cell {name} is {}; it is {}",
+                    readable(cell.weight),
+                    range(&WEIGHTS)
                 ));
             }
             // Far beyond any light; squares of what is larger lose what else is asked for.
@@ -247,9 +260,9 @@ impl Palette {
             }
         }
         if let Some(term) = &self.model
-            && !(term.weight.is_finite() && term.weight > 0.0)
+            && !WEIGHTS.contains(&term.weight)
         {
-            return wrong(format!("the model's weight is {}; it is a finite number above 0", term.weight));
+            return wrong(format!("the model's weight is {}; it is {}", readable(term.weight), range(&WEIGHTS)));
         }
         Ok(())
     }

@@ -134,7 +134,7 @@ impl Solution {
             dark_merges: dark_merges(palette, &spectra),
             conflicts: Vec::new(),
             materials: spectra.materials.into_iter().map(Reflectance::of_finite).collect(),
-            lights: spectra.lights.into_iter().map(Light::normalised).collect(),
+            lights: spectra.lights.into_iter().map(Light::of_normalised).collect(),
         }
     }
 

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 
 use super::solution::difference;
 use super::start::starts;
-use super::step::{Shown, Side, Spectra, form, groups, solved};
-use super::{ModelTerm, Palette, PaletteError, Place, Solution, bound};
+use super::step::{Shown, Side, Spectra, form, groups, of_unit_luminance, solved};
+use super::{Cell, Member, ModelTerm, Palette, PaletteError, Place, Solution, Target, bound};
 use crate::model::{self, ColourModel, Ingredients, ModelKind, Reconstruction};
 use crate::progress::Progress;
 use crate::spectrum::colour::Xyz;
@@ -16,19 +16,29 @@ use crate::spectrum::{Kind, Light, Spectrum, standard};
 
 /// How often rows and columns take turns, at most.
 const ALTERNATIONS: u64 = 60;
+/// How often they do before the starts are compared, and only the best go on.
+const TRIAL: u64 = 8;
+/// How many starts go on.
+const FINALISTS: usize = 2;
 /// A smaller share of the squares gained by an alternation is not worth another one.
 const LEAST_GAIN: f64 = 1e-4;
 /// Cells within this ΔE00 need no better spectra.
 const EXACT: f64 = 1e-3;
 /// Once every cell is within this ΔE00, later starts are not looked at.
 const GOOD: f64 = 0.02;
+/// How much farther than it came, an alternation's lights are moved the same way before the next one, at first.
+const STRIDE: f64 = 0.5;
+/// What each alternation that gained by it makes of that.
+const LENGTHENED: f64 = 1.6;
+/// How many alternations of a start may come to nothing better.
+const SETBACKS: u64 = 8;
 const STAGE: &str = "designing spectra";
 
 /// Finds the open spectra of a palette, and tells how near their colours come to what was asked.
 ///
 /// Rows and columns take turns: with the lights fixed, the reflectances are the solution of a convex quadratic program
 /// in ΔE00, and the other way round. Of several starts the one with the least largest ΔE00 is kept. Equal palettes have
-/// equal solutions, on any number of threads.
+/// equal solutions, on any number of threads and in whatever order their rows and columns stand.
 ///
 /// # Errors
 ///
@@ -37,35 +47,118 @@ const STAGE: &str = "designing spectra";
 /// [`PaletteError::Cancelled`]. What cannot be had is no error: [`Solution::conflicts`] tells of it.
 pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, PaletteError> {
     palette.check()?;
-    let model = palette.model.as_ref().map(|term| fitted(palette, term, progress)).transpose()?;
+    let order = ByName::new(palette);
+    let sorted = order.sorted(palette);
+    let model = sorted.model.as_ref().map(|term| fitted(&sorted, term, progress)).transpose()?;
     let search = Search {
-        palette,
-        model: palette.model.zip(model.as_ref().map(|model| (model, model.reconstruction()))),
-        materials: groups(palette, Side::Materials),
-        lights: groups(palette, Side::Lights),
+        palette: &sorted,
+        model: sorted.model.zip(model.as_ref().map(|model| (model, model.reconstruction()))),
+        materials: groups(&sorted, Side::Materials),
+        lights: groups(&sorted, Side::Lights),
         settled: AtomicUsize::new(usize::MAX),
         done: AtomicU64::new(0),
         progress,
     };
-    let starts = starts(palette);
-    let total = ALTERNATIONS * u64::try_from(starts.len()).unwrap_or(1);
-    let found: Result<Vec<_>, PaletteError> =
-        starts.into_par_iter().enumerate().map(|(index, start)| search.run(index, start, total)).collect();
-    let settled = search.settled.load(Ordering::Relaxed);
-    let mut best: Option<(f64, Spectra)> = None;
-    // What a later start came to depends on when it was told to stop.
-    for (worst, spectra) in found?.into_iter().take(settled.saturating_add(1)) {
-        if best.as_ref().is_none_or(|(least, _)| worst < *least) {
-            best = Some((worst, spectra));
+    let spectra = search.best()?;
+    let shown = search.shown(&spectra);
+    let shown = |place: Place| {
+        let place = order.place(place);
+        Some(shown.as_ref()?.colour(place, &spectra.materials[place.material]))
+    };
+    let mut solution = Solution::of(palette, order.as_written(&spectra), shown);
+    solution.conflicts = bound::conflicts(&sorted, &spectra, progress)?;
+    for conflict in &mut solution.conflicts {
+        for cells in [&mut conflict.cells, &mut conflict.part] {
+            *cells = cells.iter().map(|&(row, column)| (order.materials[row], order.lights[column])).collect();
+            cells.sort_unstable();
         }
     }
-    progress.report(STAGE, total, total);
-    let Some((_, spectra)) = best else { return Err(PaletteError::Cancelled) };
-    let shown = search.shown(&spectra);
-    let shown = |place: Place| Some(shown.as_ref()?.colour(place, &spectra.materials[place.material]));
-    let mut solution = Solution::of(palette, spectra.clone(), shown);
-    solution.conflicts = bound::conflicts(palette, &spectra, progress)?;
     Ok(solution)
+}
+
+/// Rows and columns by name, so that what is found does not depend on the order they are written in.
+struct ByName {
+    /// For each, its index as it is written.
+    materials: Vec<usize>,
+    lights: Vec<usize>,
+}
+
+impl ByName {
+    fn new(palette: &Palette) -> Self {
+        let order = |members: &[Member]| {
+            let mut order: Vec<usize> = (0..members.len()).collect();
+            order.sort_by(|&one, &two| members[one].name.cmp(&members[two].name));
+            order
+        };
+        Self { materials: order(&palette.materials), lights: order(&palette.lights) }
+    }
+
+    /// Where the row and the column of `place`, as written, stand by name.
+    fn place(&self, place: Place) -> Place {
+        let at = |order: &[usize], index| order.iter().position(|&other| other == index).unwrap_or(index);
+        Place { material: at(&self.materials, place.material), light: at(&self.lights, place.light) }
+    }
+
+    fn sorted(&self, palette: &Palette) -> Palette {
+        let members = |order: &[usize], members: &[Member]| order.iter().map(|&index| members[index].clone()).collect();
+        let cell = |cell: &Cell| {
+            let Place { material, light } = self.place(Place::of(cell));
+            let target = match cell.target {
+                Target::Like { material, light } => {
+                    let Place { material, light } = self.place(Place { material, light });
+                    Target::Like { material, light }
+                }
+                target => target,
+            };
+            Cell { material, light, target, weight: cell.weight }
+        };
+        let mut cells: Vec<Cell> = palette.cells.iter().map(cell).collect();
+        cells.sort_by_key(Place::of);
+        Palette {
+            materials: members(&self.materials, &palette.materials),
+            lights: members(&self.lights, &palette.lights),
+            cells,
+            ..palette.clone()
+        }
+    }
+
+    /// Spectra by name, in the order of the palette.
+    fn as_written(&self, spectra: &Spectra) -> Spectra {
+        let members = |order: &[usize], spectra: &[Spectrum]| {
+            let mut written = spectra.to_vec();
+            for (spectrum, &index) in spectra.iter().zip(order) {
+                written[index] = spectrum.clone();
+            }
+            written
+        };
+        Spectra {
+            materials: members(&self.materials, &spectra.materials),
+            lights: members(&self.lights, &spectra.lights),
+        }
+    }
+}
+
+/// Spectra, and how far their colours are from what is asked.
+#[derive(Clone)]
+struct Found {
+    spectra: Spectra,
+    /// What the programs make small.
+    squares: f64,
+    /// The largest ΔE00.
+    worst: f64,
+}
+
+/// What has become of a start.
+struct Run {
+    /// Of all starts, from 0.
+    index: usize,
+    best: Found,
+    /// What the next alternation begins with: the best, or farther the way it came.
+    next: Spectra,
+    stride: f64,
+    /// How many alternations have come to nothing better by themselves.
+    setbacks: u64,
+    ended: bool,
 }
 
 /// What all starts share.
@@ -81,38 +174,103 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The largest ΔE00 that a start leads to, and the spectra.
-    fn run(&self, index: usize, start: Spectra, total: u64) -> Result<(f64, Spectra), PaletteError> {
-        let mut spectra = start;
-        let mut shown = self.shown(&spectra);
-        let (mut last, mut worst) = (f64::INFINITY, f64::INFINITY);
-        for _ in 0..ALTERNATIONS {
+    /// The spectra with the least largest ΔE00 that the starts lead to.
+    fn best(&self) -> Result<Spectra, PaletteError> {
+        let mut runs: Vec<Run> = starts(self.palette)
+            .into_iter()
+            .enumerate()
+            .map(|(index, start)| Run {
+                index,
+                best: Found { spectra: start.clone(), squares: f64::INFINITY, worst: f64::INFINITY },
+                next: start,
+                stride: 0.0,
+                setbacks: 0,
+                ended: false,
+            })
+            .collect();
+        let finalists = u64::try_from(runs.len().min(FINALISTS)).unwrap_or(1);
+        let trials = TRIAL * u64::try_from(runs.len()).unwrap_or(1);
+        let total = trials + (ALTERNATIONS - TRIAL) * finalists;
+        for alternations in [TRIAL, ALTERNATIONS - TRIAL] {
+            let going = runs.into_par_iter().map(|run| self.advanced(run, alternations, total));
+            runs = going.collect::<Result<_, _>>()?;
+            // What a later start came to depends on when it was told to stop.
+            let settled = self.settled.load(Ordering::Relaxed);
+            runs.retain(|run| run.index <= settled);
+            if runs.iter().any(|run| run.best.worst <= GOOD) {
+                runs.retain(|run| run.best.worst <= GOOD);
+            }
+            runs.sort_by(|one, two| one.best.squares.total_cmp(&two.best.squares));
+            runs.truncate(FINALISTS);
+        }
+        self.progress.report(STAGE, total, total);
+        let best = runs.into_iter().min_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
+        best.map(|run| run.best.spectra).ok_or(PaletteError::Cancelled)
+    }
+
+    /// The run after some more alternations.
+    fn advanced(&self, mut run: Run, alternations: u64, total: u64) -> Result<Run, PaletteError> {
+        for _ in 0..alternations {
             if self.progress.cancelled() {
                 return Err(PaletteError::Cancelled);
             }
-            if self.settled.load(Ordering::Relaxed) < index {
+            if run.ended || self.settled.load(Ordering::Relaxed) < run.index {
                 break;
             }
-            if !self.materials.is_empty() {
-                spectra = solved(self.palette, Side::Materials, &self.materials, &spectra, shown.as_ref());
-            }
-            if !self.lights.is_empty() {
-                shown = self.shown(&spectra);
-                spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, shown.as_ref());
-            }
-            shown = self.shown(&spectra);
-            let squares;
-            (squares, worst) = self.differences(&spectra, shown.as_ref());
+            let found = self.alternated(&run.next);
             self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            if worst <= EXACT || last.is_finite() && (last - squares).abs() <= LEAST_GAIN * last {
-                break;
+            // Without open lights, or with a model that is fitted to each light anew, there is one way on, until it settles.
+            let settles = self.lights.is_empty() || self.model.is_some();
+            let is_first = run.best.squares.is_infinite();
+            let gain = run.best.squares - found.squares;
+            if settles || gain > 0.0 {
+                run.ended = found.worst <= EXACT || !is_first && gain.abs() <= LEAST_GAIN * run.best.squares;
+                run.stride = if is_first || settles { 0.0 } else { f64::max(STRIDE, LENGTHENED * run.stride) };
+                run.next = self.beyond(&run.best.spectra, &found.spectra, run.stride);
+                run.best = found;
+            } else if run.stride > 0.0 {
+                // It went too far.
+                run.stride = 0.0;
+                run.next = run.best.spectra.clone();
+            } else {
+                // Bends and relations count otherwise each time: what is worse may lead on.
+                run.next = found.spectra;
+                run.setbacks += 1;
+                run.ended = run.setbacks > SETBACKS;
             }
-            last = squares;
+            if run.best.worst <= GOOD {
+                self.settled.fetch_min(run.index, Ordering::Relaxed);
+            }
         }
-        if worst <= GOOD {
-            self.settled.fetch_min(index, Ordering::Relaxed);
+        Ok(run)
+    }
+
+    /// Reflectances for the lights of `from`, then lights for those reflectances.
+    fn alternated(&self, from: &Spectra) -> Found {
+        let mut spectra = from.clone();
+        if !self.materials.is_empty() {
+            let shown = self.shown(&spectra);
+            spectra = solved(self.palette, Side::Materials, &self.materials, &spectra, shown.as_ref());
         }
-        Ok((worst, spectra))
+        if !self.lights.is_empty() {
+            let shown = self.shown(&spectra);
+            spectra = solved(self.palette, Side::Lights, &self.lights, &spectra, shown.as_ref());
+        }
+        let (squares, worst) = self.differences(&spectra, self.shown(&spectra).as_ref());
+        Found { spectra, squares, worst }
+    }
+
+    /// `to`, its open lights moved on the way from `from` by `stride` times that way.
+    fn beyond(&self, from: &Spectra, to: &Spectra, stride: f64) -> Spectra {
+        let mut beyond = to.clone();
+        for &light in self.lights.iter().flatten() {
+            let way = &to.lights[light] + &from.lights[light].scaled(-1.0);
+            let moved = &to.lights[light] + &way.scaled(stride);
+            if let Some(moved) = of_unit_luminance(*moved.samples(), self.palette.lights[light].bounds[0]) {
+                beyond.lights[light] = moved;
+            }
+        }
+        beyond
     }
 
     /// What the programs make small, over all cells, and the largest ΔE00 times its weight.
@@ -140,7 +298,7 @@ impl Search<'_> {
     fn shown(&self, spectra: &Spectra) -> Option<Shown> {
         let (term, (model, reconstruction)) = self.model.as_ref()?;
         let of_light = |light: &Spectrum| {
-            let matrix = model.matrix(&Light::normalised(light.clone()));
+            let matrix = model.matrix(&Light::of_normalised(light.clone()));
             std::array::from_fn(|axis| {
                 let parts = matrix.xyz.iter().zip(model.projection());
                 parts.fold(Spectrum::constant(0.0), |sum, (column, row)| &sum + &row.scaled(column[axis]))

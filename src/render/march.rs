@@ -1,5 +1,6 @@
 //! The march on the device: in bands of rows and slices of rays, so that no dispatch is long.
 
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bytemuck::{Pod, Zeroable};
@@ -307,6 +308,7 @@ impl Renderer {
         let plan = &planned.plan;
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes())?;
+        self.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;

@@ -10,6 +10,7 @@ mod upload;
 
 use std::collections::HashMap;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed};
 pub use relight::{Relight, RelightUniform};
@@ -124,6 +125,7 @@ pub struct Renderer {
     device: Device,
     dispatching: Dispatching,
     pipelines: Mutex<HashMap<Key, Made>>,
+    marches: AtomicU64,
 }
 
 /// What tells pipelines apart.
@@ -146,7 +148,13 @@ impl Renderer {
     /// A renderer on `device`.
     #[must_use]
     pub fn new(device: Device) -> Self {
-        Self { device, dispatching: Dispatching::default(), pipelines: Mutex::default() }
+        Self { device, dispatching: Dispatching::default(), pipelines: Mutex::default(), marches: AtomicU64::default() }
+    }
+
+    /// How many marches it has begun.
+    #[must_use]
+    pub fn marches(&self) -> u64 {
+        self.marches.load(Ordering::Relaxed)
     }
 
     /// The same renderer with its marches cut otherwise. A slice out of range takes the nearest end.

@@ -77,7 +77,10 @@ impl Dial {
     pub fn situation(&self, name: &str) -> Result<(Self, Situation), String> {
         let names: Vec<&str> = self.situations.iter().map(|situation| situation.name.as_str()).collect();
         let found = self.situations.iter().find(|situation| situation.name == name).cloned();
-        let unknown = || format!("{name}: there is no such situation; there are: {}", names.join(", "));
+        let unknown = || match names.as_slice() {
+            [] => format!("{name}: the dial has no situations; [[dial.situations]] of the scene declares them"),
+            names => format!("{name}: there is no such situation; there are: {}", names.join(", ")),
+        };
         let situation = found.ok_or_else(unknown)?;
         let mut dial = self.clone();
         for node in &mut dial.nodes {

@@ -58,6 +58,11 @@ impl Light {
         Ok(Self::normalised(spectrum))
     }
 
+    /// The light of finite samples that are normalised already, as far as they can be.
+    pub(crate) const fn of_normalised(spectrum: Spectrum) -> Self {
+        Self(spectrum)
+    }
+
     /// What [`Self::new`] does to finite samples.
     pub(crate) fn normalised(spectrum: Spectrum) -> Self {
         if (OBSERVER[1].dot(&spectrum) - 1.0).abs() <= NORMALISED {
