@@ -19,6 +19,9 @@ use crate::spectrum::Light;
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
 
+/// The share of the tolerance that numbers may miss which take the place of weights: what is exact is given up for little.
+const EXACTNESS: f64 = 0.5;
+
 /// What one frame computes. Discrete choices only, among them the exponent that all highlights share; other numbers travel
 /// beside it. Equal plans share a pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -367,7 +370,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         (AccumulateAs::Auto, Some(dimension)) if exact && dimension > narrower => None,
         (AccumulateAs::Auto, None) if exact && narrower == 0 => None,
         (AccumulateAs::Auto, None) if exact => {
-            match model::fit_narrow(&ingredients(), kind, tolerance, narrower, progress) {
+            match model::fit_narrow(&ingredients(), kind, EXACTNESS * tolerance, narrower, progress) {
                 Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
                 // What cannot be fitted has weights.
                 fitted => fitted.unwrap_or_default(),

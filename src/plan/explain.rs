@@ -99,8 +99,8 @@ impl Planned {
                 sentences.push(match scene.accuracy.dimension {
                     Some(k) => format!("That the numbers are {k} was asked for."),
                     None => format!(
-                        "Fewer numbers would miss some colours by more than the {} that is allowed.",
-                        readable(scene.accuracy.tolerance)
+                        "Fewer numbers would miss some colours by more than {} that is allowed.",
+                        self.allowed(scene)
                     ),
                 });
             }
@@ -192,9 +192,16 @@ impl Planned {
         sentences
     }
 
+    /// How far off the numbers of a colour model may be.
+    fn allowed(&self, scene: &Scene) -> String {
+        let Accuracy { accumulate, tolerance, .. } = scene.accuracy;
+        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
+        format!("{}the {}", if exact { "half of " } else { "" }, readable(tolerance))
+    }
+
     /// Why numbers of a colour model are kept where weights would be exact, or weights where fewer numbers were tried.
     fn explain_choice(&self, scene: &Scene) -> Option<String> {
-        let Accuracy { accumulate, dimension, tolerance, .. } = scene.accuracy;
+        let Accuracy { accumulate, dimension, .. } = scene.accuracy;
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
         match &self.model {
             Some(_) if exact => {
@@ -205,7 +212,8 @@ impl Planned {
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "Few enough wavelengths to be faster would change colours by more than the {tolerance} that is allowed, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side."
+                "Few enough wavelengths to be faster would change colours by more than {} that is allowed, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side.",
+                self.allowed(scene)
             )),
             _ => None,
         }
