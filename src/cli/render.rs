@@ -121,7 +121,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
-    let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
+    let mix = match args.lights.lights[..] {
+        [] => scene.opening_mix(),
+        _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
+    };
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
     // The reference computes all wavelengths, and needs no model but for accumulators.
