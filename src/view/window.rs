@@ -477,7 +477,7 @@ impl Viewer {
         match stepped {
             Ok(_) => {}
             Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => {
-                self.failed = Some(lost.into())
+                self.failed = Some(lost.into());
             }
             Err(error) => self.tell(&error),
         }
