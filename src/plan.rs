@@ -481,6 +481,15 @@ impl Planned {
         planned(scene, self.model.clone())
     }
 
+    /// The plan of `scene` where it asks for the same colour model as `before`, the scene that this is the plan of: the one
+    /// that [`plan`] would make, at once. `None` where a model has to be fitted.
+    #[must_use]
+    pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
+        let [then, now] = [before, scene].map(|scene| planned(scene, None));
+        let alike = then.plan == now.plan && then.ingredients(before) == now.ingredients(scene);
+        alike.then(|| self.seen_otherwise(scene)).filter(|planned| half::check(planned, scene).is_ok())
+    }
+
     /// The most, in ΔE00, that storing finished accumulators in 16 bits changes a colour of at most white's brightness
     /// under one of the scene's lights; `None` where they are stored as they were summed up. Infinite where a number may
     /// be too large for 16 bits.

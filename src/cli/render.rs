@@ -16,7 +16,7 @@ use relume::render::Renderer;
 use relume::scene::{Mix, Scene, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
-use relume::volume::Statistics;
+use relume::volume::{Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Bits, PictureKind, picture_kind};
@@ -128,7 +128,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
-    let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
+    let mix = match args.lights.lights[..] {
+        [] => scene.opening_mix(),
+        _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
+    };
     let choice = match args.goal.goal() {
         Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
         None => None,
@@ -276,10 +279,11 @@ pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
 }
 
 /// Says what storing gives up.
-fn warn_of_storage(storage: &Storage) {
-    // A sixteenth of an entry of the longest table; f32 keeps most data far better.
+fn warn_of_storage(storage: &Storage, whole: bool) {
+    // A sixteenth of an entry of the longest table; f32 keeps most data far better. Whole numbers are told apart, or not.
     let visible = (storage.domain[1] - storage.domain[0]) / f64::from(1 << 20);
-    if storage.loss > visible {
+    let limit = if whole { visible.min(0.25) } else { visible };
+    if storage.loss > limit {
         tracing::warn!(
             "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
             storage.format,
@@ -337,7 +341,8 @@ fn on_device(
     let opened = clock.read();
     let clock = Stopwatch::start();
     let uploaded = renderer.upload(scene, planned, statistics, progress)?;
-    warn_of_storage(&uploaded.storage);
+    let whole = !matches!(scene.volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
+    warn_of_storage(&uploaded.storage, whole);
     warn_of_undeclared(uploaded.labels.as_ref());
     let upload = clock.read();
     let clock = Stopwatch::start();

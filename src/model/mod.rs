@@ -38,7 +38,7 @@ use target::Target;
 pub const LARGEST_DIMENSION: usize = 16;
 
 /// What the light of a scene can meet on its way: what a model must carry.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ingredients {
     /// The materials in use. Negative samples are allowed: artificial ones have them.
     pub reflectances: Vec<Spectrum>,

@@ -5,6 +5,7 @@ mod define;
 mod dial;
 mod file;
 mod lights;
+mod mixing;
 mod transfer;
 
 use std::path::PathBuf;
@@ -16,8 +17,9 @@ pub use define::Definition;
 pub use dial::{Dial, DialNode, Situation};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
+pub use mixing::{LightState, Mixing, Slider};
 pub(crate) use transfer::depth_from_opacity;
-pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
+pub use transfer::{Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
 use crate::palette::PaletteError;
@@ -29,6 +31,10 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
+    /// The text that says all this: the scene file, with what was changed about its keys.
+    pub text: Arc<str>,
+    /// Where the relative paths in it start.
+    pub base: PathBuf,
     /// The files that were read for it, but for the scene file itself: of the volume, the labels, the palette and the spectra.
     pub inputs: Vec<PathBuf>,
     /// The grey values.
@@ -43,6 +49,8 @@ pub struct Scene {
     pub lights: Vec<SceneLight>,
     /// The lights on the light dial.
     pub dial: Dial,
+    /// How the lights are mixed as the scene opens.
+    pub light: LightState,
     /// Whether lights shade by direction at all.
     pub shading: Shading,
     /// A surface behind everything, lit by every light; `None` is black and costs nothing.
@@ -107,6 +115,15 @@ pub struct Material {
     pub exponent: u32,
     /// Adds light but occludes nothing (§5.2 of the paper).
     pub xray: bool,
+}
+
+impl Material {
+    /// `opacity`, or the nearest one that this material can have: what shines through everything never hides all.
+    #[must_use]
+    pub fn allowed_opacity(&self, opacity: f64) -> f64 {
+        let most = if self.xray { 0.999 } else { 1.0 };
+        if opacity.is_nan() { 0.0 } else { opacity.clamp(0.0, most) }
+    }
 }
 
 /// Labels of the voxels and what they mean.

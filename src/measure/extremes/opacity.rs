@@ -22,7 +22,8 @@ pub(super) fn extremes() -> Vec<Extreme> {
         for depth in [0.0, 1e-8, 1e4, 1e6] {
             // Of what shines and absorbs at once, both must be right.
             for (what, opacity) in [("alone", 0.0), ("beside what shines", 0.1)] {
-                let slab = Slab { opacity, accuracy: "k = 4".to_owned(), ..Slab::default() };
+                let coloured = if colour == "coloured" && depth > 0.0 { "k = 4" } else { "" };
+                let slab = Slab { opacity, accuracy: coloured.to_owned(), ..Slab::default() };
                 let slab = Slab { absorption: Some((shape, depth / slab.length())), ..slab };
                 let name = format!("optical depth {depth:e}, {colour}, {what}");
                 all.push(homogeneous(name, few, slab));

@@ -114,8 +114,9 @@ fn opposites() -> Extreme {
 
 /// A reflectance of −0.5 at all wavelengths: light is taken away, and nothing is clamped.
 fn darker_than_black(accumulate: &'static str) -> Extreme {
-    let slab =
-        Slab { reflectance: "-0.5", accuracy: format!("accumulate = \"{accumulate}\"\nk = 4"), ..Slab::default() };
+    let k = if accumulate == "spectral" { "k = 4" } else { "" };
+    let accuracy = format!("accumulate = \"{accumulate}\"\n{k}");
+    let slab = Slab { reflectance: "-0.5", accuracy, ..Slab::default() };
     let asked = slab.clone();
     let scene = move || Ok(vec![asked.picture()?]);
     let name = format!("a reflectance of -0.5, {accumulate}");

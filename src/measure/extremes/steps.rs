@@ -63,7 +63,7 @@ fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extrem
         opacity: -(-scattered * along).exp_m1(),
         absorption: (scattered < 1.0).then_some((GREEN, (1.0 - scattered) * along)),
         step: 1e-3,
-        accuracy: "k = 4".to_owned(),
+        accuracy: if scattered < 1.0 { "k = 4".to_owned() } else { String::new() },
         ..Slab::default()
     };
     let asked = slab.clone();

@@ -137,7 +137,12 @@ impl Logarithmic {
 
     /// Values to label: powers of ten, and 2 and 5 times those where there are few.
     pub(super) fn ticks(&self) -> Vec<f64> {
-        let factors: &[f64] = if self.high - self.low > 2.5 { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        // An axis is at least a factor of two long; the last row is closer together than that.
+        let factors: &[f64] = match self.high - self.low {
+            decades if decades > 2.5 => &[1.0],
+            decades if decades > 0.7 => &[1.0, 2.0, 5.0],
+            _ => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0],
+        };
         let mut ticks = Vec::new();
         let mut decade = self.low.floor();
         while decade <= self.high {
