@@ -87,6 +87,13 @@ struct Outcome {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     if args.extremes {
+        // clap's group of arguments does not count the one without a name.
+        if let Some(scene) = &args.scene.scene {
+            return Err(CliError::Usage(format!(
+                "the argument '--extremes' cannot be used with a scene, {}: it has its own",
+                scene.display()
+            )));
+        }
         return extremes::run(&args.device, args.csv, args.markdown, progress);
     }
     let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
