@@ -73,6 +73,7 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
             cells.sort_unstable();
         }
     }
+    solution.conflicts.sort_by(|one, two| (&one.part, &one.cells).cmp(&(&two.part, &two.cells)));
     Ok(solution)
 }
 
@@ -188,7 +189,8 @@ impl Search<'_> {
                 ended: false,
             })
             .collect();
-        let finalists = u64::try_from(runs.len().min(FINALISTS)).unwrap_or(1);
+        let finalists = if self.model.is_some() { runs.len() } else { runs.len().min(FINALISTS) };
+        let finalists = u64::try_from(finalists).unwrap_or(1);
         let trials = TRIAL * u64::try_from(runs.len()).unwrap_or(1);
         let total = trials + (ALTERNATIONS - TRIAL) * finalists;
         for alternations in [TRIAL, ALTERNATIONS - TRIAL] {
@@ -201,7 +203,8 @@ impl Search<'_> {
                 runs.retain(|run| run.best.worst <= GOOD);
             }
             runs.sort_by(|one, two| one.best.squares.total_cmp(&two.best.squares));
-            runs.truncate(FINALISTS);
+            // What a model shows says little about where a start will settle.
+            runs.truncate(if self.model.is_some() { runs.len() } else { FINALISTS });
         }
         self.progress.report(STAGE, total, total);
         let best = runs.into_iter().min_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
@@ -219,8 +222,8 @@ impl Search<'_> {
             }
             let found = self.alternated(&run.next);
             self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            // Without open lights, or with a model that is fitted to each light anew, there is one way on, until it settles.
-            let settles = self.lights.is_empty() || self.model.is_some();
+            // Without open lights there is one way on, until it settles.
+            let settles = self.lights.is_empty();
             let is_first = run.best.squares.is_infinite();
             let gain = run.best.squares - found.squares;
             if settles || gain > 0.0 {
