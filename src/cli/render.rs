@@ -255,9 +255,9 @@ pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
 
 /// Says what storing gives up.
 fn warn_of_storage(storage: &Storage) {
-    // A sixteenth of an entry of the longest table; f32 keeps most data far better.
+    // A sixteenth of an entry of the longest table shows in no picture; but one whole number must not become another.
     let visible = (storage.domain[1] - storage.domain[0]) / f64::from(1 << 20);
-    if storage.loss > visible {
+    if storage.loss > f64::min(visible, 0.4) {
         tracing::warn!(
             "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
             storage.format,
