@@ -14,6 +14,13 @@ pub(crate) fn whole(number: f64) -> usize {
     number as usize
 }
 
+/// The nearest whole number; NaN is 0.
+#[expect(clippy::cast_possible_truncation, reason = "casts of floats saturate")]
+#[must_use]
+pub(crate) fn nearest(number: f64) -> i32 {
+    number.round() as i32
+}
+
 /// A count as a shader has it; one that does not fit is the largest, which every limit refuses.
 #[must_use]
 pub(crate) fn unsigned(n: usize) -> u32 {

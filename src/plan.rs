@@ -8,15 +8,19 @@ use std::sync::Arc;
 
 use needs::{exponents, is_constant, longest_way, transmittance};
 
-use crate::model::{self, ColourModel, ModelError, ModelKind};
+use crate::model::{self, ColourModel, ModelError};
 use crate::progress::Progress;
 use crate::scene::{
-    AccumulateAs, Accuracy, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, positions,
+    AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
+    positions,
 };
 use crate::spectrum::Light;
 
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
+
+/// The share of the tolerance that numbers may miss which take the place of weights: what is exact is given up for little.
+const EXACTNESS: f64 = 0.5;
 
 /// What one frame computes. Discrete choices only, among them the exponent that all highlights share; other numbers travel
 /// beside it. Equal plans share a pipeline.
@@ -38,6 +42,10 @@ pub struct ScenePlan {
     pub lookup: Lookup,
     /// How values between voxels are made.
     pub interpolation: Interpolation,
+    /// How the volume is stored.
+    pub volume: VolumeAs,
+    /// Where gradients come from; [`Gradients::Packed`] where none are needed.
+    pub gradients: Gradients,
     /// Whether empty cells are leapt over.
     pub skipping: bool,
     /// How finished accumulators are stored.
@@ -256,6 +264,19 @@ impl ScenePlan {
         self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
+    /// Whether the gradient is stored beside the values.
+    #[must_use]
+    pub fn stores_gradient(&self) -> bool {
+        self.gradient() && self.gradients == Gradients::Packed
+    }
+
+    /// Whether the volume is stored as under `other`.
+    #[must_use]
+    pub fn is_stored_as(&self, other: &Self) -> bool {
+        let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients);
+        kept(self) == kept(other)
+    }
+
     /// How highlights are computed, if there are any.
     #[must_use]
     pub fn specular(&self) -> Option<Specular> {
@@ -349,7 +370,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         (AccumulateAs::Auto, Some(dimension)) if exact && dimension > narrower => None,
         (AccumulateAs::Auto, None) if exact && narrower == 0 => None,
         (AccumulateAs::Auto, None) if exact => {
-            match model::fit_narrow(&ingredients(), kind, tolerance, narrower, progress) {
+            match model::fit_narrow(&ingredients(), kind, EXACTNESS * tolerance, narrower, progress) {
                 Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
                 // What cannot be fitted has weights.
                 fitted => fitted.unwrap_or_default(),
@@ -364,7 +385,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
                 Ok(model)
             };
             let model = checked(dimension)?;
-            if dimension > 1 && kind != ModelKind::Rgb {
+            if dimension > 1 && !kind.is_rgb() {
                 warn_of_fewer(&model, &checked(dimension - 1)?);
             }
             Some(model)
@@ -432,18 +453,24 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
             }
         }
     };
-    let plan = ScenePlan {
+    let shading = directed.then_some(ShadingTerms { diffuse, specular });
+    let mut plan = ScenePlan {
         accumulate,
         transmittance: transmittance(scene),
         positions: counts,
-        shading: directed.then_some(ShadingTerms { diffuse, specular }),
+        shading,
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),
         background: scene.background.is_some(),
         lookup: scene.transfer.lookup,
         interpolation: scene.accuracy.interpolation,
+        volume: scene.accuracy.volume,
+        gradients: Gradients::Packed,
         skipping: scene.accuracy.skipping,
         storage: scene.accuracy.storage,
     };
+    if plan.gradient() {
+        plan.gradients = scene.accuracy.gradients;
+    }
     Planned { plan, materials, positions, model }
 }
 
@@ -452,6 +479,15 @@ impl Planned {
     #[must_use]
     pub fn seen_otherwise(&self, scene: &Scene) -> Self {
         planned(scene, self.model.clone())
+    }
+
+    /// The plan of `scene` where it asks for the same colour model as `before`, the scene that this is the plan of: the one
+    /// that [`plan`] would make, at once. `None` where a model has to be fitted.
+    #[must_use]
+    pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
+        let [then, now] = [before, scene].map(|scene| planned(scene, None));
+        let alike = then.plan == now.plan && then.ingredients(before) == now.ingredients(scene);
+        alike.then(|| self.seen_otherwise(scene)).filter(|planned| half::check(planned, scene).is_ok())
     }
 
     /// The most, in ΔE00, that storing finished accumulators in 16 bits changes a colour of at most white's brightness

@@ -211,7 +211,7 @@ fn what_is_no_scene_is_refused() {
         ("binary.toml", (0..=255).collect(), &["binary.toml: not UTF-8 text from byte 128 on", "--volume"]),
         ("empty.toml", Vec::new(), &["empty.toml:1:1: ", "`version`"]),
         ("novolume.toml", b"version = 1\n".to_vec(), &["novolume.toml names no volume", "--volume FILE"]),
-        ("large.toml", vec![b'#'; 20_000_000], &["at most 524288 bytes, this one has 20000000", "--volume"]),
+        ("large.toml", vec![b'#'; 20_000_000], &["at most 393216 bytes, this one has 20000000", "--volume"]),
     ] {
         folder = folder.with(name, bytes);
         folder.refused(1, &["render", name, "-o", "p.png"], words);

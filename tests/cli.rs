@@ -776,6 +776,7 @@ fn every_key_of_a_scene_is_documented() {
         "labels.1.",
         "lights.day.",
         "dial.",
+        "mix.",
         "camera.",
         "crop.",
         "accuracy.",

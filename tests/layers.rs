@@ -22,8 +22,25 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
-    ("measure", &["model", "number", "plan", "progress", "reference", "scene", "spectrum", "tables", "volume"]),
     ("output", &["input", "model", "spectrum", "progress"]),
+    (
+        "measure",
+        &[
+            "input",
+            "output",
+            "vulkan",
+            "render",
+            "reference",
+            "tables",
+            "plan",
+            "scene",
+            "model",
+            "spectrum",
+            "volume",
+            "progress",
+            "number",
+        ],
+    ),
     (
         "view",
         &[

@@ -7,6 +7,7 @@ mod support;
 use std::sync::LazyLock;
 
 use glam::DVec3;
+use relume::measure::extremes::metameric_black as black;
 use relume::measure::{
     AutomaticSummary, ModelRow, ModelSetting, automatic_dimension, halved_steps, model_row, relit_against_rendered,
 };
@@ -19,7 +20,6 @@ use relume::progress::{Progress, Quiet};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::metric::difference_matrix;
 use relume::spectrum::{BANDS, Kind, Light, Spectrum, standard};
-use support::scenes::black;
 
 const STEP: ModelKind = ModelKind::Sharpened(Order::Step);
 const SEMIGROUP: ModelKind = ModelKind::Sharpened(Order::Semigroup);
@@ -74,7 +74,7 @@ fn assert_finite(model: &ColourModel) {
     assert!(matrices.copied().all(f64::is_finite), "a matrix is not finite");
     assert!(model.worst().max.is_finite(), "{:?}", model.worst());
     assert!(model.reconstruction().rms.is_finite(), "a reconstruction is not finite");
-    assert!(!model.half_precision_error().is_nan(), "a bound is NaN");
+    assert!(!model.half_precision_error(1.0, 1.0).is_nan(), "a bound is NaN");
 }
 
 // The bars of COLOUR.md, C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with seeds of their own.
@@ -281,7 +281,7 @@ fn a_node_more_than_materials_is_exact_without_coloured_absorption() {
 #[test]
 fn white_is_ones() {
     for kind in ModelKind::ALL {
-        let dimension = if kind == ModelKind::Rgb { 3 } else { 7 };
+        let dimension = if kind.is_rgb() { 3 } else { 7 };
         let model = fit(&coloured(), kind, dimension, &Quiet).unwrap();
         let white = model.coefficients(&Spectrum::constant(1.0));
         assert!(white.iter().all(|part| (part - 1.0).abs() <= 1e-9), "{kind}: {white:?}");
@@ -348,7 +348,7 @@ fn a_model_of_stored_parts_fits_new_lights_to_the_same_bits() {
     #[expect(clippy::cast_possible_truncation, reason = "what a file of f32 does")]
     let stored = |spectrum: &Spectrum| Spectrum::from_samples(spectrum.samples().map(|s| f64::from(s as f32)));
     for kind in ModelKind::ALL {
-        let dimension = if kind == ModelKind::Rgb { 3 } else { 6 };
+        let dimension = if kind.is_rgb() { 3 } else { 6 };
         let model = fit(&coloured(), kind, dimension, &Quiet).unwrap();
         let vectors = (kind != ModelKind::Nodes).then(|| model.cloud_vectors().to_vec());
         let cloud = model.cloud().iter().map(stored).collect();
@@ -514,7 +514,7 @@ fn half(number: f64) -> f64 {
 fn the_bound_of_sixteen_bits_holds() {
     for ingredients in [grey(), coloured()] {
         let model = fit(&ingredients, ModelKind::Nodes, 8, &Quiet).unwrap();
-        let bound = model.half_precision_error();
+        let bound = model.half_precision_error(1.0, 1.0);
         let mut worst = 0.0_f64;
         for (.., matrix) in model.lights() {
             for vector in model.cloud_vectors() {
@@ -533,10 +533,10 @@ fn a_metameric_black_of_large_amplitude_does_not_fit_into_sixteen_bits() {
     let ingredients = Ingredients { reflectances: vec![black(270.0), patch("orange")], ..grey() };
     let model = fit(&ingredients, ModelKind::Nodes, 6, &Quiet).unwrap();
     assert_finite(&model);
-    assert!(model.half_precision_error() > 1.0, "{}", model.half_precision_error());
+    assert!(model.half_precision_error(1.0, 1.0) > 1.0, "{}", model.half_precision_error(1.0, 1.0));
     let huge = Ingredients { reflectances: vec![black(1e6)], ..grey() };
     let model = fit(&huge, ModelKind::Nodes, 6, &Quiet).unwrap();
-    assert!(model.half_precision_error().is_infinite(), "{}", model.half_precision_error());
+    assert!(model.half_precision_error(1.0, 1.0).is_infinite(), "{}", model.half_precision_error(1.0, 1.0));
 }
 
 #[test]
@@ -599,7 +599,7 @@ fn unusual_scenes_have_finite_models() {
     ];
     for (number, ingredients) in scenes.iter().enumerate() {
         for kind in ModelKind::ALL {
-            for dimension in if kind == ModelKind::Rgb { [3, 3] } else { [1, 16] } {
+            for dimension in if kind.is_rgb() { [3, 3] } else { [1, 16] } {
                 let model = fit(ingredients, kind, dimension, &Quiet);
                 let model = model.unwrap_or_else(|error| panic!("scene {number}, {kind}, k = {dimension}: {error}"));
                 assert_eq!(model.dimension(), dimension);

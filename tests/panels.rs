@@ -11,7 +11,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::progress::Quiet;
-use relume::scene::{self, Mix, SceneOptions};
+use relume::scene::{self, Interval, Mix, SceneOptions};
 use relume::view::camera::{Move, Side};
 use relume::view::ui::{self, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing};
@@ -176,6 +176,70 @@ fn keys_move_the_camera() {
     }
 }
 
+/// A document whose histogram is known, in a window that is tall enough for all panels.
+fn with_histogram() -> Harness<'static, App> {
+    let document = document();
+    let statistics = document.opened().volume.statistics().unwrap();
+    App::open(Vec2::new(1280.0, 2000.0), Some(document.with_statistics(statistics)))
+}
+
+fn intervals(window: &Harness<'_, App>) -> Vec<Interval> {
+    let document = window.state().document.as_ref().unwrap();
+    document.state().scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap()).collect()
+}
+
+#[test]
+fn the_top_and_the_ends_of_an_interval_are_dragged_and_a_drag_is_one_step_back() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    let drag = |window: &mut Harness<'_, App>, label: &str, by: Vec2| {
+        let from = window.get_by_label(label).rect().center();
+        let button = PointerButton::Primary;
+        let press = |pos, pressed| Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE };
+        let steps = [Event::PointerMoved(from), press(from, true)];
+        let half = Event::PointerMoved(from + by / 2.0);
+        for event in steps.into_iter().chain([half, Event::PointerMoved(from + by), press(from + by, false)]) {
+            window.event(event);
+            window.run();
+        }
+        window.state_mut().document.as_mut().unwrap().rest();
+    };
+    drag(&mut window, "interval 0: Top", Vec2::new(0.0, -20.0));
+    let raised = intervals(&window);
+    assert!(raised[0].opacity > 1.5 * before[0].opacity, "{raised:?}");
+    assert_eq!(raised[0], Interval { opacity: raised[0].opacity, ..before[0] });
+    drag(&mut window, "interval 0: To", Vec2::new(30.0, 0.0));
+    let wider = intervals(&window);
+    assert!(wider[0].range[1] > before[0].range[1] + 10.0, "{wider:?}");
+    drag(&mut window, "interval 0: Before", Vec2::new(-10.0, 0.0));
+    assert!(intervals(&window)[0].ramp > before[0].ramp, "{:?}", intervals(&window));
+    for undone in [wider, raised, before] {
+        window.get_by_label("Undo").click();
+        window.run();
+        assert_eq!(intervals(&window), undone);
+    }
+}
+
+#[test]
+fn intervals_are_added_removed_and_brought_back() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    window.get_by_label("Add interval").click();
+    window.run();
+    assert_eq!(intervals(&window).len(), 3);
+    window.get_by_label("remove interval 0").click();
+    window.run();
+    assert_eq!(intervals(&window)[0], before[1]);
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
+    let marching =
+        window.state().asked.iter().all(|action| matches!(action, Action::Edit(edit) if edit.cost() == Cost::March));
+    assert!(marching, "{:?}", window.state().asked);
+}
+
 #[test]
 fn an_empty_window_of_any_size_shows_what_to_do() {
     for size in [[1.0, 1.0], [300.0, 200.0], [1280.0, 720.0]] {
@@ -262,6 +326,9 @@ fn an_edit_costs_what_it_says() {
         Edit::Adapt(true),
         Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0),
         Edit::Camera(Move::Projection, 1.0),
+        Edit::Interval(0, Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
+        Edit::AddInterval(Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
+        Edit::RemoveTerm(0),
     ];
     for edit in edits {
         let mut document = document();

@@ -6,7 +6,7 @@ mod support;
 use glam::DVec3;
 use relume::plan::{Accumulate, PositionCounts, ScenePlan, ShadingTerms, Specular, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Interpolation, Lookup, Placement, Scene, Shading, StoreAs};
+use relume::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Placement, Scene, Shading, StoreAs, VolumeAs};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
@@ -22,6 +22,8 @@ fn least() -> ScenePlan {
         background: false,
         lookup: Lookup::Linear,
         interpolation: Interpolation::Linear,
+        volume: VolumeAs::Auto,
+        gradients: Gradients::Packed,
         skipping: true,
         storage: StoreAs::Single,
     }
@@ -134,8 +136,7 @@ fn highlights_of_one_exponent_and_of_several() {
         shading: Some(ShadingTerms { diffuse: true, specular }),
         ..least()
     };
-    // Four numbers of a colour model would do, and fill a vector less.
-    assert_eq!(changed("specular_three", |scene| scene.accuracy.accumulate = AccumulateAs::Weights), expected);
+    assert_eq!(changed("specular_three", |_| {}), expected);
     assert_eq!((expected.components(), expected.lanes(), expected.parts().lanes, expected.layers()), (5, 2, 1, 8));
 }
 
@@ -195,7 +196,7 @@ fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
     let planned = plan(&scene, &Quiet).unwrap();
     assert_eq!(planned.plan.accumulate, Accumulate::Weights { materials: 6 });
     let said = planned.explain(&scene).join(" ");
-    assert!(said.contains("by more than the 0.1 that is allowed"), "{said}");
+    assert!(said.contains("by more than half of the 0.1 that is allowed"), "{said}");
 }
 
 #[test]
@@ -228,6 +229,16 @@ fn knobs_are_planned_as_they_are_set() {
         }),
         ScenePlan { skipping: false, interpolation: Interpolation::Nearest, lookup: Lookup::Nearest, ..least() }
     );
+    let single = changed("unshaded_one", |scene| scene.accuracy.volume = VolumeAs::Single);
+    assert_eq!(single, ScenePlan { volume: VolumeAs::Single, ..least() });
+}
+
+#[test]
+fn gradients_are_taken_from_samples_only_where_there_are_any() {
+    let central = |scene: &mut Scene| scene.accuracy.gradients = Gradients::Central;
+    assert_eq!(changed("unshaded_one", central), least());
+    let shaded = ScenePlan { positions: directional(), shading: DIFFUSE, ..least() };
+    assert_eq!(changed("diffuse_one", central), ScenePlan { gradients: Gradients::Central, ..shaded });
 }
 
 #[test]
@@ -319,6 +330,8 @@ fn the_least_plan_and_the_fullest_show_the_same() {
         background: true,
         lookup: Lookup::Linear,
         interpolation: Interpolation::Linear,
+        volume: VolumeAs::Auto,
+        gradients: Gradients::Packed,
         skipping: false,
         storage: StoreAs::Single,
     };

@@ -192,7 +192,7 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
 
 /// An accumulator file of `sums`.
 fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
-    let Rungs { scene, planned, .. } = rungs;
+    let (scene, planned) = (&rungs.scene, &rungs.planned);
     let Components::Surfaces(spectra) = Components::new(scene, planned) else { panic!("planned by weights") };
     let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
     let component = |(i, spectrum): (usize, &Spectrum)| Component { name: name(i), spectrum: *spectrum.samples() };

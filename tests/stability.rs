@@ -6,10 +6,12 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
+use relume::measure::extremes::{Extreme, Group, Row, Rung};
 use relume::model::random::Random;
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::reference::{Samples, Step, composite, pass_by, relight};
+use relume::render::Renderer;
 use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
@@ -18,35 +20,83 @@ use relume::volume::{Geometry, Volume, Voxels};
 use support::bounds::{of_places, places};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
-use support::tolerance::{EQUAL_STEPS, OPACITY, ROUNDINGS_PER_STEP_OF_TWO, TERMINATION_DELTA_E, TERMINATION_XYZ};
+use support::tolerance::{EQUAL_STEPS, ROUNDINGS_PER_STEP_OF_TWO, TERMINATION_DELTA_E, TERMINATION_XYZ};
 
-/// A volume of `dims` voxels of one value, straight on along z, in parallel rays that cover its middle.
-fn straight_on(dims: [usize; 3], opacity: f64, step: f64) -> Rungs {
-    let [x, y] = [dims[0], dims[1]].map(|n| 0.5 * (float(n) - 1.0));
-    let text = format!(
-        r#"
-        shading = "none"
-        [materials.only]
-        reflectance = "orange"
-        [transfer]
-        opacity_length = 1
-        [[transfer.intervals]]
-        material = "only"
-        range = [100, 200]
-        opacity = {opacity}
-        [lights.day]
-        spectrum = "D65"
-        [camera]
-        projection = "orthographic"
-        height = 0.5
-        position = [{x}, {y}, -10]
-        target = [{x}, {y}, 0]
-        [accuracy]
-        step = {step}
-        termination = 0
-    "#
-    );
-    Rungs::new(scenes::of(&text, scenes::slab(dims, 150)), [1, 1])
+/// Every row of a group holds: `relume measure --extremes` prints the same.
+#[track_caller]
+fn holds(group: Group) {
+    let rows = |renderer: Option<&Renderer>| -> Vec<Row> {
+        group.extremes().iter().flat_map(|extreme| extreme.rows(renderer, &Quiet)).collect()
+    };
+    let rows = with_renderer(|renderer| rows(Some(renderer))).unwrap_or_else(|| rows(None));
+    assert!(!rows.is_empty(), "nothing was asked");
+    let missed: Vec<String> = rows.iter().filter(|row| !row.holds).map(Row::to_string).collect();
+    assert!(missed.is_empty(), "{}", missed.join("\n"));
+}
+
+/// COLOUR.md C14, C16 and C17.
+#[test]
+fn opacities_and_depths_are_their_closed_forms() {
+    holds(Group::Opacity);
+}
+
+/// COLOUR.md C15.
+#[test]
+fn steps_of_every_length_are_their_closed_forms() {
+    holds(Group::Steps);
+}
+
+#[test]
+fn lights_of_nothing_a_million_and_one_line_are_their_closed_forms() {
+    holds(Group::Lights);
+}
+
+/// COLOUR.md C18.
+#[test]
+fn spectra_that_cancel_are_black() {
+    holds(Group::Spectra);
+}
+
+#[test]
+fn models_of_one_number_and_of_many_are_their_closed_forms() {
+    holds(Group::Models);
+}
+
+#[test]
+fn twins_blacks_and_many_materials_are_their_closed_forms() {
+    holds(Group::Materials);
+}
+
+#[test]
+fn volumes_of_every_shape_and_value_are_their_closed_forms() {
+    holds(Group::Volumes);
+}
+
+#[test]
+fn rays_along_faces_and_cameras_anywhere_are_their_closed_forms() {
+    holds(Group::Rays);
+}
+
+#[test]
+fn spacings_pictures_and_crops_are_their_closed_forms() {
+    holds(Group::Sizes);
+}
+
+#[test]
+fn what_sixteen_bits_cannot_hold_is_found_by_the_plan() {
+    holds(Group::Half);
+}
+
+#[test]
+fn every_extreme_is_held_once_and_says_why() {
+    let all: Vec<_> = Group::ALL.into_iter().flat_map(Group::extremes).collect();
+    let names: std::collections::BTreeSet<&str> = all.iter().map(Extreme::name).collect();
+    assert_eq!(names.len(), all.len());
+    for extreme in &all {
+        let bound = extreme.bound();
+        assert!(bound.why.len() > 20 && !bound.name.is_empty(), "{extreme:?}");
+        assert!(bound.limit(Rung::Double) <= bound.limit(Rung::Gpu) && bound.limit(Rung::Gpu) <= 1.0, "{extreme:?}");
+    }
 }
 
 /// The rungs in f32: the reference, and the device where there is one.
@@ -85,112 +135,6 @@ fn agree(scene: Scene, size: [usize; 2]) -> Vec<(&'static str, Accumulation<f32>
 fn near(rung: &str, found: f32, expected: f64, relative: f64) {
     let error = (f64::from(found) - expected).abs();
     assert!(error <= relative * expected.abs(), "{rung}: {found} for {expected}");
-}
-
-/// COLOUR.md C16, with the tests of no light and no material below.
-#[test]
-fn opacity_one_lets_nothing_pass_and_zero_everything() {
-    for (rung, sums) in marched(&straight_on([5, 5, 9], 1.0, 1.0)) {
-        assert_eq!((sums.transmittance[0], sums.weights[0]), (0.0, 1.0), "{rung}");
-    }
-    let rungs = straight_on([5, 5, 9], 0.0, 1.0);
-    assert_eq!(rungs.planned.plan.components(), 0, "what is invisible has no weight");
-    for (rung, sums) in marched(&rungs) {
-        assert_eq!(sums.transmittance, [1.0], "{rung}");
-    }
-}
-
-#[test]
-fn a_step_longer_than_the_volume_is_taken_while_its_middle_is_inside() {
-    // 8 units: the first sample lies half a step in, so of one step of 15 it is inside, and of one of 17 not.
-    for (rung, sums) in marched(&straight_on([5, 5, 9], 0.1, 15.0)) {
-        near(rung, sums.transmittance[0], 0.9_f64.powi(15), 1e-6);
-    }
-    for (rung, sums) in marched(&straight_on([5, 5, 9], 0.1, 17.0)) {
-        assert_eq!((sums.transmittance[0], sums.weights[0]), (1.0, 0.0), "{rung}");
-    }
-}
-
-#[test]
-fn a_million_steps_so_thin_that_one_minus_opacity_is_one_still_shine() {
-    // A step's opacity is 1e-8, below 2⁻²⁵: 1 − α rounds to 1, and so does T − T·α. What a step adds is not lost.
-    let step = 1e-6;
-    let opacity = 1e-2;
-    let rungs = straight_on([1, 1, 2], opacity, step);
-    let alpha = -(step * (-opacity).ln_1p()).exp_m1();
-    assert!(1.0 - narrow(alpha) >= 1.0, "{alpha}");
-    let steps = 1e6;
-    for (rung, sums) in marched(&rungs) {
-        // All light stays: an error of the whole depth, 0.01, and of 2⁻²⁵ per step at most.
-        let depth = steps * alpha;
-        assert!((1.0 - f64::from(sums.transmittance[0])).abs() <= depth, "{rung}: {sums:?}");
-        // Each sum below 2⁻⁶ rounds by 2⁻³¹ at most: 4.7 % of a term, were they all to round one way.
-        near(rung, sums.weights[0], depth, 0.047);
-    }
-}
-
-#[test]
-fn transmittance_below_the_smallest_normal_is_harmless() {
-    // 0.5^200 = 6e-61.
-    for (rung, sums) in marched(&straight_on([5, 5, 201], 0.5, 1.0)) {
-        assert!(sums.transmittance[0] <= f32::MIN_POSITIVE, "{rung}: {sums:?}");
-        near(rung, sums.weights[0], 1.0, 1e-6);
-    }
-}
-
-/// COLOUR.md C15.
-#[test]
-fn a_hundred_thousand_equal_steps_are_their_closed_form() {
-    // Optical depth 1 and 5 in N = 1e5 steps (COLOUR.md C15).
-    for depth in [1.0_f64, 5.0] {
-        let opacity = -(-depth / 100.0).exp_m1();
-        let rungs = straight_on([3, 3, 101], opacity, 1e-3);
-        for (rung, sums) in marched(&rungs) {
-            let [passed, weight] = [sums.transmittance[0], sums.weights[0]].map(f64::from);
-            assert!((weight + passed - 1.0).abs() <= EQUAL_STEPS, "{rung}, depth {depth}: C + T = {}", weight + passed);
-            near(rung, sums.weights[0], -(-depth).exp_m1(), EQUAL_STEPS);
-        }
-    }
-}
-
-#[test]
-fn one_voxel_is_a_cube_of_its_spacing() {
-    for (rung, sums) in marched(&straight_on([1, 1, 1], 0.3, 1.0)) {
-        near(rung, sums.transmittance[0], 0.7, 1e-6);
-        near(rung, sums.weights[0], 0.3, 1e-6);
-    }
-}
-
-#[test]
-fn a_line_of_voxels_is_seen_along_and_across() {
-    for (rung, sums) in marched(&straight_on([1, 1, 2048], 1e-3, 1.0)) {
-        near(rung, sums.transmittance[0], 0.999_f64.powi(2047), 1e-4);
-    }
-    for (rung, sums) in marched(&straight_on([2048, 1, 1], 0.25, 1.0)) {
-        near(rung, sums.transmittance[0], 0.75, 1e-6);
-    }
-}
-
-#[test]
-fn rays_along_a_face_hit_once() {
-    // In the plane of the outermost voxels, from which the volume begins; and just outside of it.
-    for (x, expected) in [(0.0, 0.9_f64.powi(24)), (-1e-3, 1.0), (16.0, 0.9_f64.powi(24)), (16.001, 1.0)] {
-        let mut rungs = straight_on([17, 17, 25], 0.1, 1.0);
-        rungs.scene.camera.aim = Aim::LookAt { position: DVec3::new(x, 8.0, -10.0), target: DVec3::new(x, 8.0, 0.0) };
-        for (rung, sums) in marched(&rungs) {
-            near(&format!("{rung}, x = {x}"), sums.transmittance[0], expected, 1e-5);
-        }
-    }
-}
-
-#[test]
-fn a_ray_along_an_edge_between_cells_is_not_lost() {
-    let mut rungs = straight_on([17, 17, 25], 0.1, 1.0);
-    // Voxel 8 is where cells meet, in x and in y: the ray runs along their common edge.
-    rungs.scene.camera.aim = Aim::LookAt { position: DVec3::new(8.0, 8.0, 40.0), target: DVec3::new(8.0, 8.0, 0.0) };
-    for (rung, sums) in marched(&rungs) {
-        near(rung, sums.transmittance[0], 0.9_f64.powi(24), 1e-5);
-    }
 }
 
 #[test]
@@ -250,51 +194,6 @@ fn lights_of_nothing_and_of_a_million() {
 }
 
 #[test]
-fn negative_coefficients_cancel_to_black() {
-    // Two halves of one material, of opposite reflectance, everywhere mixed in equal parts.
-    let mut rungs = straight_on([5, 5, 33], 0.1, 1.0);
-    let mut other = rungs.scene.materials[0].clone();
-    other.name = "other".into();
-    let negated = rungs.scene.materials[0].reflectance.spectrum().scaled(-1.0);
-    other.reflectance = Reflectance::new(negated).unwrap();
-    rungs.scene.materials.push(other);
-    let mut term = rungs.scene.transfer.terms[0].clone();
-    term.material.0[0].1 = 1;
-    rungs.scene.transfer.terms.push(term);
-    let rungs = Rungs::new(rungs.scene, [1, 1]);
-    for (rung, sums) in marched(&rungs) {
-        assert_eq!(sums.weights[0].to_bits(), sums.weights[1].to_bits(), "{rung}");
-        assert!(sums.weights[0] > 0.4, "{rung}");
-        assert!(relight(&sums, &rungs.matrices())[0].length() <= 1e-15, "{rung}");
-    }
-}
-
-#[test]
-fn what_is_not_a_number_in_the_data_counts_as_the_smallest() {
-    let dims = [16, 16, 16];
-    let smooth = |i: usize| f32::from(u16::try_from(i * 37 % 991).unwrap()) * 40.0;
-    let values: Vec<f32> = (0..4096).map(smooth).collect();
-    let volume =
-        |voxels: Vec<f32>| Volume::new("floats", Voxels::F32(voxels), Geometry::unit("floats", dims).unwrap()).unwrap();
-    let [mut broken, mut mended] = [values.clone(), values];
-    for i in (5..4096).step_by(97) {
-        (broken[i], mended[i]) = (f32::NAN, 0.0);
-    }
-    (broken[1000], mended[1000]) = (f32::INFINITY, 990.0 * 40.0);
-    (broken[2000], mended[2000]) = (f32::NEG_INFINITY, 0.0);
-    for name in ["unshaded_one", "diffuse_one"] {
-        let with = |voxels: &Vec<f32>| {
-            let mut scene = scenes::named(name);
-            scene.volume = Arc::new(volume(voxels.clone()));
-            scene
-        };
-        for ((rung, broken), (_, mended)) in agree(with(&broken), SIZE).iter().zip(&agree(with(&mended), SIZE)) {
-            assert!(broken == mended, "{name}, {rung}");
-        }
-    }
-}
-
-#[test]
 fn the_loss_that_is_stated_covers_what_64_bits_lose() {
     let volume = |voxels| Volume::new("whole", voxels, Geometry::unit("whole", [64, 1, 1]).unwrap()).unwrap();
     let loss = |voxels| {
@@ -311,32 +210,6 @@ fn the_loss_that_is_stated_covers_what_64_bits_lose() {
     assert_eq!(loss(Voxels::U32(vec![4_000_000_000; 64])).to_bits(), 0.0_f64.to_bits());
     // u64: 2048 apart, and the largest is 2^64 − 1.
     assert_eq!(loss(Voxels::U64(vec![u64::MAX; 64])).to_bits(), 1.0_f64.to_bits());
-}
-
-#[test]
-fn a_volume_of_one_value_has_no_gradient_and_no_shading_but_ambient() {
-    let mut scene = scenes::named("specular_one");
-    scene.volume = Arc::new(scenes::slab([20, 20, 20], 25000));
-    scene.materials.iter_mut().for_each(|material| material.ambient = 0.25);
-    let rungs = Rungs::new(scene.clone(), SIZE);
-    let pixels = SIZE[0] * SIZE[1];
-    let materials = rungs.planned.materials.len();
-    for (rung, sums) in agree(scene, SIZE) {
-        assert!(sums.weights[materials * pixels..].iter().all(|&white| white <= 0.0), "{rung}: no highlight");
-        let middle = SIZE[0] / 2 + SIZE[0] * (SIZE[1] / 2);
-        near(rung, sums.weights[pixels + middle], 0.25 * (1.0 - f64::from(sums.transmittance[middle])), 1e-5);
-    }
-}
-
-#[test]
-fn without_lights_there_is_the_light_that_passes() {
-    let mut scene = scenes::named("unshaded_one");
-    let lit = agree(scene.clone(), SIZE);
-    scene.lights.clear();
-    for ((rung, dark), (_, lit)) in agree(scene, SIZE).iter().zip(&lit) {
-        assert_eq!(dark.weights, [0.0_f32; 0], "{rung}");
-        assert!(dark.transmittance == lit.transmittance, "{rung}");
-    }
 }
 
 #[test]
@@ -408,42 +281,6 @@ fn ending_rays_early_cannot_be_seen() {
                     let apart = difference(full, early);
                     assert!(apart <= TERMINATION_DELTA_E, "{name}, {rung}: {early} for {full}: ΔE {apart}");
                 }
-            }
-        }
-    }
-}
-
-/// COLOUR.md C17 where it shows most: white behind black. A thousandth of it would be ΔE00 0.5.
-#[test]
-fn white_behind_black_ends_as_black() {
-    for opacity in [0.01, 0.1, 0.5, 0.9] {
-        let mut rungs = straight_on([3, 3, 1001], opacity, 1.0);
-        rungs.scene.materials[0].reflectance = Reflectance::new(Spectrum::constant(0.0)).unwrap();
-        rungs.scene.background = Some(Reflectance::new(Spectrum::constant(1.0)).unwrap());
-        rungs.scene.accuracy.termination = usual_termination();
-        let rungs = Rungs::new(rungs.scene, [1, 1]);
-        for (rung, sums) in marched(&rungs) {
-            let passed = f64::from(sums.transmittance[0]);
-            assert!(passed > 1e-9, "{rung}, {opacity}: it ends early, at {passed}");
-            let apart = difference(relight(&sums, &rungs.xyz_matrices())[0], DVec3::ZERO);
-            assert!(apart <= TERMINATION_DELTA_E, "{rung}, {opacity}: ΔE {apart}");
-        }
-    }
-}
-
-/// COLOUR.md C14: one sample of every opacity and length.
-#[test]
-fn an_opacity_is_that_of_its_length_to_the_last_bits() {
-    for opacity in [1e-8, 1e-6, 1e-4, 0.01, 0.5, 0.99, 1.0 - 1e-6, 1.0 - 1e-8_f64] {
-        for length in [1e-3, 0.03, 1.0, 7.0, 100.0] {
-            let mut scene = straight_on([1, 1, 1], opacity, length).scene;
-            let mut volume = (*scene.volume).clone();
-            volume.geometry.spacing = DVec3::splat(length);
-            scene.volume = Arc::new(volume);
-            scene.camera.projection = Projection::Orthographic { height: Some(0.1 * length) };
-            let expected = -((-opacity).ln_1p() * length).exp_m1();
-            for (rung, sums) in marched(&Rungs::new(scene, [1, 1])) {
-                near(&format!("{rung}, {opacity}, {length}"), sums.weights[0], expected, OPACITY);
             }
         }
     }

@@ -4,6 +4,7 @@
 mod support;
 
 use half::f16;
+use relume::measure::extremes::metameric_black;
 use relume::model::random::Random;
 use relume::plan::{PlanError, Planned, ScenePlan, Transmittance, plan};
 use relume::progress::Quiet;
@@ -138,7 +139,7 @@ fn what_would_show_is_refused_with_the_way_out() {
     };
     // By weights, materials that are darker than black cancel others; by k numbers, each of a black of large amplitude does.
     let darker = with("unshaded_one", Spectrum::constant(-0.5));
-    let mut black = with("unshaded_one", scenes::black(270.0));
+    let mut black = with("unshaded_one", metameric_black(270.0));
     black.accuracy.accumulate = AccumulateAs::Spectral;
     for scene in [&darker, &black] {
         let error = refused(scene);
@@ -163,7 +164,7 @@ fn what_would_show_is_refused_with_the_way_out() {
 #[test]
 fn what_is_too_large_for_sixteen_bits_is_refused() {
     let mut huge = scenes::named("coloured_one");
-    huge.materials[0].reflectance = Reflectance::new(scenes::black(1e6)).unwrap();
+    huge.materials[0].reflectance = Reflectance::new(metameric_black(1e6)).unwrap();
     huge.accuracy.dimension = Some(6);
     let mut bright = scenes::named("xray");
     bright.transfer.opacity_length = 1e-5;

@@ -252,7 +252,9 @@ fn a_volume_without_a_scene_shows_something_at_once() {
     let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 24 24 24\nencoding: raw\n\n";
     let ball: Vec<u8> = header.bytes().chain((0..24 * 24 * 24).map(voxel)).collect();
     let folder = folder().with("ball.nrrd", ball);
-    screen.script(&folder, "ball.nrrd", "settle\npicture ball.png\n");
+    let script = "settle\npicture ball.png\npicture ball.exr\nsave session ball.toml\nsettle\n";
+    let report = screen.script(&folder, "ball.nrrd", script);
+    assert_opens_as_it_was_saved(&screen, &folder, "ball.toml", ["ball.png", "ball.exr"], &size(&report));
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes(&folder, "ball.png"))).read_info().unwrap();
     let mut pixels = vec![0; decoder.output_buffer_size().unwrap()];
     let info = decoder.next_frame(&mut pixels).unwrap();
@@ -272,6 +274,97 @@ fn it_ends_after_its_frames_and_in_the_middle_of_a_march() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
     assert!(outcome.json()["frames"].as_u64().unwrap() >= 5);
     screen.script(&folder, "scene.toml", "settle\nsize 1600 1000\norbit 10 0\n");
+}
+
+/// Opens `opened` again as it was saved in `session`, and has `render` make its picture: all are the same to the bit.
+fn assert_opens_as_it_was_saved(screen: &Screen, folder: &Folder, session: &str, saved: [&str; 2], size: &str) {
+    folder.done(&["render", session, "-o", "again.png", "-o", "again.exr", "--size", size]);
+    assert_eq!(bytes(folder, saved[0]), bytes(folder, "again.png"), "{session} rendered");
+    assert_eq!(bytes(folder, saved[1]), bytes(folder, "again.exr"), "{session} rendered, linear");
+    screen.script(folder, session, "settle\npicture reopened.png\nsave session resaved.toml\n");
+    assert_eq!(bytes(folder, saved[0]), bytes(folder, "reopened.png"), "{session} opened again");
+}
+
+#[test]
+fn a_session_opens_as_it_was_saved_and_renders_equal() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    std::fs::create_dir(folder.path("other")).unwrap();
+    let script = "settle
+picture opened.png
+exposure 1.3
+orbit 33.3 7
+roll 11.1
+interval 0 35.1 95 6 0.2
+settle
+picture edited.png
+light lamp 0.37
+off day
+on day
+normalise on
+master 0.71
+picture sliders.png
+picture sliders.exr
+save session sliders.toml
+hand 0.21 -0.13
+place day 0.5 0.5
+interval 1 material flesh
+interval add bone 100.3 120 4.2 0.05
+picture dial.png
+picture dial.exr
+save session other/dial.toml
+undo
+interval remove 0
+settle
+picture removed.png
+picture removed.exr
+save session removed.toml
+settle
+";
+    let report = screen.script(&folder, "dial.toml", script);
+    assert_eq!(report["notices"], Value::Array(Vec::new()));
+    assert_ne!(bytes(&folder, "opened.png"), bytes(&folder, "edited.png"), "an interval was edited");
+    let size = size(&report);
+    for name in ["sliders", "dial", "removed"] {
+        let session = if name == "dial" { "other/dial.toml".to_owned() } else { format!("{name}.toml") };
+        let pictures = ["png", "exr"].map(|ending| format!("{name}.{ending}"));
+        assert_opens_as_it_was_saved(&screen, &folder, &session, pictures.each_ref().map(|it| &**it), &size);
+    }
+}
+
+#[test]
+fn an_edit_of_the_transfer_function_is_undone_to_the_bit() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle
+picture first.png
+interval 0 30 90 5 0.4
+settle
+picture thicker.png
+interval 0 material bone
+settle
+interval remove 1
+settle
+picture bone.png
+undo
+undo
+undo
+settle
+picture undone.png
+interval 0 30 90 5 0
+settle
+interval 0 30 90 5 0.1
+settle
+picture back.png
+settle
+";
+    let report = screen.script(&folder, "scene.toml", script);
+    let marches = |at: usize| report["settled"][at]["marches"].as_u64().unwrap();
+    assert!(marches(1) > marches(0), "{}", report["settled"]);
+    assert_ne!(bytes(&folder, "first.png"), bytes(&folder, "thicker.png"));
+    assert_ne!(bytes(&folder, "thicker.png"), bytes(&folder, "bone.png"));
+    assert_eq!(bytes(&folder, "first.png"), bytes(&folder, "undone.png"), "undone");
+    assert_eq!(bytes(&folder, "first.png"), bytes(&folder, "back.png"), "out of sight and back");
 }
 
 #[test]

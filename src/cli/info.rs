@@ -13,7 +13,7 @@ use relume::number::readable;
 use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
-use relume::scene::{Placement, Scene, StoreAs};
+use relume::scene::{Interpolation, Placement, Scene, StoreAs};
 use relume::tables::Storage;
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
@@ -436,7 +436,12 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "labels": plan.labels,
         "background": plan.background,
         "lookup": format!("{:?}", plan.lookup).to_lowercase(),
-        "interpolation": format!("{:?}", plan.interpolation).to_lowercase(),
+        "interpolation": match plan.interpolation {
+            Interpolation::Nearest => "nearest",
+            Interpolation::Linear => "linear",
+            Interpolation::ExactLinear => "exact_linear",
+            Interpolation::Cubic => "cubic",
+        },
         "skipping": plan.skipping,
         "storage": match plan.storage {
             StoreAs::Single => "f32",

@@ -7,9 +7,12 @@ mod bench_model;
 mod bench_palette;
 mod design;
 mod dial;
+mod extremes;
 mod figures;
 mod files;
+mod goal;
 mod info;
+mod measure;
 mod model;
 mod relight;
 mod render;
@@ -22,7 +25,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use relume::measure::ModelTableError;
+use relume::measure::{ChoiceError, LadderError, ModelTableError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
@@ -74,6 +77,8 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
+    /// Measure what each setting of a scene costs here, and how far from the truth it is and why.
+    Measure(measure::Args),
     /// Measure marching, relighting, reading, colour models and palettes, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
@@ -101,6 +106,12 @@ pub(crate) enum CliError {
     Output(#[from] OutputError),
     #[error(transparent)]
     Model(#[from] ModelTableError),
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
+    #[error(transparent)]
+    Choice(#[from] ChoiceError),
+    #[error(transparent)]
+    Check(#[from] LadderError),
     #[error("the colour model cannot be fitted to the lights")]
     Lights(#[from] ModelError),
     #[error(transparent)]
@@ -132,11 +143,17 @@ fn exit_code(error: &CliError) -> u8 {
     };
     match error {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
-        CliError::Vulkan(error) | CliError::Render(RenderError::Vulkan(error)) => of_device(error),
+        CliError::Vulkan(error)
+        | CliError::Render(RenderError::Vulkan(error))
+        | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
+        | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
+        CliError::Choice(error) if error.is_cancelled() => INTERRUPTED,
+        CliError::Survey(error) if error.is_cancelled() => INTERRUPTED,
         #[cfg(feature = "window")]
         CliError::View(relume::view::ViewError::Vulkan(error)) => of_device(error),
         CliError::Cancelled
         | CliError::Reference(ReferenceError::Cancelled)
+        | CliError::Check(LadderError::Reference(ReferenceError::Cancelled))
         | CliError::Palette(PaletteError::Cancelled)
         | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
         | CliError::Plan(PlanError::Model(ModelError::Cancelled))
@@ -164,6 +181,10 @@ pub(crate) fn main() -> ExitCode {
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
+        Command::Measure(args) => {
+            terminal.wait_for_rows();
+            measure::run(args, &terminal)
+        }
         Command::Bench(args) => bench::run(args, &terminal, started),
         Command::Shaders(args) => shaders::run(args, &terminal),
     };
@@ -171,8 +192,11 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(mut report) => {
             report.json["warnings"] = terminal.warnings().into();
+            // A result may be what was done before Ctrl-C.
+            let interrupted = report.json["interrupted"] == true;
+            let missed = report.json["holds"] == false;
             terminal::print(&if cli.json { report.json_text() } else { report.text });
-            ExitCode::SUCCESS
+            ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
         Err(error) => {
             let code = exit_code(&error);

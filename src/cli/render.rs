@@ -16,10 +16,11 @@ use relume::render::Renderer;
 use relume::scene::{Mix, Scene, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
-use relume::volume::Statistics;
+use relume::volume::{Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Bits, PictureKind, picture_kind};
+use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::scene::{LightArgs, SceneArgs, size};
 use super::{CliError, Report};
@@ -56,14 +57,20 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
     /// Render on the CPU with all 81 bands in f64: slow, and the truth.
-    #[arg(long, conflicts_with = "device")]
+    #[arg(long, conflicts_with_all = ["device", "goal"])]
     reference: bool,
+    #[command(flatten)]
+    goal: GoalArgs,
     /// Save what the march left, for `relume relight` (layout: documentation of `output::accumulators`).
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
+}
+
+fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
+    Ok(Renderer::new(Device::open(&args.device, Validation::Off)?))
 }
 
 /// What was marched, wherever that was.
@@ -121,7 +128,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
-    let mix = args.lights.mix(Mix::of_scene(&scene), &positions)?;
+    let mix = match args.lights.lights[..] {
+        [] => scene.opening_mix(),
+        _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
+    };
+    let choice = match args.goal.goal() {
+        Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
+        None => None,
+    };
+    let scene = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
     // The reference computes all wavelengths, and needs no model but for accumulators.
@@ -142,7 +157,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
     let wanted = Wanted {
-        linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some(),
+        linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
         display: kinds.iter().any(ready),
         accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
         bands: args.spectral.is_some() && args.reference,
@@ -178,6 +193,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         files::to_file(&scene, &planned, accumulation).write(path)?;
     }
     let written = clock.read();
+    let checked = match (&choice, &marched.linear) {
+        (Some(choice), Some(linear)) => {
+            Some(super::goal::checked(choice, &args.goal, &scene, &mix, args.size, linear, progress)?)
+        }
+        _ => None,
+    };
 
     let mut times = vec![("load", loaded)];
     times.extend(marched.times);
@@ -188,7 +209,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (Some(model), Some(learnt)) => learnt.text(model),
         _ => String::new(),
     };
-    let text = format!("wrote {}\n{new}{}\n", listed.join(", "), spent.join(", "));
+    let kept = checked.as_ref().map_or("", |(text, _)| text);
+    let text = format!("wrote {}\n{new}{}\n{kept}", listed.join(", "), spent.join(", "));
     let times: serde_json::Map<String, serde_json::Value> =
         times.into_iter().map(|(name, time)| (name.to_owned(), json!(time))).collect();
     let mut json = json!({
@@ -200,6 +222,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         "march": marched.details,
         "peak_mb": peak_mb(),
     });
+    if let Some((_, choice)) = checked {
+        json["choice"] = choice;
+    }
     if args.spectral.is_some() {
         json["reconstruction"] = json!(reconstruction);
     }
@@ -254,10 +279,11 @@ pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
 }
 
 /// Says what storing gives up.
-fn warn_of_storage(storage: &Storage) {
-    // A sixteenth of an entry of the longest table shows in no picture; but one whole number must not become another.
+fn warn_of_storage(storage: &Storage, whole: bool) {
+    // A sixteenth of an entry of the longest table; f32 keeps most data far better. Whole numbers are told apart, or not.
     let visible = (storage.domain[1] - storage.domain[0]) / f64::from(1 << 20);
-    if storage.loss > f64::min(visible, 0.4) {
+    let limit = if whole { visible.min(0.25) } else { visible };
+    if storage.loss > limit {
         tracing::warn!(
             "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
             storage.format,
@@ -310,12 +336,13 @@ fn on_device(
     progress: &dyn Progress,
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
-    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let renderer = renderer_for(args)?;
     renderer.check_picture(&planned.plan, args.size, 0)?;
     let opened = clock.read();
     let clock = Stopwatch::start();
     let uploaded = renderer.upload(scene, planned, statistics, progress)?;
-    warn_of_storage(&uploaded.storage);
+    let whole = !matches!(scene.volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
+    warn_of_storage(&uploaded.storage, whole);
     warn_of_undeclared(uploaded.labels.as_ref());
     let upload = clock.read();
     let clock = Stopwatch::start();

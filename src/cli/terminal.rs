@@ -32,12 +32,17 @@ pub(super) const TOLD: &str = "interrupted";
 #[cfg(unix)]
 const PATIENCE: Duration = Duration::from_millis(50);
 
+/// The same where what is finished is still written.
+#[cfg(unix)]
+const PATIENCE_WITH_ROWS: Duration = Duration::from_secs(5);
+
 /// The terminal: shows how far work is on standard error where that is a terminal, and turns Ctrl-C into a request to
 /// stop.
 pub(crate) struct Terminal {
     bar: ProgressBar,
     stage: Mutex<String>,
     interrupted: Arc<AtomicBool>,
+    has_rows: Arc<AtomicBool>,
     warnings: Warnings,
 }
 
@@ -56,14 +61,20 @@ impl Terminal {
             bar.set_style(style);
         }
         let interrupted = Arc::new(AtomicBool::new(false));
-        let heard = end_soon(&interrupted).and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
+        let has_rows = Arc::new(AtomicBool::new(false));
+        let heard = end_soon(&interrupted, &has_rows).and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
         if let Err(error) = heard {
             tracing::warn!("Ctrl-C will end the program at once: {error}");
         }
         // Heard, so that it does not kill the program: the write that outgrows `ulimit -f` then fails, and is told of.
         #[cfg(unix)]
         register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
-        Self { bar, stage: Mutex::default(), interrupted, warnings }
+        Self { bar, stage: Mutex::default(), interrupted, has_rows, warnings }
+    }
+
+    /// Gives work whose finished part is worth keeping longer to end after Ctrl-C.
+    pub(crate) fn wait_for_rows(&self) {
+        self.has_rows.store(true, Ordering::Relaxed);
     }
 
     /// Takes the progress bar away.
@@ -79,13 +90,14 @@ impl Terminal {
 
 /// Sees to it that the program ends soon after Ctrl-C, whatever it is at; what is half written goes with it.
 #[cfg(unix)]
-fn end_soon(_: &Arc<AtomicBool>) -> io::Result<()> {
+fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
     let (mut heard, signal) = UnixStream::pair()?;
     signal_hook::low_level::pipe::register(SIGINT, signal)?;
+    let has_rows = Arc::clone(has_rows);
     let wait = move || {
         if heard.read_exact(&mut [0]).is_ok() {
             wake_all();
-            std::thread::sleep(PATIENCE);
+            std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
             relume::output::discard_unfinished();
             complain(&super::CliError::Failed(TOLD.to_owned()));
             // Without the ends of other threads, which are still at work.
@@ -115,7 +127,7 @@ fn wake_all() {}
 
 /// A second Ctrl-C does not wait for the work to notice.
 #[cfg(not(unix))]
-fn end_soon(interrupted: &Arc<AtomicBool>) -> io::Result<()> {
+fn end_soon(interrupted: &Arc<AtomicBool>, _: &Arc<AtomicBool>) -> io::Result<()> {
     signal_hook::flag::register_conditional_shutdown(SIGINT, INTERRUPTED.into(), Arc::clone(interrupted)).map(drop)
 }
 

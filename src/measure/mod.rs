@@ -1,14 +1,39 @@
 //! What a result costs and how far it is from the truth.
 
+mod cache;
+mod choice;
 mod clock;
 mod consistency;
+mod difference;
+pub mod extremes;
+mod findings;
 mod image_error;
+mod ladder;
+mod leaping;
 mod model;
+mod report;
+mod rungs;
+mod sample;
+mod setting;
+mod survey;
+mod sweep;
+mod table;
 
+pub use choice::{Choice, ChoiceError, Goal, Point, Preset, choose};
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
 pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered};
+pub use difference::Difference;
+pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
 pub use image_error::{ImageError, MeasureError, Spread};
+pub use ladder::{Cause, LadderError, Lattice};
 pub use model::{
     AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
     automatic_dimension, model_row,
 };
+pub use report::{Findings, html, trade};
+pub use rungs::{RungError, Rungs};
+pub use sample::{Checked, check};
+pub use setting::{Knob, Setting, Value};
+pub use survey::{CloseUp, Cost, Measured, Survey, SurveyError, SurveyOptions, Times};
+pub use sweep::{SweepError, settings};
+pub use table::{to_csv, to_markdown, to_text};

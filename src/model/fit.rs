@@ -130,7 +130,7 @@ fn check_tolerance(tolerance: f64) -> Result<(), ModelError> {
 
 /// The dimensions up to `largest` that a model of `kind` can have.
 fn dimensions(kind: ModelKind, largest: usize) -> RangeInclusive<usize> {
-    if kind == ModelKind::Rgb { 3..=largest.min(3) } else { 1..=largest }
+    if kind.is_rgb() { 3..=largest.min(3) } else { 1..=largest }
 }
 
 /// The model of the first of `dimensions` that keeps `tolerance`, or the dimension that comes nearest.
@@ -186,7 +186,7 @@ fn fit_targets(
     hopeless: f64,
     progress: &dyn Progress,
 ) -> Result<ColourModel, ModelError> {
-    if kind == ModelKind::Rgb && dimension != 3 {
+    if kind.is_rgb() && dimension != 3 {
         return Err(ModelError::NotThree { dimension });
     }
     if !(1..=LARGEST_DIMENSION).contains(&dimension) {
@@ -209,6 +209,8 @@ fn fit_targets(
         ModelKind::Sharpened(_) => vec![sharpened::projection(&cloud.spectra, &wanted, dimension)],
         ModelKind::Bands => vec![fixed::bands(dimension)],
         ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
+        ModelKind::RgbNaive => vec![fixed::rgb()],
+        ModelKind::RgbPrefiltered | ModelKind::RgbFitted => vec![fixed::rgb_prefiltered()],
     };
     let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
         let mut model = ColourModel {

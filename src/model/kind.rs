@@ -16,8 +16,14 @@ pub enum ModelKind {
     Sharpened(Order),
     /// Its means over equal intervals from 400 to 700 nm, with a matrix fitted to each light.
     Bands,
-    /// Red, green and blue, multiplied as if they were wavelengths.
+    /// Red, green and blue, multiplied as if they were wavelengths: the better of the next two.
     Rgb,
+    /// Those of the spectrum itself, as under a light that is equal at all wavelengths.
+    RgbNaive,
+    /// Those under D65 (prefiltered).
+    RgbPrefiltered,
+    /// Those under D65, with a matrix fitted to each light: the most that three such numbers can do.
+    RgbFitted,
 }
 
 /// In which order a sharpened model projects and exponentiates an absorption.
@@ -31,8 +37,16 @@ pub enum Order {
 
 impl ModelKind {
     /// All kinds.
-    pub const ALL: [Self; 5] =
-        [Self::Nodes, Self::Sharpened(Order::Step), Self::Sharpened(Order::Semigroup), Self::Bands, Self::Rgb];
+    pub const ALL: [Self; 8] = [
+        Self::Nodes,
+        Self::Sharpened(Order::Step),
+        Self::Sharpened(Order::Semigroup),
+        Self::Bands,
+        Self::Rgb,
+        Self::RgbNaive,
+        Self::RgbPrefiltered,
+        Self::RgbFitted,
+    ];
 
     /// Its name on the command line and in files.
     pub const fn name(self) -> &'static str {
@@ -42,7 +56,15 @@ impl ModelKind {
             Self::Sharpened(Order::Semigroup) => "sharpened-semigroup",
             Self::Bands => "bands",
             Self::Rgb => "rgb",
+            Self::RgbNaive => "rgb-naive",
+            Self::RgbPrefiltered => "rgb-prefiltered",
+            Self::RgbFitted => "rgb-fitted",
         }
+    }
+
+    /// Whether it has three numbers, and no others.
+    pub const fn is_rgb(self) -> bool {
+        matches!(self, Self::Rgb | Self::RgbNaive | Self::RgbPrefiltered | Self::RgbFitted)
     }
 }
 

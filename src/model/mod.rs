@@ -38,7 +38,7 @@ use target::Target;
 pub const LARGEST_DIMENSION: usize = 16;
 
 /// What the light of a scene can meet on its way: what a model must carry.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ingredients {
     /// The materials in use. Negative samples are allowed: artificial ones have them.
     pub reflectances: Vec<Spectrum>,
@@ -139,7 +139,7 @@ impl ColourModel {
     ) -> Result<Self, ModelError> {
         let wrong = |problem: String| Err(ModelError::Parts { problem });
         let dimension = projection.len();
-        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind == ModelKind::Rgb && dimension != 3 {
+        if !(1..=LARGEST_DIMENSION).contains(&dimension) || kind.is_rgb() && dimension != 3 {
             return wrong(format!("the model {kind} cannot have {dimension} coefficients"));
         }
         if cloud.is_empty() {
@@ -223,8 +223,11 @@ impl ColourModel {
             ModelKind::Sharpened(Order::Step) => format!("{k} sharpened factor{plural}, each step's light projected"),
             ModelKind::Sharpened(Order::Semigroup) => format!("{k} sharpened factor{plural}, absorption projected"),
             ModelKind::Bands => format!("{k} uniform band{plural} from 400 to 700 nm"),
-            ModelKind::Rgb if self.projection == fixed::rgb() => "RGB, not prefiltered".to_owned(),
-            ModelKind::Rgb => "RGB, prefiltered by D65".to_owned(),
+            ModelKind::RgbFitted => "RGB, prefiltered by D65, with a matrix fitted to each light".to_owned(),
+            ModelKind::Rgb | ModelKind::RgbNaive if self.projection == fixed::rgb() => {
+                "RGB, not prefiltered".to_owned()
+            }
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => "RGB, prefiltered by D65".to_owned(),
         }
     }
 
@@ -384,12 +387,12 @@ impl ColourModel {
         }
         let target = Target::new(&self.cloud, light);
         let xyz = match self.kind {
-            ModelKind::Nodes | ModelKind::Bands => {
+            ModelKind::Nodes | ModelKind::Bands | ModelKind::RgbFitted => {
                 let fitted = lawson::fit(&self.vectors, self.dimension(), &target, &target.forms());
                 return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
             }
             ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
-            ModelKind::Rgb => fixed::rgb_matrix(light),
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => fixed::rgb_matrix(light),
         };
         let error = ErrorSummary::of(&target.errors(&self.vectors, &xyz));
         LightMatrix { xyz, error, unseen: None }
@@ -401,19 +404,29 @@ impl ColourModel {
     }
 
     /// The most, in ΔE00, that storing finished coefficients in 16-bit floats can change a colour: over the cloud and
-    /// the model's lights.
+    /// the model's lights, shown `brightness` times as bright as unit lights are, where pixels may hold up to `sum`
+    /// times what one surface sends. Both are 1 at least.
     ///
-    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. Infinite where one is
-    /// larger than such a float can be.
-    pub fn half_precision_error(&self) -> f64 {
+    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. A colour brighter than white
+    /// is looked at where there is so little of it that it is white. Infinite where a coefficient is larger than such a
+    /// float can be.
+    pub fn half_precision_error(&self, brightness: f64, sum: f64) -> f64 {
         const LARGEST: f64 = 65504.0;
         if self.vectors.iter().flatten().any(|part| part.abs() > LARGEST) {
             return f64::INFINITY;
         }
-        let rounding = |part: f64| (part.abs() * 0.5_f64.powi(11)).max(0.5_f64.powi(25));
+        let least = brightness * 0.5_f64.powi(25);
         let of_light = |(_, light, matrix): &(String, Light, LightMatrix)| {
-            let forms = Target::new(&self.cloud, light).forms();
-            let of_colour = |(vector, form): (&Vec<f64>, &[f64; 6])| {
+            // How much of each there can be: what makes it white, or all.
+            let shown = |spectrum: &Spectrum| {
+                let luminance = OBSERVER[1].dot(&(light.spectrum() * spectrum));
+                if luminance > 0.0 { luminance.recip().max(1.0).min(brightness * sum) } else { brightness * sum }
+            };
+            let shown: Vec<f64> = self.cloud.iter().map(shown).collect();
+            let cloud: Vec<Spectrum> = self.cloud.iter().zip(&shown).map(|(it, &shown)| it.scaled(shown)).collect();
+            let forms = Target::new(&cloud, light).forms();
+            let of_colour = |((vector, &shown), form): ((&Vec<f64>, &f64), &[f64; 6])| {
+                let rounding = |part: f64| (shown * part.abs() * 0.5_f64.powi(11)).max(least);
                 let pairs = vector.iter().zip(&matrix.xyz);
                 let along = |column: [f64; 3]| {
                     let pull = target::applied(form, column);
@@ -421,7 +434,7 @@ impl ColourModel {
                 };
                 pairs.map(|(&part, &column)| rounding(part) * along(column)).sum::<f64>()
             };
-            self.vectors.iter().zip(&forms).map(of_colour).fold(0.0, f64::max)
+            self.vectors.iter().zip(&shown).zip(&forms).map(of_colour).fold(0.0, f64::max)
         };
         self.lights.par_iter().map(of_light).reduce(|| 0.0, f64::max)
     }

@@ -10,7 +10,7 @@ mod png;
 mod spectral;
 
 pub use self::exr::write_exr;
-pub use self::png::{Alpha, Depth, write_png, write_ready_png};
+pub use self::png::{Alpha, Depth, ready_png, write_png, write_ready_png};
 pub use accumulators::Accumulators;
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
 pub use drawing::write_drawing;

@@ -89,6 +89,20 @@ fn encode<const N: usize>(
     data
 }
 
+/// The bytes of a PNG of samples as [`write_ready_png`] takes them, for pages that hold their pictures.
+///
+/// # Errors
+///
+/// [`OutputError::Size`] and [`OutputError::Shape`].
+pub fn ready_png(width: usize, height: usize, samples: &[u8]) -> Result<Vec<u8>, OutputError> {
+    check_samples("a PNG", width, height, samples.len())?;
+    let mut bytes = Vec::new();
+    let alpha = samples.len() == 4 * width * height;
+    let refused = |_| OutputError::Size { width, height, largest: Picture::LARGEST_SIDE };
+    write_pixels(&mut bytes, sides(width, height)?, Depth::Eight, alpha, samples).map_err(refused)?;
+    Ok(bytes)
+}
+
 /// Writes the bytes of a PNG's pixels.
 fn write_data(
     path: &Path,
@@ -98,28 +112,41 @@ fn write_data(
     alpha: bool,
     data: &[u8],
 ) -> Result<(), OutputError> {
-    let largest = Picture::LARGEST_SIDE;
-    let sides = (u32::try_from(width), u32::try_from(height));
-    let (Ok(columns), Ok(rows)) = sides else { return Err(OutputError::Size { width, height, largest }) };
-    write_atomically(path, |sink| {
-        let mut encoder = png::Encoder::new(sink, columns, rows);
-        encoder.set_color(if alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
-        encoder.set_depth(match depth {
-            Depth::Eight => png::BitDepth::Eight,
-            Depth::Sixteen => png::BitDepth::Sixteen,
-        });
-        encoder.set_compression(png::Compression::Fast);
-        // Also writes the gAMA and cHRM chunks that the PNG standard advises beside it.
-        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-        let describe = |error| match error {
-            png::EncodingError::IoError(error) => error,
-            other => io::Error::other(other),
-        };
-        encoder.add_text_chunk("Software".to_owned(), SOFTWARE.to_owned()).map_err(describe)?;
-        let mut writer = encoder.write_header().map_err(describe)?;
-        writer.write_image_data(data).map_err(describe)?;
-        writer.finish().map_err(describe)
-    })
+    let sides = sides(width, height)?;
+    write_atomically(path, |sink| write_pixels(sink, sides, depth, alpha, data))
+}
+
+fn sides(width: usize, height: usize) -> Result<[u32; 2], OutputError> {
+    match (u32::try_from(width), u32::try_from(height)) {
+        (Ok(columns), Ok(rows)) => Ok([columns, rows]),
+        _ => Err(OutputError::Size { width, height, largest: Picture::LARGEST_SIDE }),
+    }
+}
+
+fn write_pixels(
+    sink: impl io::Write,
+    [columns, rows]: [u32; 2],
+    depth: Depth,
+    alpha: bool,
+    data: &[u8],
+) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(sink, columns, rows);
+    encoder.set_color(if alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
+    encoder.set_depth(match depth {
+        Depth::Eight => png::BitDepth::Eight,
+        Depth::Sixteen => png::BitDepth::Sixteen,
+    });
+    encoder.set_compression(png::Compression::Fast);
+    // Also writes the gAMA and cHRM chunks that the PNG standard advises beside it.
+    encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    let describe = |error| match error {
+        png::EncodingError::IoError(error) => error,
+        other => io::Error::other(other),
+    };
+    encoder.add_text_chunk("Software".to_owned(), SOFTWARE.to_owned()).map_err(describe)?;
+    let mut writer = encoder.write_header().map_err(describe)?;
+    writer.write_image_data(data).map_err(describe)?;
+    writer.finish().map_err(describe)
 }
 
 /// `value`, 0–1, as the nearest of the levels 0 to `largest`; NaN is 0.

@@ -3,7 +3,7 @@
 use super::{Planned, Transmittance, narrower};
 use crate::model::ModelKind;
 use crate::number::readable;
-use crate::scene::{AccumulateAs, Accuracy, Interpolation, Lookup, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
 
 impl Planned {
     /// Sentences on what the scene's accuracy states and this plan has no use for.
@@ -99,8 +99,8 @@ impl Planned {
                 sentences.push(match scene.accuracy.dimension {
                     Some(k) => format!("That the numbers are {k} was asked for."),
                     None => format!(
-                        "Fewer numbers would miss some colours by more than the {} that is allowed.",
-                        readable(scene.accuracy.tolerance)
+                        "Fewer numbers would miss some colours by more than {} that is allowed.",
+                        self.allowed(scene)
                     ),
                 });
             }
@@ -142,11 +142,15 @@ impl Planned {
         sentences.push(match plan.shading.filter(|_| plan.gradient()) {
             None => "Nothing is shaded by the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "Surfaces get their {} by which way values change there, which is stored beside each value.",
+                "Surfaces get their {} by which way values change there, which is {}.",
                 match (terms.diffuse, terms.specular) {
                     (true, None) => "shading",
                     (false, _) => "highlights",
                     (true, Some(_)) => "shading and highlights",
+                },
+                match plan.gradients {
+                    Gradients::Packed => "stored beside each value",
+                    Gradients::Central => "taken from six values around each sample",
                 }
             ),
         });
@@ -163,6 +167,8 @@ impl Planned {
         );
         let values = match plan.interpolation {
             Interpolation::Linear => "values change evenly from one to the next",
+            Interpolation::ExactLinear => "values change evenly from one to the next, in all bits of a number",
+            Interpolation::Cubic => "values follow a smooth curve, a cubic spline",
             Interpolation::Nearest => "a place has the value of the nearest",
         };
         let entries = match plan.lookup {
@@ -186,9 +192,16 @@ impl Planned {
         sentences
     }
 
+    /// How far off the numbers of a colour model may be.
+    fn allowed(&self, scene: &Scene) -> String {
+        let Accuracy { accumulate, tolerance, .. } = scene.accuracy;
+        let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
+        format!("{}the {}", if exact { "half of " } else { "" }, readable(tolerance))
+    }
+
     /// Why numbers of a colour model are kept where weights would be exact, or weights where fewer numbers were tried.
     fn explain_choice(&self, scene: &Scene) -> Option<String> {
-        let Accuracy { accumulate, dimension, tolerance, .. } = scene.accuracy;
+        let Accuracy { accumulate, dimension, .. } = scene.accuracy;
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
         match &self.model {
             Some(_) if exact => {
@@ -199,7 +212,8 @@ impl Planned {
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "Few enough wavelengths to be faster would change colours by more than the {tolerance} that is allowed, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side."
+                "Few enough wavelengths to be faster would change colours by more than {} that is allowed, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side.",
+                self.allowed(scene)
             )),
             _ => None,
         }

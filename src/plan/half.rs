@@ -1,12 +1,13 @@
 //! What storing finished accumulators in 16-bit floats can do to colours (COLOUR.md B6).
 
 use super::{PlanError, Planned, longest_way};
-use crate::scene::{Scene, depth_from_opacity};
+use crate::scene::{Material, Scene, SceneLight, depth_from_opacity};
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 
-/// The most that a number is off by, relative to itself: half of the last of 11 bits. Numbers below 2⁻¹⁴ are off by 2⁻²⁵
-/// at most, which no colour shows.
+/// The most that a number is off by, relative to itself: half of the last of 11 bits.
 const ROUNDING: f64 = 1.0 / 2048.0;
+/// The most that a number below 2⁻¹⁴ is off by, which have fewer bits.
+const LEAST: f64 = 1.0 / 33_554_432.0;
 /// The largest 16-bit float.
 const LARGEST: f64 = 65504.0;
 
@@ -26,21 +27,50 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
 
 /// [`Planned::half_precision_error`], whatever the plan.
 pub(super) fn error(planned: &Planned, scene: &Scene) -> f64 {
+    let sums = planned.materials.iter().filter_map(|&material| Some((scene.materials.get(material)?, material)));
+    let (mut xrays, mut surface) = (0.0, 0.0_f64);
+    for (material, index) in sums {
+        let largest = largest_number(planned, material);
+        if material.xray { xrays += largest * largest_sum(scene, index) } else { surface = surface.max(largest) }
+    }
+    if xrays + surface > LARGEST {
+        return f64::INFINITY;
+    }
     match &planned.model {
-        _ if largest_sum(scene) > LARGEST => f64::INFINITY,
-        Some(model) => model.half_precision_error(),
+        Some(model) => {
+            let brightest = scene.lights.iter().map(|light| brightness(scene, light)).fold(1.0, f64::max);
+            model.half_precision_error(brightest, largest_total(scene))
+        }
         None => of_weights(planned, scene),
     }
 }
 
-/// What X-ray materials, which hide nothing, can add up to along the longest way.
-fn largest_sum(scene: &Scene) -> f64 {
-    let is_xray = |material: usize| scene.materials.get(material).is_some_and(|material| material.xray);
-    let terms = scene.transfer.terms.iter().filter(|term| term.material.0.iter().any(|point| is_xray(point.1)));
-    let of_terms = terms.flat_map(|term| &term.opacity).map(|point| point.1);
+/// How bright what a light shines on is shown, beside a unit light: dimmer ones show no more than that.
+fn brightness(scene: &Scene, light: &SceneLight) -> f64 {
+    (light.intensity * scene.display.exposure).max(1.0)
+}
+
+/// The largest number that a pixel can hold of a material that it shows all of.
+fn largest_number(planned: &Planned, material: &Material) -> f64 {
+    let shares = if planned.plan.shading.is_some() { material.ambient + material.diffuse } else { 1.0 };
+    let coefficients =
+        planned.model.as_ref().map_or_else(|| vec![1.0], |model| model.coefficients(material.reflectance.spectrum()));
+    coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs())) * shares + material.specular
+}
+
+/// What a material that hides nothing can add up to along the longest way.
+fn largest_sum(scene: &Scene, material: usize) -> f64 {
+    let terms = scene.transfer.terms.iter().filter(|term| term.material.0.iter().any(|point| point.1 == material));
+    let of_terms = terms.map(|term| term.opacity.iter().map(|point| point.1).fold(0.0, f64::max));
     let labels = scene.labels.iter().flat_map(|labels| &labels.declared);
-    let of_labels = labels.filter(|entry| is_xray(entry.material)).map(|entry| entry.opacity);
+    let of_labels = labels.filter(|entry| entry.material == material).map(|entry| entry.opacity);
     of_terms.chain(of_labels).map(depth_from_opacity).sum::<f64>() * longest_way(scene)
+}
+
+/// What weights can add up to: 1, or what X-ray materials make of it.
+fn largest_total(scene: &Scene) -> f64 {
+    let xrays = (0..scene.materials.len()).filter(|&material| scene.materials[material].xray);
+    xrays.map(|material| largest_sum(scene, material)).sum::<f64>().max(1.0)
 }
 
 /// The error of weights.
@@ -49,15 +79,23 @@ fn largest_sum(scene: &Scene) -> f64 {
 /// N = Σ w·|X| over the coordinates that are negative, that is ROUNDING times the pixel's own plus 2N. The first part is the
 /// same share of every colour: it shows most in white, because differences count less the more colour there is, and
 /// lightness, which counts more in mid greys, is a tenth of it. The second shows most in black; and because weights add up
-/// to 1 at most, N is at most the most negative coordinate of a material.
+/// to 1 at most, or to what X-rays add up to, N is at most that much of the most negative coordinate of a material, as
+/// bright as it is shown. In black shows, too, what small weights are off by: LEAST each.
 fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
     let white = d65_white().0;
     let under = scene.lights.iter().map(|light| {
         let materials = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
         let colours = materials.map(|it| xyz_of(&(light.spectrum.spectrum() * it.reflectance.spectrum())).0);
-        let negative =
-            colours.fold([0.0_f64; 3], |most, colour| std::array::from_fn(|axis| most[axis].max(-colour[axis])));
-        largest_difference(white, white) + largest_difference([0.0; 3], negative.map(|most| 2.0 * most))
+        let (mut negative, mut all) = ([0.0_f64; 3], [0.0_f64; 3]);
+        for colour in colours {
+            for axis in 0..3 {
+                negative[axis] = negative[axis].max(-colour[axis]);
+                all[axis] += colour[axis].abs();
+            }
+        }
+        let (shown, total) = (brightness(scene, light), largest_total(scene));
+        let dark = |axis: usize| shown * (2.0 * total * negative[axis] + LEAST / ROUNDING * all[axis]);
+        largest_difference(white, white) + largest_difference([0.0; 3], std::array::from_fn(dark))
     });
     under.fold(0.0, f64::max)
 }

@@ -102,6 +102,9 @@ impl<'a, R: Real> Frame<'a, R> {
             let s = (R::from_f64(count(n)) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
+            if step.does_nothing() {
+                continue;
+            }
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
                 self.shade(position, &ray, place, &step, &mut source);
                 composite(sums, &source, &transmittance);
@@ -114,6 +117,14 @@ impl<'a, R: Real> Frame<'a, R> {
             }
         }
         transmittance
+    }
+
+    /// `finish(sums, passed)` of pixel `[x, y]`, marched and stored.
+    fn finished<T>(&self, samples: &impl Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
+        let mut sums = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
+        let mut passed = self.march_pixel(samples, pixel, &mut sums);
+        store(&self.planned.plan, &mut sums, &mut passed);
+        finish(&sums, &passed)
     }
 
     /// What a step sends to the eye for light from `position`: per material and white for highlights, or a spectrum.
@@ -280,6 +291,31 @@ pub fn render<R: Real>(
     pixels(scene, planned, samples, size, progress, |sums, passed| light(sums, passed, matrices))
 }
 
+/// [`render`] of some pixels, `[x, y]` with y down: linear sRGB and opacity of each, in their order.
+///
+/// # Errors
+///
+/// [`ReferenceError`].
+pub fn render_pixels<R: Real>(
+    scene: &Scene,
+    planned: &Planned,
+    samples: &impl Samples<R>,
+    matrices: &RelightMatrices,
+    size: [usize; 2],
+    wanted: &[[usize; 2]],
+    progress: &dyn Progress,
+) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
+    /// Pixels that are marched between two looks at whether to go on.
+    const AT_ONCE: usize = 32;
+    let frame = Frame::<R>::new(scene, planned, size)?;
+    let chunks = wanted.len().div_ceil(AT_ONCE);
+    let found: Vec<Vec<_>> = in_parallel(chunks, progress, |chunk| {
+        let pixels = wanted.iter().skip(chunk * AT_ONCE).take(AT_ONCE);
+        pixels.map(|&pixel| frame.finished(samples, pixel, |sums, passed| light(sums, passed, matrices))).collect()
+    })?;
+    Ok(found.concat())
+}
+
 /// `finish(sums, passed)` of every pixel, marched.
 fn pixels<R: Real, T: Send>(
     scene: &Scene,
@@ -290,38 +326,29 @@ fn pixels<R: Real, T: Send>(
     finish: impl Fn(&[R], &[R]) -> T + Sync,
 ) -> Result<Vec<T>, ReferenceError> {
     let frame = Frame::<R>::new(scene, planned, size)?;
-    let kept = planned.plan.components() * planned.positions.len();
-    let rows = by_rows(size, progress, |y| {
-        let mut sums = vec![R::default(); kept];
-        let mut row = Vec::with_capacity(size[0]);
-        for x in 0..size[0] {
-            sums.fill(R::default());
-            let mut passed = frame.march_pixel(samples, [x, y], &mut sums);
-            store(&planned.plan, &mut sums, &mut passed);
-            row.push(finish(&sums, &passed));
-        }
-        row
+    let rows = in_parallel(size[1], progress, |y| -> Vec<T> {
+        (0..size[0]).map(|x| frame.finished(samples, [x, y], &finish)).collect()
     })?;
     Ok(rows.into_iter().flatten().collect())
 }
 
-/// `row(y)` for every row of a picture, in parallel, reported and cancellable.
-fn by_rows<T: Send>(
-    size: [usize; 2],
+/// `part(i)` for each of so many parts of a picture, in parallel, reported and cancellable.
+fn in_parallel<T: Send>(
+    parts: usize,
     progress: &dyn Progress,
-    row: impl Fn(usize) -> T + Sync,
+    part: impl Fn(usize) -> T + Sync,
 ) -> Result<Vec<T>, ReferenceError> {
     let done = std::sync::atomic::AtomicU64::new(0);
-    (0..size[1])
+    (0..parts)
         .into_par_iter()
-        .map(|y| {
+        .map(|i| {
             if progress.cancelled() {
                 return Err(ReferenceError::Cancelled);
             }
-            let row = row(y);
+            let part = part(i);
             let done = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1;
-            progress.report("marching the reference", done, size[1] as u64);
-            Ok(row)
+            progress.report("marching the reference", done, parts as u64);
+            Ok(part)
         })
         .collect()
 }

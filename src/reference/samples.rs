@@ -19,6 +19,14 @@ pub struct Step<R> {
     pub normal: [R; 3],
 }
 
+impl<R: Real> Step<R> {
+    /// Whether light neither comes nor goes.
+    pub(super) fn does_nothing(&self) -> bool {
+        let nothing = R::default();
+        self.opacity.iter().chain(&self.source).all(|&number| number == nothing)
+    }
+}
+
 /// Something to take samples of.
 pub trait Samples<R: Real>: Sync {
     /// Sets `step` to what a step does at `place`, in texture coordinates.
@@ -139,6 +147,15 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
         let value = fetched[if volume.has_gradient { 3 } else { 0 }];
         if volume.has_gradient {
             step.normal = unit(std::array::from_fn(|axis| fetched[axis] * self.gradient_scale[axis]));
+        } else if self.planned.plan.gradient() {
+            let at = |place| interpolate(place, volume.dims, self.planned.plan.interpolation, texel)[0];
+            step.normal = unit(std::array::from_fn(|axis| {
+                let voxel = R::from_f64(1.0 / count(volume.dims[axis]));
+                let (mut before, mut after) = (place, place);
+                before[axis] = place[axis] - voxel;
+                after[axis] = place[axis] + voxel;
+                (at(after) - at(before)) * self.gradient_scale[axis]
+            }));
         }
         let row = self.labels.map_or(0, |(labels, _)| labels.rows[nearest(place, volume.dims)]);
         if let (Some((_, table)), true) = (self.labels, row > 0) {
@@ -181,7 +198,7 @@ fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
     step.opacity.extend(table.opacity[i * table.passed..][..table.passed].iter().map(number));
 }
 
-/// Between voxels: `texel` of the eight around `place` (texture coordinates), x first, or of the nearest.
+/// Between voxels: `texel` of those around `place` (texture coordinates), x first, or of the nearest.
 fn interpolate<R: Real, const N: usize>(
     place: [R; 3],
     dims: [usize; 3],
@@ -196,11 +213,34 @@ fn interpolate<R: Real, const N: usize>(
     let base = voxel.map(Real::floor);
     let fraction: [R; 3] = std::array::from_fn(|axis| voxel[axis] - base[axis]);
     let base = base.map(whole);
+    if interpolation == Interpolation::Cubic {
+        let [x, y, z] = fraction.map(cubic_weights);
+        let mix = |weights: [R; 4], parts: [[R; N]; 4]| -> [R; N] {
+            std::array::from_fn(|i| {
+                let sum = |sum: R, (weight, part): (&R, &[R; N])| *weight * part[i] + sum;
+                weights.iter().zip(&parts).fold(R::default(), sum)
+            })
+        };
+        let around = |at: i64| [at - 1, at, at + 1, at + 2];
+        let line = |y, z| mix(x, around(base[0]).map(|x| texel([x, y, z])));
+        let plane = |z| mix(y, around(base[1]).map(|y| line(y, z)));
+        return mix(z, around(base[2]).map(plane));
+    }
     let lerp = |a: [R; N], b: [R; N], f: R| -> [R; N] { std::array::from_fn(|i| f.mul_add(b[i] - a[i], a[i])) };
     let at = |x: i64, y: i64, z: i64| texel([base[0] + x, base[1] + y, base[2] + z]);
     let line = |y, z| lerp(at(0, y, z), at(1, y, z), fraction[0]);
     let plane = |z| lerp(line(0, z), line(1, z), fraction[1]);
     lerp(plane(0), plane(1), fraction[2])
+}
+
+/// What the four voxels around a place count for in a cubic B-spline.
+fn cubic_weights<R: Real>(f: R) -> [R; 4] {
+    let number = R::from_f64;
+    let rest = number(1.0) - f;
+    let first = rest * rest * rest / number(6.0);
+    let last = f * f * f / number(6.0);
+    let second = (number(3.0) * f - number(6.0)).mul_add(f * f, number(4.0)) / number(6.0);
+    [first, second, number(1.0) - first - second - last, last]
 }
 
 /// A whole number as an integer.

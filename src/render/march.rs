@@ -10,7 +10,7 @@ use super::{Key, RenderError, Renderer, Uploaded};
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
-use crate::scene::{Lookup, Scene, StoreAs};
+use crate::scene::{Interpolation, Lookup, Scene, StoreAs};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
 use crate::vulkan::{
@@ -96,6 +96,8 @@ pub struct Accumulators {
     pub size: [usize; 2],
     /// How many dispatches it took.
     pub dispatches: usize,
+    /// How long those took by the device's own clock; `None` where it has none.
+    pub device_time: Option<Duration>,
     /// Cells that hold something, of all cells.
     pub occupied: [usize; 2],
     pub(super) weights: StorageImage,
@@ -207,6 +209,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("POINT", unsigned(plan.positions.point))
         .bool("SHADED", plan.shading.is_some())
         .bool("GRADIENT", plan.gradient())
+        .bool("STORED_GRADIENT", plan.stores_gradient())
         .bool("SPECULAR", specular.is_some())
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
@@ -215,6 +218,8 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
         .bool("LABELS", plan.labels)
+        .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
+        .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
         .u32("GROUP_WIDTH", group[0])
@@ -333,8 +338,9 @@ impl Renderer {
         let label_source = storage("label source", bytemuck::cast_slice(&label_table.source))?;
         let label_opacity = storage("label opacity", bytemuck::cast_slice(&label_table.opacity))?;
         let filter = match plan.interpolation {
-            crate::scene::Interpolation::Nearest => Filter::Nearest,
-            crate::scene::Interpolation::Linear => Filter::Linear,
+            Interpolation::Linear => Filter::Linear,
+            // The others fetch texels themselves.
+            Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
         let [vectors, passed] = formats(plan, StoreAs::Single);
@@ -369,7 +375,15 @@ impl Renderer {
         let dispatching = Dispatching { slice, ..self.dispatching };
         let schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        let left = Accumulators { planned: planned.clone(), size, dispatches: 0, occupied, weights, transmittance };
+        let left = Accumulators {
+            planned: planned.clone(),
+            size,
+            dispatches: 0,
+            device_time: Some(Duration::ZERO),
+            occupied,
+            weights,
+            transmittance,
+        };
         Ok(March { pipeline, set, schedule, left })
     }
 
@@ -445,7 +459,7 @@ impl March {
     pub fn step(&mut self, renderer: &Renderer) -> Result<(), RenderError> {
         let Some((band, rows)) = self.schedule.next() else { return Ok(()) };
         let begun = Instant::now();
-        renderer.device.run("march", |recorder| {
+        let took = renderer.device.run_timed("march", |recorder| {
             if band.first_sample > 0 {
                 recorder.compute_to_compute();
             }
@@ -454,6 +468,7 @@ impl March {
             recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&band), groups)
         })?;
         self.schedule.took(begun.elapsed());
+        self.left.device_time = self.left.device_time.zip(took).map(|(sum, took)| sum + took);
         self.left.dispatches += 1;
         Ok(())
     }
@@ -588,7 +603,7 @@ impl Schedule {
 mod tests {
     use super::*;
     use crate::plan::{PositionCounts, ShadingTerms};
-    use crate::scene::Interpolation;
+    use crate::scene::{Gradients, VolumeAs};
 
     fn plan_of(materials: usize) -> ScenePlan {
         ScenePlan {
@@ -600,6 +615,8 @@ mod tests {
             background: false,
             lookup: Lookup::Nearest,
             interpolation: Interpolation::Linear,
+            volume: VolumeAs::Auto,
+            gradients: Gradients::Packed,
             skipping: true,
             storage: StoreAs::Single,
         }

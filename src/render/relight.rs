@@ -1,5 +1,7 @@
 //! Post-illumination on the device: accumulators to pictures.
 
+use std::time::Duration;
+
 use bytemuck::{Pod, Zeroable};
 
 use super::march::{common, images, read_layer};
@@ -114,12 +116,13 @@ impl Renderer {
 }
 
 impl Relight {
-    /// Lights the accumulators by `matrices`. One dispatch; nothing is marched.
+    /// Lights the accumulators by `matrices`. One dispatch; nothing is marched. Returns how long it took by the device's own
+    /// clock, where it has one.
     ///
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn run(&self, matrices: &RelightMatrices) -> Result<(), RenderError> {
+    pub fn run(&self, matrices: &RelightMatrices) -> Result<Option<Duration>, RenderError> {
         let size = self.picture.extent();
         let head = RelightUniform { width: size[0], height: size[1], padding: [0; 2] };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
@@ -128,7 +131,7 @@ impl Relight {
         let colours_at = size_of::<RelightUniform>() + size_of_val(passing.as_slice());
         let lanes = matrices.lanes(self.components);
         self.uniform.write(colours_at as u64, bytemuck::cast_slice(&lanes))?;
-        self.device.run("relight", |recorder| {
+        let took = self.device.run_timed("relight", |recorder| {
             recorder.compute_to_compute();
             recorder.dispatch(
                 &self.pipeline,
@@ -137,7 +140,7 @@ impl Relight {
                 [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1] * ROWS), 1],
             )
         })?;
-        Ok(())
+        Ok(took)
     }
 
     /// The picture on the device, for those who show it there.

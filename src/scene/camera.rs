@@ -76,7 +76,7 @@ impl Camera {
     /// the camera looks nowhere: its target is its eye, or its up direction is the one it looks in.
     #[must_use]
     pub fn view(&self, geometry: &Geometry, aspect: f64) -> Option<View> {
-        let up = self.up.try_normalize()?;
+        let up = unit(self.up)?;
         let (forward, target) = match self.aim {
             Aim::LookAt { position, target } => ((target - position).try_normalize()?, target),
             Aim::Orbit { azimuth, elevation, front, .. } => {
@@ -125,6 +125,14 @@ impl Camera {
         };
         Some(View { eye, forward, right, up, half: [half_height * aspect, half_height], parallel })
     }
+}
+
+/// The unit vector along `vector`; `None` where that points nowhere. One that is a unit vector already stays as it is, so
+/// that what was written to a file is the same when it is read.
+#[must_use]
+pub(super) fn unit(vector: DVec3) -> Option<DVec3> {
+    let is_unit = (vector.length_squared() - 1.0).abs() <= 8.0 * f64::EPSILON;
+    if is_unit { Some(vector) } else { vector.try_normalize() }
 }
 
 /// The middle of the volume in the world.

@@ -17,11 +17,12 @@ use toml::{Spanned, Table};
 
 use keys::*;
 
+use super::camera::unit;
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::lights::{INTENSITY, chain, warn_below_zero};
 use super::{
-    Accuracy, Aim, Camera, Dial, Display, LabelEntry, Labels, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
-    Projection, Scene, SceneError, SceneLight, Situation, Term, Transfer,
+    Accuracy, Aim, Camera, Dial, Display, LabelEntry, Labels, LightState, Material, MaterialCurve, OPAQUE_DEPTH,
+    Placement, Projection, Scene, SceneError, SceneLight, Situation, Term, Transfer,
 };
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
@@ -111,7 +112,7 @@ pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<Scen
 }
 
 /// More than any scene a person writes; a volume given as a scene is larger. The parser takes a hundred times as much.
-const LONGEST_SCENE: u64 = 1 << 19;
+const LONGEST_SCENE: u64 = 3 << 17;
 
 /// The scene that `text` describes; `name` heads messages, relative paths start at `base`.
 ///
@@ -291,9 +292,7 @@ impl Text<'_> {
     }
 
     fn direction(&self, key: &str, value: &At<[f64; 3]>) -> Result<DVec3, SceneError> {
-        self.vector(key, value)?
-            .try_normalize()
-            .ok_or_else(|| self.invalid(value, format!("{key} = [0, 0, 0] points nowhere")))
+        unit(self.vector(key, value)?).ok_or_else(|| self.invalid(value, format!("{key} = [0, 0, 0] points nowhere")))
     }
 
     fn spectrum<T>(
@@ -377,6 +376,7 @@ impl Text<'_> {
             let message = format!("version = {}; this program reads version 1", file.version.get_ref());
             return Err(self.invalid(&file.version, message));
         }
+        let base = &file.base.as_ref().map_or_else(|| base.to_owned(), |stated| base.join(stated));
         let mut inputs = self.use_palette(&mut file, base, progress)?;
         let materials = self.materials(&file.materials, base)?;
         let background = match &file.background {
@@ -390,6 +390,7 @@ impl Text<'_> {
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
         let lights = self.lights(&file.lights, base)?;
         let dial = self.dial(&file.dial, &lights)?;
+        let light = self.mix(&file.mix, &lights)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
@@ -421,6 +422,8 @@ impl Text<'_> {
             termination,
             skipping: file.accuracy.skipping.unwrap_or(true),
             interpolation: file.accuracy.interpolation,
+            volume: file.accuracy.volume,
+            gradients: file.accuracy.gradients,
             accumulate: file.accuracy.accumulate,
             model: file.accuracy.model,
             tolerance,
@@ -439,6 +442,8 @@ impl Text<'_> {
         inputs.extend(spectra.filter_map(|source| source.get_ref().file(base)));
         inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
         Ok(Scene {
+            text: self.text.into(),
+            base: base.clone(),
             inputs,
             source: match self.changed {
                 Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
@@ -450,6 +455,7 @@ impl Text<'_> {
             transfer,
             lights,
             dial,
+            light,
             shading: file.shading,
             background,
             camera,

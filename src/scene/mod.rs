@@ -5,6 +5,7 @@ mod define;
 mod dial;
 mod file;
 mod lights;
+mod mixing;
 mod transfer;
 
 use std::path::PathBuf;
@@ -16,8 +17,9 @@ pub use define::Definition;
 pub use dial::{Dial, DialNode, Situation};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
+pub use mixing::{LightState, Mixing, Slider};
 pub(crate) use transfer::depth_from_opacity;
-pub use transfer::{Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
+pub use transfer::{Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
 use crate::palette::PaletteError;
@@ -29,6 +31,10 @@ use crate::volume::{Volume, VolumeError};
 pub struct Scene {
     /// Where the scene was read from; heads messages.
     pub source: String,
+    /// The text that says all this: the scene file, with what was changed about its keys.
+    pub text: Arc<str>,
+    /// Where the relative paths in it start.
+    pub base: PathBuf,
     /// The files that were read for it, but for the scene file itself: of the volume, the labels, the palette and the spectra.
     pub inputs: Vec<PathBuf>,
     /// The grey values.
@@ -43,6 +49,8 @@ pub struct Scene {
     pub lights: Vec<SceneLight>,
     /// The lights on the light dial.
     pub dial: Dial,
+    /// How the lights are mixed as the scene opens.
+    pub light: LightState,
     /// Whether lights shade by direction at all.
     pub shading: Shading,
     /// A surface behind everything, lit by every light; `None` is black and costs nothing.
@@ -109,6 +117,15 @@ pub struct Material {
     pub xray: bool,
 }
 
+impl Material {
+    /// `opacity`, or the nearest one that this material can have: what shines through everything never hides all.
+    #[must_use]
+    pub fn allowed_opacity(&self, opacity: f64) -> f64 {
+        let most = if self.xray { 0.999 } else { 1.0 };
+        if opacity.is_nan() { 0.0 } else { opacity.clamp(0.0, most) }
+    }
+}
+
 /// Labels of the voxels and what they mean.
 #[derive(Clone, Debug)]
 pub struct Labels {
@@ -166,6 +183,10 @@ pub enum Interpolation {
     /// Trilinear, by the device's own filter.
     #[default]
     Linear,
+    /// Trilinear in f32: eight fetches in place of one. Moves the device's error where its filter has few bits.
+    ExactLinear,
+    /// A cubic B-spline, 64 fetches: smoother surfaces, and details of a voxel or two softer.
+    Cubic,
 }
 
 /// The knobs; each says what it costs and which error it moves.
@@ -180,6 +201,10 @@ pub struct Accuracy {
     pub skipping: bool,
     /// How values between voxels are made.
     pub interpolation: Interpolation,
+    /// How the volume is stored.
+    pub volume: VolumeAs,
+    /// Where gradients come from, where shading needs them.
+    pub gradients: Gradients,
     /// What pixels store.
     pub accumulate: AccumulateAs,
     /// What carries spectra where pixels store no weights.
@@ -191,6 +216,32 @@ pub struct Accuracy {
     /// How finished accumulators are stored: 16 bits take half the memory and move colours by up to what
     /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error) says.
     pub storage: StoreAs,
+}
+
+/// How voxels are stored on a device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+pub enum VolumeAs {
+    /// In 16 bits where that loses nothing, else in f32.
+    #[default]
+    #[serde(rename = "auto")]
+    Auto,
+    /// In f32: twice the memory, and gradients that are not rounded to 16 bits.
+    #[serde(rename = "f32")]
+    Single,
+    /// In 16 bits, whatever that loses: half the memory of f32.
+    #[serde(rename = "u16")]
+    Short,
+}
+
+/// Where gradients come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gradients {
+    /// Central differences of voxels, stored beside the values: four times the memory, one fetch.
+    #[default]
+    Packed,
+    /// Central differences of values a voxel before and behind a sample: seven fetches.
+    Central,
 }
 
 /// How the numbers of finished accumulators are stored.

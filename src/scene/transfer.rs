@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use super::Material;
+
 /// Optical depth per opacity length that stands for opacity 1: it hides everything at every step that is not
 /// ten million times shorter than the opacity length, and stays finite in every product.
 pub const OPAQUE_DEPTH: f64 = 1e9;
@@ -106,6 +108,67 @@ impl Term {
     }
 }
 
+/// A term of the transfer function as scene files state it: one material between two values, with equal ramps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// What shows, an index into the scene's materials.
+    pub material: usize,
+    /// The values between which it shows fully, the lower one first.
+    pub range: [f64; 2],
+    /// Over so many values it falls to nothing on either side.
+    pub ramp: f64,
+    /// What one opacity length of it hides, 0 to 1.
+    pub opacity: f64,
+    /// Optical depth of one opacity length of it where its material absorbs most.
+    pub absorption: f64,
+}
+
+impl Interval {
+    /// The term that this is.
+    #[must_use]
+    pub fn term(&self) -> Term {
+        Term::interval(self.material, self.range, [self.ramp; 2], self.opacity, self.absorption)
+    }
+
+    /// The interval whose term is `term` to the bit; `None` where it is no interval. Of the ramps that make it, the one
+    /// with the fewest digits.
+    #[must_use]
+    pub fn of(term: &Term) -> Option<Self> {
+        let (&[before, low, high, after], &[(_, material)]) = (&term.opacity[..], &term.material.0[..]) else {
+            return None;
+        };
+        let (range, opacity) = ([low.0, high.0], low.1);
+        let absorption = term.absorption.get(1).map_or(0.0, |point| point.1);
+        let (below, above) = (low.0 - before.0, after.0 - high.0);
+        let with = |ramp: f64| Self { material, range, ramp, opacity, absorption };
+        let written = [below, above, f64::midpoint(below, above)]
+            .into_iter()
+            .filter(|ramp| ramp.is_finite() && *ramp >= 0.0)
+            .flat_map(|ramp| (0..17).filter_map(move |digits| format!("{ramp:.digits$e}").parse().ok()));
+        let mut fitting: Vec<f64> = written.filter(|&ramp| with(ramp).term() == *term).collect();
+        fitting.sort_by_key(|ramp| ramp.to_string().len());
+        fitting.first().map(|&ramp| with(ramp))
+    }
+
+    /// The nearest interval that a scene of `materials` may state; `None` for a material that is not there, and for what
+    /// is not finite.
+    #[must_use]
+    pub fn allowed(&self, materials: &[Material]) -> Option<Self> {
+        let material = materials.get(self.material)?;
+        let numbers = [self.range[0], self.range[1], self.ramp, self.absorption];
+        let finite = numbers.iter().all(|number| number.abs() <= f64::MAX / 4.0);
+        let [low, high] = self.range;
+        let absorption = if material.absorption.is_some() { self.absorption.clamp(0.0, OPAQUE_DEPTH) } else { 0.0 };
+        finite.then(|| Self {
+            range: [low.min(high), low.max(high)],
+            ramp: self.ramp.max(0.0),
+            opacity: material.allowed_opacity(self.opacity),
+            absorption,
+            ..*self
+        })
+    }
+}
+
 /// The height of a curve at `value`, linear between its points; 0 without points.
 fn height_at(curve: &[(f64, f64)], value: f64) -> f64 {
     let after = curve.partition_point(|point| point.0 < value);
@@ -153,6 +216,21 @@ mod tests {
         {
             assert!(close(height_at(&term.opacity, value), opacity), "opacity at {value}");
         }
+    }
+
+    #[test]
+    fn an_interval_is_found_again_in_its_term_as_it_was_written() {
+        for (range, ramp) in
+            [([40.0, 90.0], 8.0), ([100.0, 200.3], 0.1), ([0.1, 0.7], 1e6), ([-3.3, 1e-3], 0.07), ([5.0, 5.0], 0.0)]
+        {
+            let interval = Interval { material: 1, range, ramp, opacity: 0.3, absorption: 0.0 };
+            assert_eq!(Interval::of(&interval.term()).map(|found| found.term()), Some(interval.term()), "{interval:?}");
+        }
+        let found = Interval::of(&Term::interval(1, [100.0, 200.3], [0.1; 2], 0.3, 0.25));
+        assert_eq!(found.map(|interval| [interval.ramp, interval.absorption]), Some([0.1, 0.25]));
+        let curve = Term { opacity: vec![(0.0, 0.0), (9.0, 1.0)], ..Term::interval(0, [0.0, 1.0], [1.0; 2], 0.3, 0.0) };
+        assert_eq!(Interval::of(&curve), None, "a curve");
+        assert_eq!(Interval::of(&Term::interval(0, [0.0, 1.0], [1.0, 2.0], 0.3, 0.0)), None, "unequal ramps");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::rounded;
 use crate::number::{count, readable, whole};
 use crate::plan::ScenePlan;
-use crate::scene::Labels;
+use crate::scene::{Labels, VolumeAs};
 use crate::volume::{Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxels};
 
 /// Texture formats of a volume.
@@ -87,8 +87,13 @@ impl Storage {
         let (domain, cut) = finite_domain(domain);
         let span = (domain[1] - domain[0]) / slope.abs();
         let whole = !matches!(voxel_type, VoxelType::F32 | VoxelType::F64);
-        let gradient = plan.gradient();
-        let narrow = whole && span <= if gradient { 2.0 * SNORM16 } else { UNORM16 };
+        let gradient = plan.stores_gradient();
+        let lossless = whole && span <= if gradient { 2.0 * SNORM16 } else { UNORM16 };
+        let narrow = match plan.volume {
+            VolumeAs::Auto => lossless,
+            VolumeAs::Single => false,
+            VolumeAs::Short => true,
+        };
         let format = match (gradient, narrow) {
             (false, true) => VolumeFormat::R16Unorm,
             (false, false) => VolumeFormat::R32Float,
@@ -96,8 +101,10 @@ impl Storage {
             (true, false) => VolumeFormat::Rgba32Float,
         };
         let (codes, loss) = match format {
-            VolumeFormat::R16Unorm => whole_codes(UNORM16, span, slope),
-            VolumeFormat::Rgba16Snorm => whole_codes(2.0 * SNORM16, span, slope),
+            VolumeFormat::R16Unorm if whole => whole_codes(UNORM16, span, slope),
+            VolumeFormat::Rgba16Snorm if whole => whole_codes(2.0 * SNORM16, span, slope),
+            VolumeFormat::R16Unorm => (UNORM16, 0.5 * span / UNORM16 * slope.abs()),
+            VolumeFormat::Rgba16Snorm => (2.0 * SNORM16, 0.25 * span / SNORM16 * slope.abs()),
             // f32 of a number from 0 to 1 is within 2^-25 of it; 24-bit integers and f32 data may still be exact, but
             // the normalisation rounds. One value alone is an end of the domain.
             VolumeFormat::R32Float | VolumeFormat::Rgba32Float if statistics.min >= statistics.max => (1.0, 0.0),
@@ -116,6 +123,10 @@ impl Storage {
         };
         if gradient {
             storage.scale_differences(volume);
+        } else if plan.gradient() {
+            // Of differences between values a voxel before and behind.
+            let spacing = volume.geometry.spacing;
+            storage.gradient_scale = (spacing.min_element() / spacing).to_array();
         }
         storage
     }

@@ -16,8 +16,11 @@ pub enum Action {
     Redo,
     /// Another scene or volume.
     Open(PathBuf),
-    /// The picture alone, as PNG, once it is as fine as it gets: the bytes that `relume render` would write.
+    /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
+    /// in .png or .exr.
     SavePicture(PathBuf),
+    /// What is looked at, as a scene file.
+    SaveSession(PathBuf),
     /// All pixels of the window, as PNG.
     SaveWindow(PathBuf),
     /// The panels beside the picture, or the picture alone.

@@ -1,14 +1,17 @@
 //! Pictures of a state, made in slices: coarse at once, then as fine as the window; relit as often as the light changes.
 
 use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::load::Loaded;
 use super::state::State;
-use crate::plan::{Planned, ScenePlan};
-use crate::render::{March, Relight, RenderError, Renderer, Speed, Uploaded};
+use crate::plan::{PlanError, Planned, ScenePlan, plan};
+use crate::progress::Quiet;
+use crate::render::{Accumulators, March, Relight, RenderError, Renderer, Speed, Uploaded};
 use crate::scene::{Scene, positions};
 use crate::tables::{Components, RelightMatrices};
+use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
 
 /// How long one dispatch of a march may take, about.
@@ -21,6 +24,18 @@ const COARSE: Duration = Duration::from_millis(60);
 const COARSEST: usize = 16;
 /// Pixels of a coarse picture for one of the next finer one.
 const FINER: usize = 4;
+
+/// Why there is no picture of what is asked for.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum EngineError {
+    /// The device.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// What the scene has become has no plan.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+}
 
 /// What was done so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -39,13 +54,15 @@ pub struct Engine {
     renderer: Arc<Renderer>,
     planned: Planned,
     uploaded: Uploaded,
-    components: Components,
+    statistics: Statistics,
     /// Pixels of the finest picture.
     size: [usize; 2],
     /// The scene to march, where another than the one that is marched or shown.
     wanted: Option<Box<Scene>>,
-    /// The scene of the march under way and of those that refine it.
+    /// The scene of the march under way and of those that refine it; `planned` is its plan.
     scene: Box<Scene>,
+    /// A plan with another colour model, which is fitted beside the window.
+    planning: Option<Planning>,
     marching: Option<Marching>,
     lit: Option<Lit>,
     /// The light to show it in.
@@ -72,6 +89,13 @@ pub struct Latency {
     pub finest: Option<Duration>,
 }
 
+/// A plan under way.
+#[derive(Debug)]
+struct Planning {
+    scene: Box<Scene>,
+    thread: JoinHandle<Result<Planned, PlanError>>,
+}
+
 /// A march under way.
 #[derive(Debug)]
 struct Marching {
@@ -88,26 +112,39 @@ struct Lit {
     level: usize,
     /// The pixels of the window that it was marched for.
     size: [usize; 2],
-    /// How many light positions its accumulators have.
-    positions: usize,
+    accumulators: Accumulators,
+    components: Components,
+}
+
+impl Lit {
+    /// What lights it as `state` asks; `None` before a march has the light positions of that.
+    fn matrices(&self, state: &State) -> Option<RelightMatrices> {
+        let (scene, count) = (&state.scene, self.accumulators.planned.positions.len());
+        // Where parallel rays turn, or other materials show, a light may come to stand where another one does, or no longer:
+        // the march that is wanted will have as many positions as the mix.
+        (positions(scene).len() == count).then(|| {
+            let background = scene.background.as_ref();
+            RelightMatrices::new(&self.components, count, background, &state.mix(), &scene.display)
+        })
+    }
 }
 
 impl Engine {
     /// Makes pictures of what was `loaded`; nothing is marched yet.
     #[must_use]
     pub fn new(loaded: Loaded) -> Self {
-        let Loaded { renderer, scene, planned, uploaded, .. } = loaded;
+        let Loaded { renderer, scene, planned, uploaded, statistics, .. } = loaded;
         let state = State::new(scene);
-        let components = Components::new(&state.scene, &planned);
         let speed = (planned.plan.clone(), Speed::unknown(DISPATCH));
         Self {
             renderer,
             planned,
             uploaded,
-            components,
+            statistics,
             size: [0; 2],
             wanted: None,
             scene: Box::new(state.scene.clone()),
+            planning: None,
             marching: None,
             lit: None,
             state: Box::new(state),
@@ -145,8 +182,8 @@ impl Engine {
     ///
     /// # Errors
     ///
-    /// [`RenderError`]. What failed is not tried again before something else is asked for.
-    pub fn step(&mut self, hand_rests: bool) -> Result<bool, RenderError> {
+    /// [`EngineError`]. What failed is not tried again before something else is asked for.
+    pub fn step(&mut self, hand_rests: bool) -> Result<bool, EngineError> {
         let done = self.advance(hand_rests);
         if done.is_err() {
             (self.wanted, self.marching, self.unlit, self.failed) = (None, None, false, true);
@@ -154,12 +191,12 @@ impl Engine {
         done
     }
 
-    fn advance(&mut self, hand_rests: bool) -> Result<bool, RenderError> {
+    fn advance(&mut self, hand_rests: bool) -> Result<bool, EngineError> {
         let begun = Instant::now();
         let mut shown = self.relight()?;
         while begun.elapsed() < SLICE && self.has_work(hand_rests) {
-            if self.marching.is_none() {
-                self.begin()?;
+            if self.marching.is_none() && !self.begin()? {
+                break;
             }
             if let Some(marching) = &mut self.marching {
                 let dispatched = Instant::now();
@@ -179,28 +216,53 @@ impl Engine {
     #[must_use]
     pub fn has_work(&self, hand_rests: bool) -> bool {
         let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level > 1);
-        self.unlit || self.wanted.is_some() || self.marching.is_some() || (hand_rests && finer)
+        let wanted = self.wanted.is_some() || self.planning.is_some();
+        self.unlit || wanted || self.marching.is_some() || (hand_rests && finer)
     }
 
-    /// Begins the march of what is wanted, or else a finer one of what is shown.
-    fn begin(&mut self) -> Result<(), RenderError> {
-        let level = match (self.wanted.take(), &self.lit) {
-            (Some(scene), _) => {
-                let planned = self.planned.seen_otherwise(&scene);
-                if planned.plan != self.planned.plan {
-                    self.speed = (planned.plan.clone(), Speed::unknown(DISPATCH));
-                }
-                (self.planned, self.scene) = (planned, scene);
-                self.coarse
+    /// Begins the march of what is wanted, or else a finer one of what is shown. Says whether there is one to go on with:
+    /// a new plan may take its time.
+    fn begin(&mut self) -> Result<bool, EngineError> {
+        let mut level = self.lit.as_ref().map(|lit| lit.level).filter(|&level| level > 1).map(|it| it / FINER.min(it));
+        if let Some(planning) = self.planning.take() {
+            if !planning.thread.is_finished() {
+                self.planning = Some(planning);
+                return Ok(false);
             }
-            (None, Some(lit)) if lit.level > 1 => lit.level / FINER.min(lit.level),
-            _ => return Ok(()),
-        };
+            // A panic there has been told of.
+            if let Ok(planned) = planning.thread.join() {
+                self.adopt(planned?, planning.scene)?;
+                level = Some(self.coarse);
+            }
+        }
+        if let Some(scene) = self.wanted.take() {
+            let Some(planned) = self.planned.changed_to(&self.scene, &scene) else {
+                let planned = scene.clone();
+                let thread = std::thread::spawn(move || plan(&planned, &Quiet));
+                self.planning = Some(Planning { scene, thread });
+                return Ok(false);
+            };
+            self.adopt(planned, scene)?;
+            level = Some(self.coarse);
+        }
+        let Some(level) = level else { return Ok(false) };
         let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
         let speed = self.speed.1;
         let march = self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)?;
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
+        Ok(true)
+    }
+
+    /// From now on marches `scene` as `planned`; the volume stays on the device where it is stored as that needs it.
+    fn adopt(&mut self, planned: Planned, scene: Box<Scene>) -> Result<(), RenderError> {
+        if !planned.plan.is_stored_as(&self.planned.plan) {
+            self.uploaded = self.renderer.upload(&scene, &planned, &self.statistics, &Quiet)?;
+        }
+        if planned.plan != self.planned.plan {
+            self.speed = (planned.plan.clone(), Speed::unknown(DISPATCH));
+        }
+        (self.planned, self.scene) = (planned, scene);
         Ok(())
     }
 
@@ -217,10 +279,10 @@ impl Engine {
         }
         let accumulators = march.finish(&self.renderer)?;
         let relight = self.renderer.relight_display(&accumulators)?;
-        let positions = accumulators.planned.positions.len();
-        self.lit = Some(Lit { relight, level, size: self.size, positions });
+        let components = Components::new(&self.scene, &accumulators.planned);
+        self.lit = Some(Lit { relight, level, size: self.size, accumulators, components });
         self.unlit = true;
-        if self.wanted.is_none() {
+        if self.wanted.is_none() && self.planning.is_none() {
             self.latency.first.get_or_insert_with(|| self.changed.elapsed());
             if level == 1 {
                 self.latency.finest.get_or_insert_with(|| self.changed.elapsed());
@@ -231,14 +293,8 @@ impl Engine {
 
     fn relight(&mut self) -> Result<bool, RenderError> {
         let Some(lit) = self.lit.as_ref().filter(|_| self.unlit) else { return Ok(false) };
-        let (scene, mix) = (&self.state.scene, self.state.mix());
-        if positions(scene).len() != lit.positions {
-            // Where parallel rays turn, a headlight may come to stand where another light does: the march that is wanted
-            // will have as many positions as the mix.
-            return Ok(false);
-        }
-        let background = scene.background.as_ref();
-        lit.relight.run(&RelightMatrices::new(&self.components, lit.positions, background, &mix, &scene.display))?;
+        let Some(matrices) = lit.matrices(&self.state) else { return Ok(false) };
+        lit.relight.run(&matrices)?;
         self.counts.relights += 1;
         self.unlit = false;
         Ok(true)
@@ -258,6 +314,19 @@ impl Engine {
     pub fn read(&self) -> Result<Vec<u8>, RenderError> {
         let pixels: Vec<[u8; 4]> = self.lit.as_ref().map_or_else(|| Ok(Vec::new()), |lit| lit.relight.read())?;
         Ok(pixels.into_flattened())
+    }
+
+    /// Linear sRGB and opacity of its pixels, rows from the top; none before the first.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn read_linear(&self) -> Result<Vec<f32>, RenderError> {
+        let lit = self.lit.as_ref().and_then(|lit| Some((lit, lit.matrices(&self.state)?)));
+        let Some((lit, matrices)) = lit else { return Ok(Vec::new()) };
+        let relight = self.renderer.relight_linear(&lit.accumulators)?;
+        relight.run(&matrices)?;
+        relight.read()
     }
 
     /// Whether the picture is the finest one of what was asked for, or the last one that could be made.

@@ -57,8 +57,8 @@ pub struct Loaded {
     pub uploaded: Uploaded,
     /// What the volume's values are like.
     pub statistics: Statistics,
-    /// Whether it is a volume without a scene.
-    pub is_bare: bool,
+    /// What it was read from.
+    pub source: Source,
 }
 
 /// Something that is being opened on a thread of its own. Dropping it is to give up.
@@ -168,7 +168,8 @@ impl Source {
     }
 
     /// The volume that it is, where it is no scene.
-    fn bare_volume(&self) -> Option<&Path> {
+    #[must_use]
+    pub fn bare_volume(&self) -> Option<&Path> {
         self.path.as_deref().filter(|path| is_volume(path, &[]) || is_raw(path, &self.options))
     }
 
@@ -210,7 +211,7 @@ impl Source {
         }
         let relight = renderer.relight_display(&march.finish(&renderer)?)?;
         let components = crate::tables::Components::new(&scene, &planned);
-        let mix = scene::Mix::of_scene(&scene);
+        let mix = scene.opening_mix();
         let background = scene.background.as_ref();
         relight.run(&crate::tables::RelightMatrices::new(
             &components,
@@ -219,7 +220,7 @@ impl Source {
             &mix,
             &scene.display,
         ))?;
-        Ok(Loaded { renderer, scene, planned, uploaded, statistics, is_bare: self.bare_volume().is_some() })
+        Ok(Loaded { renderer, scene, planned, uploaded, statistics, source: self.clone() })
     }
 }
 

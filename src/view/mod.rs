@@ -8,16 +8,19 @@ pub mod camera;
 pub mod engine;
 pub mod load;
 pub mod script;
+pub mod session;
 pub mod state;
 #[cfg(feature = "window")]
 pub mod ui;
 #[cfg(feature = "window")]
 pub mod window;
 
+pub use crate::scene::{LightState, Mixing, Slider};
 pub use action::Action;
-pub use engine::{Counts, Engine};
+pub use engine::{Counts, Engine, EngineError};
 pub use load::{LoadError, Loaded, Source};
 pub use script::{Script, ScriptError};
-pub use state::{Cost, Document, Edit, LightState, Mixing, Slider, State};
+pub use session::SessionError;
+pub use state::{Cost, Document, Edit, State};
 #[cfg(feature = "window")]
 pub use window::{Options, Report, ViewError, run};

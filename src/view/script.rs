@@ -12,6 +12,7 @@ use super::action::Action;
 use super::camera::{Move, Side};
 use super::state::{Edit, State};
 use crate::input;
+use crate::scene::Interval;
 
 /// Longer than any script of a person.
 const LONGEST: u64 = 1 << 20;
@@ -57,7 +58,9 @@ pub enum Command {
     Settle,
     /// Something that needs no name of the scene.
     Do(Action),
-    /// Something about the light of this name.
+    /// An interval of the transfer function, by its index: from, to, ramp, opacity.
+    Interval(usize, [f64; 4]),
+    /// Something about the light, the material or the label of this name.
     Named(About, String),
     /// A movement of the camera.
     Camera(Move),
@@ -67,7 +70,7 @@ pub enum Command {
     Input(Input),
 }
 
-/// What is asked of the light, the node or the situation of a name.
+/// What is asked of the light, the node, the situation, the material or the label of a name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(missing_docs, reason = "each is the edit of its name")]
 pub enum About {
@@ -78,6 +81,12 @@ pub enum About {
     NodePlace(DVec2),
     NodeOn(bool),
     Situation,
+    /// A new interval of the transfer function that shows this material: from, to, ramp, opacity.
+    AddInterval([f64; 4]),
+    /// The material of an interval, by the interval's index.
+    IntervalMaterial(usize),
+    /// What the label of this name hides.
+    LabelOpacity(f64),
 }
 
 /// What a hand does at the mouse and the keyboard; places are in points of the window.
@@ -163,6 +172,23 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "take" | "leave" => Command::Named(About::NodeOn(verb == "take"), name()?),
         "situation" => Command::Named(About::Situation, name()?),
         "master" => edit(Edit::Master(numbers::<f64, 1>(verb, rest)?[0])),
+        "interval" => match rest {
+            ["add", name @ .., from, to, ramp, opacity] if !name.is_empty() => {
+                Command::Named(About::AddInterval(numbers(verb, &[from, to, ramp, opacity])?), name.join(" "))
+            }
+            ["remove", index] => edit(Edit::RemoveTerm(numbers::<usize, 1>(verb, &[index])?[0])),
+            [index, "material", name @ ..] if !name.is_empty() => {
+                Command::Named(About::IntervalMaterial(numbers::<usize, 1>(verb, &[index])?[0]), name.join(" "))
+            }
+            [index, numbers_of_it @ ..] => {
+                Command::Interval(numbers::<usize, 1>(verb, &[index])?[0], numbers(verb, numbers_of_it)?)
+            }
+            [] => return Err("interval INDEX FROM TO RAMP OPACITY".to_owned()),
+        },
+        "label" => {
+            let (opacity, name) = rest.split_last().ok_or("label NAME OPACITY")?;
+            Command::Named(About::LabelOpacity(numbers::<f64, 1>(verb, &[opacity])?[0]), name.join(" "))
+        }
         "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
         "adapt" => edit(Edit::Adapt(switch(verb, rest)?)),
@@ -190,6 +216,10 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "open" => Command::Do(Action::Open(file()?)),
         "window" => Command::Do(Action::SaveWindow(file()?)),
         "picture" => Command::Do(Action::SavePicture(file()?)),
+        "save" => match rest {
+            ["session", file @ ..] if !file.is_empty() => Command::Do(Action::SaveSession(file.join(" ").into())),
+            _ => return Err("save session FILE".to_owned()),
+        },
         "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),
         "size" => Command::Size(numbers(verb, rest)?),
         "pointer" => {
@@ -231,6 +261,9 @@ impl About {
         let light = || find(state.scene.lights.iter().map(|light| light.name.as_str()).collect());
         let node = || find(state.scene.dial.nodes.iter().map(|node| node.light.as_str()).collect());
         let situation = || find(state.scene.dial.situations.iter().map(|one| one.name.as_str()).collect());
+        let material = || find(state.scene.materials.iter().map(|material| material.name.as_str()).collect());
+        let labels = || state.scene.labels.iter().flat_map(|labels| &labels.declared);
+        let label = || find(labels().map(|entry| entry.name.as_str()).collect());
         Ok(match self {
             Self::Weight(weight) => Edit::Weight(light()?, weight),
             Self::On(on) => Edit::On(light()?, on),
@@ -239,6 +272,28 @@ impl About {
             Self::NodePlace(place) => Edit::NodePlace(node()?, place),
             Self::NodeOn(on) => Edit::NodeOn(node()?, on),
             Self::Situation => Edit::Situation(situation()?),
+            Self::AddInterval([from, to, ramp, opacity]) => {
+                let interval = Interval { material: material()?, range: [from, to], ramp, opacity, absorption: 0.0 };
+                Edit::AddInterval(interval)
+            }
+            Self::IntervalMaterial(index) => {
+                Edit::Interval(index, Interval { material: material()?, ..interval(state, index)? })
+            }
+            Self::LabelOpacity(opacity) => {
+                let index = label()?;
+                Edit::Label(index, labels().nth(index).map_or(0, |entry| entry.material), opacity)
+            }
         })
     }
+}
+
+/// The interval that the term number `index` of the transfer function is.
+///
+/// # Errors
+///
+/// A sentence that says how many there are.
+pub fn interval(state: &State, index: usize) -> Result<Interval, String> {
+    let terms = &state.scene.transfer.terms;
+    let found = terms.get(index).and_then(Interval::of);
+    found.ok_or_else(|| format!("there is no interval {index}: of {} terms, counted from 0, it is none", terms.len()))
 }

@@ -5,7 +5,8 @@ use std::mem::Discriminant;
 use glam::DVec2;
 
 use super::camera::{self, Move};
-use crate::scene::{Mix, Scene};
+use crate::scene::{Interval, LabelEntry, LightState, Mix, Mixing, Scene, Slider};
+use crate::volume::Statistics;
 
 /// Steps that can be undone.
 const DEPTH: usize = 200;
@@ -17,43 +18,6 @@ pub struct State {
     pub scene: Scene,
     /// How its lights are mixed.
     pub light: LightState,
-}
-
-/// How the lights of a scene are mixed.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LightState {
-    /// What decides: the sliders or the dial.
-    pub mixing: Mixing,
-    /// A slider for each of [`Scene::lights`].
-    pub sliders: Vec<Slider>,
-    /// The only light that the sliders let shine, by its index.
-    pub solo: Option<usize>,
-    /// Whether the sliders' mix is scaled so that a white surface has the luminance `master`.
-    pub normalise: bool,
-    /// That luminance; where `normalise` is off, what every slider is multiplied by.
-    pub master: f64,
-    /// Where the hand of the dial is.
-    pub hand: DVec2,
-    /// The situation that the hand was last brought to, by its index, until something else is changed about the light.
-    pub situation: Option<usize>,
-}
-
-/// What decides how much each light shines.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mixing {
-    /// A slider per light.
-    Sliders,
-    /// The light dial.
-    Dial,
-}
-
-/// How much a light shines.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slider {
-    /// What the intensity that the scene states is multiplied by.
-    pub weight: f64,
-    /// Whether it shines at all.
-    pub on: bool,
 }
 
 /// A change of the [`State`]. Numbers out of range are brought into it.
@@ -90,6 +54,16 @@ pub enum Edit {
     Adapt(bool),
     /// A movement of the camera, before a picture of this width over height.
     Camera(Move, f64),
+    /// An interval of the transfer function, by the index of its term. What no scene may say is not done.
+    Interval(usize, Interval),
+    /// A new interval, before what the scene states by curves.
+    AddInterval(Interval),
+    /// A term of the transfer function that is left out from now on, by its index.
+    RemoveTerm(usize),
+    /// What a label shows as, by its index among those that the scene declares: the material, and its opacity.
+    Label(usize, usize, f64),
+    /// The transfer function and the labels as the scene has them.
+    ResetTransfer,
 }
 
 /// What has to be done again after an edit.
@@ -128,9 +102,19 @@ impl Edit {
             | Self::Situation(_)
             | Self::Exposure(_)
             | Self::Adapt(_) => Cost::Relight,
-            Self::Camera(..) => Cost::March,
+            Self::Camera(..)
+            | Self::Interval(..)
+            | Self::AddInterval(_)
+            | Self::RemoveTerm(_)
+            | Self::Label(..)
+            | Self::ResetTransfer => Cost::March,
         }
     }
+}
+
+/// What the labels of `scene` show as.
+fn declared(scene: &Scene) -> &[LabelEntry] {
+    scene.labels.as_ref().map_or(&[], |labels| &labels.declared)
 }
 
 /// Largest factor of sliders, master and exposure.
@@ -148,38 +132,14 @@ impl State {
     /// The state in which `scene` opens: the picture that `relume render` makes of it.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
-        let light = LightState {
-            mixing: Mixing::Sliders,
-            sliders: vec![Slider { weight: 1.0, on: true }; scene.lights.len()],
-            solo: None,
-            normalise: false,
-            master: 1.0,
-            hand: DVec2::ZERO,
-            situation: None,
-        };
+        let light = scene.light.clone();
         Self { scene, light }
     }
 
     /// The lights that shine now, from the positions of the scene.
     #[must_use]
     pub fn mix(&self) -> Mix {
-        let stated = Mix::of_scene(&self.scene);
-        if self.light.mixing == Mixing::Dial {
-            return self.scene.dial.mix(self.light.hand, &stated);
-        }
-        let mut mix = stated;
-        for light in &mut mix.0 {
-            let index = self.scene.lights.iter().position(|one| one.name == light.name);
-            light.weight *= index.map_or(0.0, |index| self.slider(index));
-        }
-        mix.0.retain(|light| light.weight > 0.0);
-        mix.mastered(self.light.normalise, self.light.master)
-    }
-
-    /// What the slider of a light lets through.
-    fn slider(&self, index: usize) -> f64 {
-        let slider = self.light.sliders.get(index).filter(|slider| slider.on);
-        slider.filter(|_| self.light.solo.is_none_or(|solo| solo == index)).map_or(0.0, |slider| slider.weight)
+        self.light.mix(Mix::of_scene(&self.scene), &self.scene.lights, &self.scene.dial)
     }
 
     /// How much each of the scene's lights shines, as a multiple of its stated intensity: what sliders would show.
@@ -213,7 +173,8 @@ impl State {
     #[must_use]
     pub fn cost_from(&self, before: &Self) -> Option<Cost> {
         let (now, then) = (&self.scene, &before.scene);
-        if now.camera != then.camera || now.crop != then.crop || now.transfer != then.transfer {
+        let other_labels = declared(now) != declared(then);
+        if now.camera != then.camera || now.crop != then.crop || now.transfer != then.transfer || other_labels {
             return Some(Cost::March);
         }
         let alike = self.light == before.light && now.dial == then.dial && now.display == then.display;
@@ -289,10 +250,43 @@ impl State {
             Edit::Camera(step, aspect) => {
                 scene.camera = camera::moved(&scene.camera, &opened.camera, &scene.volume.geometry, aspect, step);
             }
+            Edit::Interval(index, interval) => {
+                if let (Some(interval), Some(term)) =
+                    (interval.allowed(&scene.materials), scene.transfer.terms.get_mut(index))
+                {
+                    *term = interval.term();
+                }
+            }
+            Edit::AddInterval(interval) => {
+                let terms = &mut scene.transfer.terms;
+                // A file states its intervals before its curves, and sums are to be made in its order.
+                let end = terms.iter().position(|term| Interval::of(term).is_none()).unwrap_or(terms.len());
+                if let Some(interval) = interval.allowed(&scene.materials) {
+                    terms.insert(end, interval.term());
+                }
+            }
+            Edit::RemoveTerm(index) => {
+                if index < scene.transfer.terms.len() {
+                    scene.transfer.terms.remove(index);
+                }
+            }
+            Edit::Label(index, material, opacity) => {
+                let entry = scene.labels.as_mut().and_then(|labels| labels.declared.get_mut(index));
+                if let (Some(entry), Some(shown)) = (entry, scene.materials.get(material)) {
+                    (entry.material, entry.opacity) = (material, shown.allowed_opacity(opacity));
+                    if shown.absorption.is_none() {
+                        entry.absorption = 0.0;
+                    }
+                }
+            }
+            Edit::ResetTransfer => {
+                scene.transfer.clone_from(&opened.transfer);
+                scene.labels.clone_from(&opened.labels);
+            }
         }
         light.situation = match *edit {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
-            Edit::Exposure(_) | Edit::Adapt(_) | Edit::Camera(..) => light.situation,
+            _ if edit.cost() == Cost::March || matches!(edit, Edit::Exposure(_) | Edit::Adapt(_)) => light.situation,
             _ => None,
         };
     }
@@ -302,6 +296,7 @@ impl State {
 #[derive(Clone, Debug)]
 pub struct Document {
     opened: Scene,
+    statistics: Option<Statistics>,
     now: State,
     past: Vec<State>,
     future: Vec<State>,
@@ -314,7 +309,7 @@ impl Document {
     #[must_use]
     pub fn new(scene: Scene) -> Self {
         let now = State::new(scene.clone());
-        Self { opened: scene, now, past: Vec::new(), future: Vec::new(), gesture: None }
+        Self { opened: scene, statistics: None, now, past: Vec::new(), future: Vec::new(), gesture: None }
     }
 
     /// A scene that was just opened, with `edit` made before anybody looks.
@@ -323,6 +318,18 @@ impl Document {
         let mut document = Self::new(scene);
         document.now.apply(edit, &document.opened);
         document
+    }
+
+    /// The same, where the values of its volume are known to have `statistics`.
+    #[must_use]
+    pub fn with_statistics(self, statistics: Statistics) -> Self {
+        Self { statistics: Some(statistics), ..self }
+    }
+
+    /// What the values of its volume are like, where that is known.
+    #[must_use]
+    pub fn statistics(&self) -> Option<&Statistics> {
+        self.statistics.as_ref()
     }
 
     /// The scene as it was opened.

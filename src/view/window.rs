@@ -14,14 +14,16 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::{Window, WindowId};
 
 use super::action::Action;
-use super::engine::{Counts, Engine};
+use super::engine::{Counts, Engine, EngineError};
 use super::load::{LoadError, Loaded, Loading, Source};
-use super::script::{Command, Input, Script, ScriptError};
+use super::script::{self, Command, Input, Script, ScriptError};
+use super::session;
 use super::state::{Cost, Document, Edit};
 use super::ui::{self, Shown, Status};
 use crate::number::{count, unsigned, whole};
-use crate::output::{OutputError, write_ready_png};
+use crate::output::{OutputError, Picture, write_exr, write_ready_png};
 use crate::render::{RenderError, Renderer};
+use crate::scene::Interval;
 use crate::vulkan::{Device, DeviceChoice, Frame, Surface, Validation, VulkanError};
 
 /// How long after its last movement a hand rests.
@@ -152,6 +154,8 @@ struct Viewer {
     engine: Option<Engine>,
     screen: Option<Screen>,
     document: Option<Document>,
+    /// What the document was read from.
+    source: Source,
     loading: Option<Loading>,
     /// How many things were opened.
     opened: u64,
@@ -193,6 +197,7 @@ impl Viewer {
             engine: None,
             screen: None,
             document: None,
+            source: Source::default(),
             loading: None,
             opened: 0,
             notices: Vec::new(),
@@ -303,10 +308,12 @@ impl Viewer {
             Ok(loaded) => {
                 self.before = self.counts();
                 let mut document = Document::new(loaded.scene.clone());
-                if loaded.is_bare {
+                if loaded.source.bare_volume().is_some() {
                     // Its lights are there to choose from, and not meant together.
                     document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
                 }
+                document = document.with_statistics(loaded.statistics.clone());
+                self.source = loaded.source.clone();
                 let mut engine = Engine::new(loaded);
                 engine.light(document.state());
                 self.engine = Some(engine);
@@ -333,6 +340,7 @@ impl Viewer {
             }
             Action::Open(path) => self.open(Source::of(&path)),
             Action::SavePicture(path) => self.to_save.push(path),
+            Action::SaveSession(path) => self.save_session(&path),
             Action::SaveWindow(path) => self.to_capture = Some(path),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Dismiss(index) => {
@@ -468,10 +476,24 @@ impl Viewer {
         }
         match stepped {
             Ok(_) => {}
-            Err(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => self.failed = Some(lost.into()),
+            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => {
+                self.failed = Some(lost.into());
+            }
             Err(error) => self.tell(&error),
         }
         more
+    }
+
+    fn save_session(&mut self, path: &Path) {
+        let Some(document) = &self.document else {
+            self.note("There is no session to save: nothing is open.".to_owned());
+            return;
+        };
+        match session::save(path, &self.source, document.opened(), document.state()) {
+            Err(error) => self.tell(&error),
+            Ok(()) if self.is_scripted() => {}
+            Ok(()) => self.note(format!("The session is {}.", path.display())),
+        }
     }
 
     fn save_pictures(&mut self) {
@@ -487,17 +509,10 @@ impl Viewer {
             return;
         }
         let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
-        let pixels = match engine.read() {
-            Ok(pixels) => pixels,
-            Err(error) => {
-                self.to_save.clear();
-                self.tell(&error);
-                return;
-            }
-        };
-        for path in std::mem::take(&mut self.to_save) {
-            match write_rgba(&path, size, &pixels) {
-                Err(error) => self.tell(&error),
+        let saved: Vec<_> = self.to_save.iter().map(|path| save_picture(path, engine, size)).collect();
+        for (path, saved) in std::mem::take(&mut self.to_save).iter().zip(saved) {
+            match saved {
+                Err(error) => self.tell(&*error),
                 Ok(()) if self.is_scripted() => {}
                 Ok(()) => self.note(format!("The picture is {}.", path.display())),
             }
@@ -584,6 +599,15 @@ impl Viewer {
                 self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
                 Vec::new()
             }
+            Command::Interval(index, [from, to, ramp, opacity]) => {
+                let stated = match &self.document {
+                    None => Err("nothing is open".to_owned()),
+                    Some(document) => script::interval(document.state(), index),
+                };
+                let stated = stated.map_err(|message| script.wrong(at, message))?;
+                self.ask(Action::Edit(Edit::Interval(index, Interval { range: [from, to], ramp, opacity, ..stated })));
+                Vec::new()
+            }
             Command::Camera(step) => {
                 let aspect = f64::from(self.place.width() / self.place.height().max(1.0));
                 self.ask(Action::Edit(Edit::Camera(step, if aspect > 0.0 { aspect } else { 1.0 })));
@@ -633,6 +657,16 @@ impl Viewer {
             }
         })
     }
+}
+
+/// The picture of `engine` as the kind of file that `path` says.
+fn save_picture(path: &Path, engine: &Engine, size: [usize; 2]) -> Result<(), Box<dyn std::error::Error>> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
+        write_exr(path, &Picture::new(size[0], size[1], &engine.read_linear()?)?)?;
+    } else {
+        write_rgba(path, size, &engine.read()?)?;
+    }
+    Ok(())
 }
 
 /// A PNG of RGBA pixels, without their opacity.

@@ -4,6 +4,7 @@ use std::{
     ffi::CStr,
     fmt,
     sync::{Arc, Mutex},
+    time::Duration,
 };
 
 use ash::{ext, khr, vk};
@@ -146,6 +147,25 @@ impl Device {
         let mut recorder = Recorder::begin(self, name)?;
         record(&mut recorder)?;
         recorder.submit()?.finish()
+    }
+
+    /// [`Self::run`], and how long it took by the device's own clock; `None` where it has none.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::run`].
+    pub fn run_timed(
+        &self,
+        name: &str,
+        record: impl FnOnce(&mut Recorder) -> Result<(), VulkanError>,
+    ) -> Result<Option<Duration>, VulkanError> {
+        let mut recorder = Recorder::begin(self, name)?;
+        recorder.timestamp()?;
+        record(&mut recorder)?;
+        recorder.timestamp()?;
+        let mut submission = recorder.submit()?;
+        while !submission.wait(Duration::MAX)? {}
+        Ok(submission.timestamps()?.last().copied())
     }
 
     pub(super) fn simulated(&self) -> &Simulated {

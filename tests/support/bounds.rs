@@ -102,7 +102,7 @@ impl<F> Bounding<'_, F> {
 
     /// The largest of what each kind of position makes of a step.
     fn of_spectra(&self, found: &Step<f64>, difference: &Difference, dimension: usize) -> Vec<f64> {
-        let Rungs { scene, planned, .. } = self.rungs;
+        let (scene, planned) = (&self.rungs.scene, &self.rungs.planned);
         let plan = &planned.plan;
         let (parts, directed) = (plan.parts(), plan.shading.is_some());
         let Accumulate::Spectral { shares, .. } = plan.accumulate else { return Vec::new() };
@@ -149,7 +149,7 @@ pub fn bounds<R: Real>(
     roundings: f64,
     sample: impl Fn([f64; 3]) -> (Step<f64>, Difference) + Sync,
 ) -> Accumulation<f64> {
-    let Rungs { scene, planned, size, .. } = rungs;
+    let (scene, planned, size) = (&rungs.scene, &rungs.planned, &rungs.size);
     let (components, passed) = (planned.plan.components(), planned.plan.passed());
     let plan = ScenePlan {
         accumulate: Accumulate::Spectral { dimension: components + passed, shares: Shares::Equal, exponents: 0 },
@@ -180,7 +180,7 @@ pub fn bounds<R: Real>(
 
 /// The most, in a component, that materials send from behind a step which hide as much as they scatter.
 fn largest_behind(rungs: &Rungs) -> f64 {
-    let Rungs { scene, planned, .. } = rungs;
+    let (scene, planned) = (&rungs.scene, &rungs.planned);
     let Some(model) = &planned.model else { return 1.0 };
     let of_material = |&m: &usize| {
         let material = &scene.materials[m];

@@ -1,69 +1,53 @@
-//! One scene on every rung.
+//! One scene on every rung; what cannot be fails the test.
+
+use std::ops::{Deref, DerefMut};
 
 use glam::DVec3;
-use relume::plan::{Planned, plan, plan_full_spectrum};
+use relume::measure;
+use relume::plan::Planned;
 use relume::progress::Quiet;
-use relume::reference::{self, Exact, Real, Samples, Stored};
-use relume::render::Renderer;
+use relume::reference::{self, Real, Samples};
+use relume::render::{Accumulators, Renderer};
 use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage, StoredVolume, TransferTable};
+use relume::tables::{Accumulation, RelightMatrices};
 
 use super::device::open;
 
 /// A scene with everything the rungs read.
-#[derive(Debug)]
-pub struct Rungs {
-    pub scene: Scene,
-    pub planned: Planned,
-    pub storage: Storage,
-    pub volume: StoredVolume,
-    pub table: TransferTable,
-    pub label_table: TransferTable,
-    pub labels: Option<LabelMap>,
-    pub mix: Mix,
-    pub size: [usize; 2],
+#[derive(Clone, Debug)]
+pub struct Rungs(measure::Rungs);
+
+impl Deref for Rungs {
+    type Target = measure::Rungs;
+
+    fn deref(&self) -> &measure::Rungs {
+        &self.0
+    }
+}
+
+impl DerefMut for Rungs {
+    fn deref_mut(&mut self) -> &mut measure::Rungs {
+        &mut self.0
+    }
 }
 
 impl Rungs {
     pub fn new(scene: Scene, size: [usize; 2]) -> Self {
-        let planned = plan(&scene, &Quiet).unwrap();
-        Self::planned(scene, planned, size)
+        Self(measure::Rungs::new(scene, size).unwrap())
     }
 
     pub fn planned(scene: Scene, planned: Planned, size: [usize; 2]) -> Self {
-        let statistics = scene.volume.statistics().unwrap();
-        let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
-        let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| LabelMap::new(labels).unwrap());
-        Self {
-            volume: StoredVolume::new(&scene.volume, &storage),
-            table: TransferTable::new(&scene, &planned, storage.domain),
-            label_table: TransferTable::of_labels(&scene, &planned),
-            mix: Mix::of_scene(&scene),
-            scene,
-            planned,
-            storage,
-            labels,
-            size,
-        }
-    }
-
-    pub fn exact(&self) -> Exact<'_> {
-        Exact::new(&self.scene, &self.planned, self.storage.clone(), self.labels.as_ref())
-    }
-
-    pub fn stored<R: Real>(&self) -> Stored<'_, R> {
-        let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
-        Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels)
+        Self(measure::Rungs::planned(scene, planned, size).unwrap())
     }
 
     pub fn march<R: Real>(&self, samples: &impl Samples<R>) -> Accumulation<R> {
-        reference::march(&self.scene, &self.planned, samples, self.size, &Quiet).unwrap()
+        self.0.march(samples, &Quiet).unwrap()
     }
 
     /// The same scene with all 81 bands.
     pub fn full_spectrum(&self) -> Self {
-        Self::planned(self.scene.clone(), plan_full_spectrum(&self.scene), self.size)
+        Self(self.0.full_spectrum().unwrap())
     }
 
     /// XYZ and opacity, from what `samples` finds of the scene.
@@ -85,14 +69,11 @@ impl Rungs {
     }
 
     pub fn gpu(&self, renderer: &Renderer) -> Accumulation<f32> {
-        let accumulators = self.gpu_accumulators(renderer);
-        renderer.read(&accumulators).unwrap()
+        renderer.read(&self.gpu_accumulators(renderer)).unwrap()
     }
 
-    pub fn gpu_accumulators(&self, renderer: &Renderer) -> relume::render::Accumulators {
-        let statistics = self.scene.volume.statistics().unwrap();
-        let uploaded = renderer.upload(&self.scene, &self.planned, &statistics, &Quiet).unwrap();
-        renderer.march(&self.scene, &self.planned, &uploaded, self.size, &Quiet).unwrap()
+    pub fn gpu_accumulators(&self, renderer: &Renderer) -> Accumulators {
+        self.0.render(renderer, &Quiet).unwrap()
     }
 
     /// Linear sRGB of the components under the scene's own lights.
@@ -101,13 +82,7 @@ impl Rungs {
     }
 
     pub fn matrices_under(&self, mix: &Mix) -> RelightMatrices {
-        RelightMatrices::new(
-            &Components::new(&self.scene, &self.planned),
-            self.planned.positions.len(),
-            self.scene.background.as_ref(),
-            mix,
-            &self.scene.display,
-        )
+        self.0.matrices(mix)
     }
 
     /// The same as XYZ.
@@ -141,10 +116,10 @@ pub fn magnitudes<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMat
 }
 
 /// Runs `test` on a renderer, and fails where the validation layer has something to say.
-pub fn with_renderer(test: impl FnOnce(&Renderer)) {
-    let Some(device) = open() else { return };
-    let renderer = Renderer::new(device);
-    test(&renderer);
+pub fn with_renderer<T>(test: impl FnOnce(&Renderer) -> T) -> Option<T> {
+    let renderer = Renderer::new(open()?);
+    let found = test(&renderer);
     let messages = renderer.device().validation_messages();
     assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
+    Some(found)
 }

@@ -9,8 +9,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use relume::progress::Quiet;
 use relume::scene::{LabelEntry, Labels, Scene, SceneOptions, parse};
-use relume::spectrum::colour::OBSERVER;
-use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum, standard};
+use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum};
 use relume::volume::{Geometry, Volume, Voxels};
 
 /// Pictures of these scenes, across and down: not square, and no multiple of a workgroup.
@@ -383,21 +382,4 @@ pub fn float(n: usize) -> f64 {
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounded to 16 bits, casts saturate")]
 fn code(value: f64) -> u16 {
     value.round() as u16
-}
-
-/// A spectrum of this amplitude that is black under D65: a wave, less its projection on what the eye sees.
-pub fn black(amplitude: f64) -> Spectrum {
-    let seen: Vec<Spectrum> = OBSERVER.iter().map(|matching| standard::d65().spectrum() * matching).collect();
-    let mut axes: Vec<Spectrum> = Vec::new();
-    let less = |spectrum: &Spectrum, axes: &[Spectrum]| {
-        let part = |spectrum: Spectrum, axis: &Spectrum| &spectrum + &axis.scaled(-axis.dot(&spectrum));
-        axes.iter().fold(axes.iter().fold(spectrum.clone(), part), part)
-    };
-    for spectrum in &seen {
-        let rest = less(spectrum, &axes);
-        axes.push(rest.scaled(1.0 / rest.dot(&rest).sqrt()));
-    }
-    let wave = less(&Spectrum::from_fn(|nm| (nm / 25.0).sin()), &axes);
-    let peak = wave.samples().iter().fold(0.0_f64, |peak, sample| peak.max(sample.abs()));
-    wave.scaled(amplitude / peak)
 }

@@ -20,8 +20,8 @@ pub struct Tolerance {
     pub may_bless: bool,
 }
 
-/// Half the distance of 1 and the next f32: the largest relative error of one rounding.
-pub const ROUNDING_UNIT: f64 = 1.0 / 16_777_216.0;
+#[allow(unused_imports, reason = "each test program uses a part of it")]
+pub use relume::measure::extremes::{EQUAL_STEPS, LINEARITY, OPACITY, ROUNDING_UNIT, TERMINATION_DELTA_E};
 
 /// The f64 reference against its own picture, stored as f32: one rounding. Twice that, for the last bits of another
 /// machine's `exp` and `pow`.
@@ -73,10 +73,6 @@ pub const WEIGHTS_DEVICE_P99: f64 = 0.01;
 /// The same: every pixel.
 pub const WEIGHTS_DEVICE: f64 = 0.1;
 
-/// Light is linear (COLOUR.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
-/// products in f32, as do the pictures it is compared with: 2e-6 is what 34 roundings of one sign make.
-pub const LINEARITY: f64 = 2e-6;
-
 /// A slab in half steps against one in whole ones (COLOUR.md C13): (3n + 2)·2⁻²⁴ for 48 and for 24 steps are 1.3e-5.
 pub const STEP_INVARIANCE: f64 = 2e-5;
 
@@ -85,13 +81,5 @@ pub const RELIT_RELATIVE: f64 = 1e-5;
 /// And this much XYZ besides.
 pub const RELIT_ABSOLUTE: f64 = 1e-6;
 
-/// Equal steps in f32 against their closed form, whatever their number (COLOUR.md C15).
-pub const EQUAL_STEPS: f64 = 2e-5;
-
-/// The opacity of one sample in f32, from a table in f64 (COLOUR.md C14).
-pub const OPACITY: f64 = 2e-6;
-
 /// What ending rays early may do to XYZ (COLOUR.md C17).
 pub const TERMINATION_XYZ: f64 = 1e-3;
-/// And to ΔE00.
-pub const TERMINATION_DELTA_E: f64 = 0.1;

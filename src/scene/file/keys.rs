@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use super::super::{AccumulateAs, Interpolation, Lookup, Shading, StoreAs};
+use super::super::{AccumulateAs, Gradients, Interpolation, Lookup, Mixing, Shading, StoreAs, VolumeAs};
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
 use crate::spectrum::SpectrumSource;
@@ -20,6 +20,7 @@ pub(super) type At<T> = Spanned<T>;
 #[serde(deny_unknown_fields)]
 pub(super) struct SceneFile {
     pub(super) version: At<i64>,
+    pub(super) base: Option<PathBuf>,
     #[serde(default)]
     pub(super) shading: Shading,
     pub(super) background: Option<At<SpectrumSource>>,
@@ -36,6 +37,8 @@ pub(super) struct SceneFile {
     pub(super) lights: BTreeMap<String, At<LightFile>>,
     #[serde(default)]
     pub(super) dial: DialFile,
+    #[serde(default)]
+    pub(super) mix: MixFile,
     pub(super) camera: Option<At<CameraFile>>,
     pub(super) crop: Option<At<CropFile>>,
     #[serde(default)]
@@ -149,6 +152,22 @@ pub(super) struct DialFile {
     pub(super) situations: Vec<SituationFile>,
 }
 
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MixFile {
+    #[serde(default)]
+    pub(super) by: Mixing,
+    pub(super) hand: Option<At<[f64; 2]>>,
+    #[serde(default)]
+    pub(super) weights: BTreeMap<String, At<f64>>,
+    #[serde(default)]
+    pub(super) off: Vec<At<String>>,
+    pub(super) solo: Option<At<String>>,
+    #[serde(default)]
+    pub(super) normalise: bool,
+    pub(super) master: Option<At<f64>>,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SituationFile {
@@ -207,6 +226,10 @@ pub(super) struct AccuracyFile {
     pub(super) skipping: Option<bool>,
     #[serde(default)]
     pub(super) interpolation: Interpolation,
+    #[serde(default)]
+    pub(super) volume: VolumeAs,
+    #[serde(default)]
+    pub(super) gradients: Gradients,
     #[serde(default)]
     pub(super) accumulate: AccumulateAs,
     #[serde(default)]

@@ -1,4 +1,4 @@
-//! The lights, the light dial and the camera of a scene file.
+//! The lights of a scene file, how they are mixed, and the camera.
 
 use super::*;
 
@@ -73,6 +73,35 @@ impl Text<'_> {
             dial.situations.push(Situation { name, caption, hand, off });
         }
         Ok(dial)
+    }
+
+    /// How the scene mixes its `lights` as it opens.
+    pub(super) fn mix(&self, file: &MixFile, lights: &[SceneLight]) -> Result<LightState, SceneError> {
+        let names = || lights.iter().map(|light| light.name.as_str()).collect::<Vec<_>>().join(", ");
+        let index = |name: &str| {
+            let found = lights.iter().position(|light| light.name == name);
+            found.ok_or_else(|| format!("there is no light {name:?}; there are: {}", names()))
+        };
+        let named = |key: &str, name: &At<String>| {
+            index(name.get_ref()).map_err(|message| self.invalid(name, format!("mix.{key}: {message}")))
+        };
+        let mut state = LightState { mixing: file.by, normalise: file.normalise, ..LightState::stated(lights.len()) };
+        state.master = self.optional("mix.master", file.master.as_ref(), &INTENSITY, 1.0)?;
+        for (name, weight) in &file.weights {
+            let light = index(name).map_err(|message| self.invalid(weight, format!("mix.weights: {message}")))?;
+            state.sliders[light].weight = self.number(&format!("mix.weights.{name}"), weight, &INTENSITY)?;
+        }
+        for name in &file.off {
+            state.sliders[named("off", name)?].on = false;
+        }
+        state.solo = file.solo.as_ref().map(|name| named("solo", name)).transpose()?;
+        if let Some(hand) = &file.hand {
+            state.hand = DVec2::from_array(*hand.get_ref());
+            if !state.hand.is_finite() {
+                return Err(self.invalid(hand, "mix.hand has a component that is not finite"));
+            }
+        }
+        Ok(state)
     }
 
     pub(super) fn camera(&self, file: &CameraFile) -> Result<Camera, SceneError> {

@@ -8,9 +8,9 @@ use glam::DVec2;
 use super::controls::panel;
 use super::spectrum::{narrow, paint_swatch};
 use crate::number::count;
-use crate::scene::Dial;
+use crate::scene::{Dial, Mixing};
 use crate::view::action::Action;
-use crate::view::state::{Cost, Document, Edit, Mixing};
+use crate::view::state::{Cost, Document, Edit};
 
 /// Points between the outermost nodes and the edge, for their names.
 const MARGIN: f32 = 28.0;

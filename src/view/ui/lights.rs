@@ -4,8 +4,9 @@ use egui::{DragValue, RichText, Slider, Ui, Vec2};
 
 use super::controls::panel;
 use super::spectrum::{curve, swatch};
+use crate::scene::Mixing;
 use crate::view::action::Action;
-use crate::view::state::{BRIGHTEST, Cost, Document, Edit, Mixing};
+use crate::view::state::{BRIGHTEST, Cost, Document, Edit};
 
 /// Shows the light panel.
 pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {

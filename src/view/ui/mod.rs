@@ -9,6 +9,7 @@ mod picture;
 mod spectrum;
 mod status;
 mod toolbar;
+mod transfer;
 
 use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
 
@@ -63,6 +64,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                     dial::show(ui, document, asked);
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
+                    transfer::show(ui, document, asked);
                 }
             });
         });

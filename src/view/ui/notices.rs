@@ -26,7 +26,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
 fn lit(document: &Document) -> Vec<Edit> {
     let state = document.state();
     let count = state.scene.lights.len();
-    let mut edits = vec![Edit::Mix(crate::view::state::Mixing::Sliders), Edit::Solo(None)];
+    let mut edits = vec![Edit::Mix(crate::scene::Mixing::Sliders), Edit::Solo(None)];
     edits.extend((0..count).map(|light| Edit::On(light, true)));
     edits.extend((0..count).map(|light| Edit::Weight(light, 1.0)));
     edits.push(Edit::Master(1.0));

@@ -8,10 +8,13 @@ use crate::view::action::Action;
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
 const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
 const SAVE_PICTURE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::P);
+const SAVE_SESSION: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 
 /// Where pictures go that nobody has named.
 pub(super) const PICTURE: &str = "relume.png";
+/// Where sessions go that nobody has named.
+const SESSION: &str = "relume-session.toml";
 
 /// What keys ask for, with panels or without.
 pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
@@ -24,6 +27,9 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     }
     if pressed(&SAVE_PICTURE) {
         asked.push(Action::SavePicture(PICTURE.into()));
+    }
+    if pressed(&SAVE_SESSION) {
+        asked.push(Action::SaveSession(SESSION.into()));
     }
     if pressed(&PANELS) {
         asked.push(Action::Panels(!shown.panels));
@@ -44,6 +50,8 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         button(ui, has(crate::view::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
         let help = "Saves the picture as relume.png in this folder (Ctrl+P).";
         button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(PICTURE.into()));
+        let help = "Saves all this as relume-session.toml in this folder, a scene file to go on from (Ctrl+S).";
+        button(ui, shown.document.is_some(), "Session", help, Action::SaveSession(SESSION.into()));
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));
         let other = match ui.theme() {
             Theme::Dark => Theme::Light,

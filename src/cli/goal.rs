@@ -1,0 +1,117 @@
+//! `--max-error`, `--budget` and `--preset`: settings that are chosen by what is measured.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+
+use relume::measure::{Choice, Goal, Preset, check, choose};
+use relume::progress::Progress;
+use relume::render::Renderer;
+use relume::scene::{Mix, Scene};
+
+use super::CliError;
+use super::accuracy::tolerance;
+
+/// Where `--help` explains it.
+const CHOICE: &str = "Accuracy for time: a setting chosen by measurements of this scene on this device";
+
+/// What is asked of a picture.
+#[derive(Debug, Args)]
+#[group(id = "goal", multiple = false)]
+pub(crate) struct GoalArgs {
+    /// Take the fastest setting whose colours are within this ΔE00 of the truth in 95 of 100 pixels, and say what it came to.
+    ///
+    /// The total error counts: samples, colour model, tables, rounding and device (--tolerance is the colour model's alone).
+    /// Steps, and the numbers of a colour model, are chosen; what is measured is kept in the user's cache folder.
+    #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance)]
+    max_error: Option<f64>,
+    /// Take the setting that is closest to the truth of those whose frames, march and relight, take no longer.
+    #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds)]
+    budget: Option<f64>,
+    /// interactive: 50 ms a frame; balanced: within ΔE00 1; reference: within 0.25.
+    #[arg(long, help_heading = CHOICE, value_enum)]
+    preset: Option<PresetName>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PresetName {
+    Interactive,
+    Balanced,
+    Reference,
+}
+
+impl GoalArgs {
+    pub(crate) fn goal(&self) -> Option<Goal> {
+        let preset = self.preset.map(|name| match name {
+            PresetName::Interactive => Preset::Interactive,
+            PresetName::Balanced => Preset::Balanced,
+            PresetName::Reference => Preset::Reference,
+        });
+        let error = self.max_error.map(Goal::MaxError);
+        error.or(self.budget.map(Goal::Budget)).or(preset.map(Preset::goal))
+    }
+}
+
+fn milliseconds(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
+    number.ok_or_else(|| "write a time in ms above 0, such as 40".to_owned())
+}
+
+/// Where measurements are kept: the user's cache folder, where the system has one.
+fn cache_folder() -> Option<PathBuf> {
+    let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let home =
+        || folder("HOME").map(|home| home.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));
+    let base = folder("XDG_CACHE_HOME").or_else(|| if cfg!(windows) { folder("LOCALAPPDATA") } else { home() });
+    base.map(|base| base.join("relume"))
+}
+
+/// The setting for `goal`.
+pub(crate) fn chosen(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    goal: Goal,
+    progress: &dyn Progress,
+) -> Result<Choice, CliError> {
+    Ok(choose(renderer, scene, mix, size, goal, cache_folder().as_deref(), progress)?)
+}
+
+/// What became of a choice in the picture `rgba`: a line for people, and the same for programs.
+pub(crate) fn checked(
+    choice: &Choice,
+    args: &GoalArgs,
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    rgba: &[f32],
+    progress: &dyn Progress,
+) -> Result<(String, Value), CliError> {
+    let found = check(scene, mix, size, rgba, progress)?;
+    let asked = match args.goal() {
+        Some(Goal::MaxError(error)) => Some(error),
+        _ => None,
+    };
+    let measured =
+        found.map_or_else(|| "nothing is shown, so nothing was measured".to_owned(), |it| it.sentence(asked));
+    if let (Some(asked), Some(found)) = (asked, &found)
+        && found.difference.delta_e.p95 > asked
+    {
+        tracing::warn!("the picture is off by more than was asked for: {measured}");
+    }
+    let json = json!({
+        "setting": choice.setting,
+        "expected": choice.point,
+        "from_cache": choice.from_cache,
+        "why": choice.why,
+        "asked_error": asked,
+        "asked_ms": match args.goal() {
+            Some(Goal::Budget(ms)) => Some(ms),
+            _ => None,
+        },
+        "measured": found,
+    });
+    Ok((format!("{}\n{measured}\n", choice.why), json))
+}

@@ -1,0 +1,237 @@
+//! `relume measure`: what each setting of a scene costs here, and how far from the truth it is and why.
+
+use std::path::PathBuf;
+
+use serde_json::{Value, json};
+
+use relume::measure::{
+    Findings, Measured, NodesBesideRgb, Setting, Survey, SurveyError, SurveyOptions, html, mark_pareto, settings,
+    to_csv, to_markdown, to_text, trade,
+};
+use relume::output::{write_atomically, write_drawing};
+use relume::progress::Progress;
+use relume::render::Renderer;
+use relume::scene::Mix;
+use relume::vulkan::{Device, DeviceChoice, Validation};
+
+use super::extremes;
+use super::files;
+use super::goal::{self, GoalArgs};
+use super::scene::{SceneArgs, size};
+use super::{CliError, Report};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume measure -o report.html                       every knob of the scene that is part of the program
+  relume measure scene.toml --sweep k=3..12,step=0.25..4 --csv
+  relume measure scene.toml --sweep model=nodes,rgb-fitted --sweep storage=f16 --markdown
+  relume measure --extremes                           what comes out at the extremes, beside what must
+
+Errors are ΔE00 (1 can just be seen side by side) against the full spectrum of 81 wavelengths in f64, with exact samples at
+an eighth of the shortest step and rays followed to their ends, in pixels of the picture that show something. They are split
+by cause, rung by rung: step, termination, basis, tables and storage, rounding, device; the parts need not add up. Times are
+medians; a frame is a march and a relight. * marks settings that no other beats.";
+
+/// `relume measure`
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    scene: SceneArgs,
+    /// What to measure beside the scene's own setting (repeatable): every knob with every value of the others.
+    ///
+    /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, entries, lookup, skipping or scale
+    /// (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole numbers of k from A to B, else A, 2A,
+    /// 4A and so on to B (10A, 100A of termination). Without --sweep, every knob is swept by itself.
+    #[arg(long, value_name = "KNOB=VALUES,…")]
+    sweep: Vec<String>,
+    /// Pixels across and down of the pictures whose time is taken.
+    #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = size)]
+    size: [usize; 2],
+    /// The most pixels of them whose error is measured.
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
+    pixels: u32,
+    /// Runs whose times count, after two that warm up.
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
+    runs: u16,
+    #[command(flatten)]
+    goal: GoalArgs,
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
+    #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
+    device: DeviceChoice,
+    /// Print all numbers as CSV.
+    #[arg(long, conflicts_with_all = ["json", "markdown"])]
+    csv: bool,
+    /// Print the table as Markdown.
+    #[arg(long, conflicts_with = "json")]
+    markdown: bool,
+    /// Ask for the extremes in place of a scene: what must come out where numbers are largest, smallest or none at all, from
+    /// f64 to the device, each beside its bound. Ends with 1 where one does not hold.
+    #[arg(long, conflicts_with_all = [
+        "SceneArgs", "DefineArgs", "AccuracyArgs", "SelectionArgs", "RawArgs", "goal", "sweep", "size", "pixels", "runs",
+        "output",
+    ])]
+    extremes: bool,
+    /// Report to write (repeatable): .html is one page with everything, .svg and .png are the trade as a picture.
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+}
+
+/// What came of a survey.
+struct Outcome {
+    rows: Vec<Measured>,
+    /// Settings that cannot be, and why.
+    refused: Vec<(Setting, String)>,
+    interrupted: bool,
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    if args.extremes {
+        return extremes::run(&args.device, args.csv, args.markdown, progress);
+    }
+    let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
+    let outputs: Vec<&PathBuf> = args.output.iter().collect();
+    let kinds: Vec<ReportKind> = outputs.iter().map(|path| report_kind(path)).collect::<Result<_, _>>()?;
+    let scene = args.scene.load(progress)?;
+    let inputs: Vec<_> = scene.inputs.iter().chain(&args.scene.scene).map(PathBuf::as_path).collect();
+    files::check_outputs(&outputs, &inputs)?;
+    let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let options = SurveyOptions {
+        size: args.size,
+        pixels: usize::try_from(args.pixels).unwrap_or(usize::MAX),
+        runs: args.runs.into(),
+    };
+    let choice = match args.goal.goal() {
+        Some(goal) => Some(goal::chosen(&renderer, &scene, &Mix::of_scene(&scene), args.size, goal, progress)?),
+        None => None,
+    };
+    settings.extend(
+        choice
+            .iter()
+            .map(|choice| choice.setting.clone())
+            .filter(|setting| !settings.contains(setting))
+            .collect::<Vec<_>>(),
+    );
+    progress.report("marching the truth", 0, settings.len() as u64);
+    let mut survey = Survey::new(&renderer, &scene, &settings, options, progress)?;
+    let outcome = measure(&mut survey, &settings, progress)?;
+    for (path, kind) in outputs.iter().zip(kinds) {
+        match kind {
+            ReportKind::Html => write_text(path, &page(&mut survey, &outcome, progress)?)?,
+            ReportKind::Svg => write_text(path, &trade(&outcome.rows))?,
+            ReportKind::Png => {
+                if !write_drawing(path, &trade(&outcome.rows), 1.5)? {
+                    tracing::warn!("{}: this system has no fonts, so the picture has no text", path.display());
+                }
+            }
+        }
+    }
+    let mut json = json(&survey, &options, &outcome);
+    if let Some(choice) = &choice {
+        json["choice"] = json!(choice);
+    }
+    let text = if args.csv {
+        to_csv(&outcome.rows)
+    } else if args.markdown {
+        to_markdown(&outcome.rows)
+    } else {
+        text(&survey, &outcome) + &choice.map_or_else(String::new, |choice| format!("\n{}\n", choice.why))
+    };
+    Ok(Report { text, json })
+}
+
+/// What a report is.
+#[derive(Clone, Copy)]
+enum ReportKind {
+    Html,
+    Svg,
+    Png,
+}
+
+fn report_kind(path: &std::path::Path) -> Result<ReportKind, CliError> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some("html" | "htm") => Ok(ReportKind::Html),
+        Some("svg") => Ok(ReportKind::Svg),
+        Some("png") => Ok(ReportKind::Png),
+        _ => Err(CliError::Usage(format!("{}: a report ends in .html, .svg or .png", path.display()))),
+    }
+}
+
+/// Measures setting after setting. Where somebody asks to stop, what is measured is kept.
+fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progress) -> Result<Outcome, CliError> {
+    let mut outcome = Outcome { rows: Vec::new(), refused: Vec::new(), interrupted: false };
+    for (done, setting) in settings.iter().enumerate() {
+        progress.report(&format!("measuring {setting}"), done as u64, settings.len() as u64);
+        match survey.measure(setting, progress) {
+            Ok(row) => outcome.rows.push(row),
+            Err(error) if error.is_cancelled() => {
+                if outcome.rows.is_empty() {
+                    return Err(error.into());
+                }
+                outcome.interrupted = true;
+                break;
+            }
+            // One that the scene refuses; all others are measured.
+            Err(SurveyError::Plan(error)) => outcome.refused.push((setting.clone(), error.to_string())),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    mark_pareto(&mut outcome.rows);
+    Ok(outcome)
+}
+
+/// The page of a report.
+fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> Result<String, CliError> {
+    // What is finished is reported, also where somebody has asked to stop.
+    let close_up = match outcome.rows.first() {
+        Some(own) if !outcome.interrupted => survey.close_up(own, progress)?,
+        _ => None,
+    };
+    let findings = Findings {
+        rows: &outcome.rows,
+        refused: &outcome.refused,
+        close_up: close_up.as_ref(),
+        interrupted: outcome.interrupted,
+    };
+    Ok(html(survey, &findings)?)
+}
+
+fn write_text(path: &std::path::Path, text: &str) -> Result<(), CliError> {
+    Ok(write_atomically(path, |sink| sink.write_all(text.as_bytes()))?)
+}
+
+fn json(survey: &Survey<'_>, options: &SurveyOptions, outcome: &Outcome) -> Value {
+    let refused: Vec<Value> =
+        outcome.refused.iter().map(|(setting, why)| json!({"setting": setting, "why": why})).collect();
+    json!({
+        "scene": survey.scene().source,
+        "device": survey.device(),
+        "size": options.size,
+        "pixels": survey.pixels().len(),
+        "runs": options.runs,
+        "rows": outcome.rows,
+        "refused": refused,
+        "nodes_beside_rgb": NodesBesideRgb::of(&outcome.rows),
+        "interrupted": outcome.interrupted,
+    })
+}
+
+fn text(survey: &Survey<'_>, outcome: &Outcome) -> String {
+    let mut text = format!(
+        "{} on {}\nΔE00 against the full spectrum, in {} pixels that show something; * marks what no other setting beats\n\n{}",
+        survey.scene().source,
+        survey.device(),
+        survey.pixels().len(),
+        to_text(&outcome.rows)
+    );
+    for (setting, why) in &outcome.refused {
+        text.push_str(&format!("{setting}: {why}\n"));
+    }
+    if let Some(found) = NodesBesideRgb::of(&outcome.rows) {
+        text.push_str(&format!("\n{}\n", found.sentence()));
+    }
+    if outcome.interrupted {
+        text.push_str("\ninterrupted: these are the settings that were measured before\n");
+    }
+    text
+}

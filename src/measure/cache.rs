@@ -1,0 +1,124 @@
+//! What was measured of a scene on a device, kept from run to run.
+
+use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::choice::Point;
+use super::setting::Setting;
+use crate::input;
+use crate::output::{OutputError, write_atomically};
+use crate::scene::{Mix, Scene};
+use crate::volume::{Volume, with_voxels};
+
+/// The longest file that is one.
+const LONGEST: u64 = 1 << 20;
+
+/// Points of a curve by the settings' names.
+pub(super) struct Known {
+    path: Option<PathBuf>,
+    points: BTreeMap<String, Point>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct File {
+    scene: String,
+    device: String,
+    points: BTreeMap<String, Point>,
+}
+
+impl Known {
+    /// What the folder `cache` has of this program's measurements of `scene` under `mix` in pictures of `size` on `device`. A file that
+    /// cannot be read, or is none, is one that has nothing.
+    pub(super) fn of(cache: Option<&Path>, scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> Self {
+        let path = cache.map(|folder| folder.join(format!("{:016x}.json", key(scene, mix, device, size))));
+        let read = |path: &PathBuf| input::read(path, LONGEST).ok().filter(|bytes| bytes.len() as u64 <= LONGEST);
+        let file = path.as_ref().and_then(read).and_then(|bytes| serde_json::from_slice::<File>(&bytes).ok());
+        Self { path, points: file.map(|file| file.points).unwrap_or_default() }
+    }
+
+    pub(super) fn get(&self, setting: &Setting) -> Option<Point> {
+        self.points.get(&setting.to_string()).copied()
+    }
+
+    pub(super) fn insert(&mut self, setting: &Setting, point: Point) {
+        self.points.insert(setting.to_string(), point);
+    }
+
+    /// Writes the file, and makes its folder.
+    pub(super) fn write(&self, scene: &Scene, device: &str) -> Result<(), OutputError> {
+        let Some(path) = &self.path else { return Ok(()) };
+        let failed = |source| OutputError::Write { path: path.clone(), source };
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(failed)?;
+        }
+        let file = File { scene: scene.source.clone(), device: device.to_owned(), points: self.points.clone() };
+        let text = serde_json::to_vec_pretty(&file).map_err(|error| failed(error.into()))?;
+        write_atomically(path, |sink| sink.write_all(&text))
+    }
+}
+
+/// A number for all that a measurement depends on.
+fn key(scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (env!("CARGO_PKG_VERSION"), device, size).hash(&mut hasher);
+    let Scene {
+        volume, labels, materials, transfer, lights, shading, background, camera, crop, accuracy, display, ..
+    } = scene;
+    format!("{materials:?} {transfer:?} {lights:?} {shading:?} {background:?} {camera:?} {crop:?} {accuracy:?} {display:?} {mix:?}")
+        .hash(&mut hasher);
+    hash_voxels(volume, &mut hasher);
+    if let Some(labels) = labels {
+        format!("{:?}", labels.declared).hash(&mut hasher);
+        hash_voxels(&labels.volume, &mut hasher);
+    }
+    hasher.finish()
+}
+
+fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
+    format!("{:?} {:?} {:?}", volume.geometry, volume.slope, volume.intercept).hash(hasher);
+    with_voxels!(&volume.voxels, stored => {
+        for value in stored {
+            crate::volume::Voxel::to_f64(*value).to_bits().hash(hasher);
+        }
+    });
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::model::ErrorSummary;
+    use crate::progress::Quiet;
+    use crate::scene::{SceneOptions, load_embedded};
+
+    #[test]
+    fn another_scene_device_or_size_knows_nothing_of_this_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = folder.path().join("made/when/needed");
+        let scene =
+            load_embedded(&SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() }, &Quiet).unwrap();
+        let point = Point { frame_ms: 2.5, error: ErrorSummary { mean: 0.1, p95: 0.2, max: 0.3 } };
+        let (setting, mix) = (Setting::default(), Mix::of_scene(&scene));
+        let mut known = Known::of(Some(&cache), &scene, &mix, "device", [3, 4]);
+        assert_eq!(known.get(&setting), None);
+        known.insert(&setting, point);
+        known.write(&scene, "device").unwrap();
+        let known = |scene: &Scene, device, size| Known::of(Some(&cache), scene, &mix, device, size).get(&setting);
+        assert_eq!(known(&scene, "device", [3, 4]), Some(point));
+        assert_eq!(known(&scene, "other", [3, 4]), None);
+        assert_eq!(known(&scene, "device", [4, 3]), None);
+        let mut brighter = scene.clone();
+        brighter.display.exposure = 2.0;
+        assert_eq!(known(&brighter, "device", [3, 4]), None);
+        let mut other = scene.clone();
+        other.volume = std::sync::Arc::new(scene.volume.downsample([2, 2, 2]).unwrap());
+        assert_eq!(known(&other, "device", [3, 4]), None);
+        for entry in std::fs::read_dir(&cache).unwrap() {
+            std::fs::write(entry.unwrap().path(), "{").unwrap();
+        }
+        assert_eq!(known(&scene, "device", [3, 4]), None, "a damaged file has nothing");
+    }
+}

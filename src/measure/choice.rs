@@ -1,0 +1,408 @@
+//! The setting that a scene needs on a device: the fastest within an error, or the closest to the truth within a time.
+
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::cache::Known;
+use super::clock::{Stopwatch, summary};
+use super::difference::delta_e;
+use super::ladder::{FINER, Ladder, LadderError};
+use super::sample::drawn;
+use super::setting::{Knob, Setting, Value};
+use super::survey::{looked_up, picture};
+use super::table::short;
+use crate::model::ErrorSummary;
+use crate::number::{count, nearest};
+use crate::plan::{PlanError, Planned, plan};
+use crate::progress::Progress;
+use crate::render::{RenderError, Renderer, Uploaded};
+use crate::scene::{Mix, Scene};
+
+/// What is asked of a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// ΔE00 from the truth that 95 of 100 pixels keep.
+    MaxError(f64),
+    /// Time of a frame, march and relight, on the wall, in ms.
+    Budget(f64),
+}
+
+/// Points on the curve of what can be had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Fast enough to turn the picture by hand.
+    Interactive,
+    /// No pixel but a few looks different.
+    Balanced,
+    /// Nobody sees a difference.
+    Reference,
+}
+
+impl Preset {
+    /// What it asks for.
+    #[must_use]
+    pub const fn goal(self) -> Goal {
+        match self {
+            Self::Interactive => Goal::Budget(50.0),
+            Self::Balanced => Goal::MaxError(1.0),
+            Self::Reference => Goal::MaxError(0.25),
+        }
+    }
+}
+
+/// Pixels that the choice looks at.
+const PIXELS: usize = 2048;
+const SEED: u64 = 41;
+/// Runs of a march that are timed, and the one before.
+const RUNS: usize = 5;
+/// The share of a goal that a choice uses up: other pixels, and other times, differ a little.
+const MARGIN: f64 = 0.92;
+/// Steps are 2^(n/4) voxels, for n in this range: between an eighth and 16.
+const STEPS: RangeInclusive<i32> = -12..=16;
+/// What a pixel keeps where weights are not exact: whole vectors, which cost what their spare numbers would.
+const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
+
+/// What was measured of a setting.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// March and relight on the wall, the median, in ms.
+    pub frame_ms: f64,
+    /// ΔE00 from the truth: the mean, p95 and the largest.
+    pub error: ErrorSummary,
+}
+
+/// A setting that was chosen, and why.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Choice {
+    /// Where the knobs stand.
+    pub setting: Setting,
+    /// What it was measured to take and to err by.
+    pub point: Point,
+    /// Whether nothing had to be measured, because all of it was before.
+    pub from_cache: bool,
+    /// Why this one, in a sentence.
+    pub why: String,
+}
+
+/// A setting with what was measured of it.
+type Tried = (Setting, Point);
+
+/// Why nothing was chosen.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChoiceError {
+    /// No setting does what is asked for.
+    #[error("no setting keeps {asked} here; {nearest}")]
+    None {
+        /// What was asked for.
+        asked: String,
+        /// What comes nearest, and the way out.
+        nearest: String,
+    },
+    /// The scene shows nothing, so that nothing can be measured.
+    #[error("{source_name} shows nothing in this picture, so that no error can be measured")]
+    Nothing {
+        /// The scene.
+        source_name: String,
+    },
+    /// There is no plan.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The reference gave up.
+    #[error(transparent)]
+    Ladder(#[from] LadderError),
+    /// The device gave up.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+impl ChoiceError {
+    /// Whether somebody asked to stop.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        match self {
+            Self::Plan(PlanError::Model(error)) => matches!(error, crate::model::ModelError::Cancelled),
+            Self::Ladder(LadderError::Reference(error)) => {
+                matches!(error, crate::reference::ReferenceError::Cancelled)
+            }
+            Self::Render(error) => matches!(error, RenderError::Cancelled),
+            _ => false,
+        }
+    }
+}
+
+/// The setting of `scene` that does what `goal` asks for in a picture of `size` under `mix` on the device of `renderer`.
+///
+/// Steps, and the numbers of a colour model where there is one, are chosen; all other knobs stay as the scene has them.
+/// What is measured is kept in the folder `cache`, by scene, volume, device and version of this program, and not measured
+/// again.
+///
+/// # Errors
+///
+/// [`ChoiceError`].
+pub fn choose(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    goal: Goal,
+    cache: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<Choice, ChoiceError> {
+    let mut curve = Curve::new(renderer, scene, mix, size, cache, progress)?;
+    let chosen = match goal {
+        Goal::MaxError(error) => curve.within_error(error),
+        Goal::Budget(ms) => curve.within_time(ms),
+    };
+    curve.keep();
+    chosen
+}
+
+/// What is known of the settings of a scene, and the means to know more.
+struct Curve<'a> {
+    renderer: &'a Renderer,
+    scene: &'a Scene,
+    mix: &'a Mix,
+    size: [usize; 2],
+    progress: &'a dyn Progress,
+    device: String,
+    known: Known,
+    measured: usize,
+    /// Where weights are exact none are chosen.
+    dimensions: Vec<Option<usize>>,
+    bench: Option<Bench<'a>>,
+}
+
+/// What measuring needs, made when it is first needed.
+struct Bench<'a> {
+    ladder: Ladder<'a>,
+    uploaded: Uploaded,
+    truth: Vec<glam::DVec3>,
+    /// Of the truth, in world units.
+    step_length: f64,
+}
+
+/// A step of 2^(n/4) voxels, to three digits.
+fn voxels(n: i32) -> f64 {
+    let exact = 2_f64.powf(f64::from(n) / 4.0);
+    let digit = 10_f64.powf(exact.log10().floor() - 2.0);
+    let rounded = (exact / digit).round() * digit;
+    // Without the last bits of that product.
+    format!("{rounded:.6}").parse().unwrap_or(exact)
+}
+
+fn setting(n: i32, dimension: Option<usize>) -> Setting {
+    let setting = Setting::default().with(Knob::Step, Value::Number(voxels(n)));
+    dimension.map_or(setting.clone(), |k| setting.with(Knob::K, Value::Number(count(k))))
+}
+
+impl<'a> Curve<'a> {
+    fn new(
+        renderer: &'a Renderer,
+        scene: &'a Scene,
+        mix: &'a Mix,
+        size: [usize; 2],
+        cache: Option<&Path>,
+        progress: &'a dyn Progress,
+    ) -> Result<Self, ChoiceError> {
+        let planned = plan(scene, progress)?;
+        let info = renderer.device().info();
+        let device = format!("{} {} {:?}", info.name, info.driver, info.api_version);
+        let dimensions = match planned.model {
+            None => vec![None],
+            Some(_) => DIMENSIONS.map(Some).to_vec(),
+        };
+        let known = Known::of(cache, scene, mix, &device, size);
+        Ok(Self { renderer, scene, mix, size, progress, device, known, measured: 0, dimensions, bench: None })
+    }
+
+    /// What `setting` takes and errs by.
+    fn point(&mut self, setting: &Setting) -> Result<Point, ChoiceError> {
+        if let Some(point) = self.known.get(setting) {
+            return Ok(point);
+        }
+        self.progress.report(&format!("trying {setting}"), self.measured as u64, self.measured as u64 + 4);
+        let scene = setting.applied(self.scene);
+        let planned = plan(&scene, self.progress)?;
+        let mut bench = match self.bench.take() {
+            Some(bench) => bench,
+            None => Bench::new(self.renderer, self.scene, self.mix, &planned, self.size, self.progress)?,
+        };
+        let point = bench.measure(self.renderer, &scene, &planned, self.size, self.progress);
+        self.bench = Some(bench);
+        let point = point?;
+        self.measured += 1;
+        self.known.insert(setting, point);
+        Ok(point)
+    }
+
+    /// The fastest setting whose p95 is at most `asked`.
+    fn within_error(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
+        let mut best: Option<(Tried, Option<Tried>)> = None;
+        let mut nearest: Option<Tried> = None;
+        for dimension in self.dimensions.clone() {
+            match self.longest_step(MARGIN * asked, dimension)? {
+                [Some(kept), broken] => {
+                    let slower = best.as_ref().is_some_and(|((_, best), _)| kept.1.frame_ms >= best.frame_ms);
+                    // More numbers take longer: where that shows, they are not tried further.
+                    if slower {
+                        break;
+                    }
+                    best = Some((kept, broken));
+                }
+                [None, Some(broken)] => {
+                    if nearest.as_ref().is_none_or(|(_, nearest)| broken.1.error.p95 < nearest.error.p95) {
+                        nearest = Some(broken);
+                    }
+                }
+                [None, None] => {}
+            }
+        }
+        if let Some(((setting, point), broken)) = best {
+            let beyond = broken.map_or_else(String::new, |(beyond, broken)| {
+                format!("; {beyond} is off by {} in {} ms", short(broken.error.p95), short(broken.frame_ms))
+            });
+            let why = format!(
+                "{setting} is the fastest of the settings tried whose ΔE00 is within {asked} in 95 of 100 pixels, with some to spare: {} in {} ms{beyond}",
+                short(point.error.p95),
+                short(point.frame_ms)
+            );
+            return Ok(self.chosen(setting, point, why));
+        }
+        Err(ChoiceError::None {
+            asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
+            nearest: nearest.map_or_else(String::new, |(setting, point)| {
+                format!("{setting} comes nearest, with {}; allow more, or take --reference", short(point.error.p95))
+            }),
+        })
+    }
+
+    /// Of the settings of `dimension`: the one with the longest step whose p95 is at most `limit`, and the next longer one.
+    fn longest_step(&mut self, limit: f64, dimension: Option<usize>) -> Result<[Option<Tried>; 2], ChoiceError> {
+        /// Errors of pictures go about with this power of the step; it only says where to look next.
+        const ORDER: f64 = 1.7;
+        let (first, last) = (*STEPS.start(), *STEPS.end());
+        let mut tried: BTreeMap<i32, Tried> = BTreeMap::new();
+        let mut next = 0;
+        loop {
+            let setting = setting(next, dimension);
+            let point = self.point(&setting)?;
+            tried.insert(next, (setting, point));
+            let keeps = |n: &i32| tried.get(n).is_some_and(|(_, point)| point.error.p95 <= limit);
+            let kept = tried.keys().copied().filter(keeps).max();
+            let broken = tried.keys().copied().find(|n| !keeps(n) && kept.is_none_or(|kept| *n > kept));
+            let (low, high) = (kept.map_or(first, |kept| kept + 1), broken.map_or(last, |broken| broken - 1));
+            if low > high {
+                return Ok([kept, broken].map(|n| n.and_then(|n| tried.get(&n).cloned())));
+            }
+            let steps = 4.0 * (limit / point.error.p95.max(1e-9)).log2() / ORDER;
+            next = (next + nearest(steps.clamp(-40.0, 40.0))).clamp(low, high);
+        }
+    }
+
+    /// The setting with the least p95 that takes at most `asked` ms.
+    fn within_time(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
+        let limit = MARGIN * asked;
+        let mut tried: Vec<Tried> = Vec::new();
+        for dimension in self.dimensions.clone() {
+            // The shortest step that is fast enough: longer ones are as well, about.
+            let (mut low, mut high, mut next) = (*STEPS.start(), *STEPS.end(), 0);
+            while low <= high {
+                let setting = setting(next, dimension);
+                let point = self.point(&setting)?;
+                tried.push((setting, point));
+                if point.frame_ms <= limit {
+                    high = next - 1;
+                } else {
+                    low = next + 1;
+                }
+                // Time goes about with 1/Δs.
+                let steps = 4.0 * (point.frame_ms / limit).log2();
+                next = (next + nearest(steps.clamp(-40.0, 40.0))).clamp(low, high.max(low));
+            }
+        }
+        let fits = |(_, point): &&Tried| point.frame_ms <= limit;
+        let closest = tried.iter().filter(fits).min_by(|one, two| one.1.error.p95.total_cmp(&two.1.error.p95));
+        if let Some((setting, point)) = closest {
+            let why = format!(
+                "{setting} is the closest to the truth of the settings tried that take no more than {asked} ms, with some to spare: ΔE00 {} in 95 of 100 pixels, in {} ms",
+                short(point.error.p95),
+                short(point.frame_ms)
+            );
+            return Ok(self.chosen(setting.clone(), *point, why));
+        }
+        let fastest = tried.iter().min_by(|one, two| one.1.frame_ms.total_cmp(&two.1.frame_ms));
+        Err(ChoiceError::None {
+            asked: format!("{asked} ms a frame"),
+            nearest: fastest.map_or_else(String::new, |(setting, point)| {
+                format!("{setting} takes {} ms; take a smaller --size, or more time", short(point.frame_ms))
+            }),
+        })
+    }
+
+    fn chosen(&self, setting: Setting, point: Point, why: String) -> Choice {
+        Choice { setting, point, from_cache: self.measured == 0, why }
+    }
+
+    /// Keeps what was measured. A cache that cannot be written costs time, and no picture.
+    fn keep(&self) {
+        if self.measured > 0
+            && let Err(error) = self.known.write(self.scene, &self.device)
+        {
+            tracing::warn!("what was measured is not kept: {error}");
+        }
+    }
+}
+
+impl<'a> Bench<'a> {
+    fn new(
+        renderer: &Renderer,
+        scene: &'a Scene,
+        mix: &Mix,
+        planned: &Planned,
+        size: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<Self, ChoiceError> {
+        let ladder = drawn(scene, mix, size, PIXELS, SEED, progress)?;
+        if ladder.pixels.is_empty() {
+            return Err(ChoiceError::Nothing { source_name: scene.source.clone() });
+        }
+        let uploaded = renderer.upload(scene, planned, ladder.statistics(), progress)?;
+        Ok(Self { ladder, uploaded, truth: Vec::new(), step_length: f64::INFINITY })
+    }
+
+    fn measure(
+        &mut self,
+        renderer: &Renderer,
+        scene: &Scene,
+        planned: &Planned,
+        size: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<Point, ChoiceError> {
+        let step_length = scene.accuracy.step_length;
+        // A truth of a quarter of the step leaves a sixteenth of an error of second order; one is made for several steps.
+        if self.step_length > step_length / 4.0 {
+            self.ladder.finest = step_length;
+            self.truth = self.ladder.truth_in(&self.ladder.pixels, progress)?;
+            self.step_length = step_length / FINER;
+        }
+        let matrices = self.ladder.shown(scene, planned);
+        let mut times = Vec::new();
+        for run in 0..=RUNS {
+            let clock = Stopwatch::start();
+            let accumulators = renderer.march(scene, planned, &self.uploaded, size, progress)?;
+            let relight = renderer.relight_display(&accumulators)?;
+            relight.run(&matrices)?;
+            if run > 0 {
+                times.push(clock.read().wall_ms);
+            }
+        }
+        let shown = picture(renderer, &self.ladder, scene, planned, &self.uploaded, size, progress)?;
+        let shown = looked_up(&shown, size, &self.ladder.pixels, size);
+        let frame_ms = summary(&times).map_or(f64::NAN, |times| times.median);
+        Ok(Point { frame_ms, error: ErrorSummary::of(&delta_e(&shown, &self.truth)) })
+    }
+}

@@ -1,0 +1,91 @@
+//! How far a rung may be from an answer, and why.
+
+use super::Rung;
+
+/// Half the distance of 1 and the next f32: the largest relative error of one rounding.
+pub const ROUNDING_UNIT: f64 = 1.0 / 16_777_216.0;
+/// The same in f64.
+const ROUNDING_UNIT_OF_TWO: f64 = f64::EPSILON / 2.0;
+
+/// Equal steps in f32 against their closed form, whatever their number (COLOUR.md C15).
+pub const EQUAL_STEPS: f64 = 2e-5;
+/// The opacity of one sample in f32, from a table in f64 (COLOUR.md C14).
+pub const OPACITY: f64 = 2e-6;
+/// Light is linear (COLOUR.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
+/// products in f32, as do the pictures it is compared with: 2e-6 is what 34 roundings of one sign make.
+pub const LINEARITY: f64 = 2e-6;
+/// What ending rays early may do to ΔE00 (COLOUR.md C17).
+pub const TERMINATION_DELTA_E: f64 = 0.1;
+/// ΔE00 of a metameric black from black, after 500 samples (COLOUR.md C18).
+pub const BLACK_DELTA_E: f64 = 0.05;
+
+/// How far an answer may be missed: so many roundings of the rung, and so much on every rung besides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound {
+    /// Its name in tables.
+    pub name: &'static str,
+    /// How it is derived.
+    pub why: &'static str,
+    roundings: f64,
+    besides: f64,
+}
+
+impl Bound {
+    /// No error at all.
+    pub(super) const EXACT: Self = Self {
+        name: "exact",
+        why: "nothing in it is rounded: the answer is 0 or 1, or the same numbers are made in the same order",
+        roundings: 0.0,
+        besides: 0.0,
+    };
+
+    /// A march of `samples` steps of one medium.
+    pub(super) fn march(samples: f64) -> Self {
+        Self {
+            name: "march",
+            why: "per sample two roundings in T and one in the sum, and eight in a term: its product, the entry of the \
+                  table, its interpolation and the host's exponential; relative to a sum of one sign, and to 1 for T",
+            roundings: 3.0 * samples + 8.0,
+            besides: 0.0,
+        }
+    }
+
+    /// A march of very many equal steps.
+    pub(super) fn equal_steps(samples: f64) -> Self {
+        Self {
+            name: "equal steps",
+            why: "T − T·α and the sum round once a step each, fused; that their signs are as good as random leaves √n \
+                  roundings, within the 2e-5 of COLOUR.md C15 (T·(1 − α) would drift by some n)",
+            roundings: samples.sqrt(),
+            besides: 0.0,
+        }
+    }
+
+    /// A march of `samples` steps, relit.
+    pub(super) fn picture(samples: f64) -> Self {
+        Self {
+            name: "picture",
+            why: "the roundings of the march, and 34 of the relight: its matrix, and up to 20 products and their sum \
+                  on either side (COLOUR.md C12); relative to Σ|terms|",
+            roundings: Self::march(samples).roundings + LINEARITY / ROUNDING_UNIT,
+            besides: 0.0,
+        }
+    }
+
+    /// So much whatever the rung.
+    pub(super) const fn given(name: &'static str, limit: f64, why: &'static str) -> Self {
+        Self { name, why, roundings: 0.0, besides: limit }
+    }
+
+    /// The same, and so much besides.
+    pub(super) const fn and(self, besides: f64, name: &'static str, why: &'static str) -> Self {
+        Self { name, why, roundings: self.roundings, besides: self.besides + besides }
+    }
+
+    /// The limit on a rung.
+    #[must_use]
+    pub fn limit(&self, rung: Rung) -> f64 {
+        let unit = if rung == Rung::Double { ROUNDING_UNIT_OF_TWO } else { ROUNDING_UNIT };
+        self.roundings.mul_add(unit, self.besides)
+    }
+}

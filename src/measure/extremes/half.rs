@@ -1,0 +1,180 @@
+//! Pixels stored in 16 bits: what they cannot hold is found by the plan.
+
+use super::left::{Left, delta_e, worst};
+use super::slab::{GREEN, Picture, Slab};
+use super::spectra::{AMPLITUDES, black_slab, metameric_black};
+use super::{Bound, Extreme, ExtremeError, Group};
+use crate::measure::rungs::RungError;
+use crate::plan::PlanError;
+use crate::scene::{Scene, StoreAs};
+use crate::spectrum::Reflectance;
+
+pub(super) fn extremes() -> Vec<Extreme> {
+    let [surface, designed, largest] = AMPLITUDES;
+    vec![
+        underflow(),
+        opaque(),
+        largest_sum(),
+        moved("a metameric black of amplitude 0.7", move || black_slab(surface)),
+        moved("a metameric black of amplitude 4", move || black_slab(designed)),
+        moved("a metameric black of amplitude 270, where ΔE00 100 is allowed", move || {
+            let mut scene = black_slab(largest)?;
+            scene.accuracy.tolerance = 100.0;
+            Ok(scene)
+        }),
+        moved("a light of 1e3", || lit(1e3)),
+        moved("an exposure of 1e3", || exposed(1e3)),
+        cancels("a metameric black of amplitude 270", move || black_slab(largest)),
+        cancels("a reflectance of -0.5", || Slab { reflectance: "-0.5", ..Slab::default() }.scene()),
+        cancels("X-rays of negative reflectance", || shining("-0.01", 3e4)),
+        cancels("a light of 1e6 on what hardly hides", || lit(1e6)),
+        cancels("a light of 1e6 in 8 numbers", || {
+            let mut scene = Slab { absorption: Some((GREEN, 0.5)), ..k8() }.scene()?;
+            scene.lights.iter_mut().for_each(|light| light.intensity = 1e6);
+            Ok(scene)
+        }),
+        cancels("an exposure of 1e6", || exposed(1e6)),
+        overflows("X-rays that add up to 1e5", || shining("0.5", 1e5)),
+        overflows("X-rays of reflectance 1e3 that add up to 1e3", || {
+            let mut scene = shining("1e3", 1e3)?;
+            scene.accuracy = k8().scene()?.accuracy;
+            Ok(scene)
+        }),
+        overflows("a reflectance of 1e6 in 8 numbers", || {
+            let mut scene = k8().scene()?;
+            let black = Reflectance::new(metameric_black(1e6))?;
+            scene.materials.iter_mut().for_each(|material| material.reflectance = black.clone());
+            Ok(scene)
+        }),
+    ]
+}
+
+fn k8() -> Slab {
+    Slab { accuracy: "accumulate = \"spectral\"\nk = 8".to_owned(), ..Slab::default() }
+}
+
+fn in_half(mut scene: Scene) -> Picture {
+    scene.accuracy.storage = StoreAs::Half;
+    Picture::of(scene)
+}
+
+/// A weight of 8e-8 is a number or two of 16 bits.
+fn underflow() -> Extreme {
+    let slab = Slab { opacity: 1e-8, ..Slab::default() };
+    let scene = move || Ok(vec![in_half(slab.scene()?)]);
+    let bound = Bound::given(
+        "denormal",
+        1.01 * 0.5_f64.powi(25),
+        "below 2⁻¹⁴ numbers of 16 bits are 2⁻²⁴ apart: off by half of that, and the march by a thousandth of it",
+    );
+    Extreme::shown(Group::Half, "f16: opacity 1e-8", bound, scene, |lefts| {
+        worst(lefts.iter().map(|left| (left.weight(0, 0) + (8.0 * (-1e-8_f64).ln_1p()).exp_m1()).abs()))
+    })
+}
+
+/// What passes 1e4 optical depths is nothing in 16 bits, either.
+fn opaque() -> Extreme {
+    let slab = Slab { absorption: Some((GREEN, 1e4 / 8.0)), ..k8() };
+    let asked = slab.clone();
+    let scene = move || Ok(vec![in_half(asked.scene()?)]);
+    let bound = Bound::march(8.0).and(
+        0.5_f64.powi(11),
+        "16 bits",
+        "what pixels hold is rounded to 11 bits, 2⁻¹¹ of itself; and the roundings of the march",
+    );
+    Extreme::shown(Group::Half, "f16: optical depth 1e4, coloured", bound, scene, move |lefts| {
+        worst(lefts.iter().map(|left| {
+            let dark = left.sums.transmittance.iter().all(|&passed| passed == 0.0);
+            // Numbers of which 16 bits are a few are off by more of themselves, and no more than 2⁻²⁵.
+            let [weights, _] = slab.closed_form(left, slab.sampled());
+            let error = |(c, expected): (usize, &f64)| {
+                let apart = (left.weight(c, 0) - expected).abs();
+                if apart <= 1.01 * 0.5_f64.powi(25) { 0.0 } else { apart / expected.abs() }
+            };
+            if dark { worst(weights.iter().enumerate().map(error)) } else { f64::NAN }
+        }))
+    })
+}
+
+/// X-rays that add up to a little less than there is.
+fn largest_sum() -> Extreme {
+    let scene = || Ok(vec![in_half(shining("0.5", 6.5e4)?)]);
+    let bound = Bound::march(8.0).and(
+        0.5_f64.powi(11),
+        "16 bits",
+        "a sum is rounded to 11 bits; and the roundings of the march",
+    );
+    Extreme::shown(Group::Half, "f16: X-rays of many thousands", bound, scene, |lefts| {
+        worst(lefts.iter().map(|left| (left.weight(0, 0) / shone(left) - 1.0).abs()))
+    })
+}
+
+/// What X-rays of a scene of [`shining`] add up to, straight on.
+fn shone(left: &Left<'_>) -> f64 {
+    let transfer = &left.rungs.scene.transfer;
+    8.0 / transfer.opacity_length * std::f64::consts::LN_2
+}
+
+/// X-rays of half opacity in 8 × 8 × 8 lengths, so short that the diagonal adds up to `sum`.
+fn shining(reflectance: &'static str, sum: f64) -> Result<Scene, ExtremeError> {
+    let mut scene = Slab { dims: [9, 9, 9], opacity: 0.5, reflectance, ..Slab::default() }.scene()?;
+    scene.materials.iter_mut().for_each(|material| material.xray = true);
+    let diagonal = 243.0_f64.sqrt();
+    scene.transfer.opacity_length = diagonal * std::f64::consts::LN_2 / sum;
+    Ok(scene)
+}
+
+/// Of what hides a millionth, lit so brightly.
+fn lit(intensity: f64) -> Result<Scene, ExtremeError> {
+    let mut scene = Slab { opacity: 1e-7, ..Slab::default() }.scene()?;
+    scene.lights.iter_mut().for_each(|light| light.intensity = intensity);
+    Ok(scene)
+}
+
+/// The same, exposed so long.
+fn exposed(exposure: f64) -> Result<Scene, ExtremeError> {
+    let mut scene = lit(1.0)?;
+    scene.display.exposure = exposure;
+    Ok(scene)
+}
+
+/// What storing in 16 bits does to the picture, as a share of what the plan says that it may.
+fn moved(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sync + 'static) -> Extreme {
+    let both = move || {
+        let scene = scene()?;
+        Ok(vec![Picture::of(scene.clone()), in_half(scene)])
+    };
+    let bound = Bound::given(
+        "as the plan says",
+        1.0,
+        "ΔE00 between the pictures of 32 bits and of 16, as a share of what the plan allows: 2⁻¹¹ of every number, and \
+         2⁻²⁵ where it is small, as bright as it is shown",
+    );
+    Extreme::shown(Group::Half, format!("f16: {name}"), bound, both, |lefts| match lefts {
+        [full, half] => {
+            let said = half.planned().half_precision_error(&half.rungs.scene).unwrap_or(f64::NAN);
+            delta_e(full.xyz(0), half.xyz(0)) / said
+        }
+        _ => f64::NAN,
+    })
+}
+
+/// The plan says that 16 bits would show.
+fn cancels(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sync + 'static) -> Extreme {
+    Extreme::refused(
+        Group::Half,
+        format!("f16: {name}"),
+        move || Ok(in_half(scene()?)),
+        |error| matches!(error, ExtremeError::Rung(RungError::Plan(PlanError::HalfPrecision { .. }))),
+    )
+}
+
+/// The plan says that a number may be too large for 16 bits.
+fn overflows(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sync + 'static) -> Extreme {
+    Extreme::refused(
+        Group::Half,
+        format!("f16: {name}"),
+        move || Ok(in_half(scene()?)),
+        |error| matches!(error, ExtremeError::Rung(RungError::Plan(PlanError::HalfRange))),
+    )
+}

@@ -1,0 +1,144 @@
+//! What a rung left of a scene, and how far that is from an answer.
+
+use glam::{DMat3, DVec3};
+
+use super::{ExtremeError, Rung};
+use crate::measure::rungs::{RungError, Rungs};
+use crate::plan::Planned;
+use crate::progress::Progress;
+use crate::reference::{Real, relight};
+use crate::render::Renderer;
+use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
+use crate::tables::{Accumulation, RelightMatrices};
+
+/// What a rung left of a scene.
+pub(super) struct Left<'a> {
+    pub(super) rungs: &'a Rungs,
+    pub(super) rung: Rung,
+    pub(super) sums: Accumulation<f64>,
+    /// Linear sRGB under the scene's own lights.
+    pub(super) picture: Vec<DVec3>,
+    pub(super) matrices: RelightMatrices,
+    /// How many there were; none but on a device.
+    pub(super) dispatches: usize,
+}
+
+impl<'a> Left<'a> {
+    /// What `rung` makes of `rungs`; a device is `renderer`.
+    pub(super) fn new(
+        rungs: &'a Rungs,
+        rung: Rung,
+        renderer: Option<&Renderer>,
+        progress: &dyn Progress,
+    ) -> Result<Self, ExtremeError> {
+        let matrices = rungs.matrices(&rungs.mix);
+        let (sums, picture, dispatches) = match (rung, renderer) {
+            (Rung::Gpu, Some(renderer)) => {
+                let marched = rungs.render(renderer, progress)?;
+                let sums = widened(&renderer.read(&marched).map_err(RungError::from)?);
+                let linear = || {
+                    let shown = renderer.relight_linear(&marched)?;
+                    shown.run(&matrices)?;
+                    shown.read::<[f32; 4]>()
+                };
+                let picture = linear().map_err(RungError::from)?;
+                let colour = |&[r, g, b, _]: &[f32; 4]| DVec3::from([r, g, b].map(f64::from));
+                (sums, picture.iter().map(colour).collect(), marched.dispatches)
+            }
+            (Rung::Double, _) => {
+                let sums = rungs.march::<f64>(&rungs.exact(), progress)?;
+                let picture = relight(&sums, &matrices);
+                (sums, picture, 0)
+            }
+            _ => {
+                let sums = rungs.march::<f32>(&rungs.stored::<f32>(), progress)?;
+                let picture = relight(&sums, &matrices);
+                (widened(&sums), picture, 0)
+            }
+        };
+        Ok(Self { rungs, rung, sums, picture, matrices, dispatches })
+    }
+
+    pub(super) fn planned(&self) -> &Planned {
+        &self.rungs.planned
+    }
+
+    /// What may never be, whatever the scene.
+    pub(super) fn problem(&self) -> Option<String> {
+        let Accumulation { weights, transmittance, .. } = &self.sums;
+        let unlit =
+            self.rungs.mix.0.iter().all(|light| {
+                light.weight == 0.0 || light.spectrum.spectrum().samples().iter().all(|&power| power == 0.0)
+            });
+        let find = |numbers: &[f64], wrong: &dyn Fn(f64) -> bool| {
+            numbers.iter().enumerate().find(|&(_, &number)| wrong(number)).map(|(i, &number)| (i, number))
+        };
+        let pixels = self.picture.len();
+        if let Some((i, number)) = find(weights, &|number| !number.is_finite()) {
+            return Some(format!("pixel {} holds {number}", i % pixels));
+        }
+        if let Some((i, number)) = find(transmittance, &|number| !(0.0..=1.0).contains(&number)) {
+            return Some(format!("of the light behind pixel {}, {number} passes", i % pixels));
+        }
+        self.picture.iter().enumerate().find_map(|(i, colour)| match colour {
+            _ if !colour.is_finite() => Some(format!("pixel {i} is {colour}")),
+            _ if unlit && *colour != DVec3::ZERO => Some(format!("pixel {i} is {colour}, where there is no light")),
+            _ => None,
+        })
+    }
+
+    /// Component `c` of the first position in pixel `i`.
+    pub(super) fn weight(&self, c: usize, i: usize) -> f64 {
+        self.sums.weights.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
+    }
+
+    /// The number `c` of what passes pixel `i`.
+    pub(super) fn passed(&self, c: usize, i: usize) -> f64 {
+        self.sums.transmittance.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
+    }
+
+    /// XYZ of pixel `i`.
+    pub(super) fn xyz(&self, i: usize) -> DVec3 {
+        self.picture.get(i).map_or(DVec3::NAN, |&colour| *XYZ_FROM_LINEAR_SRGB * colour)
+    }
+
+    /// Linear sRGB of pixel 0 beside what XYZ `expected` is in it, relative to Σ|terms|.
+    pub(super) fn colour_error(&self, expected: DVec3) -> f64 {
+        let matrix = *LINEAR_SRGB_FROM_XYZ;
+        let terms = DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs()) * expected.abs();
+        let apart = self.picture.first().map_or(DVec3::NAN, |&colour| (colour - matrix * expected).abs());
+        worst((0..3).map(|channel| if apart[channel] == 0.0 { 0.0 } else { apart[channel] / terms[channel] }))
+    }
+
+    /// How far this is from `other`, which must have the very same numbers.
+    pub(super) fn apart(&self, other: &Self) -> f64 {
+        let numbers = |left: &Self| [left.sums.weights.clone(), left.sums.transmittance.clone()].concat();
+        let (ours, theirs) = (numbers(self), numbers(other));
+        if ours.len() != theirs.len() {
+            return f64::NAN;
+        }
+        worst(ours.iter().zip(&theirs).map(|(one, other)| (one - other).abs()))
+    }
+}
+
+fn widened<R: Real>(sums: &Accumulation<R>) -> Accumulation<f64> {
+    let numbers = |numbers: &[R]| numbers.iter().map(|number| number.to_f64()).collect();
+    Accumulation { size: sums.size, weights: numbers(&sums.weights), transmittance: numbers(&sums.transmittance) }
+}
+
+/// The largest error; NaN where one is.
+pub(super) fn worst(errors: impl IntoIterator<Item = f64>) -> f64 {
+    errors.into_iter().fold(0.0, |worst, error| if error <= worst || worst.is_nan() { worst } else { error })
+}
+
+/// The error of `found`, relative to `expected`, which may be 0: then nothing else is right.
+pub(super) fn relative(found: f64, expected: f64) -> f64 {
+    let error = (found - expected).abs();
+    if error == 0.0 { 0.0 } else { error / expected.abs() }
+}
+
+/// ΔE00 between two XYZ.
+pub(super) fn delta_e(one: DVec3, other: DVec3) -> f64 {
+    let lab = |xyz: DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
+    ciede2000(lab(one), lab(other))
+}

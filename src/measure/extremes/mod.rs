@@ -1,0 +1,377 @@
+//! The extremes: what must come out where numbers are largest, smallest or none at all, on every rung.
+//!
+//! Each is held once: the scenes it is made of, its answer (a closed form, or what the program says where a limit is
+//! reached) and its bound. The test `tests/stability.rs` and the command `relume measure --extremes` ask for the same
+//! [`Row`]s.
+
+mod bound;
+mod half;
+mod left;
+mod lights;
+mod materials;
+mod models;
+mod opacity;
+mod rays;
+mod sizes;
+mod slab;
+mod spectra;
+mod steps;
+mod table;
+mod volumes;
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+use super::rungs::{RungError, Rungs};
+use crate::progress::Progress;
+use crate::render::{RenderError, Renderer};
+use crate::scene::SceneError;
+use crate::spectrum::SpectrumError;
+use crate::volume::VolumeError;
+
+pub use bound::{BLACK_DELTA_E, Bound, EQUAL_STEPS, LINEARITY, OPACITY, ROUNDING_UNIT, TERMINATION_DELTA_E};
+
+pub use spectra::metameric_black;
+pub use table::{derivations, to_csv, to_markdown, to_text};
+
+use left::Left;
+use slab::Picture;
+
+/// What extremes are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Group {
+    /// Opacities and optical depths.
+    Opacity,
+    /// Step lengths, and how many there are.
+    Steps,
+    /// Intensities and spectra of lights.
+    Lights,
+    /// Reflectances that no surface has.
+    Spectra,
+    /// Numbers of a colour model.
+    Models,
+    /// How many materials, and which.
+    Materials,
+    /// Shapes and values of volumes.
+    Volumes,
+    /// Rays and cameras.
+    Rays,
+    /// Spacings, pictures and crops.
+    Sizes,
+    /// Pixels stored in 16 bits.
+    Half,
+}
+
+impl Group {
+    /// All of them, in the order of the table.
+    pub const ALL: [Self; 10] = [
+        Self::Opacity,
+        Self::Steps,
+        Self::Lights,
+        Self::Spectra,
+        Self::Models,
+        Self::Materials,
+        Self::Volumes,
+        Self::Rays,
+        Self::Sizes,
+        Self::Half,
+    ];
+
+    /// Its extremes.
+    #[must_use]
+    pub fn extremes(self) -> Vec<Extreme> {
+        match self {
+            Self::Opacity => opacity::extremes(),
+            Self::Steps => steps::extremes(),
+            Self::Lights => lights::extremes(),
+            Self::Spectra => spectra::extremes(),
+            Self::Models => models::extremes(),
+            Self::Materials => materials::extremes(),
+            Self::Volumes => volumes::extremes(),
+            Self::Rays => rays::extremes(),
+            Self::Sizes => sizes::extremes(),
+            Self::Half => half::extremes(),
+        }
+    }
+
+    /// Its name in tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Opacity => "opacity and depth",
+            Self::Steps => "steps",
+            Self::Lights => "lights",
+            Self::Spectra => "spectra",
+            Self::Models => "colour models",
+            Self::Materials => "materials",
+            Self::Volumes => "volumes",
+            Self::Rays => "rays and cameras",
+            Self::Sizes => "sizes",
+            Self::Half => "16 bits",
+        }
+    }
+}
+
+/// Who answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub enum Rung {
+    /// The scene itself, in f64.
+    #[serde(rename = "f64")]
+    Double,
+    /// The tables and the volume that a device has, in f32.
+    #[serde(rename = "f32")]
+    Single,
+    /// A device.
+    #[serde(rename = "gpu")]
+    Gpu,
+    /// The program, before anything is marched.
+    #[serde(rename = "plan")]
+    Plan,
+}
+
+impl Rung {
+    /// Its name in tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Double => "f64",
+            Self::Single => "f32",
+            Self::Gpu => "GPU",
+            Self::Plan => "plan",
+        }
+    }
+}
+
+impl fmt::Display for Rung {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.pad(self.name())
+    }
+}
+
+/// One extreme on one rung.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// What it is an extreme of.
+    pub group: Group,
+    /// Which one it is.
+    pub name: String,
+    /// Who answered.
+    pub rung: Rung,
+    /// The most that [`Self::measured`] may be.
+    #[serde(serialize_with = "finite")]
+    pub bound: f64,
+    /// What that follows from.
+    #[serde(serialize_with = "named")]
+    pub derivation: Bound,
+    /// How far the answer was missed; NaN where there was none.
+    #[serde(serialize_with = "finite")]
+    pub measured: f64,
+    /// Whether it is within its bound, and everything else is as it must be: finite, T from 0 to 1, dark without light.
+    pub holds: bool,
+    /// What the program said, or what was wrong.
+    pub said: Option<String>,
+}
+
+/// JSON has no number that is not finite.
+fn finite<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
+    Some(number).filter(|number| number.is_finite()).serialize(serializer)
+}
+
+fn named<S: Serializer>(bound: &Bound, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(bound.name)
+}
+
+impl fmt::Display for Row {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { name, rung, bound, measured, derivation, holds, .. } = self;
+        let sign = if *holds { "≤" } else { "is not ≤" };
+        write!(out, "{name}, {rung}: {measured:.2e} {sign} {bound:.2e} ({})", derivation.name)?;
+        self.said.as_ref().map_or(Ok(()), |said| write!(out, ": {said}"))
+    }
+}
+
+/// Why an extreme has no answer.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExtremeError {
+    /// Its scene cannot be.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Its volume cannot be.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    /// A spectrum of it cannot be.
+    #[error(transparent)]
+    Spectrum(#[from] SpectrumError),
+    /// A rung of it cannot be.
+    #[error(transparent)]
+    Rung(#[from] RungError),
+}
+
+impl ExtremeError {
+    /// Whether a device is too small for what was asked of it, which is an answer.
+    fn is_limit(&self) -> bool {
+        use RenderError::{Filter, Memory, PictureMemory, PictureSize, TooLarge};
+        let Self::Rung(RungError::Render(error)) = self else { return false };
+        matches!(error, Filter { .. } | Memory { .. } | PictureMemory { .. } | PictureSize { .. } | TooLarge { .. })
+    }
+}
+
+/// What a rung answered.
+struct Answer {
+    rung: Rung,
+    measured: f64,
+    said: Option<String>,
+}
+
+/// Asks an extreme, on a device where there is one.
+type Ask = dyn Fn(Option<&Renderer>, &dyn Progress) -> Result<Vec<Answer>, ExtremeError> + Send + Sync;
+
+/// One extreme.
+pub struct Extreme {
+    group: Group,
+    name: String,
+    bound: Bound,
+    ask: Box<Ask>,
+}
+
+impl fmt::Debug for Extreme {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { group, name, bound, .. } = self;
+        out.debug_struct("Extreme")
+            .field("group", group)
+            .field("name", name)
+            .field("bound", bound)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Extreme {
+    /// The extreme that `pictures` show, whose answer is missed by `measure` of what a rung left of them.
+    fn shown(
+        group: Group,
+        name: impl Into<String>,
+        bound: Bound,
+        pictures: impl Fn() -> Result<Vec<Picture>, ExtremeError> + Send + Sync + 'static,
+        measure: impl Fn(&[Left<'_>]) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        let ask = move |renderer: Option<&Renderer>, progress: &dyn Progress| {
+            let pictures: Vec<_> = pictures()?.into_iter().map(Picture::rungs).collect::<Result<_, _>>()?;
+            let rungs = [Rung::Double, Rung::Single].into_iter().chain(renderer.map(|_| Rung::Gpu));
+            let answers = rungs.map(|rung| {
+                let lefts = pictures.iter().map(|picture| Left::new(picture, rung, renderer, progress));
+                let lefts: Vec<_> = match lefts.collect::<Result<_, _>>() {
+                    Err(error) if error.is_limit() => {
+                        return Ok(Answer { rung, measured: 0.0, said: Some(chain(&error)) });
+                    }
+                    lefts => lefts?,
+                };
+                let said = lefts.iter().find_map(Left::problem);
+                let measured = if said.is_some() { f64::NAN } else { measure(&lefts) };
+                Ok(Answer { rung, measured, said })
+            });
+            answers.collect()
+        };
+        Self { group, name: name.into(), bound, ask: Box::new(ask) }
+    }
+
+    /// The extreme of a scene that the program refuses, where `expected` says whether for this reason.
+    fn refused(
+        group: Group,
+        name: impl Into<String>,
+        picture: impl Fn() -> Result<Picture, ExtremeError> + Send + Sync + 'static,
+        expected: impl Fn(&ExtremeError) -> bool + Send + Sync + 'static,
+    ) -> Self {
+        let bound = Bound::given("refused", 0.0, "how often the program went on, where it must refuse and say why");
+        let ask = move |_: Option<&Renderer>, progress: &dyn Progress| {
+            let marched = |rungs: Rungs| Left::new(&rungs, Rung::Double, None, progress).map(drop);
+            match picture().and_then(Picture::rungs).and_then(marched) {
+                Err(error) if expected(&error) => {
+                    Ok(vec![Answer { rung: Rung::Plan, measured: 0.0, said: Some(chain(&error)) }])
+                }
+                Err(error) => Err(error),
+                Ok(()) => Ok(vec![Answer { rung: Rung::Plan, measured: 1.0, said: None }]),
+            }
+        };
+        Self { group, name: name.into(), bound, ask: Box::new(ask) }
+    }
+
+    /// What it is an extreme of.
+    #[must_use]
+    pub fn group(&self) -> Group {
+        self.group
+    }
+
+    /// Which one it is.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// How far its answer may be missed.
+    #[must_use]
+    pub fn bound(&self) -> Bound {
+        self.bound
+    }
+
+    /// A row for each rung; for the device only where `renderer` is one. Where there is no answer, one row says why.
+    #[must_use]
+    pub fn rows(&self, renderer: Option<&Renderer>, progress: &dyn Progress) -> Vec<Row> {
+        let none =
+            |error: ExtremeError| vec![Answer { rung: Rung::Plan, measured: f64::NAN, said: Some(chain(&error)) }];
+        let answers = (self.ask)(renderer, progress).unwrap_or_else(none);
+        let row = |Answer { rung, measured, said }| {
+            let bound = self.bound.limit(rung);
+            Row {
+                group: self.group,
+                name: self.name.clone(),
+                rung,
+                bound,
+                derivation: self.bound,
+                measured,
+                holds: measured <= bound,
+                said,
+            }
+        };
+        answers.into_iter().map(row).collect()
+    }
+}
+
+/// The rows of every extreme in the order of the groups, and whether those are all: where somebody asks to stop, the rows
+/// of finished extremes are kept.
+#[must_use]
+pub fn run(renderer: Option<&Renderer>, progress: &dyn Progress) -> (Vec<Row>, bool) {
+    /// What goes on within an extreme is not told of.
+    struct Within<'a>(&'a dyn Progress);
+    impl Progress for Within<'_> {
+        fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+        fn cancelled(&self) -> bool {
+            self.0.cancelled()
+        }
+    }
+    let extremes: Vec<Extreme> = Group::ALL.into_iter().flat_map(Group::extremes).collect();
+    let mut rows = Vec::new();
+    for (done, extreme) in extremes.iter().enumerate() {
+        progress.report(extreme.group().name(), done as u64, extremes.len() as u64);
+        let found = extreme.rows(renderer, &Within(progress));
+        if progress.cancelled() {
+            return (rows, false);
+        }
+        rows.extend(found);
+    }
+    (rows, true)
+}
+
+/// An error and its causes in one line.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        text = format!("{text}: {error}");
+        cause = error.source();
+    }
+    text
+}

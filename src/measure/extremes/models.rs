@@ -1,0 +1,103 @@
+//! Colour models of one number and of many.
+
+use super::left::{Left, worst};
+use super::slab::{GREEN, Picture, Slab};
+use super::{Answer, Bound, Extreme, ExtremeError, Group, Rung};
+use crate::model::{Amplification, LARGEST_DIMENSION};
+use crate::scene::SceneError;
+use crate::spectrum::Spectrum;
+
+pub(super) fn extremes() -> Vec<Extreme> {
+    let mut all: Vec<Extreme> = [1, 2, 3, 16].map(|k| followed("nodes", k)).into();
+    all.push(followed("bands", 16));
+    all.push(followed("rgb", 3));
+    all.push(followed("sharpened-semigroup", 6));
+    all.push(followed("sharpened", 6));
+    all.push(unclamped());
+    all.push(all_bands());
+    all.push(too_many());
+    all
+}
+
+/// So narrow that sharpened factors would amplify: some of their coefficients of it are negative.
+const NARROW: &str = "{ gaussian = [{ centre = 480, sigma = 6, height = 1 }] }";
+
+fn slab(model: &str, k: usize) -> Slab {
+    let shape = if model.starts_with("sharpened") { NARROW } else { GREEN };
+    Slab { absorption: Some((shape, 0.5)), accuracy: format!("model = \"{model}\"\nk = {k}"), ..Slab::default() }
+}
+
+/// Coloured glass in the `k` numbers of a model: each by itself fades and shines as its coefficients say.
+fn followed(model: &'static str, k: usize) -> Extreme {
+    let slab = slab(model, k);
+    let asked = slab.clone();
+    let scene = move || Ok(vec![asked.picture()?]);
+    Extreme::shown(Group::Models, format!("k = {k}, {model}"), Bound::picture(8.0), scene, move |lefts| {
+        worst(lefts.iter().map(|left| match left.planned().plan.components() {
+            // Projects each step, so that what passes has no closed form but this.
+            components if components == k && model == "sharpened" => by_step(&slab, left),
+            components if components == k => slab.error(left).max(slab.picture_error(left)),
+            _ => f64::NAN,
+        }))
+    })
+}
+
+/// What passes `slab` where each step's transmittance is projected, held at 0 to 1.
+fn by_step(slab: &Slab, left: &Left<'_>) -> f64 {
+    let (Some(model), Some(material)) = (&left.planned().model, left.rungs.scene.materials.first()) else {
+        return f64::NAN;
+    };
+    let Some((shape, (_, depth))) = material.absorption.as_ref().zip(slab.absorption) else { return f64::NAN };
+    let absorbed = shape.spectrum().scaled(depth * slab.step);
+    let step = &absorbed + &Spectrum::constant(-slab.step * (-slab.opacity).ln_1p());
+    let depths = model.step_depths(&step, Amplification::Held);
+    worst(depths.iter().enumerate().map(|(c, depth)| (left.passed(c, 0) - (-depth * slab.samples()).exp()).abs()))
+}
+
+/// The marked exception: sharpened factors, their absorption not held at 0, amplify. No picture is made with them.
+fn unclamped() -> Extreme {
+    const DEPTH: f64 = 5.0;
+    let ask = |_: Option<&_>, _: &dyn crate::progress::Progress| {
+        let rungs = slab("sharpened-semigroup", 6).picture()?.rungs()?;
+        let shape = rungs.scene.materials.first().and_then(|material| material.absorption.as_ref());
+        let largest = rungs.planned.model.as_ref().zip(shape).map(|(model, shape)| {
+            let parts = model.unclamped_absorption_coefficients(shape.spectrum());
+            let passes = parts.iter().map(|part| (-DEPTH * part).exp()).fold(0.0, f64::max);
+            // |Σ P·shape| ≤ Σ|P|, because a shape is at most 1.
+            let row = |row: &Spectrum| row.samples().iter().map(|sample| sample.abs()).sum::<f64>();
+            let most = (DEPTH * model.projection().iter().map(row).fold(0.0, f64::max)).exp();
+            let told = model.amplification(shape.spectrum())?;
+            Some((passes / most, format!("{passes:.3} of the light passes a depth of {DEPTH}: {told}")))
+        });
+        // Where nothing is amplified, nothing was asked.
+        let (measured, said) = largest.flatten().map_or((f64::NAN, None), |(measured, said)| (measured, Some(said)));
+        Ok(vec![Answer { rung: Rung::Plan, measured, said }])
+    };
+    let bound = Bound::given(
+        "amplification",
+        1.0,
+        "the one exception to T in [0, 1], shown in reports alone: of an optical depth D it lets through at most e^(D·Σ|P|), \
+         relative to which it is measured",
+    );
+    Extreme { group: Group::Models, name: "sharpened, unclamped (the exception)".to_owned(), bound, ask: Box::new(ask) }
+}
+
+/// Every wavelength of the grid: 21 vectors of four, on a device, too.
+fn all_bands() -> Extreme {
+    let slab = slab("nodes", 4);
+    let asked = slab.clone();
+    let scene = move || Ok(vec![Picture { full_spectrum: true, ..asked.picture()? }]);
+    Extreme::shown(Group::Models, "k = 81, all bands", Bound::picture(8.0), scene, move |lefts| {
+        worst(lefts.iter().flat_map(|left| [slab.error(left), slab.picture_error(left)]))
+    })
+}
+
+/// More numbers than a model has.
+fn too_many() -> Extreme {
+    let k = 31;
+    let picture = move || slab("nodes", k).picture();
+    Extreme::refused(Group::Models, format!("k = {k}"), picture, |error| {
+        matches!(error, ExtremeError::Scene(SceneError::Invalid { message, .. })
+            if message.contains(&LARGEST_DIMENSION.to_string()))
+    })
+}

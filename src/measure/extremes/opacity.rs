@@ -1,0 +1,118 @@
+//! Opacities from 0 to 1 and optical depths from 0 to a million.
+
+use glam::DVec3;
+
+use super::bound::{OPACITY, TERMINATION_DELTA_E};
+use super::left::{delta_e, worst};
+use super::slab::{GREEN, Picture, Slab};
+use super::{Bound, Extreme, ExtremeError, Group};
+use crate::scene::{Projection, Scene};
+use crate::spectrum::{Reflectance, Spectrum};
+
+pub(super) fn extremes() -> Vec<Extreme> {
+    let few = Bound::march(8.0);
+    let mut all: Vec<Extreme> =
+        [("0", 0.0, Bound::EXACT), ("1e-8", 1e-8, few), ("1 - 1e-8", 1.0 - 1e-8, few), ("1", 1.0, Bound::EXACT)]
+            .into_iter()
+            .map(|(name, opacity, bound)| {
+                homogeneous(format!("opacity {name}"), bound, Slab { opacity, ..Slab::default() })
+            })
+            .collect();
+    for (colour, shape) in [("grey", "1.0"), ("coloured", GREEN)] {
+        for depth in [0.0, 1e-8, 1e4, 1e6] {
+            // Of what shines and absorbs at once, both must be right.
+            for (what, opacity) in [("alone", 0.0), ("beside what shines", 0.1)] {
+                let coloured = if colour == "coloured" && depth > 0.0 { "k = 4" } else { "" };
+                let slab = Slab { opacity, accuracy: coloured.to_owned(), ..Slab::default() };
+                let slab = Slab { absorption: Some((shape, depth / slab.length())), ..slab };
+                let name = format!("optical depth {depth:e}, {colour}, {what}");
+                all.push(homogeneous(name, few, slab));
+            }
+        }
+    }
+    all.extend([1e-8, 1e-6, 1e-4, 0.01, 0.5, 0.99, 1.0 - 1e-6, 1.0 - 1e-8].map(one_sample));
+    all.push(thin_air());
+    all.push(white_behind_black());
+    all
+}
+
+fn homogeneous(name: String, bound: Bound, slab: Slab) -> Extreme {
+    let asked = slab.clone();
+    Extreme::shown(
+        Group::Opacity,
+        name,
+        bound,
+        move || Ok(vec![asked.picture()?]),
+        move |lefts| worst(lefts.iter().map(|left| slab.error(left))),
+    )
+}
+
+/// COLOUR.md C14: one voxel, and one step through it, of every length.
+fn one_sample(opacity: f64) -> Extreme {
+    const LENGTHS: [f64; 5] = [1e-3, 0.03, 1.0, 7.0, 100.0];
+    let scene = move |length: f64| -> Result<Picture, ExtremeError> {
+        let mut scene = Slab { dims: [1, 1, 1], opacity, step: length, ..Slab::default() }.scene()?;
+        set_spacing(&mut scene, length);
+        Ok(Picture::of(scene))
+    };
+    let bound = Bound::given(
+        "opacity",
+        OPACITY,
+        "one step's opacity, 1 − (1 − α)^r, made in f64 and rounded once: COLOUR.md C14, 33 roundings of f32",
+    );
+    let name = format!("opacity {opacity} in one step of 1e-3 to 100 lengths");
+    Extreme::shown(
+        Group::Opacity,
+        name,
+        bound,
+        move || LENGTHS.into_iter().map(scene).collect(),
+        move |lefts| {
+            let slab = Slab { opacity, ..Slab::default() };
+            worst(lefts.iter().zip(LENGTHS).map(|(left, length)| slab.error_at(left, 0, length)))
+        },
+    )
+}
+
+/// Makes a scene's voxels larger; its camera still looks at its middle.
+fn set_spacing(scene: &mut Scene, spacing: f64) {
+    let mut volume = (*scene.volume).clone();
+    volume.geometry.spacing = DVec3::splat(spacing);
+    scene.camera.projection = Projection::Orthographic { height: Some(0.1 * spacing) };
+    scene.volume = std::sync::Arc::new(volume);
+}
+
+/// Transmittance far below the smallest normal f32.
+fn thin_air() -> Extreme {
+    let slab = Slab { dims: [5, 5, 201], opacity: 0.5, ..Slab::default() };
+    homogeneous("transmittance 6e-61".to_owned(), Bound::march(200.0), slab)
+}
+
+/// COLOUR.md C17 where it shows most: a white background behind black, which a thousandth of it would lighten by ΔE00 0.5.
+fn white_behind_black() -> Extreme {
+    let scene = |opacity| -> Result<Picture, ExtremeError> {
+        let mut scene = Slab { dims: [3, 3, 1001], opacity, reflectance: "0.0", ..Slab::default() }.scene()?;
+        scene.background = Some(Reflectance::new(Spectrum::constant(1.0))?);
+        scene.accuracy.termination = USUAL_TERMINATION;
+        Ok(Picture::of(scene))
+    };
+    let bound = Bound::given(
+        "termination",
+        TERMINATION_DELTA_E,
+        "a ray ends at a ten-thousandth of its light, which in front of white is ΔE00 0.05 (COLOUR.md C17 allows 0.1)",
+    );
+    Extreme::shown(
+        Group::Opacity,
+        "white behind black, rays ended early",
+        bound,
+        move || [0.01, 0.1, 0.5, 0.9].into_iter().map(scene).collect(),
+        |lefts| {
+            worst(lefts.iter().map(|left| {
+                // Not followed to the end, or nothing was asked.
+                if left.passed(0, 0) > 1e-9 { delta_e(left.xyz(0), DVec3::ZERO) } else { f64::NAN }
+            }))
+        },
+    )
+}
+
+/// That of a scene which does not say.
+const USUAL_TERMINATION: f64 = 1e-4;

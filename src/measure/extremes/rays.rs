@@ -1,0 +1,122 @@
+//! Rays along faces, edges and corners, and cameras on a face, inside and a million away.
+
+use glam::DVec3;
+
+use super::left::{Left, worst};
+use super::slab::{Picture, Slab};
+use super::{Bound, Extreme, ExtremeError, Group};
+use crate::number::count;
+use crate::scene::{Aim, Camera, Projection};
+
+pub(super) fn extremes() -> Vec<Extreme> {
+    let mut all: Vec<Extreme> = [
+        ("in the plane of a face", DVec3::new(0.0, 8.0, 0.0), DVec3::Z, 24.0),
+        ("in the plane of the other face", DVec3::new(16.0, 8.0, 0.0), DVec3::Z, 24.0),
+        ("a thousandth outside of a face", DVec3::new(-1e-3, 8.0, 0.0), DVec3::Z, 0.0),
+        ("a thousandth outside of the other face", DVec3::new(16.001, 8.0, 0.0), DVec3::Z, 0.0),
+        ("along an edge", DVec3::ZERO, DVec3::Z, 24.0),
+        ("along the opposite edge", DVec3::new(16.0, 16.0, 0.0), DVec3::Z, 24.0),
+        ("a thousandth outside of an edge", DVec3::new(-1e-3, -1e-3, 0.0), DVec3::Z, 0.0),
+        ("along an edge between cells", DVec3::new(8.0, 8.0, 0.0), DVec3::NEG_Z, 24.0),
+        ("through opposite corners", DVec3::ZERO, DVec3::new(16.0, 16.0, 24.0), 1088.0_f64.sqrt()),
+        ("through opposite corners of a face", DVec3::ZERO, DVec3::new(16.0, 16.0, 0.0), 512.0_f64.sqrt()),
+        ("that touches one corner", DVec3::ZERO, DVec3::new(1.0, -1.0, 0.0), 0.0),
+        ("that touches an edge", DVec3::new(0.0, 0.0, 12.0), DVec3::new(1.0, -1.0, 0.0), 0.0),
+    ]
+    .into_iter()
+    .map(|(name, through, direction, length)| ray(name, through, direction, length))
+    .collect();
+    let middle = DVec3::splat(16.0);
+    let oblique = DVec3::new(0.3, 0.2, 1.0);
+    all.extend([
+        camera("on a face", DVec3::new(16.0, 16.0, 0.0), DVec3::Z, 60.0),
+        camera("on a face, looking away", DVec3::new(16.0, 16.0, 0.0), DVec3::NEG_Z, 60.0),
+        camera("in a corner", DVec3::ZERO, DVec3::ONE, 60.0),
+        camera("inside", middle, oblique, 70.0),
+        camera("inside, of 170°", middle, oblique, 170.0),
+        camera("a millionth before a face", DVec3::new(16.0, 16.0, -1e-6), DVec3::Z, 60.0),
+        camera("1e6 away", middle - 1e6 * oblique.normalize(), oblique, 2.0 * (24.0 / 1e6_f64).atan().to_degrees()),
+        camera("1e6 away, looking away", middle - 1e6 * oblique.normalize(), -oblique, 60.0),
+    ]);
+    all
+}
+
+/// The ray through a point of a volume of 16 × 16 × 24, in a direction; it is `length` long within.
+fn ray(name: &str, through: DVec3, direction: DVec3, length: f64) -> Extreme {
+    let slab = Slab { dims: [17, 17, 25], ..Slab::default() };
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        // Whole numbers, so that the eye is exactly on the ray.
+        let scale = if direction.length() > 10.0 { 2.0 } else { 50.0 };
+        let position = through - scale * direction;
+        let up = if direction.z.abs() > direction.x.abs() { DVec3::Y } else { DVec3::Z };
+        let aim = Aim::LookAt { position, target: position + direction };
+        scene.camera = Camera { projection: Projection::Orthographic { height: Some(0.1) }, aim, up };
+        Ok(vec![Picture::of(scene)])
+    };
+    let bound = if length > 0.0 { Bound::march(length.ceil()) } else { Bound::EXACT };
+    Extreme::shown(Group::Rays, format!("a ray {name}"), bound, scene, move |lefts| {
+        worst(lefts.iter().map(|left| error_after(&slab, left, 0, length)))
+    })
+}
+
+/// The sums of pixel `i` beside the closed form of a ray of `length`. Where that is a whole number of steps and a half, to
+/// a thousandth, roundings decide over the last one: both are right.
+fn error_after(slab: &Slab, left: &Left<'_>, i: usize, length: f64) -> f64 {
+    let steps = length / slab.step - 0.5;
+    let of = |samples: f64| slab.error_at(left, i, samples.max(0.0) * slab.step);
+    let error = of(steps.ceil());
+    if (steps - steps.round()).abs() > 1e-3 || error.is_nan() {
+        return error;
+    }
+    error.min(of(steps.round())).min(of(steps.round() + 1.0))
+}
+
+/// A camera at `eye` that looks along `forward`, of so many degrees, in or before a cube of 32: every pixel is a ray whose
+/// way through the cube is a matter of six planes.
+fn camera(name: &str, eye: DVec3, forward: DVec3, fov_degrees: f64) -> Extreme {
+    const SIZE: [usize; 2] = [9, 6];
+    let slab = Slab { dims: [33, 33, 33], opacity: 0.02, step: 0.37, ..Slab::default() };
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        let aim = Aim::LookAt { position: eye, target: eye + forward };
+        scene.camera = Camera { projection: Projection::Perspective { fov_degrees }, aim, up: DVec3::Y };
+        Ok(vec![Picture { size: SIZE, ..Picture::of(scene) }])
+    };
+    let forward = forward.normalize();
+    let right = forward.cross(DVec3::Y).normalize();
+    let up = right.cross(forward);
+    let half = 0.5 * fov_degrees.to_radians();
+    let direction = move |i: usize| {
+        let [width, height] = SIZE.map(count);
+        let u = 2.0 * (count(i % SIZE[0]) + 0.5) / width - 1.0;
+        let v = 1.0 - 2.0 * (count(i / SIZE[0]) + 0.5) / height;
+        (forward + half.tan() * (u * width / height * right + v * up)).normalize()
+    };
+    let bound = Bound::march(150.0);
+    Extreme::shown(Group::Rays, format!("a camera {name}"), bound, scene, move |lefts| {
+        worst(lefts.iter().flat_map(|left| {
+            let slab = &slab;
+            (0..SIZE[0] * SIZE[1]).map(move |i| error_after(slab, left, i, within(eye, direction(i), 32.0)))
+        }))
+    })
+}
+
+/// How far a ray from `eye` goes within a cube from 0 to `side`.
+fn within(eye: DVec3, direction: DVec3, side: f64) -> f64 {
+    let (a, b) = (-eye / direction, (side - eye) / direction);
+    let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
+    for axis in 0..3 {
+        if direction[axis] == 0.0 {
+            if !(0.0..=side).contains(&eye[axis]) {
+                return 0.0;
+            }
+        } else {
+            enter = enter.max(a[axis].min(b[axis]));
+            leave = leave.min(a[axis].max(b[axis]));
+        }
+    }
+    (leave - enter).max(0.0)
+}

@@ -1,0 +1,94 @@
+//! Volumes of every size, pictures of one pixel and of one row, and a crop of one voxel.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::left::worst;
+use super::slab::{Picture, Slab, straight_on};
+use super::{Bound, Extreme, ExtremeError, Group};
+use crate::scene::{Projection, Scene};
+
+pub(super) fn extremes() -> Vec<Extreme> {
+    let mut all: Vec<Extreme> = [1e-40, 1e-6, 1e6, 1e35].map(spacing).into();
+    all.push(flat_voxels());
+    all.extend([[1, 1], [16384, 1], [1, 16384]].map(picture));
+    all.extend([("one voxel", 1.0), ("a quarter of a voxel", 0.25)].map(|(name, width)| crop(name, width)));
+    all
+}
+
+fn with_spacing(scene: &mut Scene, spacing: DVec3) {
+    let mut volume = (*scene.volume).clone();
+    volume.geometry.spacing = spacing;
+    scene.camera = straight_on(&volume.geometry);
+    scene.volume = Arc::new(volume);
+}
+
+/// All lengths grow with the voxels: it is the same picture.
+fn spacing(spacing: f64) -> Extreme {
+    let slab = Slab::default();
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        with_spacing(&mut scene, DVec3::splat(spacing));
+        scene.accuracy.step_length *= spacing;
+        scene.transfer.opacity_length *= spacing;
+        Ok(vec![Picture::of(scene)])
+    };
+    Extreme::shown(Group::Sizes, format!("a spacing of {spacing:e}"), Bound::march(8.0), scene, move |lefts| {
+        worst(lefts.iter().map(|left| slab.error(left)))
+    })
+}
+
+/// Voxels a hundred times longer than wide, along the longer side and across it.
+fn flat_voxels() -> Extreme {
+    let slab = Slab { dims: [9, 5, 9], opacity: 0.01, ..Slab::default() };
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        with_spacing(&mut scene, DVec3::new(1.0, 1.0, 100.0));
+        let mut across = scene.clone();
+        let position = DVec3::new(-10.0, 2.0, 400.0);
+        across.camera.aim = crate::scene::Aim::LookAt { position, target: position + DVec3::X };
+        Ok(vec![Picture::of(scene), Picture::of(across)])
+    };
+    Extreme::shown(Group::Sizes, "a spacing of 1:1:100", Bound::march(800.0), scene, move |lefts| {
+        worst(lefts.iter().zip([800.0, 8.0]).map(|(left, length)| slab.error_at(left, 0, length)))
+    })
+}
+
+/// All pixels show the same.
+fn picture(size: [usize; 2]) -> Extreme {
+    let slab = Slab::default();
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        // So low that the widest of them is within the volume.
+        let height = if size[1] > 1 { 2.0 } else { 1e-4 };
+        scene.camera.projection = Projection::Orthographic { height: Some(height) };
+        Ok(vec![Picture { size, ..Picture::of(scene) }])
+    };
+    let name = format!("a picture of {}×{}", size[0], size[1]);
+    Extreme::shown(Group::Sizes, name, Bound::march(8.0), scene, move |lefts| {
+        worst(lefts.iter().flat_map(|left| {
+            let slab = &slab;
+            (0..size[0] * size[1]).map(move |i| slab.error_at(left, i, slab.sampled()))
+        }))
+    })
+}
+
+/// A box about the middle of a volume, so wide.
+fn crop(name: &str, width: f64) -> Extreme {
+    let slab = Slab { dims: [9, 9, 9], opacity: 0.3, step: 0.25, ..Slab::default() };
+    let asked = slab.clone();
+    let scene = move || -> Result<Vec<Picture>, ExtremeError> {
+        let mut scene = asked.scene()?;
+        let (middle, half) = (DVec3::splat(4.0), DVec3::splat(0.5 * width));
+        scene.crop = Some([middle - half, middle + half]);
+        scene.camera.projection = Projection::Orthographic { height: Some(0.5 * width) };
+        Ok(vec![Picture::of(scene)])
+    };
+    Extreme::shown(Group::Sizes, format!("a crop of {name}"), Bound::march(4.0), scene, move |lefts| {
+        worst(lefts.iter().map(|left| slab.error_at(left, 0, width)))
+    })
+}

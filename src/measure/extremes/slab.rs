@@ -1,0 +1,223 @@
+//! A volume of one value, seen straight on in parallel rays: the scene whose answer is a closed form.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::ExtremeError;
+use super::left::{Left, relative, worst};
+use crate::measure::rungs::Rungs;
+use crate::number::count;
+use crate::plan::plan_full_spectrum;
+use crate::progress::Quiet;
+use crate::scene::{Aim, Camera, Projection, Scene, SceneOptions, parse};
+use crate::volume::{Geometry, Volume, Voxels};
+
+/// A scene, and the pixels of its picture.
+pub(super) struct Picture {
+    pub(super) scene: Scene,
+    pub(super) size: [usize; 2],
+    /// Whether it is computed in all 81 bands, whatever its plan.
+    pub(super) full_spectrum: bool,
+}
+
+impl Picture {
+    /// `scene` in one pixel.
+    pub(super) fn of(scene: Scene) -> Self {
+        Self { scene, size: [1, 1], full_spectrum: false }
+    }
+
+    pub(super) fn rungs(self) -> Result<Rungs, ExtremeError> {
+        Ok(if self.full_spectrum {
+            let planned = plan_full_spectrum(&self.scene);
+            Rungs::planned(self.scene, planned, self.size)?
+        } else {
+            Rungs::new(self.scene, self.size)?
+        })
+    }
+}
+
+/// The value of its voxels, to which its material belongs.
+const VALUE: u16 = 150;
+
+/// See the [module](self); lengths are in world units, which are those of the voxels.
+#[derive(Clone, Debug)]
+pub(super) struct Slab {
+    pub(super) dims: [usize; 3],
+    /// Of a unit of length.
+    pub(super) opacity: f64,
+    /// What is absorbed besides: the shape over wavelengths, as scene files have it, and its depth per unit of length.
+    pub(super) absorption: Option<(&'static str, f64)>,
+    pub(super) step: f64,
+    /// As scene files have it.
+    pub(super) reflectance: &'static str,
+    /// The like; of a light each.
+    pub(super) lights: Vec<String>,
+    /// The like; lines of [accuracy].
+    pub(super) accuracy: String,
+}
+
+impl Default for Slab {
+    /// Eight steps of a voxel through a tenth of opacity each, under D65.
+    fn default() -> Self {
+        Self {
+            dims: [5, 5, 9],
+            opacity: 0.1,
+            absorption: None,
+            step: 1.0,
+            reflectance: "\"orange\"",
+            lights: vec!["spectrum = \"D65\"".to_owned()],
+            accuracy: String::new(),
+        }
+    }
+}
+
+/// A shape of absorption that takes some of every wavelength, and most of the green.
+pub(super) const GREEN: &str = "{ gaussian = [{ centre = 540, sigma = 40, height = 1 }], base = 0.1 }";
+
+impl Slab {
+    /// How far a ray goes through it: from the first voxel to the last, or through one alone.
+    pub(super) fn length(&self) -> f64 {
+        let along = self.dims[2];
+        if along == 1 { 1.0 } else { count(along - 1) }
+    }
+
+    /// How far its samples reach: steps whose middles are inside count whole.
+    pub(super) fn sampled(&self) -> f64 {
+        (self.length() / self.step - 0.5).ceil().max(0.0) * self.step
+    }
+
+    /// How many samples a ray takes.
+    pub(super) fn samples(&self) -> f64 {
+        (self.sampled() / self.step).round()
+    }
+
+    pub(super) fn scene(&self) -> Result<Scene, ExtremeError> {
+        let Self { opacity, step, reflectance, accuracy, .. } = self;
+        let (shape, depth) =
+            self.absorption.map_or((String::new(), 0.0), |(shape, depth)| (format!("absorption = {shape}"), depth));
+        let lights: String =
+            self.lights.iter().enumerate().map(|(i, light)| format!("[lights.l{i}]\n{light}\n")).collect();
+        let text = format!(
+            r#"
+            shading = "none"
+            [materials.only]
+            reflectance = {reflectance}
+            {shape}
+            [transfer]
+            opacity_length = 1
+            [[transfer.intervals]]
+            material = "only"
+            range = [100, 200]
+            opacity = {opacity}
+            absorption = {depth}
+            {lights}
+            [accuracy]
+            step = {step}
+            termination = 0
+            {accuracy}
+            "#
+        );
+        scene_of(&text, slab(self.dims)?)
+    }
+
+    pub(super) fn picture(&self) -> Result<Picture, ExtremeError> {
+        Ok(Picture::of(self.scene()?))
+    }
+
+    /// The components of what comes back, and of what passes, along `length`: every number of them by itself.
+    pub(super) fn closed_form(&self, left: &Left<'_>, length: f64) -> [Vec<f64>; 2] {
+        let Some(material) = left.rungs.scene.materials.first() else { return [Vec::new(), vec![1.0]] };
+        let planned = left.planned();
+        let scattering = -(-self.opacity).ln_1p();
+        let (reflectance, shape) = (material.reflectance.spectrum(), material.absorption.as_ref());
+        let (reflected, absorbed) = match &planned.model {
+            None => (vec![1.0; planned.plan.components()], vec![1.0]),
+            Some(model) => (
+                model.coefficients(reflectance),
+                shape.map_or_else(Vec::new, |shape| model.absorption_coefficients(shape.spectrum())),
+            ),
+        };
+        let depth = self.absorption.map_or(0.0, |(_, depth)| depth);
+        let extinction: Vec<f64> =
+            (0..planned.plan.passed()).map(|c| scattering + depth * absorbed.get(c).copied().unwrap_or(0.0)).collect();
+        let weight = |(c, part): (usize, &f64)| {
+            let extinction = extinction[c.min(extinction.len() - 1)];
+            if extinction.is_infinite() {
+                *part
+            } else {
+                -part * scattering / extinction * (-extinction * length).exp_m1()
+            }
+        };
+        let weights = reflected.iter().enumerate().map(weight).collect();
+        [weights, extinction.iter().map(|extinction| (-extinction * length).exp()).collect()]
+    }
+
+    /// How far the sums of pixel 0 are from the closed form, relative to themselves; what passes steps of more than half
+    /// opacity relative to 1, because a rounding of α is a larger one of 1 − α, and what is below the square root of the
+    /// smallest numbers of f32 relative to that.
+    pub(super) fn error(&self, left: &Left<'_>) -> f64 {
+        self.error_at(left, 0, self.sampled())
+    }
+
+    /// The same of pixel `i`, whose samples reach `length`.
+    pub(super) fn error_at(&self, left: &Left<'_>, i: usize, length: f64) -> f64 {
+        let [weights, passed] = self.closed_form(left, length);
+        let plan = &left.planned().plan;
+        if [weights.len(), passed.len()] != [plan.components(), plan.passed()] {
+            return f64::NAN;
+        }
+        let weights = weights.iter().enumerate().map(|(c, &expected)| relative(left.weight(c, i), expected));
+        let passed = passed.iter().enumerate().map(|(c, &expected)| {
+            let of_step = expected.powf(self.step.min(length) / length);
+            let size = if of_step < 0.5 { 1.0 } else { expected.max(f64::from(f32::MIN_POSITIVE).sqrt()) };
+            (left.passed(c, i) - expected).abs() / size
+        });
+        worst(weights.chain(passed))
+    }
+
+    /// Linear sRGB of pixel 0 beside the closed form's sums relit in f64, relative to Σ|terms|.
+    pub(super) fn picture_error(&self, left: &Left<'_>) -> f64 {
+        let [weights, passed] = self.closed_form(left, self.sampled());
+        let numbers = weights.iter().zip(&left.matrices.colours).chain(passed.iter().zip(&left.matrices.background));
+        let (mut expected, mut size) = (DVec3::ZERO, DVec3::ZERO);
+        for (&number, &colour) in numbers {
+            expected += number * colour;
+            size += (number * colour).abs();
+        }
+        let apart = left.picture.first().map_or(DVec3::NAN, |&colour| (colour - expected).abs());
+        worst((0..3).map(|channel| if apart[channel] == 0.0 { 0.0 } else { apart[channel] / size[channel] }))
+    }
+}
+
+/// The scene that `text` describes, with `volume` in it, seen straight on along z.
+pub(super) fn scene_of(text: &str, volume: Volume) -> Result<Scene, ExtremeError> {
+    let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = [2, 2, 2]\n");
+    let mut scene = parse("an extreme", &text, Path::new(""), &SceneOptions::default(), &Quiet)?;
+    scene.camera = straight_on(&volume.geometry);
+    scene.volume = Arc::new(volume);
+    Ok(scene)
+}
+
+/// Parallel rays along z through the middle of the volume of `geometry`.
+pub(super) fn straight_on(geometry: &Geometry) -> Camera {
+    let [x, y, _] = geometry.dims;
+    let middle = DVec3::new(0.5 * (count(x) - 1.0), 0.5 * (count(y) - 1.0), 0.0) * geometry.spacing;
+    let smallest = geometry.spacing.min_element();
+    Camera {
+        projection: Projection::Orthographic { height: Some(0.5 * smallest) },
+        aim: Aim::LookAt { position: middle - DVec3::Z * 10.0 * smallest, target: middle },
+        up: DVec3::Y,
+    }
+}
+
+/// A volume of one value.
+pub(super) fn slab(dims: [usize; 3]) -> Result<Volume, ExtremeError> {
+    volume(dims, Voxels::U16(vec![VALUE; dims.iter().product()]))
+}
+
+/// A volume of spacing 1.
+pub(super) fn volume(dims: [usize; 3], voxels: Voxels) -> Result<Volume, ExtremeError> {
+    Ok(Volume::new("an extreme", voxels, Geometry::unit("an extreme", dims)?)?)
+}

@@ -1,0 +1,105 @@
+//! Steps from a thousandth of a voxel to longer than the volume, and a million of them.
+
+use super::bound::ROUNDING_UNIT;
+use super::left::worst;
+use super::slab::{GREEN, Slab};
+use super::{Bound, Extreme, ExtremeError, Group, Rung};
+use crate::measure::rungs::RungError;
+use crate::reference::ReferenceError;
+
+pub(super) fn extremes() -> Vec<Extreme> {
+    let mut all: Vec<Extreme> = [
+        ("1e-3 of a voxel", 1e-3, Bound::equal_steps(8000.0)),
+        ("longer than the volume, its middle inside", 15.0, Bound::march(1.0)),
+        ("longer than the volume, its middle outside", 17.0, Bound::EXACT),
+        ("a million volumes long", 8e6, Bound::EXACT),
+    ]
+    .into_iter()
+    .map(|(name, step, bound)| {
+        let slab = Slab { step, ..Slab::default() };
+        let asked = slab.clone();
+        Extreme::shown(
+            Group::Steps,
+            format!("a step {name}"),
+            bound,
+            move || Ok(vec![asked.picture()?]),
+            move |lefts| worst(lefts.iter().map(|left| slab.error(left))),
+        )
+    })
+    .collect();
+    let bound = Bound::equal_steps(STEPS);
+    let deep = |depth: f64| {
+        let lost = STEPS / depth * ROUNDING_UNIT;
+        bound.and(
+            lost,
+            "deep equal steps",
+            "as for equal steps; and from T = n·2⁻²⁴/depth on, a step adds less than half the last bit of the sum and is \
+             lost, or rounded up: at most that much light in all",
+        )
+    };
+    all.extend([
+        equal_steps("grey", 1.0, 1.0, bound),
+        equal_steps("grey", 5.0, 1.0, bound),
+        equal_steps("grey", 20.0, 1.0, deep(20.0)),
+        equal_steps("coloured", 1.0, 0.5, bound),
+        equal_steps("coloured", 5.0, 0.5, deep(5.0)),
+    ]);
+    all.push(million_steps());
+    let picture = || Slab { step: 1e-7, ..Slab::default() }.picture();
+    all.push(Extreme::refused(Group::Steps, "more steps than a ray counts", picture, |error| {
+        matches!(error, ExtremeError::Rung(RungError::Reference(ReferenceError::TooManySamples { .. })))
+    }));
+    all
+}
+
+/// More than one dispatch takes.
+const STEPS: f64 = 1e5;
+
+/// Through a hundred voxels of `depth` where most is lost, of which `scattered` is sent back.
+fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extreme {
+    let along = depth / 100.0;
+    let slab = Slab {
+        dims: [3, 3, 101],
+        opacity: -(-scattered * along).exp_m1(),
+        absorption: (scattered < 1.0).then_some((GREEN, (1.0 - scattered) * along)),
+        step: 1e-3,
+        accuracy: if scattered < 1.0 { "k = 4".to_owned() } else { String::new() },
+        ..Slab::default()
+    };
+    let asked = slab.clone();
+    let name = format!("1e5 equal steps, {colour}, depth {depth}");
+    Extreme::shown(
+        Group::Steps,
+        name,
+        bound,
+        move || Ok(vec![asked.picture()?]),
+        move |lefts| {
+            worst(lefts.iter().map(|left| {
+                let in_one_go = left.rung == Rung::Gpu && left.dispatches < 2;
+                // What is not lost to anything else passes, or comes back.
+                let whole = if scattered < 1.0 { 0.0 } else { (left.weight(0, 0) + left.passed(0, 0) - 1.0).abs() };
+                if in_one_go { f64::NAN } else { slab.error(left).max(whole) }
+            }))
+        },
+    )
+}
+
+/// A step's opacity is 1e-8, below 2⁻²⁵: 1 − α rounds to 1, and so does T − T·α. What a step adds is not lost.
+fn million_steps() -> Extreme {
+    let slab = Slab { dims: [1, 1, 2], opacity: 1e-2, step: 1e-6, ..Slab::default() };
+    let asked = slab.clone();
+    let bound = Bound::equal_steps(1e6).and(
+        0.0475,
+        "a million thin steps",
+        "what passes is off by the whole depth of 0.01 at most; each sum below 2⁻⁶ rounds by 2⁻³¹ at most, 4.7 % of a \
+         term, were they all to round one way",
+    );
+    let name = "1e6 steps so thin that 1 - opacity is 1";
+    Extreme::shown(
+        Group::Steps,
+        name,
+        bound,
+        move || Ok(vec![asked.picture()?]),
+        move |lefts| worst(lefts.iter().map(|left| slab.error(left))),
+    )
+}

@@ -1,0 +1,96 @@
+//! What measured settings say: which of them are worth having.
+
+use serde::Serialize;
+
+use super::ladder::Cause;
+use super::setting::Knob;
+use super::survey::Measured;
+use super::table::short;
+use crate::model::ModelKind;
+
+/// What times and errors may differ by and still count as equal: measuring again makes as much.
+const ALIKE: f64 = 1.05;
+
+/// Marks the rows that no other row beats: none is as fast and closer to the truth, or as close and faster. Closeness is p95
+/// of ΔE00. Of rows that are alike in both the first is marked.
+pub fn mark_pareto(rows: &mut [Measured]) {
+    let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.frame_ms, row.error.delta_e.p95]).collect();
+    for (index, row) in rows.iter_mut().enumerate() {
+        let point = points[index];
+        let beats = |(other_index, other): (usize, &[f64; 2])| {
+            let as_good = other.iter().zip(point).all(|(other, own)| *other <= own * ALIKE);
+            let better = other.iter().zip(point).any(|(other, own)| *other * ALIKE < own);
+            as_good && (better || other_index < index)
+        };
+        row.pareto = !points.iter().enumerate().any(beats);
+    }
+}
+
+/// The fastest of `rows` whose p95 of ΔE00 is at most `error`.
+#[must_use]
+pub fn cheapest(rows: &[Measured], error: f64) -> Option<&Measured> {
+    rows.iter().filter(|row| row.error.delta_e.p95 <= error).min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms))
+}
+
+/// What k = 8 nodes err by, beside the best of RGB: mean ΔE00 by the basis alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NodesBesideRgb {
+    /// Of eight nodes.
+    pub nodes: f64,
+    /// Of the best kind of RGB.
+    pub rgb: f64,
+    /// Which that is.
+    pub best: ModelKind,
+    /// All kinds of RGB that were measured.
+    pub of: Vec<ModelKind>,
+}
+
+impl NodesBesideRgb {
+    /// The comparison, where `rows` have both.
+    #[must_use]
+    pub fn of(rows: &[Measured]) -> Option<Self> {
+        let basis = |row: &Measured| {
+            row.causes.iter().find(|(cause, _)| *cause == Cause::Basis).map(|(_, difference)| difference.delta_e.mean)
+        };
+        let only_model = |row: &&Measured| row.setting.knobs().all(|(knob, _)| matches!(knob, Knob::Model | Knob::K));
+        let is_eight = |row: &&Measured| row.setting.model() == Some(ModelKind::Nodes) && row.components == 8;
+        let nodes = rows.iter().filter(only_model).find(is_eight).and_then(basis)?;
+        let rgb = rows.iter().filter(only_model).filter_map(|row| {
+            let kind = row.setting.model().filter(|kind| kind.is_rgb())?;
+            Some((kind, basis(row)?))
+        });
+        let rgb: Vec<(ModelKind, f64)> = rgb.collect();
+        let &(best, error) = rgb.iter().min_by(|one, two| one.1.total_cmp(&two.1))?;
+        Some(Self { nodes, rgb: error, best, of: rgb.into_iter().map(|(kind, _)| kind).collect() })
+    }
+
+    /// How many times smaller the error of the nodes is; infinite where they have none.
+    #[must_use]
+    pub fn ratio(&self) -> f64 {
+        self.rgb / self.nodes
+    }
+
+    /// In a sentence.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        let Self { nodes, rgb, best, .. } = self;
+        let tried: Vec<&str> = self.of.iter().map(|kind| kind.name()).collect();
+        let times = match self.ratio() {
+            ratio if ratio.is_finite() => format!("{} times smaller", short(ratio)),
+            _ => "nothing beside it".to_owned(),
+        };
+        format!(
+            "k = 8 nodes move colours by ΔE00 {} on average, the best RGB ({best}, of {}) by {}: {times}.",
+            short(*nodes),
+            tried.join(", "),
+            short(*rgb)
+        )
+    }
+}
+
+/// The cause that most of a row's error is by.
+#[must_use]
+pub fn main_cause(row: &Measured) -> Option<Cause> {
+    let causes = row.causes.iter().filter(|(_, difference)| difference.delta_e.mean > 0.0);
+    causes.max_by(|one, two| one.1.delta_e.mean.total_cmp(&two.1.delta_e.mean)).map(|&(cause, _)| cause)
+}

@@ -1,0 +1,324 @@
+//! Colours of some pixels on each rung of the ladder, and what the errors between them are called.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::leaping::{Leaping, occupancy};
+use crate::number::{count, whole};
+use crate::plan::{Planned, ScenePlan, plan_full_spectrum};
+use crate::progress::Progress;
+use crate::reference::{Exact, Real, ReferenceError, Stored, render_pixels};
+use crate::scene::{Interpolation, Mix, Scene, StoreAs};
+use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use crate::tables::{Components, LabelMap, Occupancy, RelightMatrices, Storage, StoredVolume, TransferTable};
+use crate::volume::{Statistics, VolumeError};
+
+/// What makes a picture differ from the truth; each is what lies between two rungs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Cause {
+    /// Samples are Δs apart: full spectrum at Δs beside that at an eighth of the shortest Δs measured.
+    Step,
+    /// Values between voxels are made otherwise than the scene says.
+    Interpolation,
+    /// Rays end early.
+    Termination,
+    /// Spectra are carried in few numbers.
+    Basis,
+    /// The transfer function is a table, the volume a texture, what a pixel keeps may be of 16 bits.
+    Tables,
+    /// Arithmetic is in f32.
+    Rounding,
+    /// The device filters and rounds in its own way.
+    Device,
+    /// Fewer pixels are marched than shown.
+    Resolution,
+}
+
+impl Cause {
+    /// All, from the truth down.
+    pub const ALL: [Self; 8] = [
+        Self::Step,
+        Self::Interpolation,
+        Self::Termination,
+        Self::Basis,
+        Self::Tables,
+        Self::Rounding,
+        Self::Device,
+        Self::Resolution,
+    ];
+
+    /// Its name in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Step => "step",
+            Self::Interpolation => "interpolation",
+            Self::Termination => "termination",
+            Self::Basis => "basis",
+            Self::Tables => "tables and storage",
+            Self::Rounding => "rounding",
+            Self::Device => "device",
+            Self::Resolution => "resolution",
+        }
+    }
+}
+
+/// A picture's pixels of which some are looked at, in rows and columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Lattice {
+    /// Pixels of the picture, across and down.
+    pub size: [usize; 2],
+    /// Every so many pixels, across and down.
+    pub stride: usize,
+}
+
+impl Lattice {
+    /// At most `most` pixels of a picture of `size`, equally far apart; one at least.
+    #[must_use]
+    pub fn new(size: [usize; 2], most: usize) -> Self {
+        let stride = (count(size[0]) * count(size[1]) / count(most.max(1))).sqrt();
+        let mut lattice = Self { size, stride: whole(stride).max(1) };
+        while lattice.dims()[0] * lattice.dims()[1] > most.max(1) {
+            lattice.stride += 1;
+        }
+        lattice
+    }
+
+    /// How many there are, across and down.
+    #[must_use]
+    pub fn dims(&self) -> [usize; 2] {
+        self.size.map(|side| (side / self.stride).max(1))
+    }
+
+    /// All of them, row by row.
+    #[must_use]
+    pub fn pixels(&self) -> Vec<[usize; 2]> {
+        let [across, down] = self.dims();
+        let at = |i: usize, side: usize| (i * self.stride + self.stride / 2).min(side - 1);
+        (0..across * down).map(|i| [at(i % across, self.size[0]), at(i / across, self.size[1])]).collect()
+    }
+}
+
+/// How many times shorter the steps of the truth are than the shortest that is measured.
+pub(super) const FINER: f64 = 8.0;
+
+/// What of a setting the full spectrum depends on.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct March {
+    step_length: u64,
+    termination: u64,
+    interpolation: Interpolation,
+}
+
+/// The volume as a device would have it, and the plan that it is for.
+struct Kept {
+    plan: ScenePlan,
+    storage: Storage,
+    volume: StoredVolume,
+}
+
+/// The rungs of one scene that need no device.
+pub(super) struct Ladder<'a> {
+    scene: &'a Scene,
+    statistics: Statistics,
+    labels: Option<LabelMap>,
+    occupancy: Occupancy,
+    size: [usize; 2],
+    mix: Mix,
+    /// The pixels that show anything.
+    pub(super) pixels: Vec<[usize; 2]>,
+    /// What is behind the volume.
+    pub(super) background: DVec3,
+    /// The shortest Δs of all that are measured, in world units.
+    pub(super) finest: f64,
+    full: HashMap<March, Arc<Vec<DVec3>>>,
+    kept: Option<Kept>,
+}
+
+impl<'a> Ladder<'a> {
+    /// The ladder of those of `pixels` that show anything of `scene` under `mix`; no step will be shorter than `finest`.
+    pub(super) fn new(
+        scene: &'a Scene,
+        mix: Mix,
+        size: [usize; 2],
+        pixels: &[[usize; 2]],
+        finest: f64,
+        progress: &dyn Progress,
+    ) -> Result<Self, LadderError> {
+        let statistics = scene.volume.statistics()?;
+        let labels = scene.labels.as_ref().filter(|labels| !labels.declared.is_empty());
+        let labels = labels.map(LabelMap::new).transpose()?;
+        let truth = plan_full_spectrum(scene);
+        let storage = Storage::new(&truth.plan, &scene.volume, &statistics);
+        let mut ladder = Self {
+            occupancy: occupancy(scene, &storage, labels.as_ref()),
+            scene,
+            statistics,
+            labels,
+            size,
+            mix,
+            pixels: Vec::new(),
+            background: DVec3::ZERO,
+            finest,
+            full: HashMap::new(),
+            kept: None,
+        };
+        ladder.background = ladder.matrices(scene, &truth).background.iter().copied().sum();
+        ladder.pixels = ladder.showing(pixels, progress)?;
+        Ok(ladder)
+    }
+
+    /// Those of `pixels` that show anything.
+    pub(super) fn showing(
+        &self,
+        pixels: &[[usize; 2]],
+        progress: &dyn Progress,
+    ) -> Result<Vec<[usize; 2]>, LadderError> {
+        let found = self.march_exact(self.scene, &plan_full_spectrum(self.scene), pixels, progress)?;
+        let shown = pixels
+            .iter()
+            .zip(&found)
+            .filter(|(_, (colour, opacity))| *opacity > 0.0 || (*colour - self.background).abs().max_element() > 1e-12);
+        Ok(shown.map(|(&pixel, _)| pixel).collect())
+    }
+
+    /// Full spectrum, exact samples, Δs an eighth of the shortest, rays to their ends: what all is measured against.
+    pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
+        self.full(self.finest / FINER, 0.0, self.scene.accuracy.interpolation, progress)
+    }
+
+    /// Full spectrum, exact samples.
+    pub(super) fn full(
+        &mut self,
+        step_length: f64,
+        termination: f64,
+        interpolation: Interpolation,
+        progress: &dyn Progress,
+    ) -> Result<Arc<Vec<DVec3>>, LadderError> {
+        let key = March { step_length: step_length.to_bits(), termination: termination.to_bits(), interpolation };
+        if let Some(known) = self.full.get(&key) {
+            return Ok(Arc::clone(known));
+        }
+        let mut scene = self.scene.clone();
+        scene.accuracy.step_length = step_length;
+        scene.accuracy.termination = termination;
+        scene.accuracy.interpolation = interpolation;
+        let found = self.march_full(&scene, progress)?.into_iter().map(|(colour, _)| colour);
+        let found = Arc::new(found.collect::<Vec<_>>());
+        self.full.insert(key, Arc::clone(&found));
+        Ok(found)
+    }
+
+    fn march_full(&self, scene: &Scene, progress: &dyn Progress) -> Result<Vec<(DVec3, f64)>, LadderError> {
+        self.march_exact(scene, &plan_full_spectrum(scene), &self.pixels, progress)
+    }
+
+    /// The truth in other pixels.
+    pub(super) fn truth_in(&self, pixels: &[[usize; 2]], progress: &dyn Progress) -> Result<Vec<DVec3>, LadderError> {
+        let mut scene = self.scene.clone();
+        scene.accuracy.step_length = self.finest / FINER;
+        scene.accuracy.termination = 0.0;
+        let found = self.march_exact(&scene, &plan_full_spectrum(&scene), pixels, progress)?;
+        Ok(found.into_iter().map(|(colour, _)| colour).collect())
+    }
+
+    /// XYZ and opacity of `scene` as `planned`, from exact samples.
+    fn march_exact(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        pixels: &[[usize; 2]],
+        progress: &dyn Progress,
+    ) -> Result<Vec<(DVec3, f64)>, LadderError> {
+        let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
+        let labels = self.labels.as_ref().filter(|_| planned.plan.labels);
+        let exact = Exact::new(scene, planned, storage, labels);
+        let leaping = Leaping::new(exact, &self.occupancy, scene, planned);
+        let matrices = self.matrices(scene, planned);
+        Ok(render_pixels(scene, planned, &leaping, &matrices, self.size, pixels, progress)?)
+    }
+
+    /// `planned` in f64 from exact samples, its accumulators in full.
+    pub(super) fn model(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        progress: &dyn Progress,
+    ) -> Result<Vec<DVec3>, LadderError> {
+        let mut exact = planned.clone();
+        exact.plan.storage = StoreAs::Single;
+        Ok(self.march_exact(scene, &exact, &self.pixels, progress)?.into_iter().map(|(colour, _)| colour).collect())
+    }
+
+    /// `planned` from the tables and the volume that a device would have.
+    pub(super) fn stored<R: Real>(
+        &mut self,
+        scene: &Scene,
+        planned: &Planned,
+        table: &TransferTable,
+        progress: &dyn Progress,
+    ) -> Result<Vec<DVec3>, LadderError> {
+        if self.kept.as_ref().is_none_or(|kept| !kept.plan.is_stored_as(&planned.plan)) {
+            let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
+            let volume = StoredVolume::new(&scene.volume, &storage);
+            self.kept = Some(Kept { plan: planned.plan.clone(), storage, volume });
+        }
+        let Some(Kept { storage, volume, .. }) = &self.kept else { return Ok(Vec::new()) };
+        let label_table = TransferTable::of_labels(scene, planned);
+        let labels = self.labels.as_ref().filter(|_| planned.plan.labels).map(|labels| (labels, &label_table));
+        let stored = Stored::<R>::new(planned, storage, volume, table, labels);
+        let matrices = self.matrices(scene, planned);
+        let found = render_pixels(scene, planned, &stored, &matrices, self.size, &self.pixels, progress)?;
+        Ok(found.into_iter().map(|(colour, _)| colour).collect())
+    }
+
+    pub(super) fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// What turns accumulators into XYZ as the display shows it: exposure and adaptation are in it.
+    fn matrices(&self, scene: &Scene, planned: &Planned) -> RelightMatrices {
+        let shown = self.shown(scene, planned);
+        let in_xyz = |colours: Vec<DVec3>| colours.into_iter().map(|colour| *XYZ_FROM_LINEAR_SRGB * colour).collect();
+        RelightMatrices { colours: in_xyz(shown.colours), background: in_xyz(shown.background), ..shown }
+    }
+
+    /// The same in linear sRGB.
+    pub(super) fn shown(&self, scene: &Scene, planned: &Planned) -> RelightMatrices {
+        let components = Components::new(scene, planned);
+        let (positions, background) = (planned.positions.len(), scene.background.as_ref());
+        RelightMatrices::new(&components, positions, background, &self.mix, &scene.display)
+    }
+}
+
+/// Why there are no rungs.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LadderError {
+    /// The reference gave up.
+    #[error(transparent)]
+    Reference(#[from] ReferenceError),
+    /// The volume or its labels cannot be used.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Lattice;
+
+    #[test]
+    fn a_lattice_has_pixels_of_the_picture_and_no_more_than_asked_for() {
+        for (size, most) in [([400, 400], 4096), ([1, 1], 10), ([7, 3], 4), ([1000, 1], 16), ([5, 5], 1)] {
+            let pixels = Lattice::new(size, most).pixels();
+            assert!((1..=most).contains(&pixels.len()), "{size:?}: {}", pixels.len());
+            assert!(pixels.iter().all(|[x, y]| *x < size[0] && *y < size[1]), "{size:?}: {pixels:?}");
+        }
+        assert_eq!(Lattice::new([400, 400], 4096).dims(), [57, 57]);
+        assert_eq!(Lattice::new([3, 2], 100).pixels(), [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]);
+    }
+}

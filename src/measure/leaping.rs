@@ -1,0 +1,81 @@
+//! Samples that look first whether there is anything: what they leave out is nothing, so that the truth takes less time.
+
+use glam::DVec3;
+
+use crate::number::{count, whole};
+use crate::plan::{LANE, Planned};
+use crate::reference::{Samples, Step};
+use crate::scene::Scene;
+use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage, TransferTable};
+
+/// Places between the ends of the data where a transfer function is looked at, beside its bends.
+const PLACES: usize = 1 << 16;
+
+/// Samples of `inner` where a cell of the volume holds something.
+pub(super) struct Leaping<'a, S> {
+    inner: S,
+    occupancy: &'a Occupancy,
+    cells_from_texture: DVec3,
+    /// Numbers of a step.
+    source: usize,
+    passed: usize,
+}
+
+impl<'a, S> Leaping<'a, S> {
+    /// Samples of `scene` by `inner` where `occupancy` says that there is anything.
+    pub(super) fn new(inner: S, occupancy: &'a Occupancy, scene: &Scene, planned: &Planned) -> Self {
+        Self {
+            inner,
+            occupancy,
+            cells_from_texture: DVec3::from_array(scene.volume.geometry.dims.map(count)) / count(CELL),
+            source: planned.plan.parts().lanes * LANE,
+            passed: planned.plan.passed(),
+        }
+    }
+
+    fn is_empty(&self, place: [f64; 3]) -> bool {
+        // As `tables::RayTable` counts cells: from voxel 0, half a voxel into the texture.
+        let cells = DVec3::from_array(place) * self.cells_from_texture - 0.5 / count(CELL);
+        let dims = self.occupancy.dims;
+        let cell: [usize; 3] = std::array::from_fn(|axis| whole(cells[axis]).min(dims[axis] - 1));
+        let index = cell[0] + dims[0] * (cell[1] + dims[1] * cell[2]);
+        self.occupancy.words.get(index / 32).is_none_or(|word| word >> (index % 32) & 1 == 0)
+    }
+}
+
+impl<S: Samples<f64>> Samples<f64> for Leaping<'_, S> {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        if self.is_empty(place) {
+            step.source.clear();
+            step.source.resize(self.source, 0.0);
+            step.opacity.clear();
+            step.opacity.resize(self.passed, 0.0);
+        } else {
+            self.inner.sample(place, step);
+        }
+    }
+}
+
+/// The cells of `scene` in which its transfer function or a label shows or absorbs anything.
+pub(super) fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) -> Occupancy {
+    Cells::new(&scene.volume, storage, labels).occupancy(&visible(scene, storage.domain))
+}
+
+/// A table that says of every value whether it does anything, and whether one beside it does.
+fn visible(scene: &Scene, [low, high]: [f64; 2]) -> TransferTable {
+    let last = count(PLACES - 1);
+    let shows = |value: f64| {
+        let medium = scene.transfer.medium(value, scene.materials.len());
+        medium.scattering.iter().chain(&medium.absorption).any(|&depth| depth > 0.0)
+    };
+    let mut active: Vec<bool> = (0..PLACES).map(|i| shows((high - low).mul_add(count(i) / last, low))).collect();
+    for bend in scene.transfer.bends().into_iter().filter(|bend| (low..=high).contains(bend)) {
+        if [bend.next_down(), bend, bend.next_up()].into_iter().any(shows) {
+            let place = whole((bend - low) / (high - low) * last);
+            active[place] = true;
+            active[(place + 1).min(PLACES - 1)] = true;
+        }
+    }
+    let opacity = active.iter().map(|&active| if active { 1.0 } else { 0.0 }).collect();
+    TransferTable { source: vec![[0.0; LANE]; PLACES], opacity, lanes: 1, passed: 1 }
+}

@@ -1,0 +1,210 @@
+//! The grammar of sweeps: which settings are measured.
+
+use super::setting::{Choices, Growth, Knob, Setting, Value};
+use crate::number::readable;
+
+/// What is swept where nobody says what: each knob by itself, from the scene's own setting.
+const USUAL: [&str; 12] = [
+    "k=3,4,6,8,12",
+    "model=nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted",
+    "storage=f16",
+    "step=0.25..4",
+    "termination=0,0.001,0.01,0.1",
+    "interpolation=nearest,exact-linear,cubic",
+    "volume=f32",
+    "gradients=central",
+    "entries=64,256,4096",
+    "lookup=nearest",
+    "skipping=off",
+    "scale=0.25,0.5",
+];
+/// The most settings of all sweeps together.
+const MOST: usize = 10_000;
+
+/// A sweep that cannot be.
+#[derive(Debug, thiserror::Error)]
+#[error("--sweep {sweep}: {problem}")]
+pub struct SweepError {
+    sweep: String,
+    problem: String,
+}
+
+/// The settings of `sweeps`, the scene's own first, each once; of no sweeps those of the usual knobs, one by one.
+///
+/// A sweep is `KNOB=VALUE,VALUE,…,KNOB=VALUE…`, every knob with every value of the others. `A..B` are the whole numbers of
+/// `k` from A to B, or A, 2A, 4A and so on (10A, 100A of `termination`) to B. RGB with another k than 3 is left out.
+///
+/// # Errors
+///
+/// [`SweepError`].
+pub fn settings(sweeps: &[String]) -> Result<Vec<Setting>, SweepError> {
+    let usual = USUAL.map(str::to_owned);
+    let sweeps = if sweeps.is_empty() { &usual } else { sweeps };
+    let mut all = vec![Setting::default()];
+    for sweep in sweeps {
+        let fail = |problem: String| SweepError { sweep: sweep.clone(), problem };
+        let mut grid = vec![Setting::default()];
+        for (knob, values) in knobs(sweep).map_err(fail)? {
+            if grid.len().saturating_mul(values.len()) > MOST {
+                return Err(fail(format!("these are more than {MOST} settings; take fewer values")));
+            }
+            let with = |setting: &Setting| {
+                let setting = setting.clone();
+                values.iter().map(|&value| setting.clone().with(knob, value)).collect::<Vec<_>>()
+            };
+            grid = grid.iter().flat_map(with).collect();
+        }
+        grid.retain(Setting::is_possible);
+        if grid.is_empty() {
+            return Err(fail("nothing is left: RGB has k = 3".to_owned()));
+        }
+        for setting in grid {
+            if !all.contains(&setting) {
+                all.push(setting);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The knobs of a sweep with their values; a part without `=` is one more value of the knob before it.
+fn knobs(sweep: &str) -> Result<Vec<(Knob, Vec<Value>)>, String> {
+    let mut found: Vec<(Knob, Vec<Value>)> = Vec::new();
+    for part in sweep.split(',') {
+        let text = match part.split_once('=') {
+            None => part,
+            Some((name, text)) => {
+                let name = name.trim();
+                let knob = Knob::ALL.into_iter().find(|knob| knob.name() == name).ok_or_else(|| {
+                    format!("there is no knob {name:?}; the knobs are {}", Knob::ALL.map(Knob::name).join(", "))
+                })?;
+                if found.iter().any(|&(known, _)| known == knob) {
+                    return Err(format!("{knob} is there twice; separate its values by commas"));
+                }
+                found.push((knob, Vec::new()));
+                text
+            }
+        };
+        let Some((knob, values)) = found.last_mut() else {
+            return Err("write KNOB=VALUES, such as k=3..12,step=0.25..4".to_owned());
+        };
+        for value in read(*knob, text.trim())? {
+            if !values.contains(&value) {
+                values.push(value);
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// The value, or the range of values, that `text` says of `knob`.
+fn read(knob: Knob, text: &str) -> Result<Vec<Value>, String> {
+    match knob.choices() {
+        Choices::Names(names) => {
+            let name = names.iter().find(|name| **name == text);
+            let name = name.ok_or_else(|| format!("{knob} is one of {}, not {text:?}", names.join(", ")))?;
+            Ok(vec![Value::Name(name)])
+        }
+        Choices::Numbers { range, whole, growth } => {
+            let number = |text: &str| {
+                let number = text.trim().parse().ok().filter(|number: &f64| range.contains(number));
+                number.filter(|number| !whole || number.fract() == 0.0).ok_or_else(|| {
+                    let kind = if whole { "a whole number" } else { "a number" };
+                    let [least, most] = [readable(*range.start()), readable(*range.end())];
+                    format!("{knob} is {kind} from {least} to {most}, not {text:?}")
+                })
+            };
+            let Some((first, last)) = text.split_once("..") else { return Ok(vec![Value::Number(number(text)?)]) };
+            let (first, last) = (number(first)?, number(last)?);
+            if first > last || first <= 0.0 {
+                return Err(format!("{text}: a range goes up, from above 0"));
+            }
+            let next = |&value: &f64| {
+                let next = match growth {
+                    Growth::Plus(more) => value + more,
+                    Growth::Times(factor) => value * factor,
+                };
+                // The end belongs to it, also where it is no step away.
+                (value < last).then_some(if next < last * (1.0 - 1e-9) { next } else { last })
+            };
+            Ok(std::iter::successors(Some(first), next).map(Value::Number).collect())
+        }
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    fn shown(sweeps: &[&str]) -> Vec<String> {
+        let sweeps: Vec<String> = sweeps.iter().map(|sweep| (*sweep).to_owned()).collect();
+        settings(&sweeps).unwrap().iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn a_sweep_is_every_value_with_every_other_after_the_scenes_own() {
+        assert_eq!(
+            shown(&["k=3..4,step=0.5..2"]),
+            [
+                "as the scene says",
+                "k=3 step=0.5",
+                "k=3 step=1",
+                "k=3 step=2",
+                "k=4 step=0.5",
+                "k=4 step=1",
+                "k=4 step=2",
+            ]
+        );
+    }
+
+    #[test]
+    fn several_sweeps_follow_one_another_and_no_setting_is_measured_twice() {
+        let expected = ["as the scene says", "model=nodes", "model=bands", "termination=0", "termination=0.5"];
+        assert_eq!(shown(&["model=nodes,bands", "termination=0,0.5", "model=bands"]), expected);
+    }
+
+    #[test]
+    fn ranges_grow_as_their_knob_does_and_include_their_end() {
+        assert_eq!(shown(&["entries=256..1000"])[1..], ["entries=256", "entries=512", "entries=1000"]);
+        assert_eq!(shown(&["termination=0.001..0.1"]).len(), 4);
+        assert_eq!(shown(&["k=3..12"]).len(), 11);
+        assert_eq!(shown(&["step=0.25..4"]).len(), 6);
+        assert_eq!(shown(&["scale=0.5..0.5"]).len(), 2);
+    }
+
+    #[test]
+    fn rgb_has_three_numbers_and_others_are_left_out() {
+        let expected = ["as the scene says", "model=nodes k=3", "model=nodes k=8", "model=rgb-fitted k=3"];
+        assert_eq!(shown(&["model=nodes,rgb-fitted,k=3,8"]), expected);
+        assert!(settings(&["model=rgb,k=8".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn what_is_no_sweep_is_told_with_what_would_be_one() {
+        for (sweep, words) in [
+            ("k", "write KNOB=VALUES"),
+            ("size=3", "the knobs are model, k,"),
+            ("k=17", "k is a whole number from 1 to 16, not \"17\""),
+            ("k=3.5", "whole"),
+            ("step=4..1", "goes up"),
+            ("step=nan", "a number from"),
+            ("model=pca", "one of nodes,"),
+            ("k=3,k=4", "twice"),
+            ("step=0.01..1000,k=1..16,entries=2..65536,storage=f32,f16,lookup=linear,nearest", "more than 10000"),
+            ("", "write KNOB=VALUES"),
+        ] {
+            let told = settings(&[sweep.to_owned()]).unwrap_err().to_string();
+            assert!(told.contains(words) && told.starts_with(&format!("--sweep {sweep}:")), "{told}");
+        }
+    }
+
+    #[test]
+    fn the_usual_sweep_turns_every_knob_but_one_at_a_time() {
+        let usual = settings(&[]).unwrap();
+        assert!(usual.iter().all(|setting| setting.knobs().count() <= 1), "{usual:?}");
+        for knob in Knob::ALL.into_iter().filter(|&knob| knob != Knob::Accumulate) {
+            assert!(usual.iter().any(|setting| setting.get(knob).is_some()), "{knob}");
+        }
+    }
+}

@@ -1,0 +1,291 @@
+//! Sessions: what is looked at as a scene file, the one that was opened with what was changed about it.
+//!
+//! `relume render` makes the picture of it that the window shows, and `relume view` goes on from there.
+
+use std::io;
+use std::path::{Path, PathBuf, absolute};
+
+use glam::DVec2;
+use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlError, Value, value};
+
+use super::load::Source;
+use super::state::State;
+use crate::output::{OutputError, write_atomically};
+use crate::scene::{Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
+use crate::volume::ByteOrder;
+
+/// Why a session cannot be saved.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The text of the scene cannot be changed.
+    #[error("the scene {name} cannot be changed")]
+    Text {
+        /// The scene.
+        name: String,
+        /// Why.
+        source: TomlError,
+    },
+    /// A path cannot be written into a scene, which is UTF-8 text.
+    #[error("a session cannot name {}: that is no UTF-8 text; open it by another name", path.display())]
+    Name {
+        /// The path.
+        path: PathBuf,
+    },
+    /// Where the files are cannot be found out.
+    #[error("cannot tell where {} is", path.display())]
+    Where {
+        /// The path.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A phantom is not downsampled by a scene.
+    #[error("a phantom that --downsample has made smaller cannot be saved as a session; write its dims into the scene")]
+    Downsampled,
+    /// Curves of a transfer function that no scene states.
+    #[error("{0} terms of the transfer function are curves, and a scene file states one; remove the others")]
+    Curves(usize),
+    /// A list stands where a table is to be.
+    #[error("`{name}` of the scene is no table that could be changed")]
+    NoTable {
+        /// Its key.
+        name: &'static str,
+    },
+    /// The file.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// Writes `state`, which `opened` of `source` has become, to `path`.
+///
+/// # Errors
+///
+/// [`SessionError`]; then `path` is what it was.
+pub fn save(path: &Path, source: &Source, opened: &Scene, state: &State) -> Result<(), SessionError> {
+    let text = text(path, source, opened, state)?;
+    Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
+}
+
+/// What [`save`] writes.
+///
+/// # Errors
+///
+/// [`SessionError`].
+pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Result<String, SessionError> {
+    let unreadable = |source| SessionError::Text { name: opened.source.clone(), source };
+    let mut document: DocumentMut = opened.text.parse().map_err(unreadable)?;
+    let [base, folder] = [&*opened.base, path.parent().unwrap_or(Path::new(""))].map(place);
+    let base = base?;
+    if base == folder? {
+        document.remove("base");
+    } else {
+        document.insert("base", value(utf8(&base)?));
+    }
+    volume(&mut document, source)?;
+    let scene = &state.scene;
+    if scene.camera != opened.camera {
+        document.insert("camera", Item::Table(camera(&scene.camera)));
+    }
+    if scene.transfer != opened.transfer || source.bare_volume().is_some() {
+        transfer(table(&mut document, "transfer")?, scene)?;
+    }
+    labels(&mut document, scene, opened)?;
+    if scene.display != opened.display {
+        let display = table(&mut document, "display")?;
+        display.insert("exposure", value(scene.display.exposure));
+        display.insert("adapt", value(scene.display.adapt));
+    }
+    if scene.dial != opened.dial {
+        dial(table(&mut document, "dial")?, &scene.dial);
+    }
+    document.remove("mix");
+    // Which situation it was is not looked at: only what it looks like.
+    let light = LightState { situation: None, ..state.light.clone() };
+    if light != LightState::stated(scene.lights.len()) {
+        document.insert("mix", Item::Table(mix(&light, scene)));
+    }
+    Ok(document.to_string())
+}
+
+/// Where the folder `path` is, whatever folder the program runs in.
+fn place(path: &Path) -> Result<PathBuf, SessionError> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    absolute(path).map_err(|source| SessionError::Where { path: path.to_owned(), source })
+}
+
+fn utf8(path: &Path) -> Result<&str, SessionError> {
+    path.to_str().ok_or_else(|| SessionError::Name { path: path.to_owned() })
+}
+
+/// The table `name`, which is made where it is not there.
+fn table<'a>(document: &'a mut DocumentMut, name: &'static str) -> Result<&'a mut dyn TableLike, SessionError> {
+    let item = document.entry(name).or_insert(Item::Table(Table::new()));
+    item.as_table_like_mut().ok_or(SessionError::NoTable { name })
+}
+
+/// What the command line has changed about the volume.
+fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionError> {
+    let options = &source.options;
+    let volume = source.bare_volume().or(options.volume.as_deref());
+    let table = table(document, "volume")?;
+    if let Some(path) = volume {
+        for key in ["phantom", "labels", "phantom_labels", "dims", "type", "byte_order", "header_bytes", "slices"] {
+            table.remove(key);
+        }
+        for key in ["component", "time", "array"] {
+            table.remove(key);
+        }
+        table.insert("file", value(utf8(&place(path)?)?));
+    }
+    if let Some(layout) = &options.raw {
+        table.insert("type", value(layout.voxel_type.to_string()));
+        table.insert("dims", value(whole(layout.dims)));
+        table.insert("byte_order", value(if layout.byte_order == ByteOrder::Big { "big" } else { "little" }));
+        table.insert("header_bytes", value(i64::try_from(layout.header_bytes).unwrap_or(i64::MAX)));
+        if !table.contains_key("spacing") {
+            table.insert("spacing", value(numbers(layout.spacing)));
+        }
+    }
+    for (key, number) in [("component", options.selection.component), ("time", options.selection.time)] {
+        if let Some(number) = number {
+            table.insert(key, value(i64::try_from(number).unwrap_or(i64::MAX)));
+        }
+    }
+    if let Some(array) = &options.selection.array {
+        table.insert("array", value(array));
+    }
+    if let Some(labels) = &options.labels {
+        table.insert("labels", value(utf8(&place(labels)?)?));
+    }
+    if let Some(blocks) = options.downsample {
+        if table.contains_key("phantom") {
+            return Err(SessionError::Downsampled);
+        }
+        table.insert("downsample", value(whole(blocks)));
+    }
+    Ok(())
+}
+
+fn whole(numbers: [usize; 3]) -> Array {
+    numbers.into_iter().map(|number| i64::try_from(number).unwrap_or(i64::MAX)).collect()
+}
+
+fn numbers<const N: usize>(numbers: [f64; N]) -> Array {
+    numbers.into_iter().collect()
+}
+
+fn names<'a>(names: impl Iterator<Item = &'a str>) -> Array {
+    names.collect()
+}
+
+fn camera(camera: &Camera) -> Table {
+    let mut table = Table::new();
+    match camera.projection {
+        Projection::Perspective { fov_degrees } => table.insert("fov", value(fov_degrees)),
+        Projection::Orthographic { height } => {
+            table.insert("projection", value("orthographic"));
+            height.and_then(|height| table.insert("height", value(height)))
+        }
+    };
+    match camera.aim {
+        Aim::LookAt { position, target } => {
+            table.insert("position", value(numbers(position.to_array())));
+            table.insert("target", value(numbers(target.to_array())));
+        }
+        Aim::Orbit { azimuth, elevation, fill, front } => {
+            table.insert("azimuth", value(azimuth));
+            table.insert("elevation", value(elevation));
+            table.insert("fill", value(fill));
+            table.insert("front", value(numbers(front.to_array())));
+        }
+    }
+    table.insert("up", value(numbers(camera.up.to_array())));
+    table
+}
+
+/// The intervals, and the curves as they are stated, unless they were removed.
+fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError> {
+    let found: Vec<Option<Interval>> = scene.transfer.terms.iter().map(Interval::of).collect();
+    let curves = found.iter().filter(|interval| interval.is_none()).count();
+    if curves > 1 {
+        return Err(SessionError::Curves(curves));
+    }
+    if curves == 0 {
+        for key in ["opacity", "absorption", "material"] {
+            table.remove(key);
+        }
+    }
+    let mut intervals = Array::new();
+    for interval in found.into_iter().flatten() {
+        let mut row = InlineTable::new();
+        row.insert("material", scene.materials.get(interval.material).map_or("", |it| &it.name).into());
+        row.insert("range", numbers(interval.range).into());
+        row.insert("ramp", interval.ramp.into());
+        row.insert("opacity", interval.opacity.into());
+        if interval.absorption > 0.0 {
+            row.insert("absorption", interval.absorption.into());
+        }
+        let mut row = Value::InlineTable(row);
+        row.decor_mut().set_prefix("\n    ");
+        intervals.push_formatted(row);
+    }
+    intervals.set_trailing("\n");
+    table.insert("intervals", value(intervals));
+    Ok(())
+}
+
+fn labels(document: &mut DocumentMut, scene: &Scene, opened: &Scene) -> Result<(), SessionError> {
+    let (Some(now), Some(then)) = (&scene.labels, &opened.labels) else { return Ok(()) };
+    for entry in now.declared.iter().filter(|entry| !then.declared.contains(entry)) {
+        let labels = table(document, "labels")?;
+        let is_it = |key: &str| key.trim().parse() == Ok(entry.label);
+        let key = labels.iter().map(|(key, _)| key.to_owned()).find(|key| is_it(key));
+        let Some(label) = key.and_then(|key| labels.get_mut(&key)).and_then(Item::as_table_like_mut) else { continue };
+        label.insert("material", value(scene.materials.get(entry.material).map_or("", |it| &it.name)));
+        label.insert("opacity", value(entry.opacity));
+        if entry.absorption <= 0.0 {
+            label.remove("absorption");
+        }
+    }
+    Ok(())
+}
+
+fn dial(table: &mut dyn TableLike, dial: &Dial) {
+    table.insert("normalise", value(dial.normalise));
+    table.insert("master", value(dial.master));
+    let off = dial.nodes.iter().filter(|node| !node.on).map(|node| node.light.as_str());
+    table.insert("off", value(names(off)));
+    let nodes = dial.nodes.iter().map(|node| (node.light.as_str(), Value::Array(point(node.place))));
+    table.insert("nodes", value(nodes.collect::<InlineTable>()));
+    let situations = dial.situations.iter().map(|situation| {
+        let mut row = InlineTable::new();
+        row.insert("name", situation.name.as_str().into());
+        row.insert("caption", situation.caption.as_str().into());
+        // A place, even on a node: nodes move.
+        row.insert("hand", point(situation.hand).into());
+        row.insert("off", names(situation.off.iter().map(String::as_str)).into());
+        row
+    });
+    table.insert("situations", value(situations.collect::<Array>()));
+}
+
+fn point(place: DVec2) -> Array {
+    numbers(place.to_array())
+}
+
+fn mix(light: &LightState, scene: &Scene) -> Table {
+    let mut table = Table::new();
+    let of_lights = || scene.lights.iter().map(|light| light.name.as_str()).zip(&light.sliders);
+    table.insert("by", value(if light.mixing == Mixing::Dial { "dial" } else { "sliders" }));
+    table.insert("hand", value(point(light.hand)));
+    let weights = of_lights().map(|(name, slider)| (name, Value::from(slider.weight)));
+    table.insert("weights", value(weights.collect::<InlineTable>()));
+    table.insert("off", value(names(of_lights().filter(|(_, slider)| !slider.on).map(|(name, _)| name))));
+    if let Some(solo) = light.solo.and_then(|solo| scene.lights.get(solo)) {
+        table.insert("solo", value(&solo.name));
+    }
+    table.insert("normalise", value(light.normalise));
+    table.insert("master", value(light.master));
+    table
+}

@@ -1,0 +1,348 @@
+//! The transfer function: intervals over the histogram of the values, each with its material as the light shows it.
+
+use std::ops::RangeInclusive;
+
+use egui::{
+    Color32, ComboBox, DragValue, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
+    WidgetType, pos2, vec2,
+};
+use glam::DVec3;
+
+use super::controls::panel;
+use super::spectrum::narrow;
+use crate::number::{count, whole};
+use crate::scene::{Interval, Material, Term, positions};
+use crate::spectrum::colour::{LinearSrgb, display_code};
+use crate::tables::{Components, RelightMatrices};
+use crate::view::action::Action;
+use crate::view::state::{Cost, Document, Edit, State};
+use crate::volume::Statistics;
+
+/// Points from the bottom to opacity 1.
+const HEIGHT: f32 = 110.0;
+/// Points across a handle.
+const HANDLE: f32 = 9.0;
+/// Parts of the range of values that the ends of an interval are dragged by.
+const PARTS: f64 = 1000.0;
+
+/// Shows the transfer function and the labels.
+pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    panel(ui, "Transfer function", Cost::March, |ui| {
+        let state = document.state();
+        let colours = colours(state);
+        if let Some(statistics) = document.statistics() {
+            let map = Map::new(ui, statistics);
+            let terms: Vec<Option<Interval>> = state.scene.transfer.terms.iter().map(Interval::of).collect();
+            histogram(ui, statistics, &map);
+            for (index, term) in state.scene.transfer.terms.iter().enumerate() {
+                outline(ui, term, &map, &colours, chosen(ui) == Some(index));
+            }
+            for (index, interval) in terms.iter().enumerate() {
+                if let Some(interval) = interval {
+                    handles(ui, index, interval, &map, asked);
+                }
+            }
+        }
+        for index in 0..state.scene.transfer.terms.len() {
+            row(ui, state, index, &colours, document.statistics(), asked);
+        }
+        ui.horizontal_wrapped(|ui| {
+            let help = "Another interval, in the middle of the values.";
+            if ui.button("Add interval").on_hover_text(help).clicked() {
+                asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
+            }
+            let changed = state.scene.transfer != document.opened().transfer;
+            let help = "The transfer function and the labels as the scene has them.";
+            if ui.add_enabled(changed, egui::Button::new("Reset transfer")).on_hover_text(help).clicked() {
+                asked.push(Action::Edit(Edit::ResetTransfer));
+            }
+        });
+        labels(ui, state, &colours, asked);
+    });
+}
+
+/// What is added where nobody has said anything yet.
+fn middle(statistics: &Statistics) -> Interval {
+    let (low, span) = (statistics.min, statistics.max - statistics.min);
+    let at = |part: f64| snapped(low + part * span, span);
+    Interval {
+        material: 0,
+        range: [at(0.45), at(0.55)],
+        ramp: snapped(0.03 * span, span),
+        opacity: 0.1,
+        absorption: 0.0,
+    }
+}
+
+/// The colours of the scene's materials under the present light, lit from all its positions.
+fn colours(state: &State) -> Vec<Color32> {
+    let scene = &state.scene;
+    let spectra: Vec<_> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
+    let (materials, places) = (spectra.len(), positions(scene).len());
+    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), places, None, &state.mix(), &scene.display);
+    let of = |material: usize| -> DVec3 { matrices.colours.iter().skip(material).step_by(materials.max(1)).sum() };
+    let code = |material| display_code(LinearSrgb(of(material).to_array()));
+    (0..materials).map(|material| Color32::from_hex(&code(material)).unwrap_or(Color32::GRAY)).collect()
+}
+
+/// Between values and opacities, and places on the screen.
+struct Map {
+    rect: Rect,
+    low: f64,
+    span: f64,
+}
+
+impl Map {
+    fn new(ui: &mut Ui, statistics: &Statistics) -> Self {
+        let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram and intervals"));
+        response.on_hover_text(
+            "Grey: how often each value occurs, on a log scale. Drag the corners of an interval, its feet, and its top; \
+             the height is the opacity, its square root.",
+        );
+        let span = statistics.max - statistics.min;
+        let span = if span > 0.0 && span.is_finite() { span } else { 1.0 };
+        Self { rect: rect.shrink(HANDLE / 2.0), low: statistics.min, span }
+    }
+
+    fn x(&self, value: f64) -> f32 {
+        self.rect.left() + narrow((value - self.low) / self.span).clamp(-1.0, 2.0) * self.rect.width()
+    }
+
+    fn y(&self, opacity: f64) -> f32 {
+        self.rect.bottom() - narrow(opacity.clamp(0.0, 1.0).sqrt()) * self.rect.height()
+    }
+
+    fn value(&self, x: f32) -> f64 {
+        let part = f64::from((x - self.rect.left()) / self.rect.width().max(1.0));
+        snapped(self.low + part.clamp(0.0, 1.0) * self.span, self.span)
+    }
+
+    fn opacity(&self, y: f32) -> f64 {
+        let part = f64::from((self.rect.bottom() - y) / self.rect.height().max(1.0)).clamp(0.0, 1.0);
+        (part * part * 1000.0).round() / 1000.0
+    }
+}
+
+/// `value` in few decimals, as fine as a hand is over values that `span` so much.
+fn snapped(value: f64, span: f64) -> f64 {
+    let step = 10.0_f64.powf((span / PARTS).log10().floor());
+    // A decimal, to the bit: what a file and a field say in few digits.
+    let places = whole((-step.log10()).round().clamp(0.0, 30.0));
+    format!("{:.places$}", (value / step).round() * step).parse().unwrap_or(value)
+}
+
+fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
+    let visuals = ui.visuals();
+    ui.painter().rect_filled(map.rect.expand(HANDLE / 2.0), 2.0, visuals.extreme_bg_color);
+    let height = |&bin: &u64| count(usize::try_from(bin).unwrap_or(usize::MAX)).ln_1p();
+    let most = statistics.histogram.iter().map(height).fold(f64::MIN_POSITIVE, f64::max);
+    let bins = count(statistics.histogram.len());
+    let bar = visuals.weak_text_color().gamma_multiply(0.35);
+    for (index, bin) in statistics.histogram.iter().enumerate() {
+        let edge = |index: f64| map.x(map.low + index / bins * map.span);
+        let top = map.rect.bottom() - narrow(height(bin) / most) * map.rect.height();
+        let rect = Rect::from_min_max(pos2(edge(count(index)), top), pos2(edge(count(index + 1)), map.rect.bottom()));
+        ui.painter().rect_filled(rect, 0.0, bar);
+    }
+}
+
+/// The opacity of a term over the values, filled with its material's colour.
+fn outline(ui: &Ui, term: &Term, map: &Map, colours: &[Color32], chosen: bool) {
+    let colour = |material: usize| colours.get(material).copied().unwrap_or(Color32::GRAY);
+    let fill = term.material.0.first().map_or(Color32::GRAY, |&(_, material)| colour(material));
+    let strong = ui.visuals().strong_text_color();
+    let stroke = if chosen { Stroke::new(2.0, strong) } else { Stroke::new(1.0, strong.gamma_multiply(0.6)) };
+    let painter = ui.painter().with_clip_rect(map.rect.expand(HANDLE / 2.0));
+    let points: Vec<Pos2> = term.opacity.iter().map(|&(value, opacity)| pos2(map.x(value), map.y(opacity))).collect();
+    // Piece by piece: each is convex, the whole of a curve need not be.
+    for pair in points.windows(2) {
+        let foot = |point: Pos2| pos2(point.x, map.rect.bottom());
+        let piece = vec![foot(pair[0]), pair[0], pair[1], foot(pair[1])];
+        painter.add(Shape::convex_polygon(piece, fill.gamma_multiply(0.75), Stroke::NONE));
+    }
+    painter.line(points, stroke);
+}
+
+/// What of an interval can be dragged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Part {
+    From,
+    To,
+    Before,
+    Behind,
+    Top,
+}
+
+fn place(interval: &Interval, map: &Map, part: Part) -> Pos2 {
+    let [low, high] = interval.range;
+    let (top, bottom) = (map.y(interval.opacity), map.rect.bottom());
+    match part {
+        Part::From => pos2(map.x(low), top),
+        Part::To => pos2(map.x(high), top),
+        Part::Before => pos2(map.x(low - interval.ramp), bottom),
+        Part::Behind => pos2(map.x(high + interval.ramp), bottom),
+        Part::Top => pos2(map.x(f64::midpoint(low, high)), top),
+    }
+}
+
+fn moved(interval: &Interval, map: &Map, part: Part, to: Pos2) -> Interval {
+    let [low, high] = interval.range;
+    let value = map.value(to.x);
+    let ramp = |ramp: f64| snapped(ramp.max(0.0), map.span);
+    match part {
+        Part::From => Interval { range: [value.min(high), high], ..*interval },
+        Part::To => Interval { range: [low, value.max(low)], ..*interval },
+        Part::Before => Interval { ramp: ramp(low - value), ..*interval },
+        Part::Behind => Interval { ramp: ramp(value - high), ..*interval },
+        Part::Top => Interval { opacity: map.opacity(to.y), ..*interval },
+    }
+}
+
+fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
+    for part in [Part::Top, Part::Before, Part::Behind, Part::From, Part::To] {
+        let at = place(interval, map, part);
+        if !map.rect.expand(HANDLE).contains(at) {
+            continue;
+        }
+        let rect = Rect::from_center_size(at, Vec2::splat(HANDLE));
+        let hand = ui.interact(rect, ui.id().with(("interval", index, part)), Sense::click_and_drag());
+        hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("interval {index}: {part:?}")));
+        if hand.is_pointer_button_down_on() {
+            choose(ui, index);
+        }
+        if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
+            asked.push(Action::Edit(Edit::Interval(index, moved(interval, map, part, pointer))));
+        }
+        let near = hand.hovered() || hand.dragged();
+        if near || chosen(ui) == Some(index) {
+            let colour = ui.visuals().strong_text_color();
+            let size = Vec2::splat(if near { HANDLE } else { HANDLE - 3.0 });
+            ui.painter().rect_filled(Rect::from_center_size(at, size), 2.0, colour);
+        }
+    }
+}
+
+fn choice() -> Id {
+    Id::new("chosen interval")
+}
+
+fn chosen(ui: &Ui) -> Option<usize> {
+    ui.data(|data| data.get_temp(choice()))
+}
+
+fn choose(ui: &Ui, index: usize) {
+    ui.data_mut(|data| data.insert_temp(choice(), index));
+}
+
+/// A term in numbers.
+fn row(
+    ui: &mut Ui,
+    state: &State,
+    index: usize,
+    colours: &[Color32],
+    statistics: Option<&Statistics>,
+    asked: &mut Vec<Action>,
+) {
+    let Some(term) = state.scene.transfer.terms.get(index) else { return };
+    let interval = Interval::of(term);
+    let materials = &state.scene.materials;
+    ui.horizontal(|ui| {
+        let shown = term.material.0.first().map_or(0, |&(_, material)| material);
+        swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY));
+        match &interval {
+            None => {
+                ui.label("curves of the scene file");
+            }
+            Some(interval) => {
+                if let Some(material) = choose_material(ui, ("material", index), materials, interval.material) {
+                    choose(ui, index);
+                    asked.push(Action::Edit(Edit::Interval(index, Interval { material, ..*interval })));
+                }
+            }
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let remove = ui.small_button("remove").on_hover_text("Leaves this out of the transfer function.");
+            remove.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("remove interval {index}")));
+            if remove.clicked() {
+                asked.push(Action::Edit(Edit::RemoveTerm(index)));
+            }
+        });
+    });
+    let Some(interval) = interval else { return };
+    let span = statistics.map_or(1.0, |it| it.max - it.min).max(f64::MIN_POSITIVE);
+    let mut now = interval;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 3.0;
+        ui.spacing_mut().interact_size.x = 46.0;
+        let number = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
+            let drag = DragValue::new(value).speed(speed).range(range);
+            let dragged = ui.add(drag.max_decimals(4)).on_hover_text(help);
+            let value = *value;
+            dragged.widget_info(|| WidgetInfo::slider(true, value, format!("interval {index}: {name}")));
+            if dragged.has_focus() || dragged.dragged() {
+                choose(ui, index);
+            }
+        };
+        let [low, high] = &mut now.range;
+        number(ui, low, span / 500.0, f64::MIN..=f64::MAX, "from", "The value from which it shows fully.");
+        ui.label("to");
+        number(ui, high, span / 500.0, f64::MIN..=f64::MAX, "to", "The value up to which it shows fully.");
+        ui.label("±");
+        number(
+            ui,
+            &mut now.ramp,
+            span / 1000.0,
+            0.0..=f64::MAX,
+            "ramp",
+            "Over so many values it falls to nothing on either side.",
+        );
+        ui.label("α");
+        number(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "What one opacity length of it hides, 0 to 1.");
+    });
+    if now != interval {
+        asked.push(Action::Edit(Edit::Interval(index, now)));
+    }
+}
+
+fn swatch(ui: &mut Ui, colour: Color32) {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(14.0), Sense::hover());
+    let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
+    ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
+    response.on_hover_text("The material under the present light.");
+}
+
+/// The material that is chosen now, where it is another one.
+fn choose_material(ui: &mut Ui, id: (&str, usize), materials: &[Material], now: usize) -> Option<usize> {
+    let mut material = now;
+    let name = |index: usize| materials.get(index).map_or("", |material| &*material.name);
+    ComboBox::from_id_salt(id).selected_text(name(now)).width(120.0).show_ui(ui, |ui| {
+        for index in 0..materials.len() {
+            ui.selectable_value(&mut material, index, name(index));
+        }
+    });
+    (material != now).then_some(material)
+}
+
+/// The label table.
+fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Action>) {
+    let Some(labels) = state.scene.labels.as_ref().filter(|labels| !labels.declared.is_empty()) else { return };
+    let title = RichText::new("Labels").strong();
+    ui.label(title).on_hover_text("Voxels with a label show as that says, whatever their value is.");
+    for (index, entry) in labels.declared.iter().enumerate() {
+        ui.horizontal(|ui| {
+            swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY));
+            ui.add_sized([64.0, 18.0], egui::Label::new(&entry.name).truncate());
+            if let Some(material) = choose_material(ui, ("label", index), &state.scene.materials, entry.material) {
+                asked.push(Action::Edit(Edit::Label(index, material, entry.opacity)));
+            }
+            let mut opacity = entry.opacity;
+            let drag = DragValue::new(&mut opacity).speed(0.002).range(0.0..=1.0).max_decimals(4);
+            let dragged = ui.add(drag).on_hover_text("What one opacity length of it hides, 0 to 1.");
+            dragged.widget_info(|| WidgetInfo::slider(true, opacity, format!("{}: opacity", entry.name)));
+            if dragged.changed() {
+                asked.push(Action::Edit(Edit::Label(index, entry.material, opacity)));
+            }
+        });
+    }
+}

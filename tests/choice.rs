@@ -1,0 +1,222 @@
+//! Settings that are chosen: they keep what was asked for, cost little more than they must, and are measured once.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "the measured shares, for whoever asks with --nocapture")]
+
+mod support;
+
+use std::fmt::Write as _;
+
+use relume::measure::{Checked, Choice, ChoiceError, Goal, Knob, Preset, Value, check, choose};
+use relume::model::random::Random;
+use relume::plan::plan;
+use relume::progress::Quiet;
+use relume::render::Renderer;
+use relume::scene::{Mix, Scene, SceneOptions, parse};
+use support::program::Folder;
+use support::rungs::{Rungs, with_renderer};
+
+const SIZE: [usize; 2] = [64, 56];
+
+/// Scene number `seed`: one of the phantoms, two to four materials at random values, opacities, lights and views; every
+/// second one absorbs in colour.
+fn scene(seed: u64) -> Scene {
+    let mut random = Random::new(9000 + seed);
+    let phantom = ["frog", "engine", "gaussian", "shells"][random.index(4)];
+    let span = if phantom == "gaussian" {
+        1.0
+    } else if phantom == "shells" {
+        65535.0
+    } else {
+        255.0
+    };
+    let dims = 24 + random.index(16);
+    let mut text = format!("version = 1\n[volume]\nphantom = \"{phantom}\"\ndims = [{dims}, {dims}, {dims}]\n");
+    let patches = ["dark skin", "foliage", "blue sky", "orange", "purple", "yellow green", "red", "cyan"];
+    let materials = 2 + random.index(3);
+    let coloured = seed % 2 == 1;
+    for m in 0..materials {
+        let (patch, peak) = (patches[random.index(patches.len())], random.between(440.0, 640.0));
+        writeln!(text, "[materials.m{m}]\nreflectance = \"{patch}\"").unwrap();
+        if coloured {
+            writeln!(text, "absorption = {{ gaussian = [{{ centre = {peak}, sigma = 40, height = 1 }}] }}").unwrap();
+        }
+    }
+    text.push_str("[transfer]\nintervals = [\n");
+    for m in 0..materials {
+        let low = span * random.between(0.12, 0.8);
+        let (high, ramp) = (low + span * random.between(0.05, 0.2), span * random.between(0.04, 0.15));
+        let opacity = random.between_magnitudes(0.01, 0.6);
+        let absorption =
+            if coloured { format!(", absorption = {}", random.between_magnitudes(0.01, 0.4)) } else { String::new() };
+        writeln!(
+            text,
+            "{{ material = \"m{m}\", range = [{low}, {high}], ramp = {ramp}, opacity = {opacity}{absorption} }},"
+        )
+        .unwrap();
+    }
+    text.push_str("]\n");
+    for (name, light) in
+        [("key", ["D65", "A", "FL11"][random.index(3)]), ("fill", ["LED-B3", "FL2", "D50"][random.index(3)])]
+    {
+        let direction: [f64; 3] = std::array::from_fn(|_| random.between(-1.0, 1.0));
+        writeln!(text, "[lights.{name}]\nspectrum = \"{light}\"\nkind = \"directional\"\ndirection = {direction:?}\nintensity = 0.6").unwrap();
+    }
+    writeln!(
+        text,
+        "[camera]\nazimuth = {}\nelevation = {}",
+        random.between(-180.0, 180.0),
+        random.between(-60.0, 60.0)
+    )
+    .unwrap();
+    parse("test", &text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+}
+
+fn step(choice: &Choice) -> f64 {
+    match choice.setting.get(Knob::Step) {
+        Some(Value::Number(step)) => step,
+        other => panic!("a step is chosen, not {other:?}"),
+    }
+}
+
+/// The error, on pixels that no choice is made by, of `scene` as it is.
+fn error(renderer: &Renderer, scene: &Scene) -> Checked {
+    let planned = plan(scene, &Quiet).unwrap();
+    let rungs = Rungs::planned(scene.clone(), planned, SIZE);
+    let accumulators = rungs.gpu_accumulators(renderer);
+    let relight = renderer.relight_linear(&accumulators).unwrap();
+    relight.run(&rungs.matrices()).unwrap();
+    let picture: Vec<[f32; 4]> = relight.read().unwrap();
+    let rgba: Vec<f32> = picture.concat();
+    check(scene, &Mix::of_scene(scene), SIZE, &rgba, &Quiet).unwrap().unwrap()
+}
+
+/// Chooses for scenes `seeds` and errors of 0.5, 1 and 3: the shares that keep what was asked for, and how many times more
+/// samples they take than the longest step, by an eighth of an octave, that would have kept it.
+fn kept_and_spent(renderer: &Renderer, seeds: std::ops::Range<u64>) -> (Vec<f64>, Vec<f64>) {
+    let (mut kept, mut spent) = (Vec::new(), Vec::new());
+    for seed in seeds {
+        let scene = scene(seed);
+        let asked = [3.0, 1.0, 0.5][usize::try_from(seed).unwrap() % 3];
+        let choice = match choose(renderer, &scene, &Mix::of_scene(&scene), SIZE, Goal::MaxError(asked), None, &Quiet) {
+            Err(ChoiceError::Nothing { .. } | ChoiceError::None { .. }) => continue,
+            choice => choice.unwrap(),
+        };
+        let chosen = choice.setting.applied(&scene);
+        let found = error(renderer, &chosen).difference.delta_e.p95;
+        kept.push(found / asked);
+        let mut longer = chosen.clone();
+        let mut times = 1.0;
+        for eighths in 1..=16 {
+            longer.accuracy.step_length = chosen.accuracy.step_length * 2_f64.powf(f64::from(eighths) / 8.0);
+            if step(&choice) * 2_f64.powf(f64::from(eighths) / 8.0) > 16.0 {
+                break;
+            }
+            if error(renderer, &longer).difference.delta_e.p95 > asked {
+                break;
+            }
+            times = 2_f64.powf(f64::from(eighths) / 8.0);
+        }
+        spent.push(times);
+        println!(
+            "scene {seed}: asked {asked}, {}: measured {found:.3}, {times:.2} times the samples needed",
+            choice.setting
+        );
+    }
+    (kept, spent)
+}
+
+fn judge(seeds: std::ops::Range<u64>) {
+    with_renderer(|renderer| {
+        let (kept, mut spent) = kept_and_spent(renderer, seeds.clone());
+        let number = |n: usize| f64::from(u32::try_from(n).unwrap());
+        let share = number(kept.iter().filter(|&&share| share <= 1.0).count()) / number(kept.len());
+        spent.sort_by(f64::total_cmp);
+        println!(
+            "{} of {} scenes: {share:.3} keep it; median cost {:.2}",
+            kept.len(),
+            seeds.end - seeds.start,
+            spent[spent.len() / 2]
+        );
+        assert!(kept.len() * 2 > usize::try_from(seeds.end - seeds.start).unwrap(), "most scenes show something");
+        assert!(share >= 0.95 || kept.len() < 20 && kept.iter().filter(|&&it| it > 1.0).count() <= 1, "{kept:?}");
+        assert!(spent[spent.len() / 2] <= 1.3, "{spent:?}");
+    });
+}
+
+#[test]
+fn what_was_asked_for_is_kept_at_little_more_than_it_must_cost() {
+    judge(0..6);
+}
+
+#[test]
+#[ignore = "minutes; `cargo test --release --test choice -- --ignored --nocapture` prints the numbers"]
+fn fifty_scenes_keep_what_was_asked_for() {
+    judge(0..50);
+}
+
+#[test]
+fn what_was_measured_once_is_not_measured_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene(0);
+    let mix = Mix::of_scene(&scene);
+    with_renderer(|renderer| {
+        let choose = |goal| choose(renderer, &scene, &mix, SIZE, goal, Some(folder.path()), &Quiet).unwrap();
+        let first = choose(Goal::MaxError(2.0));
+        assert!(!first.from_cache);
+        let second = choose(Goal::MaxError(2.0));
+        assert_eq!(second, Choice { from_cache: true, ..first.clone() });
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "one file, and nothing unfinished");
+        let closer = choose(Goal::MaxError(1.0));
+        assert!(step(&closer) <= step(&first), "{} for less error than {}", closer.setting, first.setting);
+    });
+}
+
+#[test]
+fn a_budget_takes_the_shortest_step_that_fits() {
+    let scene = scene(0);
+    let mix = Mix::of_scene(&scene);
+    with_renderer(|renderer| {
+        let ample = choose(renderer, &scene, &mix, SIZE, Goal::Budget(1e9), None, &Quiet).unwrap();
+        assert!((step(&ample) - 0.125).abs() <= 1e-9, "{}", ample.why);
+        let none = choose(renderer, &scene, &mix, SIZE, Goal::Budget(1e-6), None, &Quiet).unwrap_err();
+        assert!(none.to_string().contains("no setting keeps 0.000001 ms a frame here"), "{none}");
+        let none = choose(renderer, &scene, &mix, SIZE, Goal::MaxError(1e-6), None, &Quiet).unwrap_err();
+        assert!(none.to_string().contains("comes nearest"), "{none}");
+    });
+}
+
+#[test]
+fn presets_are_points_on_the_same_curve() {
+    let [Goal::Budget(ms), Goal::MaxError(balanced), Goal::MaxError(reference)] =
+        [Preset::Interactive, Preset::Balanced, Preset::Reference].map(Preset::goal)
+    else {
+        panic!("a time and two errors");
+    };
+    assert!(ms > 0.0 && reference < balanced);
+}
+
+#[test]
+fn render_says_what_it_chose_and_what_came_of_it() {
+    let folder = Folder::new();
+    let cache = folder.path("cache");
+    let run = |arguments: &[&str]| {
+        let render = ["render", "scene.toml", "--size", "40x40", "-o", "p.png"];
+        let mut command = folder.command(&[&render[..], arguments].concat());
+        support::program::Outcome::of(command.env("XDG_CACHE_HOME", &cache))
+    };
+    let first = run(&["--max-error", "4", "--json"]);
+    assert_eq!(first.code, Some(0), "{}", first.err);
+    let json = first.json();
+    let choice = &json["choice"];
+    assert_eq!((choice["from_cache"].as_bool(), choice["asked_error"].as_f64()), (Some(false), Some(4.0)));
+    assert!(choice["measured"]["difference"]["p95"].as_f64().unwrap() <= 4.0, "{choice}");
+    let second = run(&["--max-error", "4"]);
+    assert!(second.out.contains("asked 4, measured "), "{}", second.out);
+    assert!(second.out.contains("is the fastest of the settings tried"), "{}", second.out);
+    assert_eq!(run(&["--max-error", "4", "--json"]).json()["choice"]["from_cache"], true);
+    let preset = run(&["--preset", "balanced", "--json"]);
+    assert_eq!(preset.json()["choice"]["asked_error"], 1.0);
+    let both = run(&["--max-error", "4", "--budget", "10"]);
+    both.assert_refused(2, &["cannot be used with"]);
+    run(&["--max-error", "0"]).assert_refused(2, &["above 0"]);
+}

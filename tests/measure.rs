@@ -1,0 +1,329 @@
+//! What measuring says: errors by cause against the truth, counts and bytes, and how the program reports them.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use relume::measure::{
+    Cause, Difference, Knob, Measured, NodesBesideRgb, Setting, Survey, SurveyError, SurveyOptions, Value, cheapest,
+    mark_pareto, settings, to_csv, to_markdown,
+};
+use relume::plan::plan_full_spectrum;
+use relume::progress::{Progress, Quiet};
+use relume::scene::{Scene, SceneOptions, load_embedded, parse};
+use support::program::{Folder, SCENE};
+use support::rungs::{Rungs, with_renderer};
+use support::scenes::{self, GLASS};
+
+const SIZE: [usize; 2] = [20, 16];
+const OPTIONS: SurveyOptions = SurveyOptions { size: SIZE, pixels: 320, runs: 1 };
+
+fn scene(text: &str) -> Scene {
+    parse("test", text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+}
+
+fn sweep(sweeps: &[&str]) -> Vec<Setting> {
+    settings(&sweeps.iter().map(|&sweep| sweep.to_owned()).collect::<Vec<_>>()).unwrap()
+}
+
+/// The rows of `sweeps` of `scene`, the scene's own setting first.
+fn measured(scene: &Scene, sweeps: &[&str], test: impl Fn(&Survey<'_>, &[Measured])) {
+    let settings = sweep(sweeps);
+    with_renderer(|renderer| {
+        let mut survey = Survey::new(renderer, scene, &settings, OPTIONS, &Quiet).unwrap();
+        let rows: Vec<Measured> = settings.iter().map(|setting| survey.measure(setting, &Quiet).unwrap()).collect();
+        test(&survey, &rows);
+    });
+}
+
+fn by(row: &Measured, cause: Cause) -> Difference {
+    row.causes.iter().find(|(known, _)| *known == cause).unwrap().1
+}
+
+#[test]
+fn the_truth_is_the_full_spectrum_at_an_eighth_of_the_shortest_step_and_leaping_leaves_nothing_out() {
+    for text in [SCENE, GLASS] {
+        let scene = scene(text);
+        let mut fine = scene.clone();
+        fine.accuracy.step_length /= 16.0;
+        fine.accuracy.termination = 0.0;
+        let full = Rungs::planned(fine.clone(), plan_full_spectrum(&fine), SIZE);
+        let plain = full.lit(&full.exact());
+        measured(&scene, &["step=0.5"], |survey, _| {
+            for (&[x, y], truth) in survey.pixels().iter().zip(survey.truth()) {
+                let (expected, _) = plain[x + SIZE[0] * y];
+                assert!((*truth - expected).abs().max_element() <= 1e-12, "pixel {x}, {y}: {truth}, {expected}");
+            }
+            let left_out = (0..SIZE[0] * SIZE[1]).filter(|i| !survey.pixels().contains(&[i % SIZE[0], i / SIZE[0]]));
+            for pixel in left_out {
+                let apart = (plain[pixel].0 - survey.background()).abs().max_element();
+                // A shorter step may graze what a whole one passes by.
+                assert!(apart <= 0.05, "pixel {pixel} shows something: {apart}");
+            }
+        });
+    }
+}
+
+#[test]
+fn errors_are_told_apart_by_their_cause() {
+    let scene = scene(GLASS);
+    let sweeps =
+        ["model=nodes,k=3,16", "termination=0.5", "storage=f16", "entries=8", "scale=0.5", "interpolation=nearest"];
+    measured(&scene, &sweeps, |_, rows| {
+        let row = |text: &str| rows.iter().find(|row| row.setting.to_string() == text).unwrap();
+        let own = &rows[0];
+        let mean = |row: &Measured, cause| by(row, cause).delta_e.mean;
+        assert!(mean(own, Cause::Termination) <= 0.0, "its rays go to their ends");
+        assert!(mean(own, Cause::Rounding) <= 0.01 && mean(own, Cause::Device) <= 0.01, "{own:?}");
+        let [few, many] = ["model=nodes k=3", "model=nodes k=16"].map(row);
+        assert!(mean(few, Cause::Basis) > 20.0 * mean(many, Cause::Basis), "three numbers and sixteen");
+        // What must stay as it was: all but what sees another picture. A ray ends by its brightest number, and there are
+        // others in a model than in a spectrum.
+        for (setting, cause, same) in [
+            ("termination=0.5", Cause::Termination, &[Cause::Step][..]),
+            ("storage=f16", Cause::Tables, &[Cause::Step, Cause::Basis]),
+            ("entries=8", Cause::Tables, &[Cause::Step, Cause::Basis]),
+            (
+                "scale=0.5",
+                Cause::Resolution,
+                &[Cause::Step, Cause::Basis, Cause::Tables, Cause::Rounding, Cause::Device],
+            ),
+            ("interpolation=nearest", Cause::Interpolation, &[Cause::Step]),
+        ] {
+            let row = row(setting);
+            let moved = mean(row, cause);
+            let before =
+                own.causes.iter().find(|(known, _)| *known == cause).map_or(0.0, |(_, error)| error.delta_e.mean);
+            assert!(moved > 2.0 * before && moved > 0.0, "{setting}: {moved}, and {before} without");
+            for &other in same {
+                let apart = (mean(row, other) - mean(own, other)).abs();
+                assert!(apart <= 1e-9, "{setting}: {other:?} moved by {apart}");
+            }
+        }
+    });
+}
+
+/// The trapezoidal rule and sums at midpoints err by Δs² where what is summed is smooth.
+#[test]
+fn the_step_error_of_a_smooth_volume_is_of_second_order() {
+    measured(&scenes::named("unshaded_one"), &["step=0.5"], |_, rows| {
+        for row in rows {
+            assert!((1.5..=2.6).contains(&row.order.unwrap()), "{}: {:?}", row.setting, row.order);
+        }
+    });
+}
+
+#[test]
+fn counts_and_bytes_are_those_of_the_plan() {
+    let scene = scene(GLASS);
+    measured(&scene, &["storage=f16", "k=4", "k=8", "scale=0.5"], |_, rows| {
+        let [own, half, four, eight, small] = rows else { panic!("{}", rows.len()) };
+        assert_eq!(own.pixel_bytes, 2 * half.pixel_bytes, "coloured light passes in numbers of 16 bits, too");
+        // Two positions and what passes, a vector each of four f32.
+        assert_eq!((four.pixel_bytes, eight.pixel_bytes), (3 * 16, 6 * 16));
+        assert_eq!((four.components, eight.components), (4, 8));
+        assert_eq!(own.volume_bytes, small.volume_bytes);
+        assert!(small.total_bytes < own.total_bytes);
+        assert!(rows.iter().all(|row| row.dispatches >= 1 && row.frame_ms > 0.0 && row.times.upload.wall_ms.max > 0.0));
+        assert!(rows.iter().all(|row| row.times.march.device_ms.is_some()), "software devices have a clock");
+    });
+}
+
+#[test]
+fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
+    let models = "model=nodes,rgb-naive,rgb-prefiltered,rgb-fitted";
+    // Six materials of the program's own scene, in an eighth of its voxels along each axis: RGB can hold two.
+    let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
+    for scene in [scene(GLASS), load_embedded(&options, &Quiet).unwrap()] {
+        measured(&scene, &[models], |_, rows| {
+            let found = NodesBesideRgb::of(rows).unwrap();
+            assert_eq!(found.of.len(), 3, "{found:?}");
+            assert!(found.ratio() >= 20.0, "{}", found.sentence());
+            assert!(found.sentence().contains(found.best.name()), "{}", found.sentence());
+        });
+    }
+}
+
+#[test]
+fn the_front_has_what_no_other_setting_beats() {
+    measured(&scene(SCENE), &["termination=0,0.01,0.1,0.5"], |_, rows| {
+        let mut rows = rows.to_vec();
+        for (row, (time, error)) in rows.iter_mut().zip([(9.0, 1.0), (4.0, 2.0), (5.0, 2.0), (4.0, 3.0), (10.0, 0.5)]) {
+            row.frame_ms = time;
+            row.error.delta_e.p95 = error;
+        }
+        mark_pareto(&mut rows);
+        assert_eq!(rows.iter().map(|row| row.pareto).collect::<Vec<_>>(), [true, true, false, false, true]);
+        assert_eq!(cheapest(&rows, 2.0).map(|row| row.frame_ms), Some(4.0));
+        assert_eq!(cheapest(&rows, 0.4), None);
+        let csv = to_csv(&rows);
+        let columns: Vec<usize> = csv.lines().map(|line| line.split(',').count()).collect();
+        assert_eq!(columns.len(), 6, "a head and a line a setting");
+        assert!(columns.iter().all(|&n| n == columns[0]), "{columns:?}");
+        let markdown = to_markdown(&rows);
+        assert_eq!(markdown.lines().count(), 7);
+        assert!(markdown.lines().all(|line| line.starts_with('|') && line.ends_with('|')), "{markdown}");
+    });
+}
+
+#[test]
+fn a_scene_that_shows_nothing_has_no_error_to_measure() {
+    let dark = SCENE.replace("opacity = 0.1", "opacity = 0").replace("opacity = 0.9", "opacity = 0");
+    let dark = scene(&dark);
+    with_renderer(|renderer| {
+        let error = Survey::new(renderer, &dark, &sweep(&["k=3"]), OPTIONS, &Quiet).unwrap_err();
+        assert!(matches!(error, SurveyError::Nothing { looked_at: 320, .. }), "{error}");
+    });
+}
+
+#[test]
+fn measuring_stops_where_it_is_asked_to() {
+    struct Stop;
+    impl Progress for Stop {
+        fn report(&self, _: &str, _: u64, _: u64) {}
+        fn cancelled(&self) -> bool {
+            true
+        }
+    }
+    let scene = scene(SCENE);
+    with_renderer(|renderer| {
+        let settings = sweep(&["k=3"]);
+        let error = Survey::new(renderer, &scene, &settings, OPTIONS, &Stop).unwrap_err();
+        assert!(error.is_cancelled(), "{error}");
+        let mut survey = Survey::new(renderer, &scene, &settings, OPTIONS, &Quiet).unwrap();
+        assert!(survey.measure(&settings[0], &Stop).unwrap_err().is_cancelled());
+        assert!(survey.measure(&settings[1], &Quiet).is_ok(), "and goes on where it may");
+    });
+}
+
+// The program.
+
+const MEASURE: [&str; 8] = ["measure", "scene.toml", "--size", "20x16", "--runs", "1", "--pixels", "100"];
+
+#[test]
+fn measure_tells_programs_every_number() {
+    let folder = Folder::new();
+    let json = folder
+        .done(&[&MEASURE[..], &["--sweep", "k=3,step=2", "--sweep", "accumulate=weights", "--json"]].concat())
+        .json();
+    let rows = json["rows"].as_array().unwrap();
+    assert_eq!(rows.len(), 3);
+    assert_eq!(rows[0]["setting"], serde_json::json!({}));
+    assert_eq!(rows[1]["setting"], serde_json::json!({"k": 3.0, "step": 2.0}));
+    for row in rows {
+        assert!(row["error"]["mean"].as_f64().unwrap() <= row["error"]["max"].as_f64().unwrap());
+        assert!(row["error"]["at"].as_array().unwrap().len() == 2, "{row}");
+        assert!(row["times"]["march"]["wall_ms"]["median"].as_f64().unwrap() > 0.0);
+        let causes = row["causes"].as_array().unwrap();
+        assert_eq!(
+            causes.iter().map(|cause| cause[0].as_str().unwrap()).collect::<Vec<_>>(),
+            ["step", "termination", "basis", "tables", "rounding", "device"]
+        );
+    }
+    assert!(rows.iter().any(|row| row["pareto"] == true));
+    assert_eq!(json["interrupted"], false);
+}
+
+#[test]
+fn the_report_is_one_file_that_needs_nothing_else() {
+    let folder = Folder::new();
+    let sweeps =
+        ["--sweep", "k=3,4", "--sweep", "model=nodes,rgb-fitted", "--sweep", "step=0.5,2", "--sweep", "storage=f16"];
+    let outputs = ["-o", "report.html", "-o", "trade.svg", "-o", "trade.png"];
+    let outcome = folder.done(&[&MEASURE[..], &sweeps, &outputs].concat());
+    assert!(outcome.out.contains("k = 8 nodes move colours by"), "{}", outcome.out);
+    assert!(outcome.out.lines().any(|line| line.starts_with("as the scene says")), "{}", outcome.out);
+    let page = std::fs::read_to_string(folder.path("report.html")).unwrap();
+    let rest = page.replace("http://www.w3.org/2000/svg", "");
+    for word in ["<script", "http:", "https:", "url(", "@import", "<link", "NaN"] {
+        assert!(!rest.contains(word), "the page has {word}");
+    }
+    for word in [
+        "prefers-color-scheme:dark",
+        "data:image/png;base64,",
+        "Where the error comes from",
+        "step=0.5",
+        "The worst of them",
+    ] {
+        assert!(page.contains(word), "the page has no {word}");
+    }
+    // A picture for the truth, the map, and three of the close-up.
+    assert_eq!(page.matches("<img ").count(), 5);
+    for drawing in page.split("<svg").skip(1) {
+        assert!(drawing.contains("</svg>"), "{drawing}");
+    }
+    let svg = std::fs::read_to_string(folder.path("trade.svg")).unwrap();
+    assert!(svg.contains("<style>") && !svg.contains("var("), "it brings its own colours");
+    assert!(std::fs::read(folder.path("trade.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn what_a_scene_refuses_is_told_and_all_else_is_measured() {
+    let folder = Folder::new().with("scene.toml", GLASS);
+    let outcome = folder.done(&[&MEASURE[..], &["--sweep", "accumulate=weights,spectral"]].concat());
+    assert!(outcome.out.contains("accumulate=weights: weights of materials are not exact here"), "{}", outcome.out);
+    assert!(outcome.out.lines().any(|line| line.starts_with("accumulate=spectral")), "{}", outcome.out);
+}
+
+#[test]
+fn a_sweep_or_a_report_that_cannot_be_is_refused_before_anything_is_read() {
+    let folder = Folder::new();
+    folder.refused(2, &["measure", "missing.toml", "--sweep", "k=99"], &["--sweep k=99", "from 1 to 16"]);
+    folder.refused(2, &["measure", "missing.toml", "-o", "report.pdf"], &[".html, .svg or .png"]);
+    folder.refused(2, &["measure", "--csv", "--markdown"], &["cannot be used with"]);
+    for other in
+        [&["missing.toml"][..], &["--sweep", "k=3"], &["--tolerance", "2"], &["--budget", "40"], &["-o", "r.html"]]
+    {
+        folder.refused(2, &[&["measure", "--extremes"], other].concat(), &["cannot be used with"]);
+    }
+    folder.refused(1, &["measure", "missing.toml"], &["cannot read the scene"]);
+}
+
+#[test]
+fn ctrl_c_keeps_the_rows_that_are_finished() {
+    let folder = Folder::new();
+    // Far more than can be measured before the signal.
+    let sweep = ["--sweep", "k=1..16,step=0.5..8,entries=256..65536", "--csv", "-o", "report.html"];
+    let mut command = folder.command(&[&MEASURE[..], &sweep].concat());
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(6));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    let rows = String::from_utf8(output.stdout).unwrap().lines().count();
+    assert!((2..700).contains(&rows), "{rows} lines; {said}");
+    assert!(std::fs::read_to_string(folder.path("report.html")).unwrap().contains("Interrupted"), "the report, too");
+}
+
+/// Those of `tests/stability.rs`, as far as they come in this time.
+#[test]
+fn extremes_are_rows_and_ctrl_c_keeps_those_that_are_finished() {
+    let folder = Folder::new();
+    let mut command = folder.command(&["measure", "--extremes", "--json"]);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    std::thread::sleep(Duration::from_secs(3));
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&json["interrupted"], &json["holds"]), (&true.into(), &true.into()), "{json}");
+    let rows = json["rows"].as_array().unwrap();
+    assert!(rows.iter().any(|row| row["rung"] == "gpu" && row["group"] == "opacity"), "{json}");
+    for row in rows {
+        assert!(row["measured"].as_f64().unwrap() <= row["bound"].as_f64().unwrap() && row["holds"] == true, "{row}");
+        assert!(json["bounds"][row["derivation"].as_str().unwrap()].is_string(), "{row} says by what it is bound");
+    }
+}
+
+#[test]
+fn knobs_have_names_and_settings_read_as_they_are_written() {
+    for knob in Knob::ALL {
+        assert!(!knob.meaning().is_empty() && knob.name() == knob.to_string(), "{knob}");
+    }
+    let setting = &sweep(&["step=0.5,k=4"])[1];
+    assert_eq!((setting.get(Knob::K), setting.get(Knob::Model)), (Some(Value::Number(4.0)), None));
+    assert_eq!(setting.to_string(), "k=4 step=0.5");
+}

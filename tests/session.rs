@@ -1,0 +1,174 @@
+//! Sessions: what is saved is a scene that opens as it was, without a window and without a GPU.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec2;
+use relume::progress::Quiet;
+use relume::scene::{self, Definition, Interval, Scene, SceneOptions};
+use relume::view::camera::{Move, Side};
+use relume::view::load::Source;
+use relume::view::{Document, Edit, Mixing, SessionError, session};
+use support::program::SCENE;
+
+const MORE: &str = r#"
+[dial.nodes]
+day = [0, 1]
+lamp = [0, -1]
+[[dial.situations]]
+name = "evening"
+hand = "lamp"
+off = ["day"]
+[labels.2]
+name = "gut"
+material = "bone"
+opacity = 0.25
+"#;
+
+fn scene() -> Scene {
+    parse(&format!("# a frog\n{}{MORE}", SCENE.replace("dims =", "phantom_labels = true\ndims =")))
+}
+
+fn parse(text: &str) -> Scene {
+    scene::parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+}
+
+/// The text of the session and the scene that it is.
+fn saved(document: &Document) -> (String, Scene) {
+    let text =
+        session::text(Path::new("session.toml"), &Source::default(), document.opened(), document.state()).unwrap();
+    let scene = parse(&text);
+    (text, scene)
+}
+
+fn interval(material: usize) -> Interval {
+    Interval { material, range: [100.1, 160.7], ramp: 0.3, opacity: 0.07, absorption: 0.0 }
+}
+
+/// Edits of every kind, one after the other.
+fn edits() -> Vec<Edit> {
+    vec![
+        Edit::Weight(1, 0.3),
+        Edit::On(0, false),
+        Edit::On(0, true),
+        Edit::Solo(Some(1)),
+        Edit::Normalise(true),
+        Edit::Master(0.7),
+        Edit::Hand(DVec2::new(0.1, -0.7)),
+        Edit::NodePlace(0, DVec2::new(0.3, 0.1)),
+        Edit::NodeOn(1, false),
+        Edit::Normalise(false),
+        Edit::Master(1.5),
+        Edit::NodeOn(1, true),
+        Edit::Situation(0),
+        Edit::Exposure(1.7),
+        Edit::Adapt(true),
+        Edit::Camera(Move::Orbit { right: 33.3, up: 7.7 }, 1.5),
+        Edit::Camera(Move::Roll(11.1), 1.5),
+        Edit::Camera(Move::Projection, 1.5),
+        Edit::Camera(Move::Dolly(1.3), 1.5),
+        Edit::Camera(Move::Axis(Side::Top), 1.5),
+        Edit::Interval(0, Interval { range: [31.7, 88.8], ..interval(1) }),
+        Edit::AddInterval(interval(1)),
+        Edit::RemoveTerm(0),
+        Edit::Label(0, 0, 0.6),
+        Edit::ResetTransfer,
+        Edit::Mix(Mixing::Sliders),
+    ]
+}
+
+#[test]
+fn a_session_opens_as_it_was_saved_to_the_bit() {
+    let mut document = Document::new(scene());
+    for edit in edits() {
+        document.edit(&edit);
+        let (text, scene) = saved(&document);
+        let (state, opened) = (document.state(), Document::new(scene));
+        let (ours, theirs) = (&state.scene, opened.state());
+        let view = |scene: &Scene| scene.camera.view(&scene.volume.geometry, 1.5).unwrap();
+        assert_eq!(view(&theirs.scene), view(ours), "{edit:?}: {text}");
+        assert_eq!(theirs.scene.transfer, ours.transfer, "{edit:?}: {text}");
+        let labels = |scene: &Scene| scene.labels.as_ref().unwrap().declared.clone();
+        assert_eq!(labels(&theirs.scene), labels(ours), "{edit:?}: {text}");
+        assert_eq!(theirs.scene.dial, ours.dial, "{edit:?}: {text}");
+        assert_eq!(theirs.scene.display, ours.display, "{edit:?}: {text}");
+        assert_eq!(theirs.mix(), state.mix(), "{edit:?}: {text}");
+        assert_eq!(theirs.scene.opening_mix(), state.mix(), "{edit:?}: {text}");
+        assert_eq!(theirs.light.sliders, state.light.sliders, "{edit:?}: {text}");
+        assert_eq!(saved(&opened).0, text, "saved again, after {edit:?}");
+        assert!(text.starts_with("# a frog\n"), "comments are kept: {text}");
+    }
+}
+
+#[test]
+fn nothing_changed_is_the_scene_itself() {
+    let document = Document::new(scene());
+    assert_eq!(saved(&document).0, &*document.opened().text);
+}
+
+#[test]
+fn paths_of_a_session_start_where_those_of_the_scene_did() {
+    let opened = Scene { base: PathBuf::from("/data/frogs"), ..scene() };
+    let document = Document::new(opened);
+    let text =
+        |path: &str| session::text(Path::new(path), &Source::default(), document.opened(), document.state()).unwrap();
+    assert!(!text("/data/frogs/session.toml").contains("base ="));
+    let elsewhere = text("/elsewhere/session.toml");
+    assert!(elsewhere.contains("base = \"/data/frogs\"\n"), "{elsewhere}");
+    let scene = scene::parse("test", &elsewhere, Path::new("/elsewhere"), &SceneOptions::default(), &Quiet).unwrap();
+    assert_eq!(scene.base, Path::new("/data/frogs"));
+}
+
+#[test]
+fn what_the_command_line_has_changed_is_saved() {
+    let definitions = vec![Definition::new("display.exposure=3"), Definition::new("accuracy.k=5")];
+    let options = SceneOptions { definitions, ..SceneOptions::default() };
+    let opened = scene::parse("test", SCENE, Path::new(""), &options, &Quiet).unwrap();
+    let (_, scene) = saved(&Document::new(opened));
+    assert_eq!((scene.display.exposure, scene.accuracy.dimension), (3.0, Some(5)));
+
+    let smaller = SceneOptions { downsample: Some([2, 2, 1]), ..SceneOptions::default() };
+    let opened = scene::parse("test", SCENE, Path::new(""), &smaller, &Quiet).unwrap();
+    let document = Document::new(opened);
+    let source = Source { path: None, options: smaller };
+    let refused = session::text(Path::new("session.toml"), &source, document.opened(), document.state());
+    assert!(matches!(refused, Err(SessionError::Downsampled)), "{refused:?}");
+}
+
+#[test]
+fn a_curve_of_the_transfer_function_stays_or_goes() {
+    let curve = "[transfer]\nopacity = [[0, 0], [9, 0.5]]\nmaterial = [[0, \"bone\"]]\n";
+    let mut document = Document::new(parse(&SCENE.replace("[transfer]\n", curve)));
+    assert_eq!(document.state().scene.transfer.terms.len(), 3);
+    document.edit(&Edit::AddInterval(interval(0)));
+    let (text, scene) = saved(&document);
+    assert_eq!(scene.transfer, document.state().scene.transfer, "{text}");
+    document.edit(&Edit::RemoveTerm(3));
+    let (text, scene) = saved(&document);
+    assert_eq!(scene.transfer, document.state().scene.transfer, "{text}");
+}
+
+#[test]
+fn intervals_that_no_scene_may_state_are_not_made() {
+    let strange = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -3.0, 1e300, 0.0];
+    let mut document = Document::new(scene());
+    for number in strange {
+        for changed in [
+            Interval { range: [number, 50.0], ..interval(0) },
+            Interval { range: [50.0, number], ..interval(0) },
+            Interval { ramp: number, ..interval(0) },
+            Interval { opacity: number, ..interval(0) },
+            Interval { absorption: number, ..interval(0) },
+            interval(9),
+        ] {
+            document.edit(&Edit::Interval(0, changed));
+            document.edit(&Edit::AddInterval(changed));
+            document.edit(&Edit::Label(0, 0, number));
+            document.edit(&Edit::Label(7, 9, number));
+            let (text, scene) = saved(&document);
+            assert_eq!(scene.transfer, document.state().scene.transfer, "{changed:?}: {text}");
+        }
+    }
+}
