@@ -397,10 +397,10 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
     Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
 }
 
-/// Says where a model with one number less than asked for does better.
+/// Says where a model with one number less than asked for does better, by more than nobody sees.
 fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
     let (asked, fewer) = (model.worst().max, smaller.worst().max);
-    if fewer < asked {
+    if fewer + 0.05 < asked {
         tracing::warn!(
             "k = {} is better here than k = {}: colours differ by at most ΔE00 {fewer:.2}, not {asked:.2}",
             smaller.dimension(),

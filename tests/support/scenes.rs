@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use relume::progress::Quiet;
-use relume::scene::{LabelEntry, Labels, Scene, SceneOptions, parse};
+use relume::scene::{AccumulateAs, LabelEntry, Labels, Scene, SceneOptions, parse};
 use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum};
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -211,7 +211,9 @@ pub fn named(name: &str) -> Scene {
         "specular_three" => {
             let sky = "[lights.sky]\nspectrum = \"D50\"\nkind = \"ambient\"\nintensity = 0.3\n";
             let mut scene = usual("", &[KEY, MORE, sky].concat());
-            // A fourth material: with white, five components, which is a lane and one more.
+            // A fourth material: with white, five components, which is a lane and one more. (Four numbers of a colour
+            // model would keep the tolerance.)
+            scene.accuracy.accumulate = AccumulateAs::Weights;
             let mut fourth = scene.materials[1].clone();
             fourth.name = "tip".into();
             fourth.reflectance = Reflectance::new(Spectrum::gaussian(610.0, 30.0, 0.9).unwrap()).unwrap();
