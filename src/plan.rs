@@ -397,12 +397,12 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
     Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
 }
 
-/// Says where a model with one number less than asked for does better, by more than nobody sees.
+/// Says where a model with one number less than asked for does better; errors of nothing are all alike.
 fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
     let (asked, fewer) = (model.worst().max, smaller.worst().max);
-    if fewer + 0.05 < asked {
+    if fewer < asked && asked >= 0.0005 {
         tracing::warn!(
-            "k = {} is better here than k = {}: colours differ by at most ΔE00 {fewer:.2}, not {asked:.2}",
+            "k = {} is better here than k = {}: colours differ by at most ΔE00 {fewer:.3}, not {asked:.3}",
             smaller.dimension(),
             model.dimension()
         );
