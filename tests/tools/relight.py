@@ -28,7 +28,7 @@ text = tomllib.loads(text)
 numbers, model = accumulators["accumulators"], text["model"]
 projection = np.array(model["projection"])
 k = len(projection)
-assert text["version"] == 2 and projection.shape == (k, 81), projection.shape
+assert text["version"] == 3 and projection.shape == (k, 81), projection.shape
 assert accumulators["cloud"]["spectrum"].shape[1] == 81
 assert text.get("adapt", False) is False
 
