@@ -215,6 +215,16 @@ fn a_window_of_any_size_shows_its_picture() {
 }
 
 #[test]
+fn resizing_without_a_pause_in_the_middle_of_marches_leaves_the_device_in_order() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let any = |round: u32| format!("{} {}", 200 + round * 97 % 400, 150 + round * 131 % 300);
+    let storm: String = (0..200).map(|round| format!("orbit 3 1\nsize {}\nframes 1\n", any(round))).collect();
+    let report = screen.script(&folder, "scene.toml", &format!("{storm}settle\n"));
+    assert_eq!(report["notices"], Value::Array(Vec::new()));
+}
+
+#[test]
 fn what_cannot_be_opened_is_told_in_the_window_which_stays_usable() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder().with("broken.toml", "version = 1\n[lights.day]\nspectrum = \"D99\"\n");

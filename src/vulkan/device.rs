@@ -18,6 +18,7 @@ use super::{
     handle::RawDevice,
     info::{Candidate, Purpose, QueueFamily},
     instance::Instance,
+    lock,
     simulate::Simulated,
     submission::CommandSlot,
 };
@@ -166,6 +167,14 @@ impl Device {
         let mut submission = recorder.submit()?;
         while !submission.wait(Duration::MAX)? {}
         Ok(submission.timestamps()?.last().copied())
+    }
+
+    /// Waits until the device has ended all that it was given. A lost device uses nothing any more, so an error says the same.
+    #[expect(clippy::disallowed_methods, reason = "this is the one place, and it holds the queue")]
+    pub(super) fn wait_idle(&self) {
+        let _queue = lock(&self.0.queue);
+        // SAFETY: the lock keeps other threads off the only queue, which waiting for the device waits for too.
+        unsafe { self.0.raw.functions.device_wait_idle() }.ok();
     }
 
     pub(super) fn simulated(&self) -> &Simulated {

@@ -203,10 +203,7 @@ impl Drop for Submission {
     fn drop(&mut self) {
         while !self.ended {
             if self.wait(Duration::MAX).is_err() {
-                // SAFETY: waiting for everything needs no more than the device. Where this fails too the device is
-                // lost, and a lost device uses nothing any more.
-                let idle = unsafe { self.lease.device.raw().functions.device_wait_idle() };
-                idle.ok();
+                self.lease.device.wait_idle();
                 self.end();
             }
         }

@@ -326,9 +326,7 @@ impl Surface {
 
 impl Drop for Surface {
     fn drop(&mut self) {
-        // SAFETY: waiting needs no more than the device; where it fails the device is lost, and uses nothing any more.
-        let idle = unsafe { self.device.raw().functions.device_wait_idle() };
-        idle.ok();
+        self.device.wait_idle();
         // SAFETY: this is the end of `self`, so the panels go once, and the device is done with them.
         unsafe { ManuallyDrop::drop(&mut self.panels) };
     }

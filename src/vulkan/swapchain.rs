@@ -158,9 +158,7 @@ pub(super) fn semaphore(device: &Device, name: &str) -> Result<Owned<vk::Semapho
 impl Drop for Swapchain {
     fn drop(&mut self) {
         // Showing has no fence.
-        // SAFETY: waiting needs no more than the device; where it fails the device is lost, and uses nothing any more.
-        let idle = unsafe { self.device.raw().functions.device_wait_idle() };
-        idle.ok();
+        self.device.wait_idle();
         self.images.clear();
         // SAFETY: `self` is the only owner, the device is done with it, and its views are gone.
         unsafe { self.functions.destroy_swapchain(self.raw, None) };
