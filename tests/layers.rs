@@ -44,8 +44,19 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "view",
         &[
-            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
-            "progress", "number",
+            "input",
+            "output",
+            "render",
+            "reference",
+            "vulkan",
+            "tables",
+            "plan",
+            "scene",
+            "model",
+            "spectrum",
+            "volume",
+            "progress",
+            "number",
         ],
     ),
     (

@@ -13,8 +13,9 @@ use glam::DVec2;
 use relume::progress::Quiet;
 use relume::scene::{self, Interval, Mix, SceneOptions};
 use relume::view::camera::{Move, Side};
+use relume::view::probe::{Pixel, Ray};
 use relume::view::ui::{self, Shown, Status};
-use relume::view::{Action, Cost, Document, Edit, Mixing};
+use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 
 const DIAL: &str = r#"
 [dial.nodes]
@@ -36,11 +37,12 @@ struct App {
     document: Option<Document>,
     asked: Vec<Action>,
     panels: bool,
+    probe: Option<(DVec2, Option<Probe>)>,
 }
 
 impl App {
     fn open(size: Vec2, document: Option<Document>) -> Harness<'static, Self> {
-        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS };
+        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS, probe: None };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
 
@@ -52,6 +54,7 @@ impl App {
             loading: None,
             notices: &[],
             panels: app.panels,
+            probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,
         };
         ui::show(ui, &shown, &mut asked);
@@ -336,4 +339,56 @@ fn an_edit_costs_what_it_says() {
         assert_eq!(document.undo(), Some(edit.cost()), "{edit:?} undone");
         assert_eq!(document.redo(), Some(edit.cost()), "{edit:?} done again");
     }
+}
+
+#[test]
+fn a_click_on_the_picture_looks_at_the_pixel_there() {
+    let mut window = wide(document());
+    window.run();
+    let rect = window.get_by_label("picture").rect();
+    let at = rect.min + rect.size() * Vec2::new(0.25, 0.5);
+    window.event(Event::PointerMoved(at));
+    window.run();
+    for pressed in [true, false] {
+        let button = PointerButton::Primary;
+        window.event(Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    }
+    let Some(Action::Probe(Some(place))) = window.state().asked.last() else { panic!("{:?}", window.state().asked) };
+    assert!((*place - DVec2::new(0.25, 0.5)).length() <= 1e-3, "{place}");
+}
+
+/// What a picture of four pixels of the scene has in its first.
+fn probed() -> Probe {
+    let scene = document().state().scene.clone();
+    let (planned, size) = (relume::plan::plan(&scene, &Quiet).unwrap(), [2, 2]);
+    let rungs = relume::measure::Rungs::planned(scene.clone(), planned.clone(), size).unwrap();
+    let marched = rungs.march::<f32>(&rungs.stored(), &Quiet).unwrap();
+    let of = |planes: &[f32]| planes.iter().step_by(4).copied().collect();
+    let numbers = relume::tables::Accumulation {
+        size: [1, 1],
+        weights: of(&marched.weights),
+        transmittance: of(&marched.transmittance),
+    };
+    let components = relume::tables::Components::new(&scene, &planned);
+    let reflected = relume::tables::Reflected::new(&components, None);
+    let ray = Ray::march(&scene, &scene.volume.statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
+    let pixel = Pixel { place: [0, 0], size, numbers, planned, components };
+    Probe::new(&pixel, &scene, &Mix::of_scene(&scene), Some(&reflected), Some(&ray))
+}
+
+#[test]
+fn the_probe_names_lights_and_materials_and_escape_closes_it() {
+    let mut window = wide(document());
+    window.state_mut().probe = Some((DVec2::splat(0.5), None));
+    window.run();
+    assert!(window.query_by_label("The picture is on its way.").is_some());
+    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
+    window.run();
+    for label in ["Under each light", "What it shows", "Where its light comes from", "Along the ray", "flesh", "now"] {
+        assert!(window.query_all_by_label(label).next().is_some(), "{label}");
+    }
+    window.key_press(Key::Escape);
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
 }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use glam::DVec2;
+
 use super::state::Edit;
 
 /// Something that is asked of the viewer.
@@ -23,6 +25,8 @@ pub enum Action {
     SaveSession(PathBuf),
     /// All pixels of the window, as PNG.
     SaveWindow(PathBuf),
+    /// A pixel to look at, in parts of the picture from the top left; or none.
+    Probe(Option<DVec2>),
     /// The panels beside the picture, or the picture alone.
     Panels(bool),
     /// A notice that was read, by its index.

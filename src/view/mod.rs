@@ -6,7 +6,10 @@
 pub mod action;
 pub mod camera;
 pub mod engine;
+pub mod job;
 pub mod load;
+pub mod probe;
+pub mod prober;
 pub mod script;
 pub mod session;
 pub mod state;
@@ -19,6 +22,7 @@ pub use crate::scene::{LightState, Mixing, Slider};
 pub use action::Action;
 pub use engine::{Counts, Engine, EngineError};
 pub use load::{LoadError, Loaded, Source};
+pub use probe::Probe;
 pub use script::{Script, ScriptError};
 pub use session::SessionError;
 pub use state::{Cost, Document, Edit, State};

@@ -64,6 +64,8 @@ pub enum Command {
     Named(About, String),
     /// A movement of the camera.
     Camera(Move),
+    /// Looks at a pixel, in parts of the picture, until all is known of it.
+    Probe(DVec2),
     /// A window of so many pixels.
     Size([u32; 2]),
     /// What a hand does.
@@ -221,6 +223,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             _ => return Err("save session FILE".to_owned()),
         },
         "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),
+        "probe" => Command::Probe(DVec2::from(numbers(verb, rest)?)),
         "size" => Command::Size(numbers(verb, rest)?),
         "pointer" => {
             let [x, y] = numbers(verb, rest)?;

@@ -16,6 +16,7 @@ use winit::window::{Window, WindowId};
 use super::action::Action;
 use super::engine::{Counts, Engine, EngineError};
 use super::load::{LoadError, Loaded, Loading, Source};
+use super::prober::Prober;
 use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
@@ -64,6 +65,8 @@ pub struct Report {
     pub counts: Counts,
     /// The counts at each `settle` of the script.
     pub settled: Vec<Counts>,
+    /// What `probe` of the script has found.
+    pub probes: Vec<serde_json::Value>,
     /// From the start to the first picture.
     pub first_picture_ms: Option<f64>,
     /// From each change of what is marched to a picture of it.
@@ -164,6 +167,8 @@ struct Viewer {
     textures: TexturesDelta,
     /// The picture's place in the window, in points.
     place: Rect,
+    /// The pixel that is looked at.
+    prober: Prober,
     /// The last edit that marches.
     moved: Instant,
     /// Pictures to save once they are finest.
@@ -204,6 +209,7 @@ impl Viewer {
             panels: None,
             textures: TexturesDelta::default(),
             place: Rect::ZERO,
+            prober: Prober::default(),
             moved: begun,
             to_save: Vec::new(),
             to_capture: None,
@@ -216,6 +222,7 @@ impl Viewer {
     }
 
     fn end(mut self) -> Result<Report, ViewError> {
+        self.prober.end();
         if let Some(loading) = self.loading.take() {
             // The end of the program is no time to be at work on the device.
             loading.end();
@@ -313,6 +320,7 @@ impl Viewer {
                     document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
                 }
                 document = document.with_statistics(loaded.statistics.clone());
+                self.prober.look(None);
                 self.source = loaded.source.clone();
                 let mut engine = Engine::new(loaded);
                 engine.light(document.state());
@@ -343,6 +351,7 @@ impl Viewer {
             Action::SaveSession(path) => self.save_session(&path),
             Action::SaveWindow(path) => self.to_capture = Some(path),
             Action::Panels(shown) => self.panels = Some(shown),
+            Action::Probe(place) => self.prober.look(place),
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
                     self.notices.remove(index);
@@ -394,6 +403,7 @@ impl Viewer {
             loading,
             notices: &self.notices,
             panels: self.panels.unwrap_or(wide),
+            probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
         let output = self.context.run_ui(raw, |ui| place = ui::show(ui, &shown, &mut asked));
@@ -407,7 +417,7 @@ impl Viewer {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step();
+        let stepped = self.step() | self.probe();
         self.save_pictures();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
@@ -482,6 +492,20 @@ impl Viewer {
             Err(error) => self.tell(&error),
         }
         more
+    }
+
+    /// Goes on with the pixel that is looked at. Says whether there is something new to show.
+    fn probe(&mut self) -> bool {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return false };
+        let proxy = self.proxy.clone();
+        let wake = move || drop(proxy.send_event(Woken::Progress));
+        match self.prober.step(engine, document.state(), wake) {
+            Ok(new) => new,
+            Err(error) => {
+                self.tell(&error);
+                false
+            }
+        }
     }
 
     fn save_session(&mut self, path: &Path) {
@@ -625,6 +649,19 @@ impl Viewer {
                 }
                 if screen.window.inner_size() != wanted {
                     self.script.waits = PATIENCE;
+                }
+                Vec::new()
+            }
+            Command::Probe(place) => {
+                if self.document.is_none() && self.loading.is_none() {
+                    return Err(script.wrong(at, "nothing is open".to_owned()).into());
+                }
+                self.prober.look(Some(place));
+                if !(self.is_settled() && self.prober.is_done()) {
+                    return Ok(Vec::new());
+                }
+                if let (Some(probe), Some(document)) = (self.prober.probe(), &self.document) {
+                    self.report.probes.push(probe.json(&document.state().scene));
                 }
                 Vec::new()
             }

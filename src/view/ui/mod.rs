@@ -6,6 +6,7 @@ mod display;
 mod lights;
 mod notices;
 mod picture;
+mod probe;
 mod spectrum;
 mod status;
 mod toolbar;
@@ -17,7 +18,10 @@ pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use status::Status;
 
+use glam::DVec2;
+
 use super::action::Action;
+use super::probe::Probe;
 use super::state::Document;
 
 /// Narrower windows open with the picture alone.
@@ -38,6 +42,8 @@ pub struct Shown<'a> {
     pub notices: &'a [String],
     /// Whether there are panels beside the picture.
     pub panels: bool,
+    /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
+    pub probe: Option<(DVec2, Option<&'a Probe>)>,
     /// Width over height of the picture in the last frame.
     pub aspect: f64,
 }
@@ -75,6 +81,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             let rect = ui.available_rect_before_wrap();
             picture::show(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
+            probe::show(ui, shown, rect, asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
             }
