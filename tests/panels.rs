@@ -51,6 +51,7 @@ impl App {
             status: &Status::default(),
             loading: None,
             notices: &[],
+            stopped: false,
             panels: app.panels,
             aspect: 1.5,
         };

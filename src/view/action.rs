@@ -25,6 +25,8 @@ pub enum Action {
     SaveWindow(PathBuf),
     /// The panels beside the picture, or the picture alone.
     Panels(bool),
+    /// The scene on the device again, after that was lost more than once.
+    Restart,
     /// A notice that was read, by its index.
     Dismiss(usize),
 }

@@ -7,6 +7,8 @@ pub mod action;
 pub mod camera;
 pub mod engine;
 pub mod load;
+#[cfg(feature = "window")]
+mod screen;
 pub mod script;
 pub mod session;
 pub mod state;

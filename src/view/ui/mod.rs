@@ -36,6 +36,8 @@ pub struct Shown<'a> {
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
     /// What went wrong, the newest last.
     pub notices: &'a [String],
+    /// Whether the device was lost, and nothing is rendered until somebody asks for it.
+    pub stopped: bool,
     /// Whether there are panels beside the picture.
     pub panels: bool,
     /// Width over height of the picture in the last frame.
