@@ -31,6 +31,8 @@ struct March {
     width: u32,
     cells: vec3u,
     height: u32,
+    active_low: f32,
+    active_high: f32,
 }
 
 // Light positions and what materials make of their light, in lanes (`tables::ShadingTable`).
@@ -224,27 +226,49 @@ fn central_difference(place: vec3f) -> vec3f {
     );
 }
 
-fn sample(place: vec3f) -> Step {
-    var step: Step;
+// Where a sample is looked up.
+struct Key {
+    texel: vec4f,
+    coordinate: f32,
+    // Of the table of labels; 0 is none.
+    row: u32,
+}
+
+fn key_at(place: vec3f) -> Key {
     let texel = fetch(place);
     var value = texel.x;
     if (STORED_GRADIENT) {
         value = texel.w;
-        step.normal = unit(texel.xyz * march.gradient_scale);
-    } else if (GRADIENT) {
-        step.normal = unit(central_difference(place) * march.gradient_scale);
     }
     let coordinate = clamp(fma(value, march.coordinate_scale, march.coordinate_offset), 0.0, march.coordinate_last);
-    look_up(coordinate, &step);
+    var row = 0u;
     if (LABELS) {
         let dims = vec3f(textureDimensions(labels));
         let voxel = vec3i(clamp(floor(place * dims), vec3f(), dims - 1.0));
-        let row = textureLoad(labels, voxel, 0).x;
-        if (row > 0u) {
+        row = textureLoad(labels, voxel, 0).x;
+    }
+    return Key(texel, coordinate, row);
+}
+
+// Whether the sample may hold anything.
+fn is_active(key: Key) -> bool {
+    return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
+}
+
+fn sample(place: vec3f, key: Key) -> Step {
+    var step: Step;
+    if (STORED_GRADIENT) {
+        step.normal = unit(key.texel.xyz * march.gradient_scale);
+    } else if (GRADIENT) {
+        step.normal = unit(central_difference(place) * march.gradient_scale);
+    }
+    look_up(key.coordinate, &step);
+    if (LABELS) {
+        if (key.row > 0u) {
             for (var lane = 0u; lane < TABLE_LANES; lane += 1u) {
-                step.source[lane] = label_source[row * TABLE_LANES + lane];
+                step.source[lane] = label_source[key.row * TABLE_LANES + lane];
             }
-            step.opacity = opacity_of_label(row);
+            step.opacity = opacity_of_label(key.row);
         }
     }
     return step;
@@ -304,18 +328,41 @@ fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: arra
     }
 }
 
+// Adds what the sample at `place` sends to the eye; returns the light that passes it.
+fn add_sample(ray: Ray, place: vec3f, key: Key, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
+    let step = sample(place, key);
+    for (var position = 0u; position < POSITIONS_USED; position += 1u) {
+        composite(sums, position * LANES, shade(position, ray, place, step), passed);
+    }
+    return pass_by(passed, step.opacity);
+}
+
 // The samples from `first` up to `end`, until no light passes; returns the light that does.
 fn march_samples(ray: Ray, first: u32, end: u32, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
     var transmittance = passed;
-    for (var n = first; n < end; n += 1u) {
-        let place = place_of(ray, n);
-        let step = sample(place);
-        for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-            composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
+    if (SEEKING) {
+        var n = first;
+        loop {
+            // On to a sample that may hold something, in a loop of its own: some devices branch at the end of a loop
+            // only, and would do what stands behind an `if` for nothing.
+            var key: Key;
+            var found = false;
+            loop {
+                if (n >= end) { break; }
+                key = key_at(place_of(ray, n));
+                n += 1u;
+                found = is_active(key);
+                if (found) { break; }
+            }
+            if (!found) { break; }
+            transmittance = add_sample(ray, place_of(ray, n - 1u), key, transmittance, sums);
+            if (brightest(transmittance) < march.termination) { break; }
         }
-        transmittance = pass_by(transmittance, step.opacity);
-        if (brightest(transmittance) < march.termination) {
-            break;
+    } else {
+        for (var n = first; n < end; n += 1u) {
+            let place = place_of(ray, n);
+            transmittance = add_sample(ray, place, key_at(place), transmittance, sums);
+            if (brightest(transmittance) < march.termination) { break; }
         }
     }
     return transmittance;

@@ -270,6 +270,18 @@ impl ScenePlan {
         self.gradient() && self.gradients == Gradients::Packed
     }
 
+    /// Whether the march seeks the next sample that holds something before it looks that up. The same picture to the bit,
+    /// and faster where what is looked up of a sample takes longer than fetching its value: with a vector of table on
+    /// either side, the loop more costs a tenth of the march; with many it saves up to a fifth.
+    #[must_use]
+    pub fn seeks(&self) -> bool {
+        let voxels = if self.interpolation == Interpolation::Cubic { 64 } else { 8 };
+        let passed = if self.transmittance == Transmittance::Grey { 1 } else { self.passed_lanes() * LANE };
+        let entries = if self.lookup == Lookup::Nearest { 1 } else { 2 };
+        let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
+        self.skipping && entries * (self.parts().lanes * LANE + passed) + differences >= 2 * voxels
+    }
+
     /// Whether the volume is stored as under `other`.
     #[must_use]
     pub fn is_stored_as(&self, other: &Self) -> bool {

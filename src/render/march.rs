@@ -76,6 +76,9 @@ pub struct MarchUniform {
     pub width: u32,
     pub cells: [u32; 3],
     pub height: u32,
+    pub active_low: f32,
+    pub active_high: f32,
+    pub spare: [f32; 2],
 }
 
 /// One dispatch's share, as `shaders/march.wgsl` has it.
@@ -222,6 +225,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
+        .bool("SEEKING", plan.seeks())
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
 }
@@ -235,6 +239,7 @@ impl MarchUniform {
     fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, table: &TransferTable, size: [usize; 2]) -> Self {
         let vector = |vector: glam::DVec3| vector.to_array().map(rounded);
         let [scale, offset] = table.coordinate_from_texel(&uploaded.storage);
+        let [active_low, active_high] = table.active();
         Self {
             base: vector(rays.base),
             eye_distance: rounded(rays.eye_distance),
@@ -262,6 +267,9 @@ impl MarchUniform {
             width: unsigned(size[0]),
             cells: uploaded.cells.dims.map(unsigned),
             height: unsigned(size[1]),
+            active_low: rounded(active_low),
+            active_high: rounded(active_high),
+            spare: [0.0; 2],
         }
     }
 }
@@ -518,8 +526,8 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
 }
 
 /// Samples along a ray that one dispatch may take under `plan`, counted as if the compiler unrolled no loop: per sample the
-/// loops over cells and samples, over the lanes of the table (for values and labels), and over the positions with their
-/// lanes; and per dispatch those that load and store.
+/// loops over cells, samples and those that hold something, over the lanes of the table (for values and labels), and over
+/// the positions with their lanes; and per dispatch those that load and store.
 fn longest_slice(plan: &ScenePlan) -> u32 {
     let (lanes, parts) = (plan.lanes(), plan.parts().lanes);
     let (coloured, exponents) = match (plan.transmittance, plan.accumulate) {
@@ -528,7 +536,7 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
         (_, Accumulate::Weights { .. }) => (0, 0),
     };
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes);
-    let per_sample = 3 + 2 * parts + coloured + plan.positions.total() * per_position;
+    let per_sample = 4 + 2 * parts + coloured + plan.positions.total() * per_position;
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }
 
@@ -655,7 +663,9 @@ mod tests {
             gradient_scale,
             width,
             cells,
-            height
+            height,
+            active_low,
+            active_high
         );
         let constants = constants(&plan_of(4), Dispatching::default().group);
         let theirs = crate::shader::struct_layout(&sources(&plan_of(4)), &constants, "March").ok();

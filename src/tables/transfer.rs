@@ -78,6 +78,15 @@ impl TransferTable {
         storage.normalised_from_texel().map(|term| term * count(self.entries() - 1))
     }
 
+    /// Between which places in the table, both excluded, anything is done at all.
+    #[must_use]
+    pub fn active(&self) -> [f64; 2] {
+        let first = (0..self.entries()).find(|&i| self.is_active(i));
+        let last = (0..self.entries()).rfind(|&i| self.is_active(i));
+        // A place between two entries is looked up in both.
+        [first.map_or(f64::INFINITY, |i| count(i) - 1.0), last.map_or(f64::NEG_INFINITY, |i| count(i) + 1.0)]
+    }
+
     /// Whether entry `i` does anything.
     pub(crate) fn is_active(&self, i: usize) -> bool {
         let source = &self.source[i * self.lanes..][..self.lanes];
@@ -267,23 +276,32 @@ mod tests {
     use crate::progress::Quiet;
     use crate::scene::{SceneOptions, parse};
 
-    /// The opacity that a table of `entries` (or as many as it takes) has at voxels of value `value`.
-    fn opacity_at(value: f64, entries: &str) -> f64 {
+    /// A table of `entries` (or as many as it takes) of an interval one value wide, from 31000.
+    fn table(entries: &str) -> Option<TransferTable> {
         let text = format!(
             "version = 1\n[volume]\nphantom = \"slab\"\n[materials.m]\nreflectance = 0.5\n[transfer]\n{entries}\n\
              [[transfer.intervals]]\nmaterial = \"m\"\nrange = [31000, 31001]\nopacity = 0.5\n"
         );
         let path = std::path::Path::new("");
         let scene = parse("test", &text, path, &SceneOptions::default(), &Quiet);
-        let table = scene.ok().and_then(|scene| {
+        scene.ok().and_then(|scene| {
             plan(&scene, &Quiet).ok().map(|planned| TransferTable::new(&scene, &planned, [0.0, 65535.0]))
-        });
-        table.map_or(f64::NAN, |table| {
+        })
+    }
+
+    /// The opacity that [`table`] has at voxels of value `value`.
+    fn opacity_at(value: f64, entries: &str) -> f64 {
+        table(entries).map_or(f64::NAN, |table| {
             let place = value / 65535.0 * count(table.entries() - 1);
             let (before, fraction) = (crate::number::whole(place), place.fract());
             let at = |i: usize| f64::from(table.opacity[i.min(table.entries() - 1)]);
             (at(before + 1) - at(before)).mul_add(fraction, at(before))
         })
+    }
+
+    #[test]
+    fn active_are_the_places_that_an_active_entry_counts_at() {
+        assert_eq!(table("").map(|table| (table.entries(), table.active())), Some((65536, [30999.0, 31002.0])));
     }
 
     #[test]
