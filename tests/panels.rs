@@ -53,6 +53,7 @@ impl App {
             status: &Status::default(),
             loading: None,
             notices: &[],
+            stopped: false,
             panels: app.panels,
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,

@@ -1,66 +1,17 @@
 //! The viewer's window, opened on a screen of its own and driven by scripts.
 #![cfg(feature = "window")]
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test fails by panicking, and says what it did not test"
-)]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
 
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::io::BufReader;
 
 use serde_json::Value;
 use support::program::{Folder, Outcome, SCENE};
+use support::screen::Screen;
 
 /// Brightness as it comes, so that a node is what `--light` asks for.
 const DIAL: &str = "[dial]\nnormalise = false\n[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
-
-/// A screen in memory.
-struct Screen {
-    server: Child,
-    display: String,
-}
-
-impl Screen {
-    /// `None`, and a word about it, where there is no Xvfb.
-    fn new() -> Option<Self> {
-        let mut command = Command::new("Xvfb");
-        command.args(["-displayfd", "1", "-screen", "0", "1700x1100x24", "-nolisten", "tcp"]);
-        let started = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let Ok(mut server) = started else {
-            println!("nothing was tested: there is no Xvfb (scripts/setup --tests installs it)");
-            return None;
-        };
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        Some(Self { server, display: format!(":{}", number.trim()) })
-    }
-
-    /// Runs the viewer in `folder` with `arguments`, watched by the validation layer.
-    fn run(&self, folder: &Folder, arguments: &[&str]) -> Outcome {
-        let mut command = folder.command(&["view", "--json", "--validation", "--size", "640x480"]);
-        Outcome::of(command.args(arguments).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY"))
-    }
-
-    /// Runs `script` on `scene`, which must succeed without a word of the validation layer.
-    fn script(&self, folder: &Folder, scene: &str, script: &str) -> Value {
-        std::fs::write(folder.path("script.txt"), script).unwrap();
-        let outcome = self.run(folder, &[scene, "--script", "script.txt"]);
-        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
-        let report = outcome.json();
-        assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
-        report
-    }
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        self.server.kill().ok();
-        self.server.wait().ok();
-    }
-}
 
 fn folder() -> Folder {
     Folder::new().with("dial.toml", format!("{SCENE}{DIAL}"))

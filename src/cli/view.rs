@@ -52,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         validation: if args.validation { Validation::On } else { Validation::Off },
         frames: args.frames,
         script,
+        display_gone: Some(super::terminal::end_without_display),
     })?;
     let [median, _, longest] = report.frame_ms;
     let text = format!(

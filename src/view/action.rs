@@ -29,6 +29,8 @@ pub enum Action {
     Probe(Option<DVec2>),
     /// The panels beside the picture, or the picture alone.
     Panels(bool),
+    /// The scene on the device again, after that was lost more than once.
+    Restart,
     /// A notice that was read, by its index.
     Dismiss(usize),
 }

@@ -10,6 +10,8 @@ pub mod job;
 pub mod load;
 pub mod probe;
 pub mod prober;
+#[cfg(feature = "window")]
+mod screen;
 pub mod script;
 pub mod session;
 pub mod state;

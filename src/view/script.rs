@@ -215,6 +215,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "reset" => Command::Camera(Move::Reset),
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),
+        "restart" => Command::Do(Action::Restart),
         "open" => Command::Do(Action::Open(file()?)),
         "window" => Command::Do(Action::SaveWindow(file()?)),
         "picture" => Command::Do(Action::SavePicture(file()?)),

@@ -11,26 +11,30 @@ use winit::dpi::PhysicalSize;
 use winit::error::{EventLoopError, OsError};
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
-use winit::window::{Window, WindowId};
+use winit::window::WindowId;
 
 use super::action::Action;
 use super::engine::{Counts, Engine, EngineError};
 use super::load::{LoadError, Loaded, Loading, Source};
-use super::prober::Prober;
+use super::prober::{Prober, StepError};
+use super::screen::Screen;
 use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
 use super::ui::{self, Shown, Status};
 use crate::number::{count, unsigned, whole};
 use crate::output::{OutputError, Picture, write_exr, write_ready_png};
+use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::scene::Interval;
-use crate::vulkan::{Device, DeviceChoice, Frame, Surface, Validation, VulkanError};
+use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 
 /// How long after its last movement a hand rests.
 const REST: Duration = Duration::from_millis(150);
 /// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
 const PATIENCE: u32 = 120;
+/// How often the device may be lost before a picture is there, until the window is given up.
+const MOST_LOSSES: u32 = 4;
 /// Notices that are kept.
 const MOST_NOTICES: usize = 4;
 
@@ -49,6 +53,8 @@ pub struct Options {
     pub frames: Option<u32>,
     /// Ends after what is recorded here.
     pub script: Option<Script>,
+    /// Ends the program when its display goes away, where the system leaves no other way.
+    pub display_gone: Option<fn() -> !>,
 }
 
 /// What a session was like.
@@ -77,6 +83,8 @@ pub struct Report {
     pub frame_ms: [f64; 3],
     /// The longest call into the engine.
     pub longest_step_ms: f64,
+    /// How often the device was lost, and opened again.
+    pub losses: u64,
     /// What went wrong.
     pub notices: Vec<String>,
     /// What the validation layer has said.
@@ -117,6 +125,8 @@ pub fn run(options: Options) -> Result<Report, ViewError> {
         tracing::debug!("{error}");
         ViewError::NoDisplay
     })?;
+    #[cfg(target_os = "linux")]
+    options.display_gone.map(crate::vulkan::when_display_is_gone);
     let mut viewer = Viewer::new(options, events.create_proxy(), begun);
     events.run_app(&mut viewer).map_err(ViewError::Events)?;
     viewer.end()
@@ -129,23 +139,14 @@ enum Woken {
     Accessibility(accesskit_winit::Event),
     /// What is opened has gone on.
     Progress,
-    /// What was opened, by its number.
-    Loaded(u64, Box<Result<Loaded, LoadError>>),
+    /// What was opened, by its number; `again` where it is what was looked at already.
+    Loaded { number: u64, again: bool, loaded: Box<Result<Loaded, LoadError>> },
 }
 
 impl From<accesskit_winit::Event> for Woken {
     fn from(event: accesskit_winit::Event) -> Self {
         Self::Accessibility(event)
     }
-}
-
-/// A window and what draws in it.
-struct Screen {
-    // Before the window it draws in.
-    surface: Surface,
-    egui: egui_winit::State,
-    renderer: Arc<Renderer>,
-    window: Arc<Window>,
 }
 
 /// The application.
@@ -160,6 +161,9 @@ struct Viewer {
     /// What the document was read from.
     source: Source,
     loading: Option<Loading>,
+    /// What was being opened before, and may still be at work.
+    given_up: Vec<Loading>,
+    lost: Lost,
     /// How many things were opened.
     opened: u64,
     notices: Vec<String>,
@@ -183,6 +187,15 @@ struct Viewer {
     failed: Option<ViewError>,
 }
 
+/// What became of the device.
+#[derive(Default)]
+struct Lost {
+    /// How often it was lost since a picture was as fine as it gets.
+    times: u32,
+    /// Whether nothing is rendered until somebody asks for it.
+    stopped: bool,
+}
+
 /// How far the script is.
 #[derive(Default)]
 struct Position {
@@ -204,6 +217,8 @@ impl Viewer {
             document: None,
             source: Source::default(),
             loading: None,
+            given_up: Vec::new(),
+            lost: Lost::default(),
             opened: 0,
             notices: Vec::new(),
             panels: None,
@@ -223,10 +238,9 @@ impl Viewer {
 
     fn end(mut self) -> Result<Report, ViewError> {
         self.prober.end();
-        if let Some(loading) = self.loading.take() {
-            // The end of the program is no time to be at work on the device.
-            loading.end();
-        }
+        self.give_up();
+        // The end of the program is no time to be at work on the device.
+        self.given_up.drain(..).for_each(Loading::end);
         if let Some(failed) = self.failed.take() {
             return Err(failed);
         }
@@ -236,7 +250,7 @@ impl Viewer {
         let at = |part: f64| self.drawn.get(whole(part * count(self.drawn.len().saturating_sub(1)))).copied();
         self.report.frame_ms = [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default());
         if let Some(screen) = &self.screen {
-            self.report.validation = screen.renderer.device().validation_messages();
+            self.report.validation.extend(screen.renderer.device().validation_messages());
         }
         Ok(self.report)
     }
@@ -269,67 +283,123 @@ impl Viewer {
     }
 
     fn open_screen(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
-        let [width, height] = self.options.size.unwrap_or([1280, 800]);
         ui::style(&self.context);
-        // AccessKit has to be there before the window is seen.
-        let attributes = Window::default_attributes()
-            .with_title("Relume")
-            .with_inner_size(PhysicalSize::new(width, height))
-            .with_visible(false);
-        let window = Arc::new(events.create_window(attributes)?);
-        let scale = window.scale_factor();
-        #[expect(clippy::cast_possible_truncation, reason = "egui counts pixels of a point in f32")]
-        let scale = Some(scale as f32);
-        let theme = window.theme();
-        let mut egui = egui_winit::State::new(self.context.clone(), ViewportId::ROOT, &window, scale, theme, None);
-        egui.init_accesskit(events, &window, self.proxy.clone());
-        window.set_visible(true);
-        use winit::raw_window_handle::HasDisplayHandle;
-        let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
-        let device = Device::open_for_window(&self.options.device, self.options.validation, display.as_raw())?;
-        let surface = Surface::new(&device, Arc::clone(&window))?;
-        self.report.device.clone_from(&device.info().name);
-        self.screen = Some(Screen { surface, egui, renderer: Arc::new(Renderer::new(device)), window });
+        let screen = Screen::open(events, &self.options, &self.context, &self.proxy)?;
+        self.report.device.clone_from(&screen.renderer.device().info().name);
+        self.screen = Some(screen);
         self.open(self.options.source.clone());
         Ok(())
     }
 
     /// Opens something beside the window; what was being opened is given up.
     fn open(&mut self, source: Source) {
+        let name = source.name();
+        self.load(name, false, move |renderer, progress| source.load(renderer, progress));
+    }
+
+    /// Brings what is looked at to the device again.
+    fn restore(&mut self) {
+        self.lost.stopped = false;
+        let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
+        let (scene, statistics) = (document.state().scene.clone(), document.statistics().cloned());
+        let source = self.source.clone();
+        self.load(source.name(), true, move |renderer, progress| {
+            let statistics = statistics.map_or_else(|| scene.volume.statistics(), Ok)?;
+            Loaded::prepare(renderer, scene, statistics, source, progress)
+        });
+    }
+
+    /// Begins to `load` on a thread what is called `name`, a thing that is looked at already or another one.
+    fn load(
+        &mut self,
+        name: String,
+        again: bool,
+        load: impl FnOnce(Arc<Renderer>, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
+    ) {
         let Some(screen) = &self.screen else { return };
         self.opened += 1;
         let (number, proxy) = (self.opened, self.proxy.clone());
         let loaded = {
             let proxy = proxy.clone();
             // A window that is gone needs no news.
-            move |loaded| drop(proxy.send_event(Woken::Loaded(number, Box::new(loaded))))
+            move |loaded| drop(proxy.send_event(Woken::Loaded { number, again, loaded: Box::new(loaded) }))
         };
         let progressed = move || drop(proxy.send_event(Woken::Progress));
-        self.loading = Some(Loading::start(source, Arc::clone(&screen.renderer), progressed, loaded));
+        let renderer = Arc::clone(&screen.renderer);
+        self.give_up();
+        self.loading = Some(Loading::start(name, move |progress| load(renderer, progress), progressed, loaded));
     }
 
-    fn loaded(&mut self, loaded: Result<Loaded, LoadError>) {
-        self.loading = None;
-        match loaded {
-            Err(error) => self.tell(&error),
-            Ok(loaded) => {
-                self.before = self.counts();
-                let mut document = Document::new(loaded.scene.clone());
-                if loaded.source.bare_volume().is_some() {
-                    // Its lights are there to choose from, and not meant together.
-                    document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
-                }
-                document = document.with_statistics(loaded.statistics.clone());
-                self.prober.look(None);
-                self.source = loaded.source.clone();
-                let mut engine = Engine::new(loaded);
-                engine.light(document.state());
-                self.engine = Some(engine);
-                self.document = Some(document);
-                // The next frame looks: only there is the size of the picture known.
-                self.place = Rect::ZERO;
-            }
+    /// Gives up what is being opened.
+    fn give_up(&mut self) {
+        self.given_up.retain(|loading| !loading.is_over());
+        if let Some(loading) = self.loading.take() {
+            loading.give_up();
+            self.given_up.push(loading);
         }
+    }
+
+    fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
+        self.loading = None;
+        let loaded = match loaded {
+            Ok(loaded) => loaded,
+            // The next frame notices it too, and starts again.
+            Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
+            Err(error) => return self.tell(&error),
+        };
+        self.before = self.counts();
+        if !again {
+            let mut document = Document::new(loaded.scene.clone());
+            if loaded.source.bare_volume().is_some() {
+                // Its lights are there to choose from, and not meant together.
+                document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
+            }
+            self.document = Some(document.with_statistics(loaded.statistics.clone()));
+            self.source = loaded.source.clone();
+        }
+        // Pictures are counted anew.
+        let looked_at = self.prober.place().filter(|_| again);
+        self.prober.look(None);
+        self.prober.look(looked_at);
+        let mut engine = Engine::new(loaded);
+        if let Some(document) = &self.document {
+            engine.light(document.state());
+        }
+        self.engine = Some(engine);
+        // The next frame looks: only there is the size of the picture known.
+        self.place = Rect::ZERO;
+    }
+
+    /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a
+    /// picture waits for somebody to say so: it may be the scene that does it.
+    fn recover(&mut self, error: VulkanError) -> Result<(), ViewError> {
+        let Some(screen) = self.screen.take() else { return Ok(()) };
+        self.lost.times += 1;
+        if self.lost.times > MOST_LOSSES {
+            return Err(error.into());
+        }
+        tracing::debug!("{error}");
+        self.report.losses += 1;
+        self.report.validation.extend(screen.renderer.device().validation_messages());
+        self.before = self.counts();
+        self.engine = None;
+        self.textures.clear();
+        let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
+        self.give_up();
+        let screen = screen.renewed(&self.options)?;
+        screen.window.request_redraw();
+        self.screen = Some(screen);
+        if let Some(name) = was_opening.filter(|_| self.document.is_some()) {
+            self.note(format!("{name} was not opened: the device was lost, and started again."));
+        } else {
+            self.note("The device was lost, and started again.".to_owned());
+        }
+        if self.lost.times == 1 {
+            self.restore();
+        } else {
+            self.lost.stopped = true;
+        }
+        Ok(())
     }
 
     fn ask(&mut self, action: Action) {
@@ -350,6 +420,10 @@ impl Viewer {
             Action::SavePicture(path) => self.to_save.push(path),
             Action::SaveSession(path) => self.save_session(&path),
             Action::SaveWindow(path) => self.to_capture = Some(path),
+            Action::Restart => {
+                self.lost.times = 1;
+                self.restore();
+            }
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
             Action::Dismiss(index) => {
@@ -378,8 +452,16 @@ impl Viewer {
         [left, top, edge(high.x).saturating_sub(left), edge(high.y).saturating_sub(top)]
     }
 
-    /// One frame. Says when the next one is due: at once, later, or when something happens.
+    /// One frame; a device that is lost in it is opened anew.
     fn frame(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        match self.draw(events) {
+            Err(ViewError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => self.recover(lost),
+            drawn => drawn,
+        }
+    }
+
+    /// One frame. Says when the next one is due: at once, later, or when something happens.
+    fn draw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
         let begun = Instant::now();
         if let Some(screen) = &mut self.screen {
             screen.surface.wait()?;
@@ -402,6 +484,7 @@ impl Viewer {
             status: &status,
             loading,
             notices: &self.notices,
+            stopped: self.lost.stopped,
             panels: self.panels.unwrap_or(wide),
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
@@ -417,7 +500,7 @@ impl Viewer {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step() | self.probe();
+        let stepped = self.step()? | self.probe()?;
         self.save_pictures();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
@@ -425,7 +508,7 @@ impl Viewer {
         let place = self.pixels(output.pixels_per_point);
         let picture = self.engine.as_ref().and_then(Engine::picture).map(|picture| (picture, place));
         let Some(screen) = &mut self.screen else { return Ok(()) };
-        let captured = screen.surface.show(Frame {
+        let shown = screen.surface.show(Frame {
             size: [size.width, size.height],
             background,
             picture,
@@ -433,7 +516,16 @@ impl Viewer {
             panels: &panels,
             pixels_per_point: output.pixels_per_point,
             capture: capture.is_some(),
-        })?;
+        });
+        let captured = match shown {
+            Ok(captured) => captured,
+            Err(error @ VulkanError::OutOfMemory { .. }) if capture.is_some() => {
+                self.tell(&error);
+                self.next(events, Duration::ZERO, stepped);
+                return Ok(());
+            }
+            Err(error) => return Err(error.into()),
+        };
         match (captured, capture) {
             (Some(pixels), Some(path)) => {
                 let size = [size.width as usize, size.height as usize];
@@ -467,9 +559,9 @@ impl Viewer {
     }
 
     /// Goes on with the picture. Says whether there is more to do.
-    fn step(&mut self) -> bool {
+    fn step(&mut self) -> Result<bool, VulkanError> {
         let rests = self.hand_rests();
-        let Some(engine) = &mut self.engine else { return false };
+        let Some(engine) = &mut self.engine else { return Ok(false) };
         let begun = Instant::now();
         let before = engine.latency();
         let stepped = engine.step(rests);
@@ -483,27 +575,27 @@ impl Viewer {
         }
         if let (None, Some(finest)) = (before.finest, after.finest) {
             self.report.finest_ms.push(1000.0 * finest.as_secs_f64());
+            self.lost.times = 0;
         }
         match stepped {
             Ok(_) => {}
-            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => {
-                self.failed = Some(lost.into());
-            }
+            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => return Err(lost),
             Err(error) => self.tell(&error),
         }
-        more
+        Ok(more)
     }
 
     /// Goes on with the pixel that is looked at. Says whether there is something new to show.
-    fn probe(&mut self) -> bool {
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return false };
+    fn probe(&mut self) -> Result<bool, VulkanError> {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return Ok(false) };
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
         match self.prober.step(engine, document.state(), wake) {
-            Ok(new) => new,
+            Ok(new) => Ok(new),
+            Err(StepError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
             Err(error) => {
                 self.tell(&error);
-                false
+                Ok(false)
             }
         }
     }
@@ -738,9 +830,9 @@ impl ApplicationHandler<Woken> for Viewer {
                 }
             }
             Woken::Progress => {}
-            Woken::Loaded(number, loaded) if number == self.opened => self.loaded(*loaded),
+            Woken::Loaded { number, again, loaded } if number == self.opened => self.loaded(*loaded, again),
             // Something else was opened since.
-            Woken::Loaded(..) => {}
+            Woken::Loaded { .. } => {}
         }
         if let Some(screen) = &self.screen {
             screen.window.request_redraw();

@@ -40,6 +40,8 @@ pub struct Shown<'a> {
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
     /// What went wrong, the newest last.
     pub notices: &'a [String],
+    /// Whether the device was lost, and nothing is rendered until somebody asks for it.
+    pub stopped: bool,
     /// Whether there are panels beside the picture.
     pub panels: bool,
     /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
