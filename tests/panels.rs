@@ -10,11 +10,14 @@ use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::measure::{Goal, Point, Preset, Setting};
+use relume::model::ErrorSummary;
 use relume::progress::Quiet;
 use relume::scene::{self, Interval, Mix, SceneOptions};
 use relume::view::camera::{Move, Side};
+use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
-use relume::view::ui::{self, Shown, Status};
+use relume::view::ui::{self, Effort, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 
 const DIAL: &str = r#"
@@ -38,11 +41,12 @@ struct App {
     asked: Vec<Action>,
     panels: bool,
     probe: Option<(DVec2, Option<Probe>)>,
+    curve: Option<Curve>,
 }
 
 impl App {
     fn open(size: Vec2, document: Option<Document>) -> Harness<'static, Self> {
-        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS, probe: None };
+        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS, probe: None, curve: None };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
 
@@ -55,6 +59,7 @@ impl App {
             notices: &[],
             stopped: false,
             panels: app.panels,
+            effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,
         };
@@ -392,4 +397,28 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
     window.key_press(Key::Escape);
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
+}
+
+#[test]
+fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
+    let mut window = App::open(Vec2::new(1280.0, 2200.0), Some(document()));
+    window.run();
+    window.get_by_label("balanced").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Preset::Balanced.goal()))));
+    window.get_by_label("choose by frame within").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Goal::Budget(50.0)))));
+    let scene = document().state().scene.clone();
+    let point = |frame_ms: f64, p95: f64| Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } };
+    let mut finer = scene.clone();
+    finer.accuracy.step_length = 0.5;
+    let mut curve = Curve::new(&scene, [4, 4], &[(Setting::default(), point(2.0, 3.0))]);
+    curve.merge(Curve::new(&finer, [4, 4], &[(Setting::default(), point(4.0, 1.0))]));
+    window.state_mut().curve = Some(curve);
+    window.run();
+    window.get_all_by_label("as the scene says").nth(1).unwrap().click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(finer.accuracy.clone()))));
+    assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy, finer.accuracy);
 }

@@ -370,3 +370,17 @@ fn a_probed_pixel_has_the_colour_that_is_shown_and_its_light_never_marches() {
     assert_eq!(probes[1]["lights"], probes[2]["lights"], "each light alone is as it was");
     assert_eq!(report["settled"][0]["marches"], report["settled"][1]["marches"]);
 }
+
+#[test]
+fn a_setting_is_chosen_by_what_was_measured_and_undone() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300\nsettle\npicture before.png\nmeasure error 1.5\nsettle\npicture chosen.png\nsave session chosen.toml\nundo\nsettle\npicture after.png\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let choice = &report["choices"][0];
+    assert!(choice["point"]["error"]["p95"].as_f64().unwrap() <= 1.5, "{choice}");
+    assert!(report["curve"].as_array().unwrap().len() >= 2, "{}", report["curve"]);
+    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "undone");
+    folder.done(&["render", "chosen.toml", "-o", "rendered.png", "--size", &size(&report)]);
+    assert_eq!(bytes(&folder, "chosen.png"), bytes(&folder, "rendered.png"), "as the session says");
+}

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use glam::DVec2;
 
 use super::state::Edit;
+use crate::measure::Goal;
 
 /// Something that is asked of the viewer.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +32,11 @@ pub enum Action {
     Panels(bool),
     /// The scene on the device again, after that was lost more than once.
     Restart,
+    /// Settings are measured: a curve of them, or those that it takes to find the one that does what is asked, which is then
+    /// taken.
+    Measure(Option<Goal>),
+    /// What is measured or solved is given up.
+    GiveUp,
     /// A notice that was read, by its index.
     Dismiss(usize),
 }

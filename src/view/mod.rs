@@ -5,6 +5,7 @@
 
 pub mod action;
 pub mod camera;
+pub mod effort;
 pub mod engine;
 pub mod job;
 pub mod load;

@@ -1,7 +1,7 @@
 //! The window: the system's events in, frames out; it draws when something has changed, and rests otherwise.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use egui::{Context, Pos2, Rect, TexturesDelta, ViewportId};
@@ -14,14 +14,17 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::WindowId;
 
 use super::action::Action;
+use super::effort::{self, Curve, Measured};
 use super::engine::{Counts, Engine, EngineError};
+use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
 use super::prober::{Prober, StepError};
 use super::screen::Screen;
 use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
-use super::ui::{self, Shown, Status};
+use super::ui::{self, Effort, Shown, Status};
+use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
 use crate::output::{OutputError, Picture, write_exr, write_ready_png};
 use crate::progress::Progress;
@@ -35,6 +38,8 @@ const REST: Duration = Duration::from_millis(150);
 const PATIENCE: u32 = 120;
 /// How often the device may be lost before a picture is there, until the window is given up.
 const MOST_LOSSES: u32 = 4;
+/// Least time between two pieces of news of what is measured.
+const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
 /// Notices that are kept.
 const MOST_NOTICES: usize = 4;
 
@@ -49,6 +54,8 @@ pub struct Options {
     pub device: DeviceChoice,
     /// Whether the validation layer watches.
     pub validation: Validation,
+    /// The folder that measurements are kept in.
+    pub cache: Option<PathBuf>,
     /// Ends after so many frames of what was opened.
     pub frames: Option<u32>,
     /// Ends after what is recorded here.
@@ -71,6 +78,10 @@ pub struct Report {
     pub counts: Counts,
     /// The counts at each `settle` of the script.
     pub settled: Vec<Counts>,
+    /// Settings that were chosen by what was measured.
+    pub choices: Vec<Choice>,
+    /// What was measured of settings, at the end.
+    pub curve: Vec<Measured>,
     /// What `probe` of the script has found.
     pub probes: Vec<serde_json::Value>,
     /// From the start to the first picture.
@@ -173,6 +184,9 @@ struct Viewer {
     place: Rect,
     /// The pixel that is looked at.
     prober: Prober,
+    /// What was measured, and what is being measured.
+    curve: Option<Curve>,
+    measuring: Option<Job<Result<(Curve, Option<Choice>), ChoiceError>>>,
     /// The last edit that marches.
     moved: Instant,
     /// Pictures to save once they are finest.
@@ -225,6 +239,8 @@ impl Viewer {
             textures: TexturesDelta::default(),
             place: Rect::ZERO,
             prober: Prober::default(),
+            curve: None,
+            measuring: None,
             moved: begun,
             to_save: Vec::new(),
             to_capture: None,
@@ -238,6 +254,9 @@ impl Viewer {
 
     fn end(mut self) -> Result<Report, ViewError> {
         self.prober.end();
+        if let Some(measuring) = self.measuring.take() {
+            measuring.end();
+        }
         self.give_up();
         // The end of the program is no time to be at work on the device.
         self.given_up.drain(..).for_each(Loading::end);
@@ -245,6 +264,7 @@ impl Viewer {
             return Err(failed);
         }
         self.report.counts = self.counts();
+        self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
         self.report.notices = std::mem::take(&mut self.notices);
         self.drawn.sort_by(f64::total_cmp);
         let at = |part: f64| self.drawn.get(whole(part * count(self.drawn.len().saturating_sub(1)))).copied();
@@ -356,7 +376,9 @@ impl Viewer {
             }
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
+            self.curve = None;
         }
+        self.measuring = None;
         // Pictures are counted anew.
         let looked_at = self.prober.place().filter(|_| again);
         self.prober.look(None);
@@ -382,7 +404,7 @@ impl Viewer {
         self.report.losses += 1;
         self.report.validation.extend(screen.renderer.device().validation_messages());
         self.before = self.counts();
-        self.engine = None;
+        (self.engine, self.measuring) = (None, None);
         self.textures.clear();
         let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
         self.give_up();
@@ -426,6 +448,8 @@ impl Viewer {
             }
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
+            Action::Measure(goal) => self.measure(goal),
+            Action::GiveUp => self.measuring = None,
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
                     self.notices.remove(index);
@@ -477,6 +501,16 @@ impl Viewer {
         let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
         let loading = self.loading.as_ref().map(Loading::progress);
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
+        let running = self.measuring.as_ref().map(Job::progress);
+        let effort = Effort {
+            planned: self.engine.as_ref().map(Engine::planned),
+            curve: self
+                .curve
+                .as_ref()
+                .zip(self.document.as_ref())
+                .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
+            running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
+        };
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
         let aspect = self.place.width() / self.place.height().max(1.0);
         let shown = Shown {
@@ -486,6 +520,7 @@ impl Viewer {
             notices: &self.notices,
             stopped: self.lost.stopped,
             panels: self.panels.unwrap_or(wide),
+            effort,
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
@@ -500,7 +535,7 @@ impl Viewer {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step()? | self.probe()?;
+        let stepped = self.step()? | self.probe()? | self.measured();
         self.save_pictures();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
@@ -600,6 +635,52 @@ impl Viewer {
         }
     }
 
+    /// Measures settings of what is looked at, for `goal` or for a curve; what was being measured is given up.
+    fn measure(&mut self, goal: Option<Goal>) {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
+        let renderer = Arc::clone(engine.renderer());
+        let (scene, mix) = (document.state().scene.clone(), document.state().mix());
+        let (size, cache) = (self.report.size, self.options.cache.clone());
+        let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
+        // Frames take time of what is measured: few of them say how far it is.
+        let wake = move || {
+            let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+            if last.is_none_or(|last| last.elapsed() > NEWS_OF_MEASURING) {
+                *last = Some(Instant::now());
+                drop(proxy.send_event(Woken::Progress));
+            }
+        };
+        self.measuring = Some(Job::start(wake, move |progress| {
+            effort::measure(&renderer, &scene, &mix, size, goal, cache.as_deref(), progress)
+        }));
+    }
+
+    /// Takes what was measured, once it is. Says whether there is something new to show.
+    fn measured(&mut self) -> bool {
+        let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
+        self.measuring = None;
+        match measured {
+            Err(error) if error.is_cancelled() => {}
+            Err(error) => self.tell(&error),
+            Ok((curve, choice)) => {
+                match &mut self.curve {
+                    Some(known) => known.merge(curve),
+                    none => *none = Some(curve),
+                }
+                if let (Some(choice), Some(document)) = (choice, &self.document) {
+                    let accuracy = choice.setting.applied(&document.state().scene).accuracy;
+                    self.ask(Action::Edit(Edit::Accuracy(accuracy)));
+                    if self.is_scripted() {
+                        self.report.choices.push(choice);
+                    } else {
+                        self.note(format!("{}.", choice.why));
+                    }
+                }
+            }
+        }
+        true
+    }
+
     fn save_session(&mut self, path: &Path) {
         let Some(document) = &self.document else {
             self.note("There is no session to save: nothing is open.".to_owned());
@@ -674,7 +755,8 @@ impl Viewer {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
         // The first frame after something was opened has not yet looked at it.
         let looked = self.document.is_none() || self.place != Rect::ZERO;
-        self.loading.is_none() && finest && looked && self.to_save.is_empty() && self.to_capture.is_none()
+        let measured = self.measuring.is_none();
+        self.loading.is_none() && finest && looked && measured && self.to_save.is_empty() && self.to_capture.is_none()
     }
 
     /// The next command of the script; what a hand does is answered.

@@ -1,5 +1,6 @@
 //! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
 
+mod accuracy;
 mod controls;
 mod dial;
 mod display;
@@ -14,6 +15,7 @@ mod transfer;
 
 use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
 
+pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use status::Status;
@@ -46,6 +48,8 @@ pub struct Shown<'a> {
     pub panels: bool,
     /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
+    /// What pictures take, and how far from the truth they are.
+    pub effort: Effort<'a>,
     /// Width over height of the picture in the last frame.
     pub aspect: f64,
 }
@@ -73,6 +77,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
                     transfer::show(ui, document, asked);
+                    accuracy::show(ui, document, shown.effort, asked);
                 }
             });
         });
