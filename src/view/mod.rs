@@ -7,11 +7,13 @@ pub mod action;
 pub mod camera;
 pub mod engine;
 pub mod load;
+pub mod presets;
 #[cfg(feature = "window")]
 mod screen;
 pub mod script;
 pub mod session;
 pub mod state;
+pub mod tour;
 #[cfg(feature = "window")]
 pub mod ui;
 #[cfg(feature = "window")]

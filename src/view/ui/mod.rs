@@ -1,11 +1,13 @@
 //! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
 
 mod controls;
+mod crop;
 mod dial;
 mod display;
 mod lights;
 mod notices;
 mod picture;
+mod situations;
 mod spectrum;
 mod status;
 mod toolbar;
@@ -38,6 +40,8 @@ pub struct Shown<'a> {
     pub notices: &'a [String],
     /// Whether the device was lost, and nothing is rendered until somebody asks for it.
     pub stopped: bool,
+    /// Whether a tour is played.
+    pub plays: bool,
     /// Whether there are panels beside the picture.
     pub panels: bool,
     /// Width over height of the picture in the last frame.
@@ -66,6 +70,8 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                     dial::show(ui, document, asked);
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
+                    situations::show(ui, document, shown.plays, asked);
+                    crop::show(ui, document, asked);
                     transfer::show(ui, document, asked);
                 }
             });
@@ -76,6 +82,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
             picture::show(ui, shown, rect, asked);
+            crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
