@@ -4,11 +4,14 @@
 
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
+use relume::scene::{Display, Mix};
 use relume::spectrum::colour::{
     LINEAR_SRGB_FROM_XYZ, Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, bradford, ciede2000, d65_white,
     decode_srgb, display_code, encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
 };
+use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::{BANDS, Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
+use relume::tables::display_from_xyz;
 
 fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
     let error = std::array::from_fn::<f64, 3, _>(|axis| (actual[axis] - expected[axis]).abs());
@@ -310,4 +313,16 @@ fn colours_brighter_or_purer_than_any_reflectance_are_refused() {
         assert!(matches!(error, SpectrumError::Unattainable { .. }), "{rgb:?}: {error}");
         assert!(error.to_string().contains(&rgb[0].to_string()), "{error}");
     }
+}
+
+#[test]
+fn a_display_for_a_deficiency_shows_the_published_columns_of_the_primaries_and_leaves_greys() {
+    let display = |deficiency| Display { exposure: 2.0, adapt: false, deficiency };
+    let of = |deficiency| display_from_xyz(&Mix(Vec::new()), &display(deficiency)) * *XYZ_FROM_LINEAR_SRGB;
+    // Machado, Oliveira and Fernandes 2009, table 1, severity 1: what deuteranopes see of red.
+    assert_close((of(Some(Deficiency::Deutan)) * DVec3::X).to_array(), [0.734644, 0.560170, -0.023640], 1e-12);
+    for deficiency in Deficiency::ALL {
+        assert_close((of(Some(deficiency)) * DVec3::ONE).to_array(), [2.0; 3], 1e-5);
+    }
+    assert_close((of(None) * DVec3::new(0.1, 0.2, 0.3)).to_array(), [0.2, 0.4, 0.6], 1e-12);
 }

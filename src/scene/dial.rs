@@ -147,6 +147,17 @@ impl Dial {
     }
 }
 
+/// Where the hand is after `step` of `of` steps from each of `stops` straight to the next, and the stop that it comes
+/// from; `None` where there are none. A stop is met exactly.
+#[must_use]
+pub(crate) fn along(stops: &[DVec2], step: usize, of: usize) -> Option<(usize, DVec2)> {
+    let last = stops.len().checked_sub(1)?;
+    let (of, step) = (of.max(1), step.min(of.max(1)));
+    let (leg, rest) = (step * last / of, step * last % of);
+    let (from, to) = (stops[leg], stops[(leg + 1).min(last)]);
+    Some((leg, between(from, to, count(rest) / count(of))))
+}
+
 impl Mix {
     /// The same lights, `master` times as strong; with `normalise` so that a white surface has the luminance `master`.
     #[must_use]

@@ -30,6 +30,10 @@ pub enum Action {
     Probe(Option<DVec2>),
     /// The panels beside the picture, or the picture alone.
     Panels(bool),
+    /// The hand from situation to situation in so many seconds; `None` stops it where it is.
+    Tour(Option<f64>),
+    /// So many pictures of that way, as NAME-0001.png and so on.
+    SaveTour(PathBuf, u16),
     /// The scene on the device again, after that was lost more than once.
     Restart,
     /// Settings are measured: a curve of them, or those that it takes to find the one that does what is asked, which is then

@@ -96,6 +96,19 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         let display = table(&mut document, "display")?;
         display.insert("exposure", value(scene.display.exposure));
         display.insert("adapt", value(scene.display.adapt));
+        match scene.display.deficiency {
+            Some(deficiency) => display.insert("deficiency", value(deficiency.to_string())),
+            None => display.remove("deficiency"),
+        };
+    }
+    if scene.crop != opened.crop {
+        document.remove("crop");
+        if let Some([min, max]) = scene.crop {
+            let mut crop = Table::new();
+            crop.insert("min", value(numbers(min.to_array())));
+            crop.insert("max", value(numbers(max.to_array())));
+            document.insert("crop", Item::Table(crop));
+        }
     }
     if scene.dial != opened.dial {
         dial(table(&mut document, "dial")?, &scene.dial);

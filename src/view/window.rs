@@ -23,10 +23,11 @@ use super::screen::Screen;
 use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
+use super::tour::Tour;
 use super::ui::{self, Effort, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
-use crate::output::{OutputError, Picture, write_exr, write_ready_png};
+use crate::output::{OutputError, Picture, numbered, write_exr, write_ready_png};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::scene::Interval;
@@ -175,6 +176,7 @@ struct Viewer {
     /// What was being opened before, and may still be at work.
     given_up: Vec<Loading>,
     lost: Lost,
+    tour: Option<Tour>,
     /// How many things were opened.
     opened: u64,
     notices: Vec<String>,
@@ -233,6 +235,7 @@ impl Viewer {
             loading: None,
             given_up: Vec::new(),
             lost: Lost::default(),
+            tour: None,
             opened: 0,
             notices: Vec::new(),
             panels: None,
@@ -427,6 +430,9 @@ impl Viewer {
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
+                if edit.cost() == Cost::Relight && matches!(self.tour, Some(Tour::Playing { .. })) {
+                    self.tour = None;
+                }
                 let cost = self.document.as_mut().and_then(|document| document.edit(&edit));
                 self.show_again(cost);
             }
@@ -446,6 +452,8 @@ impl Viewer {
                 self.lost.times = 1;
                 self.restore();
             }
+            Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
+            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path, frames)),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
@@ -519,6 +527,7 @@ impl Viewer {
             loading,
             notices: &self.notices,
             stopped: self.lost.stopped,
+            plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
             effort,
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
@@ -531,12 +540,14 @@ impl Viewer {
 
         let background = if self.context.theme() == egui::Theme::Dark { [0.0; 3] } else { [0.15; 3] };
         asked.into_iter().for_each(|action| self.ask(action));
-        if !self.context.input(|input| input.pointer.any_down()) {
+        let plays = self.go_on_tour();
+        if !plays && !self.context.input(|input| input.pointer.any_down()) {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step()? | self.probe()? | self.measured();
+        let stepped = self.step()? | self.probe()? | self.measured() | self.tour.is_some();
         self.save_pictures();
+        self.save_tour();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
         let capture = self.to_capture.take();
@@ -716,6 +727,48 @@ impl Viewer {
         }
     }
 
+    /// Shows where a tour is now. Says whether one is played: all of it is one step back.
+    fn go_on_tour(&mut self) -> bool {
+        let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
+        let edit = tour.edit();
+        let plays = matches!(tour, Tour::Playing { .. });
+        if plays {
+            let cost = document.edit(&edit);
+            if matches!(edit, Edit::Tour(step, of) if step >= of) {
+                self.tour = None;
+            }
+            self.show_again(cost);
+        } else if let Some(engine) = &mut self.engine {
+            engine.light(&document.preview(&edit));
+        }
+        plays
+    }
+
+    /// Saves the picture of a tour that is there, and shows what was there before once all are saved.
+    fn save_tour(&mut self) {
+        let Some(Tour::Saving { frames, saved, .. }) = &mut self.tour else { return };
+        let Some(engine) = self.engine.as_ref().filter(|engine| engine.is_finest()) else { return };
+        *saved += 1;
+        let (last, saved) = (saved == frames, *saved);
+        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
+        let path = match &self.tour {
+            Some(Tour::Saving { path, .. }) => numbered(path, saved),
+            _ => return,
+        };
+        let failed = save_picture(&path, engine, size).err();
+        if last || failed.is_some() {
+            self.tour = None;
+            if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
+                engine.light(document.state());
+            }
+            match failed {
+                Some(error) => self.tell(&*error),
+                None if self.is_scripted() => {}
+                None => self.note(format!("The pictures of the tour are there, the last of them {}.", path.display())),
+            }
+        }
+    }
+
     fn status(&self) -> Status {
         let engine = self.engine.as_ref();
         Status {
@@ -755,8 +808,17 @@ impl Viewer {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
         // The first frame after something was opened has not yet looked at it.
         let looked = self.document.is_none() || self.place != Rect::ZERO;
-        let measured = self.measuring.is_none();
-        self.loading.is_none() && finest && looked && measured && self.to_save.is_empty() && self.to_capture.is_none()
+        self.loading.is_none()
+            && finest
+            && looked
+            && self.tour.is_none()
+            && self.measuring.is_none()
+            && !self.is_saving()
+    }
+
+    /// Whether pictures are still to be saved of what was asked for.
+    fn is_saving(&self) -> bool {
+        !self.to_save.is_empty() || self.to_capture.is_some() || matches!(self.tour, Some(Tour::Saving { .. }))
     }
 
     /// The next command of the script; what a hand does is answered.
@@ -768,7 +830,7 @@ impl Viewer {
         }
         let at = self.script.next;
         let Some(command) = script.command(at).cloned() else {
-            if self.to_save.is_empty() && self.to_capture.is_none() {
+            if !self.is_saving() {
                 events.exit();
             }
             return Ok(Vec::new());
@@ -776,7 +838,7 @@ impl Viewer {
         let inputs = match command {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             // What is saved is what was asked for before, and not after.
-            _ if !self.to_save.is_empty() || self.to_capture.is_some() => return Ok(Vec::new()),
+            _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
                 self.report.settled.push(self.counts());
                 Vec::new()
