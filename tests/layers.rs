@@ -53,6 +53,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "tables",
             "plan",
             "scene",
+            "palette",
             "model",
             "spectrum",
             "volume",

@@ -5,6 +5,7 @@
 mod support;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
@@ -13,11 +14,12 @@ use glam::DVec2;
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
 use relume::progress::Quiet;
-use relume::scene::{self, Interval, Mix, SceneOptions};
+use relume::scene::{self, Accuracy, Interval, Mix, SceneOptions};
 use relume::view::camera::{Move, Side};
+use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
-use relume::view::ui::{self, Effort, Shown, Status};
+use relume::view::ui::{self, Design, Effort, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 
 const DIAL: &str = r#"
@@ -42,11 +44,19 @@ struct App {
     panels: bool,
     probe: Option<(DVec2, Option<Probe>)>,
     curve: Option<Curve>,
+    design: bool,
 }
 
 impl App {
     fn open(size: Vec2, document: Option<Document>) -> Harness<'static, Self> {
-        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS, probe: None, curve: None };
+        let app = Self {
+            document,
+            asked: Vec::new(),
+            panels: size.x >= ui::ROOM_FOR_PANELS,
+            probe: None,
+            curve: None,
+            design: false,
+        };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
 
@@ -57,7 +67,10 @@ impl App {
             status: &Status::default(),
             loading: None,
             notices: &[],
+            stopped: false,
+            plays: false,
             panels: app.panels,
+            design: Design { shown: app.design, running: None },
             effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,
@@ -72,6 +85,7 @@ impl App {
                     document.undo();
                 }
                 (Action::Panels(shown), _) => app.panels = *shown,
+                (Action::Palette(shown), _) => app.design = *shown,
                 _ => {}
             }
         }
@@ -337,6 +351,11 @@ fn an_edit_costs_what_it_says() {
         Edit::Interval(0, Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
         Edit::AddInterval(Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
         Edit::RemoveTerm(0),
+        Edit::Accuracy(Accuracy { step_length: 0.7, ..document().state().scene.accuracy.clone() }),
+        Edit::Design(Step::Offer),
+        Edit::Spectra(Arc::new(
+            Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
+        )),
     ];
     for edit in edits {
         let mut document = document();
@@ -400,7 +419,7 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
 
 #[test]
 fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
-    let mut window = App::open(Vec2::new(1280.0, 2200.0), Some(document()));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.run();
     window.get_by_label("balanced").click();
     window.run();
@@ -420,4 +439,111 @@ fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(finer.accuracy.clone()))));
     assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy, finer.accuracy);
+}
+
+#[test]
+fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
+    let mut window = wide(document());
+    window.run();
+    window.get_all_by_label("Palette").next().unwrap().click();
+    window.run();
+    window.get_by_label("Design a palette").click();
+    window.run();
+    let palette = |window: &Harness<'_, App>| {
+        window.state().document.as_ref().unwrap().state().palette.as_deref().cloned().unwrap()
+    };
+    assert_eq!(palette(&window).materials.len(), 2);
+    window.get_by_label("flesh under day").click();
+    window.run();
+    assert!(window.query_by_label("weight").is_some(), "what is asked of the cell");
+    window.get_by_label("lamp: given").click();
+    window.run();
+    assert_eq!(palette(&window).lights.iter().filter(|light| light.spectrum.is_none()).count(), 1);
+    window.get_by_label("Solve").click_accesskit();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Solve));
+    window.get_by_label("Undo").click();
+    window.run();
+    assert!(palette(&window).lights.iter().all(|light| light.spectrum.is_some()), "a step back");
+}
+
+#[test]
+fn reset_transfer_is_there_where_a_label_alone_has_changed() {
+    let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
+    let scene = support::program::SCENE.replace("dims =", "phantom_labels = true\ndims =");
+    let text = format!("{scene}{more}");
+    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let mut document = Document::new(opened);
+    document.edit(&Edit::Label(0, 0, 0.75));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    let opacity = |window: &Harness<'_, App>| {
+        window.state().document.as_ref().unwrap().state().scene.labels.as_ref().unwrap().declared[0].opacity
+    };
+    assert_eq!(opacity(&window), 0.25);
+}
+
+#[test]
+fn a_side_of_the_crop_box_is_dragged_on_the_picture() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_label("crop").click();
+    window.run();
+    let crop = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().crop();
+    assert_eq!(crop(&window), Some([glam::DVec3::ZERO, glam::DVec3::ONE]));
+    let at = window.get_by_label("crop box: x to").rect().center();
+    let across = window.get_by_label("crop box: x from").rect().center() - at;
+    let to = at + 0.4 * across;
+    window.event(Event::PointerMoved(at));
+    window.run();
+    for (pos, pressed) in [(at, true), (to, true), (to, false)] {
+        window.event(Event::PointerMoved(pos));
+        window.run();
+        let button = PointerButton::Primary;
+        window.event(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    }
+    let [low, high] = crop(&window).unwrap();
+    assert!((high.x - 0.6).abs() < 0.02, "{high}");
+    assert_eq!((low, high.y, high.z), (glam::DVec3::ZERO, 1.0, 1.0), "the other sides stay");
+    window.get_by_label("Undo").click();
+    window.run();
+    window.get_by_label("Reset crop").click();
+    window.run();
+    assert_eq!(crop(&window), None, "as the scene has it");
+}
+
+#[test]
+fn situations_are_kept_renamed_and_forgotten() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    let names = |window: &Harness<'_, App>| -> Vec<String> {
+        let document = window.state().document.as_ref().unwrap();
+        document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
+    };
+    let type_name = |window: &mut Harness<'_, App>, name: &str| {
+        let field = window.get_by_role(egui::accesskit::Role::TextInput);
+        field.focus();
+        window.run();
+        window.event(Event::Text(name.to_owned()));
+        window.run();
+    };
+    type_name(&mut window, "dusk");
+    window.get_by_label("Keep").click();
+    window.run();
+    assert_eq!(names(&window), ["evening", "dusk"]);
+    type_name(&mut window, "2");
+    window.get_by_label("Rename").click();
+    window.run();
+    assert!(names(&window)[1].contains('2'), "{:?}", names(&window));
+    window.get_by_label("Forget").click();
+    window.run();
+    assert_eq!(names(&window), ["evening"]);
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Forget(1)))));
 }

@@ -1,66 +1,17 @@
 //! The viewer's window, opened on a screen of its own and driven by scripts.
 #![cfg(feature = "window")]
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test fails by panicking, and says what it did not test"
-)]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
 
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::io::BufReader;
 
 use serde_json::Value;
 use support::program::{Folder, Outcome, SCENE};
+use support::screen::Screen;
 
 /// Brightness as it comes, so that a node is what `--light` asks for.
 const DIAL: &str = "[dial]\nnormalise = false\n[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
-
-/// A screen in memory.
-struct Screen {
-    server: Child,
-    display: String,
-}
-
-impl Screen {
-    /// `None`, and a word about it, where there is no Xvfb.
-    fn new() -> Option<Self> {
-        let mut command = Command::new("Xvfb");
-        command.args(["-displayfd", "1", "-screen", "0", "1700x1100x24", "-nolisten", "tcp"]);
-        let started = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let Ok(mut server) = started else {
-            println!("nothing was tested: there is no Xvfb (scripts/setup --tests installs it)");
-            return None;
-        };
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        Some(Self { server, display: format!(":{}", number.trim()) })
-    }
-
-    /// Runs the viewer in `folder` with `arguments`, watched by the validation layer.
-    fn run(&self, folder: &Folder, arguments: &[&str]) -> Outcome {
-        let mut command = folder.command(&["view", "--json", "--validation", "--size", "640x480"]);
-        Outcome::of(command.args(arguments).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY"))
-    }
-
-    /// Runs `script` on `scene`, which must succeed without a word of the validation layer.
-    fn script(&self, folder: &Folder, scene: &str, script: &str) -> Value {
-        std::fs::write(folder.path("script.txt"), script).unwrap();
-        let outcome = self.run(folder, &[scene, "--script", "script.txt"]);
-        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
-        let report = outcome.json();
-        assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
-        report
-    }
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        self.server.kill().ok();
-        self.server.wait().ok();
-    }
-}
 
 fn folder() -> Folder {
     Folder::new().with("dial.toml", format!("{SCENE}{DIAL}"))
@@ -432,4 +383,95 @@ fn a_setting_is_chosen_by_what_was_measured_and_undone() {
     assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "undone");
     folder.done(&["render", "chosen.toml", "-o", "rendered.png", "--size", &size(&report)]);
     assert_eq!(bytes(&folder, "chosen.png"), bytes(&folder, "rendered.png"), "as the session says");
+}
+
+#[test]
+fn a_solved_palette_takes_effect_without_a_march_and_is_saved() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300\nsettle\npicture before.png\npalette on\npalette offer\nsettle\nsolve\nsettle\nnode lamp\nprobe 0.5 0.5\n\
+                  picture solved.png\nsave session solved.toml\nundo\nundo\nsettle\npicture after.png\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let marches = |settled: usize| report["settled"][settled]["marches"].as_u64().unwrap();
+    assert_eq!(marches(1), marches(2), "weights are the same for other spectra");
+    assert_eq!(report["solved"].as_array().unwrap().len(), 1);
+    folder.done(&["render", "solved.toml", "-o", "rendered.png", "--size", &size(&report)]);
+    assert_eq!(bytes(&folder, "solved.png"), bytes(&folder, "rendered.png"), "as the session says");
+    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "undone");
+    assert_ne!(bytes(&folder, "before.png"), bytes(&folder, "solved.png"));
+}
+
+#[test]
+fn another_spectrum_is_relit_where_weights_are_kept_and_marched_where_a_model_is_fitted() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder().with("model.toml", format!("{SCENE}{DIAL}[accuracy]\naccumulate = \"spectral\"\nk = 4\n"));
+    let script = "size 320 300\nsettle\nspectrum light lamp = FL11\nspectrum material flesh = orange\nsettle\npicture shown.png\nsave session other.toml\n";
+    for (scene, marches) in [("dial.toml", false), ("model.toml", true)] {
+        let report = screen.script(&folder, scene, script);
+        let before_and_after = [0, 1].map(|settled| report["settled"][settled]["marches"].as_u64().unwrap());
+        assert_eq!(before_and_after[0] < before_and_after[1], marches, "{scene}: {before_and_after:?}");
+        folder.done(&["render", "other.toml", "-o", "rendered.png", "--size", &size(&report)]);
+        assert_eq!(bytes(&folder, "shown.png"), bytes(&folder, "rendered.png"), "{scene}: as the session says");
+    }
+}
+
+#[test]
+fn crops_previews_and_situations_save_and_render_equal_and_light_never_marches() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle
+crop 0.2 0.9 0 1 0.1 0.8
+settle
+picture cropped.png
+sees deutan
+node lamp
+keep evening
+hand 0.3 0.2
+keep noon
+hand 0.15 -0.4
+keep dusk
+rename noon to midday
+tour 0.3
+situation midday
+settle
+picture seen.png
+picture seen.exr
+save session seen.toml
+tour tour.png 5
+situation midday
+settle
+picture still.png
+sees all
+settle
+crop off
+settle
+";
+    let report = screen.script(&folder, "dial.toml", script);
+    assert_eq!(report["notices"], Value::Array(Vec::new()));
+    let marches = |at: usize| report["settled"][at]["marches"].as_u64().unwrap();
+    assert!(marches(1) > marches(0), "a crop marches: {}", report["settled"]);
+    assert_eq!([marches(2), marches(3), marches(4)], [marches(1); 3], "light never does: {}", report["settled"]);
+    assert!(marches(5) > marches(4), "{}", report["settled"]);
+    assert_ne!(bytes(&folder, "cropped.png"), bytes(&folder, "seen.png"));
+    assert_eq!(bytes(&folder, "seen.png"), bytes(&folder, "still.png"), "a saved tour leaves the light as it was");
+    let size = size(&report);
+    assert_opens_as_it_was_saved(&screen, &folder, "seen.toml", ["seen.png", "seen.exr"], &size);
+    // Every picture of a tour is what `render` makes of the session with the hand there.
+    for (number, hand) in [(1, "[0, -1]"), (3, "[0.3, 0.2]"), (5, "[0.15, -0.4]")] {
+        let mix = format!("mix.hand={hand}");
+        folder.done(&[
+            "render",
+            "seen.toml",
+            "-o",
+            "rendered.png",
+            "--size",
+            &size,
+            "-D",
+            "mix.by=\"dial\"",
+            "-D",
+            &mix,
+        ]);
+        let saved = bytes(&folder, &format!("tour-000{number}.png"));
+        assert_eq!(saved, bytes(&folder, "rendered.png"), "picture {number} of the tour");
+    }
 }

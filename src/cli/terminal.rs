@@ -15,8 +15,9 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use relume::progress::Progress;
 use signal_hook::consts::SIGINT;
 use signal_hook::flag::register;
+use tracing::Metadata;
 use tracing::field::{Field, Visit};
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{LevelFilter, filter_fn};
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
@@ -49,10 +50,15 @@ pub(crate) struct Terminal {
 impl Terminal {
     pub(crate) fn new(quiet: bool) -> Self {
         let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::WARN };
-        let printed = tracing_subscriber::fmt::layer().with_writer(io::stderr).event_format(Plain).with_filter(shown);
+        // What the libraries of the window tell their own developers is not for its user.
+        let ours = |most: LevelFilter| {
+            filter_fn(move |it: &Metadata<'_>| *it.level() <= most && it.target().starts_with("relume"))
+        };
+        let printed =
+            tracing_subscriber::fmt::layer().with_writer(io::stderr).event_format(Plain).with_filter(ours(shown));
         let warnings = Warnings::default();
-        let subscriber =
-            tracing_subscriber::registry().with(printed).with(warnings.clone().with_filter(LevelFilter::WARN));
+        let kept = warnings.clone().with_filter(ours(LevelFilter::WARN));
+        let subscriber = tracing_subscriber::registry().with(printed).with(kept);
         // Fails only where somebody else has set one: then theirs is used.
         tracing::subscriber::set_global_default(subscriber).ok();
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
@@ -194,6 +200,14 @@ where
         context.field_format().format_fields(writer.by_ref(), event)?;
         writeln!(writer)
     }
+}
+
+/// Ends the program at once, as its display has gone; other threads may still be at work.
+#[cfg(feature = "window")]
+pub(super) fn end_without_display() -> ! {
+    relume::output::discard_unfinished();
+    complain(&super::CliError::Failed("the display of the window is gone".to_owned()));
+    signal_hook::low_level::exit(1)
 }
 
 /// Prints a result. A reader that has gone away (`| head`) is no error.

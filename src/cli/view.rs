@@ -52,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         validation: if args.validation { Validation::On } else { Validation::Off },
         frames: args.frames,
         script,
+        display_gone: Some(super::terminal::end_without_display),
         cache: super::goal::cache_folder(),
     })?;
     let [median, _, longest] = report.frame_ms;

@@ -11,6 +11,7 @@ mod image_error;
 mod ladder;
 mod leaping;
 mod model;
+mod needs;
 mod report;
 mod rungs;
 mod sample;
@@ -30,7 +31,8 @@ pub use model::{
     AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
     automatic_dimension, model_row,
 };
-pub use report::{Findings, html, trade};
+pub use needs::{FrameCounts, NeedError, NeedRow, need_rows};
+pub use report::{CostCurve, CostTable, Findings, costs_html, html, trade};
 pub use rungs::{RungError, Rungs};
 pub use sample::{Checked, check};
 pub use setting::{Knob, Setting, Value};

@@ -130,6 +130,17 @@ pub fn load(path: &Path) -> Result<Palette, PaletteError> {
     parse(&name, &text, path.parent().unwrap_or(Path::new("")))
 }
 
+/// The `[palette]` of the scene that `text` is, as [`parse`]; `None` where it has none.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn of_scene(name: &str, text: &str, base: &Path) -> Result<Option<Palette>, PaletteError> {
+    // What is no scene is no palette either, which is told below.
+    let has_none = toml::from_str(text).is_ok_and(|scene: SceneFile| scene.palette.is_none());
+    if has_none { Ok(None) } else { parse(name, text, base).map(Some) }
+}
+
 /// The palette that `text` describes, a palette file or a scene; `name` heads messages, relative paths start at `base`.
 ///
 /// # Errors
@@ -356,14 +367,25 @@ impl Solution {
     /// The palette as a file in which all spectra are given: loaded, it has the very colours of this solution.
     #[must_use]
     pub fn to_toml(&self) -> String {
-        let palette = &self.palette;
-        let mut text = format!(
-            "# Designed by relume {} from {}.\n# The largest ΔE00 from what [cells] asks for is {:.4}.\nversion = 1\n",
+        let head = format!(
+            "# Designed by relume {} from {}.\n# The largest ΔE00 from what [cells] asks for is {:.4}.\n",
             env!("CARGO_PKG_VERSION"),
-            palette.source.replace(['\n', '\r'], " "),
+            self.palette.source.replace(['\n', '\r'], " "),
             self.worst()
         );
-        let mut members = |table: &str, key: &str, members: &[Member], spectra: &mut dyn Iterator<Item = &Spectrum>| {
+        let materials: Vec<&Spectrum> = self.materials.iter().map(|row| row.spectrum()).collect();
+        let lights: Vec<&Spectrum> = self.lights.iter().map(|column| column.spectrum()).collect();
+        head + &self.palette.to_toml(&materials, &lights)
+    }
+}
+
+impl Palette {
+    /// The palette as a file in which all spectra are given: these ones, of its rows and of its columns.
+    #[must_use]
+    pub fn to_toml(&self, materials: &[&Spectrum], lights: &[&Spectrum]) -> String {
+        let palette = self;
+        let mut text = "version = 1\n".to_owned();
+        let mut members = |table: &str, key: &str, members: &[Member], spectra: &[&Spectrum]| {
             for (member, spectrum) in members.iter().zip(spectra) {
                 let [low, high] = member.bounds;
                 // Writing to a String cannot fail.
@@ -377,8 +399,8 @@ impl Solution {
                 .ok();
             }
         };
-        members("materials", "reflectance", &palette.materials, &mut self.materials.iter().map(|row| row.spectrum()));
-        members("lights", "spectrum", &palette.lights, &mut self.lights.iter().map(|column| column.spectrum()));
+        members("materials", "reflectance", &palette.materials, materials);
+        members("lights", "spectrum", &palette.lights, lights);
         for (index, row) in palette.materials.iter().enumerate() {
             let mut cells = palette.cells.iter().filter(|cell| cell.material == index).peekable();
             if cells.peek().is_some() {

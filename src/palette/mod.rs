@@ -21,7 +21,7 @@ pub use bound::Conflict;
 pub use contrast::Contrast;
 pub use error::PaletteError;
 pub(crate) use file::{Misplaced, PaletteFile};
-pub use file::{load, parse};
+pub use file::{load, of_scene, parse};
 pub use solution::{CellColour, Facts, Merge, Solution};
 pub use solve::solve;
 

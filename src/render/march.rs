@@ -534,12 +534,12 @@ impl March {
     }
 }
 
-/// The texels of a layer, rows from the top.
 /// Bytes of a pixel in so many layers of `image`.
 fn texels_of(image: &StorageImage, layers: usize) -> usize {
     layers * image.format().texel_bytes() as usize
 }
 
+/// The texels of a layer, rows from the top.
 pub(super) fn read_layer<T: Pod>(device: &Device, image: &StorageImage, layer: u32) -> Result<Vec<T>, RenderError> {
     let bytes = image.layer_bytes();
     let buffer = Buffer::host(device, "read-back", bytes, HostUse::ReadBack)?;

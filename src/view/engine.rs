@@ -13,7 +13,7 @@ use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Quiet;
 use crate::render::{Accumulators, March, Relight, RenderError, Renderer, Speed, Uploaded};
-use crate::scene::{Scene, positions};
+use crate::scene::{Material, Scene, positions};
 use crate::tables::{Components, RelightMatrices};
 use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
@@ -238,8 +238,13 @@ impl Engine {
             }
             // A panic there has been told of.
             if let Ok(planned) = planning.thread.join() {
-                self.adopt(planned?, planning.scene)?;
-                level = Some(self.coarse);
+                let planned = planned?;
+                if self.only_relights(&planned, &planning.scene) {
+                    self.show_as(planned, planning.scene);
+                } else {
+                    self.adopt(planned, planning.scene)?;
+                    level = Some(self.coarse);
+                }
             }
         }
         if let Some(scene) = self.wanted.take() {
@@ -259,6 +264,26 @@ impl Engine {
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
         Ok(true)
+    }
+
+    /// Whether what is shown has in it what `scene` needs, as `planned`: weights of materials are the same whatever their
+    /// spectra.
+    fn only_relights(&self, planned: &Planned, scene: &Scene) -> bool {
+        let shown = self.lit.as_ref().filter(|lit| lit.size == self.size).map(|lit| &lit.accumulators.planned);
+        let same = shown.is_some_and(|shown| {
+            shown.model.is_none() && shown.plan == planned.plan && shown.materials == planned.materials
+        });
+        same && planned.model.is_none() && same_rays(&self.scene, scene)
+    }
+
+    /// Shows what there is in the spectra of `scene`.
+    fn show_as(&mut self, planned: Planned, scene: Box<Scene>) {
+        if let Some(lit) = &mut self.lit {
+            lit.components = Components::new(&scene, &planned);
+            lit.accumulators.planned = planned.clone();
+            self.unlit = true;
+        }
+        (self.planned, self.scene) = (planned, scene);
     }
 
     /// From now on marches `scene` as `planned`; the volume stays on the device where it is stored as that needs it.
@@ -410,4 +435,22 @@ impl Engine {
     pub fn renderer(&self) -> &Arc<Renderer> {
         &self.renderer
     }
+}
+
+/// Whether two states of one scene differ in their spectra and in how they are shown, at most.
+fn same_rays(one: &Scene, two: &Scene) -> bool {
+    let shape = |scene: &Scene| -> Vec<_> {
+        let of = |it: &Material| (it.ambient, it.diffuse, it.specular, it.exponent, it.xray, it.absorption.clone());
+        scene.materials.iter().map(of).collect()
+    };
+    let places = |scene: &Scene| -> Vec<_> { scene.lights.iter().map(|light| light.placement).collect() };
+    let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
+    one.camera == two.camera
+        && one.crop == two.crop
+        && one.transfer == two.transfer
+        && one.accuracy == two.accuracy
+        && one.shading == two.shading
+        && shape(one) == shape(two)
+        && places(one) == places(two)
+        && labels(one) == labels(two)
 }

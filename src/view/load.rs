@@ -68,25 +68,35 @@ pub struct Loading {
 }
 
 impl Loading {
-    /// Begins. `progressed` is called now and then, `loaded` at the end.
+    /// Begins `load` of what is called `name`. `progressed` is called now and then, `loaded` at the end.
     pub fn start(
-        source: Source,
-        renderer: Arc<Renderer>,
+        name: String,
+        load: impl FnOnce(&dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
         progressed: impl Fn() + Send + Sync + 'static,
         loaded: impl FnOnce(Result<Loaded, LoadError>) + Send + 'static,
     ) -> Self {
         let listener = Arc::new(Listener::new(progressed));
-        let (name, heard) = (source.name(), Arc::clone(&listener));
-        let thread = std::thread::spawn(move || loaded(source.load(renderer, &*heard)));
+        let heard = Arc::clone(&listener);
+        let thread = std::thread::spawn(move || loaded(load(&*heard)));
         Self { name, listener, thread: Some(thread) }
+    }
+
+    /// Gives up; what is under way may take a moment to hear of it.
+    pub fn give_up(&self) {
+        self.listener.cancel();
+    }
+
+    /// Whether nothing is done for it any more.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
     /// Gives up, and waits until nothing is done for it any more.
     pub fn end(mut self) {
-        let thread = self.thread.take();
-        drop(self);
+        self.give_up();
         // A panic there has been told of.
-        thread.map(JoinHandle::join).transpose().ok();
+        self.thread.take().map(JoinHandle::join).transpose().ok();
     }
 
     /// What is opened, how much of the present stage is done (0 to 1, where known), and what stage that is.
@@ -99,7 +109,7 @@ impl Loading {
 
 impl Drop for Loading {
     fn drop(&mut self) {
-        self.listener.cancel();
+        self.give_up();
     }
 }
 
@@ -144,13 +154,30 @@ impl Source {
         Ok((scene, statistics))
     }
 
-    /// Reads it, plans it, and brings it to the device, where everything it runs is made ready.
+    /// Reads it, and makes it ready on the device: [`Loaded::prepare`].
     ///
     /// # Errors
     ///
     /// [`LoadError`].
     pub fn load(&self, renderer: Arc<Renderer>, progress: &dyn Progress) -> Result<Loaded, LoadError> {
         let (scene, statistics) = self.scene(progress)?;
+        Loaded::prepare(renderer, scene, statistics, self.clone(), progress)
+    }
+}
+
+impl Loaded {
+    /// Plans a scene that was read from `source`, and brings it to the device, where everything it runs is made ready.
+    ///
+    /// # Errors
+    ///
+    /// [`LoadError::Plan`], [`LoadError::Render`].
+    pub fn prepare(
+        renderer: Arc<Renderer>,
+        scene: Scene,
+        statistics: Statistics,
+        source: Source,
+        progress: &dyn Progress,
+    ) -> Result<Self, LoadError> {
         let planned = plan(&scene, progress)?;
         let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
         // Software devices compile a shader when it first runs, which is not to be while a hand waits.
@@ -169,7 +196,7 @@ impl Source {
             &mix,
             &scene.display,
         ))?;
-        Ok(Loaded { renderer, scene, planned, uploaded, statistics, source: self.clone() })
+        Ok(Self { renderer, scene, planned, uploaded, statistics, source })
     }
 }
 
@@ -214,7 +241,7 @@ fn terms(statistics: &Statistics, materials: usize) -> Vec<Term> {
 
 /// The bin above which a voxel belongs to a thing and not to what surrounds it: the cut into two classes of values with
 /// the largest variance between them (Otsu 1979).
-fn threshold(bins: &[u64]) -> usize {
+pub(super) fn threshold(bins: &[u64]) -> usize {
     let weight = |&n: &u64| count(usize::try_from(n).unwrap_or(usize::MAX));
     let total: f64 = bins.iter().map(weight).sum();
     let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * weight(n)).sum();

@@ -6,14 +6,18 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::action::Action;
-use super::camera::{Move, Side};
+use super::camera::{self, Move};
+use super::design::{Side, Step};
 use super::state::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
+use crate::palette::Target;
 use crate::scene::Interval;
+use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::srgb_code;
 
 /// Longer than any script of a person.
 const LONGEST: u64 = 1 << 20;
@@ -67,6 +71,8 @@ pub enum Command {
     Camera(Move),
     /// Looks at a pixel, in parts of the picture, until all is known of it.
     Probe(DVec2),
+    /// A standard for the spectrum of the material or the light of a name.
+    Spectrum(Side, String, String),
     /// A window of so many pixels.
     Size([u32; 2]),
     /// What a hand does.
@@ -74,7 +80,7 @@ pub enum Command {
 }
 
 /// What is asked of the light, the node, the situation, the material or the label of a name.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 #[expect(missing_docs, reason = "each is the edit of its name")]
 pub enum About {
     Weight(f64),
@@ -84,6 +90,9 @@ pub enum About {
     NodePlace(DVec2),
     NodeOn(bool),
     Situation,
+    /// Another name for the situation.
+    Rename(String),
+    Forget,
     /// A new interval of the transfer function that shows this material: from, to, ramp, opacity.
     AddInterval([f64; 4]),
     /// The material of an interval, by the interval's index.
@@ -174,6 +183,21 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "take" | "leave" => Command::Named(About::NodeOn(verb == "take"), name()?),
         "situation" => Command::Named(About::Situation, name()?),
+        "keep" => edit(Edit::Keep(name()?)),
+        "rename" => {
+            let (old, new) = text()
+                .split_once(" to ")
+                .map(|(old, new)| (old.to_owned(), new.to_owned()))
+                .ok_or("rename NAME to NEW")?;
+            Command::Named(About::Rename(new), old)
+        }
+        "forget" => Command::Named(About::Forget, name()?),
+        "tour" => match rest {
+            [file @ .., frames] if !file.is_empty() => {
+                Command::Do(Action::SaveTour(file.join(" ").into(), numbers::<u16, 1>(verb, &[frames])?[0]))
+            }
+            _ => Command::Do(Action::Tour(Some(numbers::<f64, 1>(verb, rest)?[0]))),
+        },
         "master" => edit(Edit::Master(numbers::<f64, 1>(verb, rest)?[0])),
         "interval" => match rest {
             ["add", name @ .., from, to, ramp, opacity] if !name.is_empty() => {
@@ -194,6 +218,21 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
+        "sees" => {
+            let found = Deficiency::ALL.into_iter().find(|one| one.to_string() == text());
+            if found.is_none() && rest != ["all"] {
+                return Err("sees all, protan, deutan or tritan".to_owned());
+            }
+            edit(Edit::Deficiency(found))
+        }
+        "crop" => match rest {
+            ["off"] => edit(Edit::Crop(None)),
+            ["reset"] => edit(Edit::ResetCrop),
+            _ => {
+                let [x0, x1, y0, y1, z0, z1] = numbers(verb, rest)?;
+                edit(Edit::Crop(Some([DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1)])))
+            }
+        },
         "adapt" => edit(Edit::Adapt(switch(verb, rest)?)),
         "orbit" => {
             let [right, up] = numbers(verb, rest)?;
@@ -206,7 +245,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "dolly" => Command::Camera(Move::Dolly(numbers::<f64, 1>(verb, rest)?[0])),
         "roll" => Command::Camera(Move::Roll(numbers::<f64, 1>(verb, rest)?[0])),
         "axis" => {
-            let sides = Side::ALL.map(|side| (format!("{side:?}").to_lowercase(), side));
+            let sides = camera::Side::ALL.map(|side| (format!("{side:?}").to_lowercase(), side));
             let found = sides.iter().find(|(name, _)| *name == text());
             let names = || sides.each_ref().map(|(name, _)| name.as_str()).join(", ");
             let (_, side) = found.ok_or_else(|| format!("{verb} SIDE, one of: {}", names()))?;
@@ -223,9 +262,26 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             ["budget", number] => Some(Goal::Budget(above_zero(verb, number)?)),
             _ => return Err("measure takes nothing, a preset, error DE, or budget MS".to_owned()),
         })),
+        "palette" => match rest {
+            ["on" | "off"] => Command::Do(Action::Palette(switch(verb, rest)?)),
+            _ => edit(Edit::Design(design(rest)?)),
+        },
+        "spectrum" => {
+            const USE: &str = "spectrum material NAME = STANDARD, or spectrum light NAME = STANDARD";
+            let (side, rest) = match rest {
+                ["material", rest @ ..] => (Side::Material, rest),
+                ["light", rest @ ..] => (Side::Light, rest),
+                _ => return Err(USE.to_owned()),
+            };
+            let text = rest.join(" ");
+            let (name, standard) = text.split_once('=').ok_or(USE)?;
+            Command::Spectrum(side, name.trim().to_owned(), standard.trim().to_owned())
+        }
+        "solve" => Command::Do(Action::Solve),
         "cancel" => Command::Do(Action::GiveUp),
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),
+        "restart" => Command::Do(Action::Restart),
         "open" => Command::Do(Action::Open(file()?)),
         "window" => Command::Do(Action::SaveWindow(file()?)),
         "picture" => Command::Do(Action::SavePicture(file()?)),
@@ -251,6 +307,37 @@ fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T;
     let numbers: Option<Vec<T>> = words.iter().map(|word| word.parse().ok()).collect();
     let wanted = if N == 1 { "a number".to_owned() } else { format!("{N} numbers") };
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} takes {wanted}"))
+}
+
+/// A step of `palette`.
+fn design(words: &[&str]) -> Result<Step, String> {
+    const USE: &str = "palette on, off, offer, target ROW COLUMN COLOUR, weight ROW COLUMN NUMBER, open SIDE INDEX, \
+                       given SIDE INDEX or bounds SIDE INDEX LOW HIGH; SIDE is material or light";
+    let side = |word: &str| match word {
+        "material" => Ok(Side::Material),
+        "light" => Ok(Side::Light),
+        _ => Err(USE.to_owned()),
+    };
+    let index = |word: &&str| word.parse::<usize>().map_err(|_| USE.to_owned());
+    Ok(match words {
+        ["offer"] => Step::Offer,
+        ["target", row, column, colour @ ..] => {
+            let target = match colour {
+                ["free"] => None,
+                ["black"] => Some(Target::Black),
+                ["as", row, column] => Some(Target::Like { material: index(row)?, light: index(column)? }),
+                [code] => Some(Target::Srgb(srgb_code(code).map_err(|error| error.to_string())?)),
+                _ => return Err(USE.to_owned()),
+            };
+            Step::Target(index(row)?, index(column)?, target)
+        }
+        ["weight", row, column, number] => {
+            Step::Weight(index(row)?, index(column)?, numbers::<f64, 1>("palette weight", &[number])?[0])
+        }
+        [how @ ("open" | "given"), of, at] => Step::Open(side(of)?, index(at)?, *how == "open"),
+        ["bounds", of, at, low, high] => Step::Bounds(side(of)?, index(at)?, numbers("palette bounds", &[low, high])?),
+        _ => return Err(USE.to_owned()),
+    })
 }
 
 fn above_zero(verb: &str, word: &str) -> Result<f64, String> {
@@ -291,6 +378,8 @@ impl About {
             Self::NodePlace(place) => Edit::NodePlace(node()?, place),
             Self::NodeOn(on) => Edit::NodeOn(node()?, on),
             Self::Situation => Edit::Situation(situation()?),
+            Self::Rename(new) => Edit::Rename(situation()?, new),
+            Self::Forget => Edit::Forget(situation()?),
             Self::AddInterval([from, to, ramp, opacity]) => {
                 let interval = Interval { material: material()?, range: [from, to], ramp, opacity, absorption: 0.0 };
                 Edit::AddInterval(interval)

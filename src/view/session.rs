@@ -8,10 +8,12 @@ use std::path::{Path, PathBuf, absolute};
 use glam::DVec2;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlError, Value, value};
 
+use super::design;
 use super::load::Source;
 use super::state::State;
 use crate::output::{OutputError, write_atomically};
 use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
+use crate::spectrum::Spectrum;
 use crate::volume::ByteOrder;
 
 /// Why a session cannot be saved.
@@ -91,11 +93,29 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         transfer(table(&mut document, "transfer")?, scene)?;
     }
     labels(&mut document, scene, opened)?;
+    spectra(&mut document, scene, opened)?;
+    if let Some(palette) = state.palette.as_ref().filter(|_| state.palette != design::stated(opened)) {
+        let text: DocumentMut = design::text(scene, palette).parse().map_err(unreadable)?;
+        document.insert("palette", Item::Table(without_places(text.as_table())));
+    }
     accuracy(&mut document, &scene.accuracy, &opened.accuracy)?;
     if scene.display != opened.display {
         let display = table(&mut document, "display")?;
         display.insert("exposure", value(scene.display.exposure));
         display.insert("adapt", value(scene.display.adapt));
+        match scene.display.deficiency {
+            Some(deficiency) => display.insert("deficiency", value(deficiency.to_string())),
+            None => display.remove("deficiency"),
+        };
+    }
+    if scene.crop != opened.crop {
+        document.remove("crop");
+        if let Some([min, max]) = scene.crop {
+            let mut crop = Table::new();
+            crop.insert("min", value(numbers(min.to_array())));
+            crop.insert("max", value(numbers(max.to_array())));
+            document.insert("crop", Item::Table(crop));
+        }
     }
     if scene.dial != opened.dial {
         dial(table(&mut document, "dial")?, &scene.dial);
@@ -203,6 +223,46 @@ fn camera(camera: &Camera) -> Table {
     }
     table.insert("up", value(numbers(camera.up.to_array())));
     table
+}
+
+/// A table that stands where it is put, and not where it stood in its own text.
+fn without_places(table: &Table) -> Table {
+    let mut copy = Table::new();
+    for (key, item) in table {
+        let item = item.as_table().map_or_else(|| item.clone(), |inner| Item::Table(without_places(inner)));
+        copy.insert(key, item);
+    }
+    copy
+}
+
+/// Spectra that are others now, in samples. What the scene says itself holds whatever its palette designs.
+fn spectra(document: &mut DocumentMut, now: &Scene, then: &Scene) -> Result<(), SessionError> {
+    let samples = |spectrum: &Spectrum| {
+        let mut table = InlineTable::new();
+        table.insert("samples", numbers(*spectrum.samples()).into());
+        value(table)
+    };
+    let mut set = |list: &'static str, name: &str, key: &str, spectrum: &Spectrum| -> Result<(), SessionError> {
+        let members = table(document, list)?;
+        if members.get(name).is_none() {
+            members.insert(name, Item::Table(Table::new()));
+        }
+        let member =
+            members.get_mut(name).and_then(Item::as_table_like_mut).ok_or(SessionError::NoTable { name: list })?;
+        member.insert(key, samples(spectrum));
+        Ok(())
+    };
+    for (new, old) in now.materials.iter().zip(&then.materials).filter(|(new, old)| new.reflectance != old.reflectance)
+    {
+        set("materials", &old.name, "reflectance", new.reflectance.spectrum())?;
+    }
+    for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.spectrum != old.spectrum) {
+        set("lights", &old.name, "spectrum", new.spectrum.spectrum())?;
+    }
+    if let Some(background) = now.background.as_ref().filter(|_| now.background != then.background) {
+        document.insert("background", samples(background.spectrum()));
+    }
+    Ok(())
 }
 
 /// What a choice of settings changes.

@@ -1,12 +1,17 @@
 //! What is looked at and how: the scene, how its lights are mixed, and what of it can be undone. No GPU, no window.
 
 use std::mem::Discriminant;
+use std::sync::Arc;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::camera::{self, Move};
+use super::design::{self, Spectra, Step};
 use crate::model::LARGEST_DIMENSION;
-use crate::scene::{Accuracy, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Slider};
+use crate::number::count;
+use crate::palette::Palette;
+use crate::scene::{Accuracy, Dial, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along};
+use crate::spectrum::deficiency::Deficiency;
 use crate::volume::Statistics;
 
 /// Steps that can be undone.
@@ -19,6 +24,8 @@ pub struct State {
     pub scene: Scene,
     /// How its lights are mixed.
     pub light: LightState,
+    /// What is asked of spectra that are designed together, where something is.
+    pub palette: Option<Arc<Palette>>,
 }
 
 /// A change of the [`State`]. Numbers out of range are brought into it.
@@ -49,10 +56,26 @@ pub enum Edit {
     ResetDial,
     /// A situation of the dial, by its index.
     Situation(usize),
+    /// The place of the hand and the nodes that are off, from now on a situation of this name; one that has it gives way.
+    Keep(String),
+    /// Another name for a situation, by its index; one that is taken is not given.
+    Rename(usize, String),
+    /// A situation that is left out from now on, by its index.
+    Forget(usize),
+    /// So many of so many steps on the way of the hand from each situation to the next.
+    Tour(usize, usize),
     /// What linear colours are multiplied by.
     Exposure(f64),
     /// Whether the eye adapts to the white of the lights.
     Adapt(bool),
+    /// Whose eyes it is a preview for.
+    Deficiency(Option<Deficiency>),
+    /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner.
+    Crop(Option<[DVec3; 2]>),
+    /// The part of the volume that the scene shows.
+    ResetCrop,
+    /// All intervals anew, in place of every term.
+    Intervals(Vec<Interval>),
     /// A movement of the camera, before a picture of this width over height.
     Camera(Move, f64),
     /// An interval of the transfer function, by the index of its term. What no scene may say is not done.
@@ -67,6 +90,10 @@ pub enum Edit {
     ResetTransfer,
     /// The trade of speed for accuracy.
     Accuracy(Accuracy),
+    /// A step in what is asked of a palette. The picture stays as it is.
+    Design(Step),
+    /// Other spectra. Where pixels keep weights of materials, nothing is marched; a colour model is fitted anew.
+    Spectra(Arc<Spectra>),
 }
 
 /// What has to be done again after an edit.
@@ -103,16 +130,34 @@ impl Edit {
             | Self::NodeOn(..)
             | Self::ResetDial
             | Self::Situation(_)
+            | Self::Keep(_)
+            | Self::Rename(..)
+            | Self::Forget(_)
+            | Self::Tour(..)
             | Self::Exposure(_)
-            | Self::Adapt(_) => Cost::Relight,
+            | Self::Adapt(_)
+            | Self::Deficiency(_)
+            | Self::Design(_) => Cost::Relight,
             Self::Camera(..)
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
+            | Self::Intervals(_)
+            | Self::Crop(_)
+            | Self::ResetCrop
             | Self::Label(..)
             | Self::ResetTransfer
-            | Self::Accuracy(_) => Cost::March,
+            | Self::Accuracy(_)
+            | Self::Spectra(_) => Cost::March,
         }
+    }
+}
+
+/// The nodes that take part in a situation, by its index: those of the scene as it was opened, but for what it has off.
+fn take_part(dial: &mut Dial, opened: &Scene, index: usize) {
+    let Some(situation) = dial.situations.get(index) else { return };
+    for (node, stated) in dial.nodes.iter_mut().zip(&opened.dial.nodes) {
+        node.on = stated.on && !situation.off.contains(&node.light);
     }
 }
 
@@ -149,12 +194,34 @@ fn finite(place: DVec2) -> DVec2 {
     if place.is_finite() { place.clamp(DVec2::splat(-1e6), DVec2::splat(1e6)) } else { DVec2::ZERO }
 }
 
+/// Least part of an axis that a crop shows.
+const THINNEST: f64 = 1e-3;
+
+/// The voxel indices, corner to corner, of these parts of a volume of so many voxels.
+fn crop_from_parts([low, high]: [DVec3; 2], dims: [usize; 3]) -> [DVec3; 2] {
+    let last = DVec3::from_array(dims.map(count)) - 1.0;
+    let part = |part: f64| if part.is_nan() { 0.0 } else { part.clamp(0.0, 1.0) };
+    let [low, high] = [low, high].map(|corner| DVec3::from_array(corner.to_array().map(part)));
+    let (low, high) = (low.min(high).min(DVec3::splat(1.0 - THINNEST)), low.max(high));
+    [low * last, high.max(low + THINNEST).min(DVec3::ONE) * last]
+}
+
 impl State {
+    /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner; `None` is all of it.
+    #[must_use]
+    pub fn crop(&self) -> Option<[DVec3; 2]> {
+        let last = DVec3::from_array(self.scene.volume.geometry.dims.map(count)) - 1.0;
+        // On an axis of one voxel there is no more to show.
+        let part =
+            |corner: DVec3, of_one: f64| DVec3::select(last.cmpgt(DVec3::ZERO), corner / last, DVec3::splat(of_one));
+        self.scene.crop.map(|[low, high]| [part(low, 0.0), part(high, 1.0)])
+    }
+
     /// The state in which `scene` opens: the picture that `relume render` makes of it.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
-        let light = scene.light.clone();
-        Self { scene, light }
+        let (light, palette) = (scene.light.clone(), design::stated(&scene));
+        Self { scene, light, palette }
     }
 
     /// The lights that shine now, from the positions of the scene.
@@ -196,10 +263,15 @@ impl State {
         let (now, then) = (&self.scene, &before.scene);
         let other_labels = declared(now) != declared(then);
         let other_rays = now.camera != then.camera || now.crop != then.crop || now.accuracy != then.accuracy;
-        if other_rays || now.transfer != then.transfer || other_labels {
+        // What spectra cost is found out by the engine, which knows what pixels keep.
+        let spectra = now.materials != then.materials || now.lights != then.lights || now.background != then.background;
+        if other_rays || now.transfer != then.transfer || other_labels || spectra {
             return Some(Cost::March);
         }
-        let alike = self.light == before.light && now.dial == then.dial && now.display == then.display;
+        let alike = self.palette == before.palette
+            && self.light == before.light
+            && now.dial == then.dial
+            && now.display == then.display;
         (!alike).then_some(Cost::Relight)
     }
 
@@ -259,13 +331,46 @@ impl State {
             }
             Edit::ResetDial => scene.dial.nodes.clone_from(&opened.dial.nodes),
             Edit::Situation(index) => {
-                if let Some(situation) = scene.dial.situations.get(index) {
-                    let hand = situation.hand;
-                    for (node, stated) in scene.dial.nodes.iter_mut().zip(&opened.dial.nodes) {
-                        node.on = stated.on && !situation.off.contains(&node.light);
-                    }
+                if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
+                    take_part(&mut scene.dial, opened, index);
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
                 }
+            }
+            Edit::Keep(ref name) => {
+                let off = scene.dial.nodes.iter().filter(|node| !node.on).map(|node| node.light.clone()).collect();
+                let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off };
+                match scene.dial.situations.iter_mut().find(|situation| situation.name == *name) {
+                    Some(situation) => *situation = kept(std::mem::take(&mut situation.caption)),
+                    None if name.is_empty() => {}
+                    None => scene.dial.situations.push(kept(String::new())),
+                }
+            }
+            Edit::Rename(index, ref name) => {
+                let is_free = !name.is_empty() && scene.dial.situations.iter().all(|one| one.name != *name);
+                if let Some(situation) = scene.dial.situations.get_mut(index).filter(|_| is_free) {
+                    situation.name.clone_from(name);
+                }
+            }
+            Edit::Forget(index) => {
+                if index < scene.dial.situations.len() {
+                    scene.dial.situations.remove(index);
+                }
+            }
+            Edit::Tour(step, of) => {
+                let stops: Vec<DVec2> = scene.dial.situations.iter().map(|situation| situation.hand).collect();
+                if let Some((at, hand)) = along(&stops, step, of) {
+                    take_part(&mut scene.dial, opened, at);
+                    (light.mixing, light.hand) = (Mixing::Dial, hand);
+                }
+            }
+            Edit::Deficiency(deficiency) => scene.display.deficiency = deficiency,
+            Edit::Crop(parts) => {
+                scene.crop = parts.map(|parts| crop_from_parts(parts, scene.volume.geometry.dims));
+            }
+            Edit::ResetCrop => scene.crop = opened.crop,
+            Edit::Intervals(ref intervals) => {
+                let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
+                scene.transfer.terms = allowed.map(|interval| interval.term()).collect();
             }
             Edit::Exposure(exposure) => scene.display.exposure = factor(exposure),
             Edit::Adapt(adapt) => scene.display.adapt = adapt,
@@ -305,6 +410,12 @@ impl State {
                 scene.transfer.clone_from(&opened.transfer);
                 scene.labels.clone_from(&opened.labels);
             }
+            Edit::Design(ref step) => {
+                if let Some(palette) = step.applied(scene, self.palette.as_deref()) {
+                    self.palette = Some(Arc::new(palette));
+                }
+            }
+            Edit::Spectra(ref spectra) => spectra.put_into(scene),
             Edit::Accuracy(ref accuracy) => {
                 let voxel = scene.volume.geometry.spacing.min_element();
                 scene.accuracy = allowed(accuracy, voxel);
@@ -312,7 +423,11 @@ impl State {
         }
         light.situation = match *edit {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
-            _ if edit.cost() == Cost::March || matches!(edit, Edit::Exposure(_) | Edit::Adapt(_)) => light.situation,
+            Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
+            Edit::Exposure(_) | Edit::Adapt(_) | Edit::Deficiency(_) | Edit::Rename(..) | Edit::Design(_) => {
+                light.situation
+            }
+            _ if edit.cost() == Cost::March => light.situation,
             _ => None,
         };
     }
@@ -385,6 +500,14 @@ impl Document {
         }
         self.future.clear();
         Some(cost)
+    }
+
+    /// How it would be after `edit`, which is not made.
+    #[must_use]
+    pub fn preview(&self, edit: &Edit) -> State {
+        let mut state = self.now.clone();
+        state.apply(edit, &self.opened);
+        state
     }
 
     /// The hand has let go: the next edit is a step back of its own.

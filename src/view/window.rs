@@ -11,29 +11,36 @@ use winit::dpi::PhysicalSize;
 use winit::error::{EventLoopError, OsError};
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
-use winit::window::{Window, WindowId};
+use winit::window::WindowId;
 
 use super::action::Action;
+use super::design::Spectra;
 use super::effort::{self, Curve, Measured};
 use super::engine::{Counts, Engine, EngineError};
 use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
-use super::prober::Prober;
+use super::prober::{Prober, StepError};
+use super::screen::Screen;
 use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
-use super::ui::{self, Effort, Shown, Status};
+use super::tour::Tour;
+use super::ui::{self, Design, Effort, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
-use crate::output::{OutputError, Picture, write_exr, write_ready_png};
+use crate::output::{OutputError, Picture, numbered, write_exr, write_ready_png};
+use crate::palette::{self, PaletteError, Solution};
+use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::scene::Interval;
-use crate::vulkan::{Device, DeviceChoice, Frame, Surface, Validation, VulkanError};
+use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 
 /// How long after its last movement a hand rests.
 const REST: Duration = Duration::from_millis(150);
 /// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
 const PATIENCE: u32 = 120;
+/// How often the device may be lost before a picture is there, until the window is given up.
+const MOST_LOSSES: u32 = 4;
 /// Least time between two pieces of news of what is measured.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
 /// Notices that are kept.
@@ -56,6 +63,8 @@ pub struct Options {
     pub frames: Option<u32>,
     /// Ends after what is recorded here.
     pub script: Option<Script>,
+    /// Ends the program when its display goes away, where the system leaves no other way.
+    pub display_gone: Option<fn() -> !>,
 }
 
 /// What a session was like.
@@ -76,6 +85,8 @@ pub struct Report {
     pub choices: Vec<Choice>,
     /// What was measured of settings, at the end.
     pub curve: Vec<Measured>,
+    /// The largest ΔE00 of a cell of each palette that was solved, from what was asked.
+    pub solved: Vec<f64>,
     /// What `probe` of the script has found.
     pub probes: Vec<serde_json::Value>,
     /// From the start to the first picture.
@@ -88,6 +99,8 @@ pub struct Report {
     pub frame_ms: [f64; 3],
     /// The longest call into the engine.
     pub longest_step_ms: f64,
+    /// How often the device was lost, and opened again.
+    pub losses: u64,
     /// What went wrong.
     pub notices: Vec<String>,
     /// What the validation layer has said.
@@ -128,6 +141,10 @@ pub fn run(options: Options) -> Result<Report, ViewError> {
         tracing::debug!("{error}");
         ViewError::NoDisplay
     })?;
+    #[cfg(target_os = "linux")]
+    if let Some(gone) = options.display_gone {
+        crate::vulkan::when_display_is_gone(gone);
+    }
     let mut viewer = Viewer::new(options, events.create_proxy(), begun);
     events.run_app(&mut viewer).map_err(ViewError::Events)?;
     viewer.end()
@@ -140,8 +157,8 @@ enum Woken {
     Accessibility(accesskit_winit::Event),
     /// What is opened has gone on.
     Progress,
-    /// What was opened, by its number.
-    Loaded(u64, Box<Result<Loaded, LoadError>>),
+    /// What was opened, by its number; `again` where it is what was looked at already.
+    Loaded { number: u64, again: bool, loaded: Box<Result<Loaded, LoadError>> },
 }
 
 impl From<accesskit_winit::Event> for Woken {
@@ -150,14 +167,8 @@ impl From<accesskit_winit::Event> for Woken {
     }
 }
 
-/// A window and what draws in it.
-struct Screen {
-    // Before the window it draws in.
-    surface: Surface,
-    egui: egui_winit::State,
-    renderer: Arc<Renderer>,
-    window: Arc<Window>,
-}
+/// What comes of measuring: what was measured, and the setting to take, where one was asked for.
+type Measurement = Result<(Curve, Option<Choice>), ChoiceError>;
 
 /// The application.
 struct Viewer {
@@ -171,6 +182,10 @@ struct Viewer {
     /// What the document was read from.
     source: Source,
     loading: Option<Loading>,
+    /// What was being opened before, and may still be at work.
+    given_up: Vec<Loading>,
+    lost: Lost,
+    tour: Option<Tour>,
     /// How many things were opened.
     opened: u64,
     notices: Vec<String>,
@@ -182,7 +197,10 @@ struct Viewer {
     prober: Prober,
     /// What was measured, and what is being measured.
     curve: Option<Curve>,
-    measuring: Option<Job<Result<(Curve, Option<Choice>), ChoiceError>>>,
+    measuring: Option<Job<Measurement>>,
+    /// Whether the palette's editor is there, and what is being solved.
+    editing: bool,
+    solving: Option<Job<Result<Solution, PaletteError>>>,
     /// The last edit that marches.
     moved: Instant,
     /// Pictures to save once they are finest.
@@ -195,6 +213,15 @@ struct Viewer {
     /// Counts of engines that are gone.
     before: Counts,
     failed: Option<ViewError>,
+}
+
+/// What became of the device.
+#[derive(Default)]
+struct Lost {
+    /// How often it was lost since a picture was as fine as it gets.
+    times: u32,
+    /// Whether nothing is rendered until somebody asks for it.
+    stopped: bool,
 }
 
 /// How far the script is.
@@ -218,6 +245,9 @@ impl Viewer {
             document: None,
             source: Source::default(),
             loading: None,
+            given_up: Vec::new(),
+            lost: Lost::default(),
+            tour: None,
             opened: 0,
             notices: Vec::new(),
             panels: None,
@@ -226,6 +256,8 @@ impl Viewer {
             prober: Prober::default(),
             curve: None,
             measuring: None,
+            editing: false,
+            solving: None,
             moved: begun,
             to_save: Vec::new(),
             to_capture: None,
@@ -242,10 +274,9 @@ impl Viewer {
         if let Some(measuring) = self.measuring.take() {
             measuring.end();
         }
-        if let Some(loading) = self.loading.take() {
-            // The end of the program is no time to be at work on the device.
-            loading.end();
-        }
+        self.give_up();
+        // The end of the program is no time to be at work on the device.
+        self.given_up.drain(..).for_each(Loading::end);
         if let Some(failed) = self.failed.take() {
             return Err(failed);
         }
@@ -256,7 +287,7 @@ impl Viewer {
         let at = |part: f64| self.drawn.get(whole(part * count(self.drawn.len().saturating_sub(1)))).copied();
         self.report.frame_ms = [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default());
         if let Some(screen) = &self.screen {
-            self.report.validation = screen.renderer.device().validation_messages();
+            self.report.validation.extend(screen.renderer.device().validation_messages());
         }
         Ok(self.report)
     }
@@ -289,73 +320,133 @@ impl Viewer {
     }
 
     fn open_screen(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
-        let [width, height] = self.options.size.unwrap_or([1280, 800]);
         ui::style(&self.context);
-        // AccessKit has to be there before the window is seen.
-        let attributes = Window::default_attributes()
-            .with_title("Relume")
-            .with_inner_size(PhysicalSize::new(width, height))
-            .with_visible(false);
-        let window = Arc::new(events.create_window(attributes)?);
-        let scale = window.scale_factor();
-        #[expect(clippy::cast_possible_truncation, reason = "egui counts pixels of a point in f32")]
-        let scale = Some(scale as f32);
-        let theme = window.theme();
-        let mut egui = egui_winit::State::new(self.context.clone(), ViewportId::ROOT, &window, scale, theme, None);
-        egui.init_accesskit(events, &window, self.proxy.clone());
-        window.set_visible(true);
-        use winit::raw_window_handle::HasDisplayHandle;
-        let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
-        let device = Device::open_for_window(&self.options.device, self.options.validation, display.as_raw())?;
-        let surface = Surface::new(&device, Arc::clone(&window))?;
-        self.report.device.clone_from(&device.info().name);
-        self.screen = Some(Screen { surface, egui, renderer: Arc::new(Renderer::new(device)), window });
+        let screen = Screen::open(events, &self.options, &self.context, &self.proxy)?;
+        self.report.device.clone_from(&screen.renderer.device().info().name);
+        self.screen = Some(screen);
         self.open(self.options.source.clone());
         Ok(())
     }
 
     /// Opens something beside the window; what was being opened is given up.
     fn open(&mut self, source: Source) {
+        let name = source.name();
+        self.load(name, false, move |renderer, progress| source.load(renderer, progress));
+    }
+
+    /// Brings what is looked at to the device again.
+    fn restore(&mut self) {
+        self.lost.stopped = false;
+        let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
+        let (scene, statistics) = (document.state().scene.clone(), document.statistics().cloned());
+        let source = self.source.clone();
+        self.load(source.name(), true, move |renderer, progress| {
+            let statistics = statistics.map_or_else(|| scene.volume.statistics(), Ok)?;
+            Loaded::prepare(renderer, scene, statistics, source, progress)
+        });
+    }
+
+    /// Begins to `load` on a thread what is called `name`, a thing that is looked at already or another one.
+    fn load(
+        &mut self,
+        name: String,
+        again: bool,
+        load: impl FnOnce(Arc<Renderer>, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
+    ) {
         let Some(screen) = &self.screen else { return };
         self.opened += 1;
         let (number, proxy) = (self.opened, self.proxy.clone());
         let loaded = {
             let proxy = proxy.clone();
             // A window that is gone needs no news.
-            move |loaded| drop(proxy.send_event(Woken::Loaded(number, Box::new(loaded))))
+            move |loaded| drop(proxy.send_event(Woken::Loaded { number, again, loaded: Box::new(loaded) }))
         };
         let progressed = move || drop(proxy.send_event(Woken::Progress));
-        self.loading = Some(Loading::start(source, Arc::clone(&screen.renderer), progressed, loaded));
+        let renderer = Arc::clone(&screen.renderer);
+        self.give_up();
+        self.loading = Some(Loading::start(name, move |progress| load(renderer, progress), progressed, loaded));
     }
 
-    fn loaded(&mut self, loaded: Result<Loaded, LoadError>) {
-        self.loading = None;
-        match loaded {
-            Err(error) => self.tell(&error),
-            Ok(loaded) => {
-                self.before = self.counts();
-                let mut document = Document::new(loaded.scene.clone());
-                if loaded.source.bare_volume().is_some() {
-                    // Its lights are there to choose from, and not meant together.
-                    document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
-                }
-                document = document.with_statistics(loaded.statistics.clone());
-                self.prober.look(None);
-                (self.curve, self.measuring) = (None, None);
-                self.source = loaded.source.clone();
-                let mut engine = Engine::new(loaded);
-                engine.light(document.state());
-                self.engine = Some(engine);
-                self.document = Some(document);
-                // The next frame looks: only there is the size of the picture known.
-                self.place = Rect::ZERO;
-            }
+    /// Gives up what is being opened.
+    fn give_up(&mut self) {
+        self.given_up.retain(|loading| !loading.is_over());
+        if let Some(loading) = self.loading.take() {
+            loading.give_up();
+            self.given_up.push(loading);
         }
+    }
+
+    fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
+        self.loading = None;
+        let loaded = match loaded {
+            Ok(loaded) => loaded,
+            // The next frame notices it too, and starts again.
+            Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
+            Err(error) => return self.tell(&error),
+        };
+        self.before = self.counts();
+        if !again {
+            let mut document = Document::new(loaded.scene.clone());
+            if loaded.source.bare_volume().is_some() {
+                // Its lights are there to choose from, and not meant together.
+                document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
+            }
+            self.document = Some(document.with_statistics(loaded.statistics.clone()));
+            self.source = loaded.source.clone();
+            self.curve = None;
+        }
+        (self.measuring, self.solving) = (None, None);
+        // Pictures are counted anew.
+        let looked_at = self.prober.place().filter(|_| again);
+        self.prober.look(None);
+        self.prober.look(looked_at);
+        let mut engine = Engine::new(loaded);
+        if let Some(document) = &self.document {
+            engine.light(document.state());
+        }
+        self.engine = Some(engine);
+        // The next frame looks: only there is the size of the picture known.
+        self.place = Rect::ZERO;
+    }
+
+    /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a
+    /// picture waits for somebody to say so: it may be the scene that does it.
+    fn recover(&mut self, error: VulkanError) -> Result<(), ViewError> {
+        let Some(screen) = self.screen.take() else { return Ok(()) };
+        self.lost.times += 1;
+        if self.lost.times > MOST_LOSSES {
+            return Err(error.into());
+        }
+        tracing::debug!("{error}");
+        self.report.losses += 1;
+        self.report.validation.extend(screen.renderer.device().validation_messages());
+        self.before = self.counts();
+        (self.engine, self.measuring) = (None, None);
+        self.textures.clear();
+        let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
+        self.give_up();
+        let screen = screen.renewed(&self.options)?;
+        screen.window.request_redraw();
+        self.screen = Some(screen);
+        if let Some(name) = was_opening.filter(|_| self.document.is_some()) {
+            self.note(format!("{name} was not opened: the device was lost, and started again."));
+        } else {
+            self.note("The device was lost, and started again.".to_owned());
+        }
+        if self.lost.times == 1 {
+            self.restore();
+        } else {
+            self.lost.stopped = true;
+        }
+        Ok(())
     }
 
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
+                if edit.cost() == Cost::Relight && matches!(self.tour, Some(Tour::Playing { .. })) {
+                    self.tour = None;
+                }
                 let cost = self.document.as_mut().and_then(|document| document.edit(&edit));
                 self.show_again(cost);
             }
@@ -371,10 +462,18 @@ impl Viewer {
             Action::SavePicture(path) => self.to_save.push(path),
             Action::SaveSession(path) => self.save_session(&path),
             Action::SaveWindow(path) => self.to_capture = Some(path),
+            Action::Restart => {
+                self.lost.times = 1;
+                self.restore();
+            }
+            Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
+            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path, frames)),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
-            Action::GiveUp => self.measuring = None,
+            Action::Palette(shown) => self.editing = shown,
+            Action::Solve => self.solve(),
+            Action::GiveUp => (self.measuring, self.solving) = (None, None),
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
                     self.notices.remove(index);
@@ -401,8 +500,16 @@ impl Viewer {
         [left, top, edge(high.x).saturating_sub(left), edge(high.y).saturating_sub(top)]
     }
 
-    /// One frame. Says when the next one is due: at once, later, or when something happens.
+    /// One frame; a device that is lost in it is opened anew.
     fn frame(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        match self.draw(events) {
+            Err(ViewError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => self.recover(lost),
+            drawn => drawn,
+        }
+    }
+
+    /// One frame. Says when the next one is due: at once, later, or when something happens.
+    fn draw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
         let begun = Instant::now();
         if let Some(screen) = &mut self.screen {
             screen.surface.wait()?;
@@ -428,6 +535,8 @@ impl Viewer {
                 .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
+        let solving = self.solving.as_ref().map(Job::progress);
+        let solving = solving.as_ref().map(|(part, stage)| (*part, stage.as_str()));
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
         let aspect = self.place.width() / self.place.height().max(1.0);
         let shown = Shown {
@@ -435,8 +544,11 @@ impl Viewer {
             status: &status,
             loading,
             notices: &self.notices,
+            stopped: self.lost.stopped,
+            plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
             effort,
+            design: Design { shown: self.editing, running: solving },
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
@@ -447,19 +559,21 @@ impl Viewer {
 
         let background = if self.context.theme() == egui::Theme::Dark { [0.0; 3] } else { [0.15; 3] };
         asked.into_iter().for_each(|action| self.ask(action));
-        if !self.context.input(|input| input.pointer.any_down()) {
+        let plays = self.go_on_tour();
+        if !plays && !self.context.input(|input| input.pointer.any_down()) {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step() | self.probe() | self.measured();
+        let stepped = self.step()? | self.probe()? | self.measured() | self.solved() | self.tour.is_some();
         self.save_pictures();
+        self.save_tour();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
         let capture = self.to_capture.take();
         let place = self.pixels(output.pixels_per_point);
         let picture = self.engine.as_ref().and_then(Engine::picture).map(|picture| (picture, place));
         let Some(screen) = &mut self.screen else { return Ok(()) };
-        let captured = screen.surface.show(Frame {
+        let shown = screen.surface.show(Frame {
             size: [size.width, size.height],
             background,
             picture,
@@ -467,7 +581,16 @@ impl Viewer {
             panels: &panels,
             pixels_per_point: output.pixels_per_point,
             capture: capture.is_some(),
-        })?;
+        });
+        let captured = match shown {
+            Ok(captured) => captured,
+            Err(error @ VulkanError::OutOfMemory { .. }) if capture.is_some() => {
+                self.tell(&error);
+                self.next(events, Duration::ZERO, stepped);
+                return Ok(());
+            }
+            Err(error) => return Err(error.into()),
+        };
         match (captured, capture) {
             (Some(pixels), Some(path)) => {
                 let size = [size.width as usize, size.height as usize];
@@ -501,9 +624,9 @@ impl Viewer {
     }
 
     /// Goes on with the picture. Says whether there is more to do.
-    fn step(&mut self) -> bool {
+    fn step(&mut self) -> Result<bool, VulkanError> {
         let rests = self.hand_rests();
-        let Some(engine) = &mut self.engine else { return false };
+        let Some(engine) = &mut self.engine else { return Ok(false) };
         let begun = Instant::now();
         let before = engine.latency();
         let stepped = engine.step(rests);
@@ -517,27 +640,27 @@ impl Viewer {
         }
         if let (None, Some(finest)) = (before.finest, after.finest) {
             self.report.finest_ms.push(1000.0 * finest.as_secs_f64());
+            self.lost.times = 0;
         }
         match stepped {
             Ok(_) => {}
-            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => {
-                self.failed = Some(lost.into());
-            }
+            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => return Err(lost),
             Err(error) => self.tell(&error),
         }
-        more
+        Ok(more)
     }
 
     /// Goes on with the pixel that is looked at. Says whether there is something new to show.
-    fn probe(&mut self) -> bool {
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return false };
+    fn probe(&mut self) -> Result<bool, VulkanError> {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return Ok(false) };
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
         match self.prober.step(engine, document.state(), wake) {
-            Ok(new) => new,
+            Ok(new) => Ok(new),
+            Err(StepError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
             Err(error) => {
                 self.tell(&error);
-                false
+                Ok(false)
             }
         }
     }
@@ -588,6 +711,42 @@ impl Viewer {
         true
     }
 
+    /// Finds the open spectra of the palette; what was being solved is given up.
+    fn solve(&mut self) {
+        let palette = self.document.as_ref().and_then(|document| document.state().palette.clone());
+        let Some(palette) = palette else {
+            self.note("There is no palette to solve: offer one for the materials first.".to_owned());
+            return;
+        };
+        let proxy = self.proxy.clone();
+        let wake = move || drop(proxy.send_event(Woken::Progress));
+        self.solving = Some(Job::start(wake, move |progress| palette::solve(&palette, progress)));
+    }
+
+    /// Takes what was solved, once it is. Says whether there is something new to show.
+    fn solved(&mut self) -> bool {
+        let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
+        self.solving = None;
+        match (solved, &self.document) {
+            (Err(PaletteError::Cancelled), _) | (_, None) => {}
+            (Err(error), _) => self.tell(&error),
+            (Ok(solution), Some(document)) => {
+                let spectra = Spectra::of(&document.state().scene, &solution);
+                self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
+                self.report.solved.push(solution.worst());
+                if let Some(conflict) = solution.conflicts.first() {
+                    let ways = conflict.ways_out.iter().map(|way| format!(" {way}.")).collect::<String>();
+                    let more = match solution.conflicts.len() - 1 {
+                        0 => String::new(),
+                        more => format!(" So it is with {more} more sets of cells."),
+                    };
+                    self.note(format!("{}.{ways}{more}", conflict.reason.trim_end_matches('.')));
+                }
+            }
+        }
+        true
+    }
+
     fn save_session(&mut self, path: &Path) {
         let Some(document) = &self.document else {
             self.note("There is no session to save: nothing is open.".to_owned());
@@ -623,6 +782,48 @@ impl Viewer {
         }
     }
 
+    /// Shows where a tour is now. Says whether one is played: all of it is one step back.
+    fn go_on_tour(&mut self) -> bool {
+        let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
+        let edit = tour.edit();
+        let plays = matches!(tour, Tour::Playing { .. });
+        if plays {
+            let cost = document.edit(&edit);
+            if matches!(edit, Edit::Tour(step, of) if step >= of) {
+                self.tour = None;
+            }
+            self.show_again(cost);
+        } else if let Some(engine) = &mut self.engine {
+            engine.light(&document.preview(&edit));
+        }
+        plays
+    }
+
+    /// Saves the picture of a tour that is there, and shows what was there before once all are saved.
+    fn save_tour(&mut self) {
+        let Some(Tour::Saving { frames, saved, .. }) = &mut self.tour else { return };
+        let Some(engine) = self.engine.as_ref().filter(|engine| engine.is_finest()) else { return };
+        *saved += 1;
+        let (last, saved) = (saved == frames, *saved);
+        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
+        let path = match &self.tour {
+            Some(Tour::Saving { path, .. }) => numbered(path, saved),
+            _ => return,
+        };
+        let failed = save_picture(&path, engine, size).err();
+        if last || failed.is_some() {
+            self.tour = None;
+            if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
+                engine.light(document.state());
+            }
+            match failed {
+                Some(error) => self.tell(&*error),
+                None if self.is_scripted() => {}
+                None => self.note(format!("The pictures of the tour are there, the last of them {}.", path.display())),
+            }
+        }
+    }
+
     fn status(&self) -> Status {
         let engine = self.engine.as_ref();
         Status {
@@ -650,7 +851,11 @@ impl Viewer {
         let Some(screen) = &self.screen else { return };
         let refines = !self.hand_rests() && self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
         let waits = if refines { again.min(REST) } else { again };
-        if more || waits.is_zero() || self.is_scripted() || self.to_capture.is_some() {
+        // Frames would take time of what is measured, and a script has nothing to do before that.
+        let waits =
+            if self.measuring.is_some() { waits.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { waits };
+        let driven = self.is_scripted() && self.measuring.is_none();
+        if more || waits.is_zero() || driven || self.to_capture.is_some() {
             screen.window.request_redraw();
         } else if let Some(due) = Instant::now().checked_add(waits).filter(|_| waits < Duration::from_secs(3600)) {
             events.set_control_flow(ControlFlow::WaitUntil(due));
@@ -662,8 +867,18 @@ impl Viewer {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
         // The first frame after something was opened has not yet looked at it.
         let looked = self.document.is_none() || self.place != Rect::ZERO;
-        let measured = self.measuring.is_none();
-        self.loading.is_none() && finest && looked && measured && self.to_save.is_empty() && self.to_capture.is_none()
+        self.loading.is_none()
+            && finest
+            && looked
+            && self.tour.is_none()
+            && self.measuring.is_none()
+            && self.solving.is_none()
+            && !self.is_saving()
+    }
+
+    /// Whether pictures are still to be saved of what was asked for.
+    fn is_saving(&self) -> bool {
+        !self.to_save.is_empty() || self.to_capture.is_some() || matches!(self.tour, Some(Tour::Saving { .. }))
     }
 
     /// The next command of the script; what a hand does is answered.
@@ -675,7 +890,7 @@ impl Viewer {
         }
         let at = self.script.next;
         let Some(command) = script.command(at).cloned() else {
-            if self.to_save.is_empty() && self.to_capture.is_none() {
+            if !self.is_saving() {
                 events.exit();
             }
             return Ok(Vec::new());
@@ -683,7 +898,7 @@ impl Viewer {
         let inputs = match command {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             // What is saved is what was asked for before, and not after.
-            _ if !self.to_save.is_empty() || self.to_capture.is_some() => return Ok(Vec::new()),
+            _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
                 self.report.settled.push(self.counts());
                 Vec::new()
@@ -711,6 +926,15 @@ impl Viewer {
                 };
                 let stated = stated.map_err(|message| script.wrong(at, message))?;
                 self.ask(Action::Edit(Edit::Interval(index, Interval { range: [from, to], ramp, opacity, ..stated })));
+                Vec::new()
+            }
+            Command::Spectrum(side, name, standard) => {
+                let spectra = match &self.document {
+                    None => Err("nothing is open".to_owned()),
+                    Some(document) => Spectra::standard(&document.state().scene, side, &name, &standard),
+                };
+                let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
+                self.ask(Action::Edit(Edit::Spectra(spectra)));
                 Vec::new()
             }
             Command::Camera(step) => {
@@ -819,9 +1043,9 @@ impl ApplicationHandler<Woken> for Viewer {
                 }
             }
             Woken::Progress => {}
-            Woken::Loaded(number, loaded) if number == self.opened => self.loaded(*loaded),
+            Woken::Loaded { number, again, loaded } if number == self.opened => self.loaded(*loaded, again),
             // Something else was opened since.
-            Woken::Loaded(..) => {}
+            Woken::Loaded { .. } => {}
         }
         if let Some(screen) = &self.screen {
             screen.window.request_redraw();

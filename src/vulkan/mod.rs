@@ -6,6 +6,8 @@
 
 mod buffer;
 mod device;
+#[cfg(all(feature = "window", target_os = "linux"))]
+mod display;
 mod error;
 mod format;
 mod handle;
@@ -27,6 +29,8 @@ mod swapchain;
 
 pub use buffer::{Buffer, HostUse};
 pub use device::Device;
+#[cfg(all(feature = "window", target_os = "linux"))]
+pub use display::when_display_is_gone;
 pub use error::VulkanError;
 pub use format::Format;
 pub use image::{Image3d, StorageImage};

@@ -123,6 +123,7 @@ impl Recorder {
         // SAFETY: recording; all that the shader uses is bound, the groups are within limits, buffers are bounded by
         // robustBufferAccess, and images ignore writes outside.
         unsafe { functions.cmd_dispatch(commands, x, y, z) };
+        self.device().count_dispatch();
         self.used.buffers.extend_from_slice(set.buffers());
         self.used.others.push(pipeline.keep());
         self.used.others.push(set.keep());

@@ -134,18 +134,19 @@ impl Surface {
             self.stale = false;
         }
         let Some(swapchain) = &self.swapchain else { return Ok(None) };
-        let Some((index, fits)) = swapchain.acquire(self.acquired.raw())? else {
-            self.stale = true;
-            return Ok(None);
-        };
-        self.stale = !fits;
         let extent = swapchain.extent;
+        // Before an image is waited for, so that where this fails the next frame can be shown.
         let capture = if frame.capture {
             let bytes = 4 * u64::from(extent.width) * u64::from(extent.height);
             Some(Buffer::host(&self.device, "screenshot", bytes, HostUse::ReadBack)?)
         } else {
             None
         };
+        let Some((index, fits)) = swapchain.acquire(self.acquired.raw())? else {
+            self.stale = true;
+            return Ok(None);
+        };
+        self.stale = !fits;
         self.record(&frame, index, capture.as_ref())?;
         self.picture = frame.picture.map(|(picture, _)| picture.clone());
         self.submit(index)?;

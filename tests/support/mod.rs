@@ -8,4 +8,5 @@ pub mod golden;
 pub mod program;
 pub mod rungs;
 pub mod scenes;
+pub mod screen;
 pub mod tolerance;

@@ -3,6 +3,7 @@
 use egui::{Slider, Ui};
 
 use super::controls::panel;
+use crate::spectrum::deficiency::Deficiency;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
 
@@ -25,5 +26,27 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
+        ui.horizontal_wrapped(|ui| {
+            ui.label("Seen by");
+            let now = display.deficiency;
+            let mut seen = |ui: &mut Ui, by: Option<Deficiency>, name: &str, help: &str| {
+                if ui.selectable_label(now == by, name).on_hover_text(help).clicked() {
+                    asked.push(Action::Edit(Edit::Deficiency(by)));
+                }
+            };
+            seen(ui, None, "all cones", "As most people see it.");
+            for by in Deficiency::ALL {
+                let (name, help) = match by {
+                    Deficiency::Protan => ("protan", "As somebody sees it without cones for long waves: red is dark."),
+                    Deficiency::Deutan => {
+                        ("deutan", "As somebody sees it without cones for middle waves: red and green meet.")
+                    }
+                    Deficiency::Tritan => {
+                        ("tritan", "As somebody sees it without cones for short waves: blue and green meet.")
+                    }
+                };
+                seen(ui, Some(by), name, help);
+            }
+        });
     });
 }

@@ -2,12 +2,16 @@
 
 mod accuracy;
 mod controls;
+mod crop;
 mod dial;
 mod display;
 mod lights;
 mod notices;
+mod palette;
 mod picture;
 mod probe;
+mod situations;
+mod spectra;
 mod spectrum;
 mod status;
 mod toolbar;
@@ -18,6 +22,7 @@ use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
 pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
+pub use palette::Design;
 pub use status::Status;
 
 use glam::DVec2;
@@ -42,12 +47,18 @@ pub struct Shown<'a> {
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
     /// What went wrong, the newest last.
     pub notices: &'a [String],
+    /// Whether the device was lost, and nothing is rendered until somebody asks for it.
+    pub stopped: bool,
+    /// Whether a tour is played.
+    pub plays: bool,
     /// Whether there are panels beside the picture.
     pub panels: bool,
     /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
     /// What pictures take, and how far from the truth they are.
     pub effort: Effort<'a>,
+    /// Whether the palette's editor is there, and how far solving is.
+    pub design: Design<'a>,
     /// Width over height of the picture in the last frame.
     pub aspect: f64,
 }
@@ -74,7 +85,10 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                     dial::show(ui, document, asked);
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
+                    situations::show(ui, document, shown.plays, asked);
+                    crop::show(ui, document, asked);
                     transfer::show(ui, document, asked);
+                    spectra::show(ui, document, shown.effort, asked);
                     accuracy::show(ui, document, shown.effort, asked);
                 }
             });
@@ -85,8 +99,10 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
             picture::show(ui, shown, rect, asked);
+            crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
             probe::show(ui, shown, rect, asked);
+            palette::show(ui, shown, rect, asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
             }

@@ -16,6 +16,10 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
                 asked.extend(lit(document).into_iter().map(Action::Edit));
             });
         }
+        if shown.stopped {
+            let text = "The device was lost again before it had shown a picture. Perhaps this scene takes it too long.";
+            notice(ui, text, "Start the device again", || asked.push(Action::Restart));
+        }
         for (index, text) in shown.notices.iter().enumerate() {
             notice(ui, text, "Close", || asked.push(Action::Dismiss(index)));
         }

@@ -25,12 +25,12 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
     Window::new("Probe")
         .open(&mut open)
         .default_pos(pos2(corner.x.max(rect.left()), corner.y))
-        .default_size([WIDTH, (rect.height() - 60.0).max(80.0)])
+        .default_size([WIDTH, (rect.height() - 20.0).max(80.0)])
         .resizable(false)
         .constrain_to(rect)
         .show(ui.ctx(), |ui| {
             ui.set_width(WIDTH);
-            ScrollArea::vertical().max_height((rect.height() - 60.0).max(80.0)).show(ui, |ui| match probe {
+            ScrollArea::vertical().max_height((rect.height() - 56.0).max(80.0)).show(ui, |ui| match probe {
                 None => {
                     ui.label("The picture is on its way.");
                 }
@@ -204,7 +204,7 @@ fn ray(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
     let width = (rect.width() / narrow(crate::number::count(probe.ray.len()))).max(1.0);
     for stretch in probe.ray.iter().filter(|stretch| stretch.opacity > 0.0) {
         let left = x(stretch.distance) - width / 2.0;
-        let column = Rect::from_x_y_ranges(left..=left + width, y(stretch.opacity.sqrt())..=rect.bottom());
+        let column = Rect::from_x_y_ranges(left..=left + width + 0.5, y(stretch.opacity.sqrt())..=rect.bottom());
         painter.rect_filled(column, 0.0, mixed(stretch, colours));
     }
     let line = |part: &dyn Fn(&Stretch) -> f64| probe.ray.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();

@@ -60,6 +60,12 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         if ui.button("Theme").on_hover_text("Changes between a light and a dark window.").clicked() {
             ui.ctx().set_theme(other);
         }
+        let help = "Designs spectra: which colour each material is to have under each light.";
+        let palette =
+            ui.add_enabled_ui(shown.document.is_some(), |ui| ui.selectable_label(shown.design.shown, "Palette"));
+        if palette.inner.on_hover_text(help).clicked() {
+            asked.push(Action::Palette(!shown.design.shown));
+        }
     });
 }
 

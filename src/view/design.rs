@@ -1,0 +1,375 @@
+//! The palette of what is looked at: how it is changed step by step, what its cells look like now, and what is solved.
+
+use std::sync::Arc;
+
+use crate::number::count;
+use crate::palette::{self, Cell, LAMP, LARGEST, Member, NATURAL, Palette, SMOOTHNESS, Solution, Target};
+use crate::scene::Scene;
+use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
+use crate::spectrum::{Light, Reflectance, Spectrum, standard};
+
+/// What it counts to keep a hue, beside looking alike.
+const APART: f64 = 0.2;
+/// The row of the surface behind everything.
+const BACKGROUND: &str = "background";
+
+/// A side of the matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Side {
+    /// The rows.
+    Material,
+    /// The columns.
+    Light,
+}
+
+/// A change of what is asked of a palette. What is not there is not changed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// A palette for the materials that the scene shows: under its second light all look alike, and under its first they keep
+    /// their hues, as light as they are on average, which can be had together.
+    Offer,
+    /// What a cell is to look like, by row and column; `None` is whatever comes.
+    Target(usize, usize, Option<Target>),
+    /// How much a cell counts, above 0.
+    Weight(usize, usize, f64),
+    /// Whether a spectrum is open, to be found; else it is given, as it is now.
+    Open(Side, usize, bool),
+    /// What the samples of an open spectrum may be; of a light in multiples of its mean.
+    Bounds(Side, usize, [f64; 2]),
+}
+
+/// Spectra that take the place of the scene's.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spectra {
+    /// By the index of the material.
+    pub materials: Vec<(usize, Reflectance)>,
+    /// By the index of the light.
+    pub lights: Vec<(usize, Light)>,
+    /// Of the surface behind everything.
+    pub background: Option<Reflectance>,
+}
+
+/// What a cell looks like now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// The colour of the scene's material under the scene's light, where it has both.
+    pub achieved: Option<Xyz>,
+    /// What it is to look like.
+    pub target: Option<Xyz>,
+    /// ΔE00 between the two.
+    pub difference: Option<f64>,
+}
+
+/// The palette that `scene` was opened with. One that cannot be read is none: the scene would not have opened.
+pub(super) fn stated(scene: &Scene) -> Option<Arc<Palette>> {
+    palette::of_scene(&scene.source, &scene.text, &scene.base).ok().flatten().map(Arc::new)
+}
+
+/// The material of a row, by its name.
+fn reflectance<'a>(scene: &'a Scene, row: &Member) -> Option<&'a Reflectance> {
+    let material = scene.materials.iter().find(|material| material.name == row.name).map(|it| &it.reflectance);
+    material.or(scene.background.as_ref().filter(|_| row.name == BACKGROUND))
+}
+
+fn light<'a>(scene: &'a Scene, column: &Member) -> Option<&'a Light> {
+    scene.lights.iter().find(|light| light.name == column.name).map(|light| &light.spectrum)
+}
+
+/// What the spectrum of a row or a column is in `scene`.
+#[must_use]
+pub fn spectrum<'a>(scene: &'a Scene, side: Side, member: &Member) -> Option<&'a Spectrum> {
+    match side {
+        Side::Material => reflectance(scene, member).map(Reflectance::spectrum),
+        Side::Light => light(scene, member).map(Light::spectrum),
+    }
+}
+
+/// What the cell of a row and a column looks like in `scene`.
+#[must_use]
+pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look {
+    let achieved = |row: usize, column: usize| {
+        let (row, column) = (palette.materials.get(row)?, palette.lights.get(column)?);
+        Some(xyz(light(scene, column)?, reflectance(scene, row)?))
+    };
+    let cell = palette.cells.iter().find(|cell| (cell.material, cell.light) == (row, column));
+    let target = cell.and_then(|cell| match cell.target {
+        Target::Like { material, light } => achieved(material, light),
+        target => target.xyz(),
+    });
+    let achieved = achieved(row, column);
+    let lab = |colour: Xyz| lab_from_xyz(colour, d65_white());
+    let difference = achieved.zip(target).map(|(one, two)| ciede2000(lab(one), lab(two)));
+    Look { achieved, target, difference }
+}
+
+/// `palette` as a text in which all spectra are given, as `scene` has them.
+#[must_use]
+pub fn text(scene: &Scene, palette: &Palette) -> String {
+    let nothing = Spectrum::constant(0.0);
+    let of = |side: Side, members: &[Member]| -> Vec<Spectrum> {
+        let spectrum = |it: &Member| spectrum(scene, side, it).or(it.spectrum.as_ref()).unwrap_or(&nothing).clone();
+        members.iter().map(spectrum).collect()
+    };
+    let (materials, lights) = (of(Side::Material, &palette.materials), of(Side::Light, &palette.lights));
+    palette.to_toml(&materials.iter().collect::<Vec<_>>(), &lights.iter().collect::<Vec<_>>())
+}
+
+impl Side {
+    fn members(self, palette: &mut Palette) -> &mut Vec<Member> {
+        match self {
+            Self::Material => &mut palette.materials,
+            Self::Light => &mut palette.lights,
+        }
+    }
+}
+
+impl Step {
+    /// What becomes of `palette`, that of `scene`; `None` where there is none.
+    #[must_use]
+    pub fn applied(&self, scene: &Scene, palette: Option<&Palette>) -> Option<Palette> {
+        if *self == Self::Offer {
+            return Some(offered(scene));
+        }
+        let mut palette = palette?.clone();
+        let at = |cell: &Cell, row: usize, column: usize| (cell.material, cell.light) == (row, column);
+        match *self {
+            Self::Offer => {}
+            Self::Target(row, column, target) => {
+                let weight = palette.cells.iter().find(|cell| at(cell, row, column)).map_or(1.0, |cell| cell.weight);
+                palette.cells.retain(|cell| !at(cell, row, column));
+                let there = |row: usize, column: usize| row < palette.materials.len() && column < palette.lights.len();
+                let like_another = |target: &Target| match *target {
+                    Target::Like { material, light } => there(material, light) && (material, light) != (row, column),
+                    _ => true,
+                };
+                if let (Some(target), true) = (target.filter(like_another), there(row, column)) {
+                    palette.cells.push(Cell { material: row, light: column, target, weight });
+                }
+            }
+            Self::Weight(row, column, weight) => {
+                if let Some(cell) = palette.cells.iter_mut().find(|cell| at(cell, row, column)) {
+                    cell.weight = if weight.is_finite() { weight.clamp(1e-6, 1e6) } else { 1.0 };
+                }
+            }
+            Self::Open(side, index, open) => {
+                if let Some(member) = side.members(&mut palette).get_mut(index) {
+                    let now = spectrum(scene, side, member).cloned();
+                    member.spectrum = if open { None } else { now.or_else(|| member.spectrum.clone()) };
+                }
+            }
+            Self::Bounds(side, index, [low, high]) => {
+                if let Some(member) = side.members(&mut palette).get_mut(index) {
+                    let wanted = Member { bounds: [low.clamp(-1e3, 1e3), high.clamp(-1e3, 1e3)], ..member.clone() };
+                    let [low, high] = wanted.bounds;
+                    let kept = low < high && (side == Side::Material || (low < 1.0 && high > 1.0));
+                    if kept {
+                        *member = wanted;
+                    }
+                }
+            }
+        }
+        Some(palette)
+    }
+}
+
+/// As fine as anybody sees.
+fn in_tenths(number: f64) -> f64 {
+    (number * 10.0).round() / 10.0
+}
+
+fn offered(scene: &Scene) -> Palette {
+    let shown: Vec<_> = (0..scene.materials.len()).filter(|&index| scene.shows(index)).take(LARGEST).collect();
+    let shown: Vec<_> = shown.into_iter().filter_map(|index| scene.materials.get(index)).collect();
+    let mut lights: Vec<&crate::scene::SceneLight> = Vec::new();
+    for light in &scene.lights {
+        if lights.len() < 2 && lights.iter().all(|known| known.spectrum != light.spectrum) {
+            lights.push(light);
+        }
+    }
+    let member = |name: &str, spectrum: Option<Spectrum>, bounds: [f64; 2]| Member {
+        name: name.to_owned(),
+        spectrum,
+        bounds,
+        smoothness: SMOOTHNESS,
+    };
+    let mut cells = Vec::new();
+    let colour = |light: &crate::scene::SceneLight, material: &crate::scene::Material| {
+        lab_from_xyz(xyz(&light.spectrum, &material.reflectance), d65_white()).0.map(in_tenths)
+    };
+    let lightness = lights.first().map_or(0.0, |light| shown.iter().map(|it| colour(light, it)[0]).sum::<f64>())
+        / count(shown.len().max(1));
+    for (row, material) in shown.iter().enumerate() {
+        for (column, light) in lights.iter().enumerate() {
+            let [_, a, b] = colour(light, material);
+            let (target, weight) = match (column, row) {
+                (0, _) => (Target::Lab(Lab([in_tenths(lightness.clamp(30.0, 80.0)), a, b])), APART),
+                // Whatever that turns out to be.
+                (_, 0) => continue,
+                _ => (Target::Like { material: 0, light: column }, 1.0),
+            };
+            cells.push(Cell { material: row, light: column, target, weight });
+        }
+    }
+    Palette {
+        source: scene.source.clone(),
+        inputs: Vec::new(),
+        materials: shown.iter().map(|it| member(&it.name, None, NATURAL)).collect(),
+        lights: lights.iter().map(|it| member(&it.name, Some(it.spectrum.spectrum().clone()), LAMP)).collect(),
+        cells,
+        model: None,
+    }
+}
+
+impl Spectra {
+    /// What `solution` has found for the open rows and columns of its palette, for what `scene` has of them.
+    #[must_use]
+    pub fn of(scene: &Scene, solution: &Solution) -> Self {
+        let palette = &solution.palette;
+        let open = |members: &[Member]| -> Vec<usize> {
+            (0..members.len()).filter(|&index| members.get(index).is_some_and(|it| it.spectrum.is_none())).collect()
+        };
+        let mut spectra = Self::default();
+        for row in open(&palette.materials) {
+            let (Some(member), Some(found)) = (palette.materials.get(row), solution.materials.get(row)) else {
+                continue;
+            };
+            match scene.materials.iter().position(|material| material.name == member.name) {
+                Some(index) => spectra.materials.push((index, found.clone())),
+                None if member.name == BACKGROUND => spectra.background = Some(found.clone()),
+                None => {}
+            }
+        }
+        for column in open(&palette.lights) {
+            let (Some(member), Some(found)) = (palette.lights.get(column), solution.lights.get(column)) else {
+                continue;
+            };
+            if let Some(index) = scene.lights.iter().position(|light| light.name == member.name) {
+                spectra.lights.push((index, found.clone()));
+            }
+        }
+        spectra
+    }
+
+    /// What `scene` has for its material or its light called `name`.
+    #[must_use]
+    pub fn of_scene(scene: &Scene, side: Side, name: &str) -> Self {
+        let mut spectra = Self::default();
+        match side {
+            Side::Material => {
+                let named = scene.materials.iter().enumerate().filter(|(_, it)| it.name == name);
+                spectra.materials.extend(named.map(|(index, it)| (index, it.reflectance.clone())));
+            }
+            Side::Light => {
+                let named = scene.lights.iter().enumerate().filter(|(_, it)| it.name == name);
+                spectra.lights.extend(named.map(|(index, it)| (index, it.spectrum.clone())));
+            }
+        }
+        spectra
+    }
+
+    /// The standard called `standard` for the material or the light called `name` of `scene`.
+    ///
+    /// # Errors
+    ///
+    /// A sentence with the names that there are.
+    pub fn standard(scene: &Scene, side: Side, name: &str, standard: &str) -> Result<Self, String> {
+        let find = |names: Vec<&str>| {
+            let found = names.iter().position(|&one| one == name);
+            found.ok_or_else(|| format!("there is no {name:?}; there are: {}", names.join(", ")))
+        };
+        let mut spectra = Self::default();
+        match side {
+            Side::Material => {
+                let index = find(scene.materials.iter().map(|it| it.name.as_str()).collect())?;
+                let found = standard::reflectance(standard).map_err(|error| error.to_string())?;
+                spectra.materials.push((index, found));
+            }
+            Side::Light => {
+                let index = find(scene.lights.iter().map(|it| it.name.as_str()).collect())?;
+                spectra.lights.push((index, standard::light(standard).map_err(|error| error.to_string())?));
+            }
+        }
+        Ok(spectra)
+    }
+
+    /// Puts them in `scene`.
+    pub(super) fn put_into(&self, scene: &mut Scene) {
+        for (index, reflectance) in &self.materials {
+            if let Some(material) = scene.materials.get_mut(*index) {
+                material.reflectance = reflectance.clone();
+            }
+        }
+        for (index, spectrum) in &self.lights {
+            if let Some(light) = scene.lights.get_mut(*index) {
+                light.spectrum = spectrum.clone();
+            }
+        }
+        if let (Some(background), true) = (&self.background, scene.background.is_some()) {
+            scene.background = Some(background.clone());
+        }
+    }
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+    use crate::progress::Quiet;
+    use crate::scene::{SceneOptions, parse};
+
+    fn scene() -> Scene {
+        let text = "version = 1\n[volume]\nphantom = \"slab\"\ndims = [3, 3, 3]\n[materials.a]\nreflectance = \"orange\"\n\
+                    [materials.b]\nreflectance = \"cyan\"\n[materials.unseen]\nreflectance = 0.5\n\
+                    [lights.day]\nspectrum = \"D65\"\n[lights.lamp]\nspectrum = \"A\"\n[transfer]\nintervals = [\n\
+                    { material = \"a\", range = [0, 9], opacity = 0.1 }, { material = \"b\", range = [10, 20], opacity = 0.1 }]\n";
+        parse("test", text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+    }
+
+    #[test]
+    fn what_is_offered_merges_under_one_light_and_parts_under_the_other() {
+        let mut scene = scene();
+        let palette = Step::Offer.applied(&scene, None).unwrap();
+        assert_eq!(palette.materials.iter().map(|row| row.name.as_str()).collect::<Vec<_>>(), ["a", "b"], "what shows");
+        let solution = palette::solve(&palette, &Quiet).unwrap();
+        Spectra::of(&scene, &solution).put_into(&mut scene);
+        for (row, cell) in solution.cells.iter().filter(|cell| cell.light == 0).enumerate() {
+            assert_eq!(look(&scene, &palette, row, 0).difference, cell.difference, "as it was solved");
+        }
+        assert!(look(&scene, &palette, 1, 1).difference.unwrap() <= 1.0, "alike under the lamp");
+        let [one, two] = [0, 1].map(|row| look(&scene, &palette, row, 0).achieved.unwrap());
+        let apart = ciede2000(lab_from_xyz(one, d65_white()), lab_from_xyz(two, d65_white()));
+        assert!(apart > 10.0, "apart by day: {apart}");
+    }
+
+    #[test]
+    fn steps_change_what_they_say_and_nothing_that_is_not_there() {
+        let scene = scene();
+        let palette = Step::Offer.applied(&scene, None).unwrap();
+        let after = |step: Step| step.applied(&scene, Some(&palette)).unwrap();
+        let white = Some(Target::Srgb([255; 3]));
+        assert_eq!(after(Step::Target(1, 1, white)).target_text(1, 1), "#ffffff");
+        assert_eq!(after(Step::Target(1, 1, None)).target_text(1, 1), "free");
+        let weight =
+            after(Step::Weight(0, 1, 3.0)).cells.iter().find(|it| (it.material, it.light) == (0, 1)).unwrap().weight;
+        assert!((weight - 3.0).abs() <= 0.0, "{weight}");
+        let given = after(Step::Open(Side::Material, 1, false));
+        assert_eq!(given.materials[1].spectrum.as_ref(), Some(scene.materials[1].reflectance.spectrum()));
+        assert_eq!(after(Step::Open(Side::Light, 1, true)).lights[1].spectrum, None);
+        let bounds = after(Step::Bounds(Side::Material, 0, [-1.0, 2.0])).materials[0].bounds;
+        assert_eq!(bounds.map(f64::to_bits), [-1.0, 2.0].map(f64::to_bits));
+        let itself = Some(Target::Like { material: 0, light: 0 });
+        for step in [
+            Step::Target(9, 0, white),
+            Step::Target(0, 9, white),
+            Step::Weight(9, 9, 2.0),
+            Step::Open(Side::Light, 9, true),
+            Step::Bounds(Side::Light, 0, [2.0, 3.0]),
+            Step::Bounds(Side::Material, 0, [1.0, 0.0]),
+            Step::Bounds(Side::Material, 0, [f64::NAN, 1.0]),
+        ] {
+            assert_eq!(after(step.clone()), palette, "{step:?}");
+        }
+        assert_eq!(after(Step::Target(0, 0, itself)).target_text(0, 0), "free", "nothing looks as itself");
+        assert_eq!(Step::Weight(0, 0, 2.0).applied(&scene, None), None);
+    }
+}

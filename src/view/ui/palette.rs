@@ -1,0 +1,281 @@
+//! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
+
+use egui::{
+    Button, Color32, ComboBox, DragValue, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind,
+    Ui, WidgetInfo, WidgetType, Window, vec2,
+};
+
+use super::Shown;
+use super::spectrum::{curve, plot};
+use crate::palette::{Member, NATURAL, Palette, Target};
+use crate::scene::Scene;
+use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
+use crate::view::action::Action;
+use crate::view::design::{Look, Side, Step, look, spectrum};
+use crate::view::state::Edit;
+
+/// What is known of the design of a palette.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Design<'a> {
+    /// Whether the editor is there.
+    pub shown: bool,
+    /// How far solving is (0 to 1, where known), and what is done.
+    pub running: Option<(Option<f32>, &'a str)>,
+}
+
+/// What the details below the matrix are of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Chosen {
+    Cell(usize, usize),
+    Member(Side, usize),
+}
+
+/// Shows the editor over the picture.
+pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+    let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
+    let mut open = true;
+    Window::new("Palette")
+        .open(&mut open)
+        .default_pos(rect.left_top() + vec2(8.0, 8.0))
+        .default_size([480.0, (rect.height() - 20.0).max(80.0)])
+        .resizable(false)
+        .constrain_to(rect)
+        .show(ui.ctx(), |ui| {
+            ScrollArea::both().max_height((rect.height() - 56.0).max(80.0)).show(ui, |ui| {
+                match &document.state().palette {
+                    None => offer(ui, asked),
+                    Some(palette) => {
+                        matrix(ui, &document.state().scene, palette, asked);
+                        ui.separator();
+                        details(ui, &document.state().scene, palette, asked);
+                        ui.separator();
+                        solve(ui, shown.design, asked);
+                    }
+                }
+            });
+        });
+    if !open {
+        asked.push(Action::Palette(false));
+    }
+}
+
+fn offer(ui: &mut Ui, asked: &mut Vec<Action>) {
+    ui.label("This scene has no palette: its spectra stand by themselves.");
+    ui.label("A palette says which colour each material is to have under each light. One for the materials that show can be made: under the second light all look alike, under the first they keep their hues.");
+    if ui
+        .button("Design a palette")
+        .on_hover_text("What it asks for can be changed before anything is solved.")
+        .clicked()
+    {
+        asked.push(Action::Edit(Edit::Design(Step::Offer)));
+    }
+}
+
+fn step(asked: &mut Vec<Action>, step: Step) {
+    asked.push(Action::Edit(Edit::Design(step)));
+}
+
+fn screen(xyz: Xyz) -> Color32 {
+    Color32::from_hex(&display_code(linear_srgb_from_xyz(xyz))).unwrap_or(Color32::GRAY)
+}
+
+fn chosen(ui: &Ui) -> Option<Chosen> {
+    ui.data(|data| data.get_temp(Id::new("palette: chosen")))
+}
+
+fn choose(ui: &Ui, what: Chosen) {
+    ui.data_mut(|data| data.insert_temp(Id::new("palette: chosen"), what));
+}
+
+fn matrix(ui: &mut Ui, scene: &Scene, palette: &Palette, asked: &mut Vec<Action>) {
+    Grid::new("palette matrix").spacing([6.0, 6.0]).show(ui, |ui| {
+        ui.label(RichText::new("target | now, ΔE00").small().weak());
+        for (index, light) in palette.lights.iter().enumerate() {
+            member(ui, scene, Side::Light, index, light, asked);
+        }
+        ui.end_row();
+        for (row, material) in palette.materials.iter().enumerate() {
+            member(ui, scene, Side::Material, row, material, asked);
+            for column in 0..palette.lights.len() {
+                cell(ui, scene, palette, row, column);
+            }
+            ui.end_row();
+        }
+    });
+}
+
+/// The head of a row or a column.
+fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member, asked: &mut Vec<Action>) {
+    ui.vertical(|ui| {
+        ui.horizontal(|ui| {
+            let is_chosen = chosen(ui) == Some(Chosen::Member(side, index));
+            if ui
+                .selectable_label(is_chosen, &member.name)
+                .on_hover_text("Its spectrum, and what that may be.")
+                .clicked()
+            {
+                choose(ui, Chosen::Member(side, index));
+            }
+            let open = member.spectrum.is_none();
+            let word = ui.add(Button::new(RichText::new(if open { "open" } else { "given" }).small()).small());
+            let name = format!("{}: {}", member.name, if open { "open" } else { "given" });
+            word.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &name));
+            let help = "Open: its spectrum is found. Given: it stays as it is now. A click changes it.";
+            if word.on_hover_text(help).clicked() {
+                step(asked, Step::Open(side, index, !open));
+            }
+        });
+        if let Some(spectrum) = spectrum(scene, side, member) {
+            curve(ui, spectrum, vec2(76.0, 18.0));
+        }
+    });
+}
+
+fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize) {
+    let Look { achieved, target, difference } = look(scene, palette, row, column);
+    let (rect, response) = ui.allocate_exact_size(vec2(76.0, 34.0), Sense::click());
+    let (left, right) = rect.split_left_right_at_fraction(0.5);
+    let ground = ui.visuals().extreme_bg_color;
+    for (half, colour) in [(left, target), (right, achieved)] {
+        ui.painter().rect_filled(half, 0.0, colour.map_or(ground, screen));
+    }
+    let is_chosen = chosen(ui) == Some(Chosen::Cell(row, column));
+    let (width, colour) =
+        if is_chosen { (2.0, ui.visuals().strong_text_color()) } else { (1.0, ui.visuals().weak_text_color()) };
+    ui.painter().rect_stroke(rect, 2.0, Stroke::new(width, colour), StrokeKind::Inside);
+    let asks = palette.target_text(row, column);
+    let short = match difference {
+        Some(difference) => format!("{difference:.1}"),
+        None => asks.clone(),
+    };
+    let middle = achieved.map_or(0.5, |xyz| xyz.0[1]);
+    let ink = if middle > 0.2 { Color32::BLACK } else { Color32::WHITE };
+    ui.painter().text(right.center(), egui::Align2::CENTER_CENTER, short, egui::FontId::proportional(11.0), ink);
+    let [material, light] =
+        [palette.materials.get(row), palette.lights.get(column)].map(|it| it.map_or("", |it| &it.name));
+    let name = format!("{material} under {light}");
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &name));
+    let off = difference.map_or_else(String::new, |off| format!("; it is off by ΔE00 {off:.2}"));
+    if response.on_hover_text(format!("{name}: asked is {asks}{off}. Left what is asked, right what is.")).clicked() {
+        choose(ui, Chosen::Cell(row, column));
+    }
+}
+
+fn details(ui: &mut Ui, scene: &Scene, palette: &Palette, asked: &mut Vec<Action>) {
+    match chosen(ui) {
+        Some(Chosen::Cell(row, column)) => cell_details(ui, scene, palette, row, column, asked),
+        Some(Chosen::Member(side, index)) => member_details(ui, scene, palette, side, index, asked),
+        None => {
+            ui.label(RichText::new("Click a cell, a material or a light to see what is asked of it.").weak());
+        }
+    }
+}
+
+fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize, asked: &mut Vec<Action>) {
+    let (Some(material), Some(light)) = (palette.materials.get(row), palette.lights.get(column)) else { return };
+    let found = palette.cells.iter().find(|cell| (cell.material, cell.light) == (row, column));
+    let now = look(scene, palette, row, column);
+    let [r, g, b, _] = now.target.or(now.achieved).map_or(Color32::GRAY, screen).to_array();
+    ui.horizontal_wrapped(|ui| {
+        ui.label(RichText::new(format!("{} under {}", material.name, light.name)).strong());
+        let mut ask = |target: Option<Target>| step(asked, Step::Target(row, column, target));
+        ComboBox::from_id_salt("target").selected_text(palette.target_text(row, column)).show_ui(ui, |ui| {
+            let kind = found.map(|cell| cell.target);
+            if ui.selectable_label(kind.is_none(), "free").on_hover_text("Whatever comes.").clicked() {
+                ask(None);
+            }
+            if ui.selectable_label(matches!(kind, Some(Target::Srgb(_))), "a colour").clicked() {
+                ask(Some(Target::Srgb([r, g, b])));
+            }
+            if ui
+                .selectable_label(kind == Some(Target::Black), "black")
+                .on_hover_text("It sends nothing back.")
+                .clicked()
+            {
+                ask(Some(Target::Black));
+            }
+            for (other, it) in palette.materials.iter().enumerate().filter(|(other, _)| *other != row) {
+                let like = Target::Like { material: other, light: column };
+                if ui.selectable_label(kind == Some(like), format!("as {}", it.name)).clicked() {
+                    ask(Some(like));
+                }
+            }
+            for (other, it) in palette.lights.iter().enumerate().filter(|(other, _)| *other != column) {
+                let like = Target::Like { material: row, light: other };
+                if ui.selectable_label(kind == Some(like), format!("as under {}", it.name)).clicked() {
+                    ask(Some(like));
+                }
+            }
+        });
+        let mut code = [r, g, b];
+        if found.is_some() && ui.color_edit_button_srgb(&mut code).on_hover_text("The colour asked for.").changed() {
+            ask(Some(Target::Srgb(code)));
+        }
+        if let Some(cell) = found {
+            let mut weight = cell.weight;
+            ui.label("weight").on_hover_text("How much its ΔE00 counts beside others.");
+            if ui.add(DragValue::new(&mut weight).speed(0.02).range(1e-3..=1e3).max_decimals(3)).changed() {
+                step(asked, Step::Weight(row, column, weight));
+            }
+        }
+    });
+}
+
+fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, index: usize, asked: &mut Vec<Action>) {
+    let members = match side {
+        Side::Material => &palette.materials,
+        Side::Light => &palette.lights,
+    };
+    let Some(member) = members.get(index) else { return };
+    ui.label(RichText::new(&member.name).strong());
+    if let Some(spectrum) = spectrum(scene, side, member) {
+        plot(ui, &[(spectrum, ui.visuals().strong_text_color())], vec2(300.0, 90.0));
+    }
+    if member.spectrum.is_some() {
+        ui.label(RichText::new("given: it stays as it is").small().weak());
+        return;
+    }
+    ui.horizontal(|ui| {
+        let [mut low, mut high] = member.bounds;
+        let unit = if side == Side::Light { "times its mean" } else { "of what falls on it" };
+        ui.label("from");
+        let lower = ui.add(DragValue::new(&mut low).speed(0.02).range(-1e3..=1e3).max_decimals(3));
+        ui.label("to");
+        let upper = ui.add(DragValue::new(&mut high).speed(0.02).range(-1e3..=1e3).max_decimals(3));
+        ui.label(RichText::new(unit).small());
+        if lower.changed() || upper.changed() {
+            step(asked, Step::Bounds(side, index, [low, high]));
+        }
+        if side == Side::Material {
+            let mut bounds = |ui: &mut Ui, name: &str, to: [f64; 2], help: &str| {
+                if ui.small_button(name).on_hover_text(help).clicked() {
+                    step(asked, Step::Bounds(side, index, to));
+                }
+            };
+            bounds(ui, "natural", NATURAL, "From 0 to 1, as real surfaces reflect.");
+            bounds(ui, "signed", [-1.0, 1.0], "Negative, too: no surface is like that, but more colours can be had.");
+        }
+    });
+}
+
+fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
+    match design.running {
+        Some((part, stage)) => {
+            ui.add(part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new).text(RichText::new(stage).small()));
+            if ui.button("Cancel").on_hover_text("Solves no further; spectra stay as they are.").clicked() {
+                asked.push(Action::GiveUp);
+            }
+        }
+        None => {
+            ui.horizontal(|ui| {
+                let help = "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
+                if ui.button("Solve").on_hover_text(help).clicked() {
+                    asked.push(Action::Solve);
+                }
+                if ui.small_button("Offer anew").on_hover_text("A palette for the materials that show, as they are now.").clicked() {
+                    asked.push(Action::Edit(Edit::Design(Step::Offer)));
+                }
+            });
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! A screen of its own for the viewer, and the viewer on it.
+
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+#[cfg(target_os = "linux")]
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+#[cfg(target_os = "linux")]
+use x11rb::connection::Connection as _;
+#[cfg(target_os = "linux")]
+use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt as _, EventMask, MapState};
+#[cfg(target_os = "linux")]
+use x11rb::rust_connection::RustConnection;
+
+use super::program::{Folder, Outcome};
+
+/// A screen in memory.
+pub struct Screen {
+    server: Child,
+    display: String,
+}
+
+impl Screen {
+    /// `None`, and a word about it, where there is no Xvfb.
+    #[expect(clippy::print_stdout, reason = "a test says what it did not test")]
+    pub fn new() -> Option<Self> {
+        let mut command = Command::new("Xvfb");
+        command.args(["-displayfd", "1", "-screen", "0", "1700x1100x24", "-nolisten", "tcp", "-noreset"]);
+        let started = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut server) = started else {
+            println!("nothing was tested: there is no Xvfb (scripts/setup --tests installs it)");
+            return None;
+        };
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        Some(Self { server, display: format!(":{}", number.trim()) })
+    }
+
+    /// The viewer in `folder` with `arguments`, watched by the validation layer, ready to be started.
+    pub fn command(&self, folder: &Folder, arguments: &[&str]) -> Command {
+        let mut command = folder.command(&["view", "--json", "--validation", "--size", "640x480"]);
+        command.args(arguments).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command
+    }
+
+    /// Runs the viewer in `folder` with `arguments`.
+    pub fn run(&self, folder: &Folder, arguments: &[&str]) -> Outcome {
+        Outcome::of(&mut self.command(folder, arguments))
+    }
+
+    /// Runs `script` on `scene`, which must succeed without a word of the validation layer.
+    pub fn script(&self, folder: &Folder, scene: &str, script: &str) -> Value {
+        std::fs::write(folder.path("script.txt"), script).unwrap();
+        let outcome = self.run(folder, &[scene, "--script", "script.txt"]);
+        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+        let report = outcome.json();
+        assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
+        report
+    }
+
+    /// Takes the screen away from whatever is on it.
+    pub fn end(&mut self) {
+        self.server.kill().ok();
+        self.server.wait().ok();
+    }
+
+    /// The window that the viewer shows on it, from outside; waits for it no longer than a minute.
+    #[cfg(target_os = "linux")]
+    pub fn window(&self) -> Window {
+        let (connection, number) = x11rb::connect(Some(&self.display)).unwrap();
+        let root = connection.setup().roots[number].root;
+        let begun = Instant::now();
+        loop {
+            for id in connection.query_tree(root).unwrap().reply().unwrap().children {
+                // It may have gone since.
+                let seen = connection.get_window_attributes(id).unwrap().reply();
+                let name = connection.get_property(false, id, AtomEnum::WM_NAME, AtomEnum::ANY, 0, 64).unwrap().reply();
+                if seen.is_ok_and(|it| it.map_state == MapState::VIEWABLE) && name.is_ok_and(|it| it.value == b"Relume")
+                {
+                    return Window { connection, id };
+                }
+            }
+            assert!(begun.elapsed() < Duration::from_secs(60), "there is no window");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+/// A window from outside.
+#[cfg(target_os = "linux")]
+pub struct Window {
+    connection: RustConnection,
+    id: u32,
+}
+
+#[cfg(target_os = "linux")]
+impl Window {
+    /// Asks it to close, as the button in a window's corner does.
+    pub fn close(&self) {
+        let atom = |name: &str| self.connection.intern_atom(false, name.as_bytes()).unwrap().reply().unwrap().atom;
+        let data = [atom("WM_DELETE_WINDOW"), 0, 0, 0, 0];
+        let message = ClientMessageEvent::new(32, self.id, atom("WM_PROTOCOLS"), data);
+        self.connection.send_event(false, self.id, EventMask::NO_EVENT, message).unwrap().check().unwrap();
+    }
+
+    /// Takes it out of sight, as minimising does, or brings it back.
+    pub fn show(&self, shown: bool) {
+        let asked = if shown { self.connection.map_window(self.id) } else { self.connection.unmap_window(self.id) };
+        asked.unwrap().check().unwrap();
+    }
+
+    /// Moves the pointer to a pixel of it.
+    pub fn point(&self, x: i16, y: i16) {
+        self.connection.warp_pointer(x11rb::NONE, self.id, 0, 0, 0, 0, x, y).unwrap().check().unwrap();
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        self.end();
+    }
+}

@@ -1,0 +1,438 @@
+//! Whatever a hand does, and whatever becomes of the screen, the window holds or ends in a sentence.
+#![cfg(all(feature = "window", unix))]
+#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking, and says what was measured")]
+
+mod support;
+
+use std::fmt::Write as _;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use relume::model::random::Random;
+use serde_json::Value;
+use support::program::{Folder, Outcome, SCENE};
+use support::screen::Screen;
+
+const MORE: &str = r#"
+[dial.nodes]
+day = [0, 1]
+lamp = [0, -1]
+[[dial.situations]]
+name = "evening"
+hand = "lamp"
+off = ["day"]
+[labels.1]
+name = "gut"
+material = "bone"
+opacity = 0.25
+"#;
+
+/// Scenes with the same names in them, a volume alone, and what cannot be opened.
+fn folder() -> Folder {
+    let more = format!("{}{MORE}", SCENE.replace("dims =", "phantom_labels = true\ndims ="));
+    let absorbing =
+        "reflectance = \"white 9.5\"\nabsorption = { gaussian = [{ centre = 620, sigma = 40, height = 1 }] }";
+    let stained = more.replace("reflectance = \"white 9.5\"", absorbing);
+    let stained = stained.replace("opacity = 0.9 }", "opacity = 0.2, absorption = 0.4 }");
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nencoding: raw\n\n";
+    let ball: Vec<u8> = header.bytes().chain((0..512_u16).map(|index| (index % 251) as u8)).collect();
+    Folder::new()
+        .with("scene.toml", &more)
+        .with("stained.toml", stained)
+        .with("parallel.toml", format!("{more}[camera]\nprojection = \"orthographic\"\n"))
+        .with("short.nrrd", &ball[..200])
+        .with("ball.nrrd", ball)
+        .with("broken.toml", more.replace("D65", "D99"))
+}
+
+/// Makes up what a hand does, line by line.
+struct Storm {
+    random: Random,
+    /// Whether what is open has the names of [`SCENE`].
+    named: bool,
+}
+
+impl Storm {
+    /// A script of `inputs` lines which saves `early.toml` after a fifth of them, and `late.toml` at the end, each with the
+    /// same scene just opened and at rest.
+    fn script(seed: u64, inputs: usize) -> String {
+        let mut storm = Self { random: Random::new(seed), named: true };
+        let mut script = "settle\n".to_owned();
+        let rest = |name: &str| {
+            format!("release\npanels on\nsize 640 480\nopen scene.toml\nsettle\nsave session {name}\nframes 30\n")
+        };
+        for input in 0..inputs {
+            if input == inputs / 5 {
+                storm.named = true;
+                script += &rest("early.toml");
+            }
+            let line = storm.line();
+            writeln!(script, "{line}").unwrap();
+        }
+        script + &rest("late.toml")
+    }
+
+    fn one_of<'a>(&mut self, all: &[&'a str]) -> &'a str {
+        all[self.random.index(all.len())]
+    }
+
+    /// A number as people give it, sometimes a strange one.
+    fn number(&mut self, low: f64, high: f64) -> f64 {
+        match self.random.index(40) {
+            0 => f64::NAN,
+            1 => f64::INFINITY,
+            2 => -1e300,
+            3 => 0.0,
+            4 => 1e-300,
+            _ => self.random.between(low, high),
+        }
+    }
+
+    fn line(&mut self) -> String {
+        match self.random.index(100) {
+            0..30 => {
+                let [x, y] = [self.random.between(-20.0, 720.0), self.random.between(-20.0, 560.0)];
+                format!("pointer {x:.0} {y:.0}")
+            }
+            30..40 => "press".to_owned(),
+            40..50 => "release".to_owned(),
+            50..54 => format!("scroll {:.1}", self.random.between(-5.0, 5.0)),
+            54..64 => format!("key {}", egui::Key::ALL[self.random.index(egui::Key::ALL.len())].name()),
+            64..67 => ["undo", "undo", "redo"][self.random.index(3)].to_owned(),
+            67..69 => self.open(),
+            69..71 => {
+                let [x, y] = [self.random.between(1.0, 700.0), self.random.between(1.0, 600.0)];
+                format!("size {x:.0} {y:.0}")
+            }
+            71 => self
+                .one_of(&["settle", "frames 3", "save session saved.toml", "picture saved.png", "window shot.png"])
+                .to_owned(),
+            72..84 if self.named => self.named(),
+            _ => self.nameless(),
+        }
+    }
+
+    fn open(&mut self) -> String {
+        let file = self.one_of(&[
+            "scene.toml",
+            "stained.toml",
+            "parallel.toml",
+            "ball.nrrd",
+            "short.nrrd",
+            "broken.toml",
+            "nothing.toml",
+        ]);
+        match file {
+            "ball.nrrd" => self.named = false,
+            "scene.toml" | "stained.toml" | "parallel.toml" => {
+                // Names are of what is open, which the next line knows only once this is.
+                let settles = !self.named || self.random.index(3) == 0;
+                self.named = true;
+                return format!("open {file}{}", if settles { "\nsettle" } else { "" });
+            }
+            _ => {}
+        }
+        format!("open {file}")
+    }
+
+    /// What names something of the scene.
+    fn named(&mut self) -> String {
+        let light = self.one_of(&["day", "lamp"]);
+        let material = self.one_of(&["flesh", "bone"]);
+        match self.random.index(9) {
+            0 => format!("light {light} {}", self.number(0.0, 2.0)),
+            1 => format!("{} {light}", self.one_of(&["on", "off", "solo", "node"])),
+            2 => format!("{} {light}", self.one_of(&["take", "leave"])),
+            3 => format!("place {light} {} {}", self.number(-2.0, 2.0), self.number(-2.0, 2.0)),
+            4 => self
+                .one_of(&[
+                    "keep evening\nsituation evening",
+                    "tour 0.1",
+                    "keep evening",
+                    "keep dusk",
+                    "tour tour.png 3",
+                ])
+                .to_owned(),
+            5 => format!("label gut {}", self.number(0.0, 1.0)),
+            6 => format!("interval add {material} 20 90 5 0.1\ninterval 0 material {material}"),
+            7 => format!("interval add {material} {}", self.interval()),
+            _ => format!("interval add {material} 30 80 2 0.2\ninterval 0 {}", self.interval()),
+        }
+    }
+
+    fn interval(&mut self) -> String {
+        let [from, to] = [self.number(-10.0, 255.0), self.number(0.0, 260.0)];
+        format!("{from} {to} {} {}", self.number(0.0, 20.0), self.number(0.0, 1.0))
+    }
+
+    /// What suits every scene.
+    fn nameless(&mut self) -> String {
+        let switch = self.one_of(&["on", "off"]);
+        match self.random.index(18) {
+            0 => format!("hand {} {}", self.number(-2.0, 2.0), self.number(-2.0, 2.0)),
+            1 => format!("master {}", self.number(0.0, 2.0)),
+            2 => format!("normalise {switch}"),
+            3 => format!("adapt {switch}"),
+            4 => format!("exposure {}", self.number(0.0, 4.0)),
+            5 | 6 => format!("orbit {} {}", self.number(-90.0, 90.0), self.number(-40.0, 40.0)),
+            7 => format!("roll {}", self.number(-90.0, 90.0)),
+            8 => format!("pan {} {}", self.number(-1.0, 1.0), self.number(-1.0, 1.0)),
+            9 => format!("dolly {}", self.number(0.3, 3.0)),
+            10 => format!("axis {}", self.one_of(&["left", "right", "front", "back", "bottom", "top"])),
+            11 => self.one_of(&["projection", "reset", "reset", "all"]).to_owned(),
+            12 => format!("panels {switch}"),
+            14 => format!("sees {}", self.one_of(&["all", "protan", "deutan", "tritan"])),
+            15 => {
+                let parts = [(); 6].map(|()| self.number(0.0, 1.0).to_string());
+                format!("crop {}", parts.join(" "))
+            }
+            16 => format!("crop {}", self.one_of(&["off", "reset"])),
+            13 => format!("interval remove {}", self.random.index(5)),
+            _ => "undo".to_owned(),
+        }
+    }
+}
+
+/// Bytes of memory that `child` has now.
+fn resident(child: &Child) -> Option<u64> {
+    let text = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    line.trim().strip_suffix(" kB")?.parse::<u64>().ok().map(|kib| kib << 10)
+}
+
+/// Waits until `ready`, no longer than `seconds`.
+fn wait_until(what: &str, seconds: u64, mut ready: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !ready() {
+        assert!(begun.elapsed() < Duration::from_secs(seconds), "still not: {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn ended(child: Child) -> Outcome {
+    let output = child.wait_with_output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Outcome { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+}
+
+/// Starts the viewer; what it says is kept.
+fn start(screen: &Screen, folder: &Folder, arguments: &[&str]) -> Child {
+    screen.command(folder, arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Drives a window by `inputs` random lines: it ends well, the validation layer says nothing, and it has no more memory at
+/// the end than after a fifth of them, but for what a few plans and sizes more take.
+fn storm(seed: u64, inputs: usize) {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    std::fs::write(folder.path("script.txt"), Storm::script(seed, inputs)).unwrap();
+    let mut child = start(&screen, &folder, &["scene.toml", "--script", "script.txt"]);
+    let mut bytes = [None; 2];
+    for (name, bytes) in ["early.toml", "late.toml"].iter().zip(&mut bytes) {
+        let mut over = false;
+        wait_until(name, 3600, || {
+            over = child.try_wait().unwrap().is_some();
+            over || folder.path(name).exists()
+        });
+        *bytes = resident(&child);
+        if over {
+            break;
+        }
+    }
+    let outcome = ended(child);
+    assert_eq!(outcome.code, Some(0), "seed {seed}: {}", outcome.err);
+    let report = outcome.json();
+    assert_eq!(report["validation"], Value::Array(Vec::new()), "seed {seed}: the validation layer");
+    let megabytes = bytes.map(|bytes| bytes.map(|bytes| bytes >> 20));
+    println!("{} frames, {} marches, {megabytes:?} MB", report["frames"], report["marches"]);
+    // Only Linux tells.
+    if let [Some(early), Some(late)] = bytes {
+        assert!(late <= early + ALLOWANCE, "seed {seed}: {early} bytes became {late}");
+    }
+}
+
+/// Bytes that a few more plans and sizes take.
+const ALLOWANCE: u64 = 32 << 20;
+
+#[test]
+fn random_inputs_leave_the_window_in_order() {
+    storm(1, 300);
+}
+
+#[test]
+#[ignore = "it takes minutes: cargo test --release --test view_storm -- --ignored"]
+fn ten_thousand_random_inputs_leave_the_window_in_order() {
+    storm(2, 10_000);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_window_that_is_closed_during_a_march_ends_well() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    for patience in [0, 300, 1000] {
+        let child = start(&screen, &folder, &["scene.toml", "-D", "accuracy.step=0.001"]);
+        let window = screen.window();
+        std::thread::sleep(Duration::from_millis(patience));
+        window.close();
+        assert_ended_well(child, patience);
+    }
+}
+
+fn assert_ended_well(child: Child, after: u64) {
+    let outcome = ended(child);
+    assert_eq!(outcome.code, Some(0), "after {after} ms: {}", outcome.err);
+    assert_eq!(outcome.json()["validation"], Value::Array(Vec::new()), "after {after} ms: the validation layer");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_window_that_is_out_of_sight_for_a_while_goes_on() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let child = start(&screen, &folder, &["scene.toml"]);
+    let window = screen.window();
+    for shown in [false, true, false, true] {
+        window.show(shown);
+        window.point(500, 300);
+        window.point(520, 310);
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    window.close();
+    assert_ended_well(child, 800);
+}
+
+/// Seconds that `child` has computed, as Linux counts them: by the hundredth.
+#[cfg(target_os = "linux")]
+fn computed(child: &Child) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    let fields: Vec<&str> = text.rsplit(") ").next().unwrap().split(' ').collect();
+    [fields[11], fields[12]].iter().map(|ticks| ticks.parse::<f64>().unwrap() / 100.0).sum()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_window_at_rest_computes_nothing() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let child = start(&screen, &folder, &["scene.toml"]);
+    let window = screen.window();
+    let mut shares = Vec::new();
+    // At first there is a picture to make.
+    wait_until("at rest", 30, || {
+        let (before, begun) = (computed(&child), Instant::now());
+        std::thread::sleep(Duration::from_secs(2));
+        shares.push((computed(&child) - before) / begun.elapsed().as_secs_f64());
+        shares.last() < Some(&0.02)
+    });
+    println!("shares of a core: {shares:?}");
+    window.close();
+    assert_ended_well(child, 2000);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_display_that_goes_away_is_told_of_in_one_sentence() {
+    let folder = folder();
+    for patience in [0, 10, 50, 300, 1500] {
+        let Some(mut screen) = Screen::new() else { return };
+        let child = start(&screen, &folder, &["scene.toml"]);
+        drop(screen.window());
+        std::thread::sleep(Duration::from_millis(patience));
+        screen.end();
+        let outcome = ended(child);
+        outcome.assert_refused(1, &["the display of the window is gone"]);
+    }
+}
+
+/// Runs `script` where the device fails as `failure` says.
+fn failing(screen: &Screen, folder: &Folder, failure: &str, script: &str) -> Outcome {
+    std::fs::write(folder.path("script.txt"), script).unwrap();
+    let mut command = screen.command(folder, &["scene.toml", "--script", "script.txt"]);
+    Outcome::of(command.env("RELUME_SIMULATE", failure))
+}
+
+#[test]
+fn a_lost_device_is_opened_again_and_nothing_that_was_done_is_lost() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let edits = "settle\nlight lamp 0.3\norbit 20 10\ninterval 0 30 90 5 0.3\n";
+    let script = format!(
+        "{edits}frames 200\nsettle\npicture after.png\nsettle\nundo\nsettle\npicture undone.png\nwindow window.png\nsettle\n"
+    );
+    let whole = screen.script(&folder, "scene.toml", &script);
+    assert_eq!(whole["losses"], 0);
+    let wanted = ["after.png", "undone.png", "window.png"].map(|name| std::fs::read(folder.path(name)).unwrap());
+    let outcome = failing(&screen, &folder, "device-lost=100", &script);
+    assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+    let report = outcome.json();
+    assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
+    assert!(report["losses"].as_u64() > Some(0), "{report}");
+    assert!(report["notices"].to_string().contains("device was lost"), "{report}");
+    for (name, wanted) in ["after.png", "undone.png"].iter().zip(&wanted) {
+        assert!(std::fs::read(folder.path(name)).unwrap() == *wanted, "{name} is another picture");
+    }
+}
+
+#[test]
+fn a_device_that_is_lost_again_and_again_waits_for_somebody_or_ends_in_a_sentence() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle\nframes 8\nrestart\nsettle\nframes 30\nwindow window.png\n";
+    for submissions in [1, 5, 14] {
+        let outcome = failing(&screen, &folder, &format!("device-lost={submissions}"), script);
+        assert!(!outcome.err.contains("panicked"), "{submissions}: {}", outcome.err);
+        match outcome.code {
+            Some(0) => assert_eq!(outcome.json()["validation"], Value::Array(Vec::new()), "{submissions}"),
+            code => {
+                assert_eq!(code, Some(1), "{submissions}: {}", outcome.err);
+                outcome.assert_refused(1, &["the device was lost"]);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_into_memory_is_told_and_the_scene_before_stays() {
+    let Some(screen) = Screen::new() else { return };
+    let huge = SCENE.replace("dims = [32, 30, 18]", "dims = [90000, 90000, 90000]");
+    let large = SCENE.replace("dims = [32, 30, 18]", "dims = [3000, 4, 4]");
+    let folder = folder().with("huge.toml", huge).with("large.toml", large);
+    let script = "settle
+picture before.png
+open huge.toml
+settle
+picture after.png
+node lamp
+picture lamp.png
+orbit 20 0
+settle
+";
+    let report = screen.script(&folder, "scene.toml", script);
+    assert!(report["notices"].to_string().contains("memory"), "{}", report["notices"]);
+    let [before, after, lamp] =
+        ["before", "after", "lamp"].map(|it| std::fs::read(folder.path(&format!("{it}.png"))).unwrap());
+    assert_eq!(before, after, "the scene before stays");
+    assert_ne!(before, lamp, "and its light can be changed");
+}
+
+#[test]
+fn wherever_the_device_runs_out_of_memory_the_window_goes_on_or_ends_in_a_sentence() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle\nopen stained.toml\nsettle\nmaster 0.5\norbit 20 0\nsettle\nsize 500 400\nsettle\nwindow window.png\nframes 5\n";
+    let mut goes_on = 0;
+    for objects in (1..60).step_by(9) {
+        let outcome = failing(&screen, &folder, &format!("out-of-memory={objects}"), script);
+        match outcome.code {
+            Some(0) => {
+                let report = outcome.json();
+                assert_eq!(report["validation"], Value::Array(Vec::new()), "{objects}: the validation layer");
+                goes_on += 1;
+            }
+            // Nothing was open when the script went on.
+            _ => outcome.assert_refused(1, &[]),
+        }
+    }
+    assert!(goes_on > 2, "it went on {goes_on} times");
+}
