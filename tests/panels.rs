@@ -447,16 +447,16 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
     window.run();
     window.get_all_by_label("Palette").next().unwrap().click();
     window.run();
-    window.get_by_label("Design a palette").click();
+    window.get_by_label("Design a palette").click_accesskit();
     window.run();
     let palette = |window: &Harness<'_, App>| {
         window.state().document.as_ref().unwrap().state().palette.as_deref().cloned().unwrap()
     };
     assert_eq!(palette(&window).materials.len(), 2);
-    window.get_by_label("flesh under day").click();
+    window.get_by_label("flesh under day").click_accesskit();
     window.run();
     assert!(window.query_by_label("weight").is_some(), "what is asked of the cell");
-    window.get_by_label("lamp: given").click();
+    window.get_by_label("lamp: given").click_accesskit();
     window.run();
     assert_eq!(palette(&window).lights.iter().filter(|light| light.spectrum.is_none()).count(), 1);
     window.get_by_label("Solve").click_accesskit();
