@@ -127,6 +127,27 @@ pub struct Shader {
     pub resources: Vec<String>,
 }
 
+impl Shader {
+    /// Instructions of its functions, each counted once however often loops run it.
+    #[must_use]
+    pub fn instructions(&self) -> usize {
+        /// Words before the first instruction of a module, and the instructions that functions are between (SPIR-V 1.5, 2.3
+        /// and 3.42.9).
+        const HEAD: usize = 5;
+        const FUNCTION: u32 = 54;
+        const FUNCTION_END: u32 = 56;
+        let (mut at, mut within, mut count) = (HEAD, false, 0);
+        while let Some(&word) = self.words.get(at) {
+            let (length, code) = (word >> 16, word & 0xffff);
+            within |= code == FUNCTION;
+            count += usize::from(within);
+            within &= code != FUNCTION_END;
+            at += usize::try_from(length).unwrap_or(usize::MAX).max(1);
+        }
+        count
+    }
+}
+
 /// The compute shader made of `parts` (a name for messages and a text, each) and `constants`.
 ///
 /// The entry point is [`ENTRY_POINT`]. The same input gives the same words. Branches whose conditions are known are

@@ -44,8 +44,20 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "view",
         &[
-            "input", "output", "render", "vulkan", "tables", "plan", "scene", "model", "spectrum", "volume",
-            "progress", "number",
+            "input",
+            "output",
+            "measure",
+            "render",
+            "reference",
+            "vulkan",
+            "tables",
+            "plan",
+            "scene",
+            "model",
+            "spectrum",
+            "volume",
+            "progress",
+            "number",
         ],
     ),
     (

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 use relume::progress::Quiet;
-use relume::scene::{self, Definition, Interval, Scene, SceneOptions};
+use relume::scene::{self, AccumulateAs, Accuracy, Definition, Interval, Scene, SceneOptions};
 use relume::spectrum::deficiency::Deficiency;
 use relume::view::camera::{Move, Side};
 use relume::view::load::Source;
@@ -48,6 +48,11 @@ fn interval(material: usize) -> Interval {
     Interval { material, range: [100.1, 160.7], ramp: 0.3, opacity: 0.07, absorption: 0.0 }
 }
 
+fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
+    let accumulate = if dimension.is_some() { AccumulateAs::Spectral } else { AccumulateAs::Auto };
+    Accuracy { step_length, dimension, accumulate, ..scene().accuracy }
+}
+
 /// Edits of every kind, one after the other.
 fn edits() -> Vec<Edit> {
     vec![
@@ -86,6 +91,8 @@ fn edits() -> Vec<Edit> {
         Edit::ResetCrop,
         Edit::Label(0, 0, 0.6),
         Edit::ResetTransfer,
+        Edit::Accuracy(accuracy(1.3, None)),
+        Edit::Accuracy(accuracy(0.7, Some(5))),
         Edit::Mix(Mixing::Sliders),
     ]
 }
@@ -106,6 +113,7 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         assert_eq!(theirs.scene.crop, ours.crop, "{edit:?}: {text}");
         assert_eq!(theirs.scene.dial, ours.dial, "{edit:?}: {text}");
         assert_eq!(theirs.scene.display, ours.display, "{edit:?}: {text}");
+        assert_eq!(theirs.scene.accuracy, ours.accuracy, "{edit:?}: {text}");
         assert_eq!(theirs.mix(), state.mix(), "{edit:?}: {text}");
         assert_eq!(theirs.scene.opening_mix(), state.mix(), "{edit:?}: {text}");
         assert_eq!(theirs.light.sliders, state.light.sliders, "{edit:?}: {text}");

@@ -771,6 +771,8 @@ fn misuse_is_an_error_and_reaches_no_driver() {
         );
         misuse(recorder.read_back(&picture, 2, &inside, 0), "a layer that is not there");
         misuse(recorder.read_back(&picture, 0, &inside, 4), "a buffer too short");
+        let outside = [picture.extent()[0], 0];
+        misuse(recorder.read_back_texel(&picture, 0, outside, &inside, 0), "a texel that is not there");
         misuse(recorder.copy(&inside, 0, &inside, 32, 16), "a copy into itself");
         let groups = recorder.dispatch(&add, &set, &add_push(0, 0.0), [u32::MAX, 1, 1]);
         let most = device.limits().max_groups[0];

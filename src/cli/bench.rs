@@ -4,24 +4,21 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::ValueEnum;
-use glam::DVec3;
-use serde::Serialize;
 use serde_json::json;
 
-use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
 use relume::model::ModelKind;
-use relume::plan::{Accumulate, plan};
+use relume::output::write_atomically;
 use relume::progress::Progress;
 use relume::render::Renderer;
-use relume::scene::{self, AccumulateAs, Aim, Material, Mix, Placement, Scene, SceneLight, SceneOptions, Shading};
-use relume::spectrum::{Absorption, Spectrum};
-use relume::vulkan::{Device, DeviceChoice, DeviceKind, Validation};
+use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::accuracy::AccuracyArgs;
-use super::model::Learnt;
-use super::render::matrices;
+use super::bench_against::Against;
+use super::bench_cases::{self, Case, Keeping, Subject};
+use super::bench_costs;
+use super::bench_frames::{Bench, Row};
 use super::scene::{DefineArgs, SelectionArgs, size};
-use super::{CliError, Report, bench_load, bench_model, bench_palette};
+use super::{CliError, INTERRUPTED, Report, bench_load, bench_model, bench_needs, bench_palette, exit_code, files};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -30,11 +27,14 @@ Examples:
   relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
   relume bench palette --frames 1                     how exact designed palettes are, and how long they take
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
+  relume bench needs                                  that a scene pays only for what it uses
+  relume bench all -o costs.html --json > costs.json  every scene and size, the paper's table, cost against k, lights, …
+  relume bench all --against costs.json               the same again: ends with 1 where anything has become dearer
 
 Times are medians over the frames: CPU time of all threads, and wall time; --json has {median, min, max} of each.
 startup_ms, from the start of the program to its first picture, is that of the first row of a process (n = 1), and null
 in the others: the device is open by then. peak_mb is the most memory that the process has held so far, rows before
-included.";
+included. Ctrl-C keeps the rows that are finished.";
 
 /// `relume bench`
 #[derive(Debug, clap::Args)]
@@ -45,28 +45,47 @@ pub(crate) struct Args {
     workloads: Vec<Workload>,
     /// The real frog for the workloads `peer…`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
-    volume: Option<PathBuf>,
+    pub(super) volume: Option<PathBuf>,
     #[command(flatten)]
-    selection: SelectionArgs,
+    pub(super) selection: SelectionArgs,
     #[command(flatten)]
-    accuracy: AccuracyArgs,
-    /// Pixels across and down.
-    #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
-    size: [usize; 2],
+    pub(super) accuracy: AccuracyArgs,
+    /// Pixels across and down; by default 800x800, and of scenes, paper and scaling 400x400, 800x800 and 1920x1080.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[usize; 2]>,
+    /// The largest volume of `scaling`, in voxels along a side: 64, 128, 256 or 512.
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..))]
+    largest: u32,
     /// Frames to measure, after two that warm up; how often `load` reads and `palette` solves.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    frames: u32,
+    pub(super) frames: u32,
     /// Scenes that colour models are measured on.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
     #[command(flatten)]
-    define: DefineArgs,
+    pub(super) define: DefineArgs,
     /// Only this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
+    /// Compare with what `--json` printed earlier on this device, and end with 1 where a march or a relight takes longer, or
+    /// anything takes more bytes. Times are medians: of CPU time on software devices, on the wall on others.
+    #[arg(long, value_name = "FILE")]
+    against: Option<PathBuf>,
+    /// How many per cent more something may cost; times may differ by half a millisecond besides.
+    #[arg(long, value_name = "P", default_value_t = 20.0, requires = "against", value_parser = percent)]
+    budget_percent: f64,
+    /// Report to write: a page (.html) with the paper's table, the curves and all rows.
+    #[arg(short, long, value_name = "FILE.html")]
+    output: Option<PathBuf>,
+}
+
+/// A share of so many per cent.
+fn percent(text: &str) -> Result<f64, String> {
+    let percent: Option<f64> = text.parse().ok().filter(|percent: &f64| percent.is_finite() && *percent >= 0.0);
+    percent.ok_or_else(|| format!("{text:?} is not a number of per cent from 0 on"))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -87,6 +106,16 @@ enum Workload {
     PeerColouredK8,
     /// The embedded default scene.
     Default,
+    /// scenes, paper and scaling: all that needs a device, at each size.
+    All,
+    /// Every scene that is part of the program, the figures' too.
+    Scenes,
+    /// The paper's table: RGB, spectra and relighting, with its ratios beside ours.
+    Paper,
+    /// Cost against k, positions of lights, pixels and voxels, grey and coloured.
+    Scaling,
+    /// What each feature of a scene costs in samples, dispatches, bytes and instructions, and that scenes without it do not pay.
+    Needs,
     /// Colour models on seeded scenes: no march, no device.
     Model,
     /// Palettes designed: those of data/palettes and of the figures: no device.
@@ -96,8 +125,8 @@ enum Workload {
 }
 
 impl Workload {
-    fn needs_device(self) -> bool {
-        !matches!(self, Self::Model | Self::Palette | Self::Load)
+    fn makes_frames(self) -> bool {
+        !matches!(self, Self::Needs | Self::Model | Self::Palette | Self::Load)
     }
 
     /// What the command line calls it.
@@ -107,13 +136,57 @@ impl Workload {
 
     /// Whether it shows or reads what --volume names.
     fn takes_volume(&self) -> bool {
-        !matches!(self, Self::Default | Self::Model | Self::Palette)
+        !matches!(self, Self::Default | Self::Scenes | Self::Needs | Self::Model | Self::Palette)
     }
 
     /// Whether it says itself what pixels keep, or has none.
     fn is_fixed(&self) -> bool {
         let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
-        fixed || !self.needs_device()
+        let whole = matches!(self, Self::All | Self::Paper | Self::Scaling);
+        fixed || whole || !self.makes_frames()
+    }
+
+    /// What it measures: the peers' scene and the default one unshaded and shaded, or with `shading` alone; others as they say.
+    fn cases(self, size: Option<[usize; 2]>, largest: u32, shading: Option<BenchShading>) -> Vec<Case> {
+        let rgb = Keeping::Model(ModelKind::Rgb, 3);
+        let k8 = Keeping::Model(ModelKind::Nodes, 8);
+        let small = size.unwrap_or([800, 800]);
+        let own = |subject| Case::of(&self.name(), subject, small);
+        let peer = |keeping, dyed| Case { keeping, dyed, ..own(Subject::Peer) };
+        let case = match self {
+            Self::All => {
+                let whole = [Self::Scenes, Self::Paper, Self::Scaling];
+                return whole.into_iter().flat_map(|whole| whole.cases(size, largest, shading)).collect();
+            }
+            Self::Scenes | Self::Paper | Self::Scaling => {
+                let mut cases = match self {
+                    Self::Scenes => bench_cases::scenes(size),
+                    Self::Paper => bench_cases::paper(size),
+                    _ => bench_cases::scaling(size, largest),
+                };
+                cases.iter_mut().for_each(|case| case.unshaded = shading == Some(BenchShading::None));
+                return cases;
+            }
+            Self::Needs | Self::Model | Self::Palette | Self::Load => return Vec::new(),
+            Self::Peer => peer(Keeping::Stated, false),
+            Self::PeerFourLights => Case { positions: Some(4), ..peer(Keeping::Stated, false) },
+            Self::PeerEightMaterials => peer(Keeping::EightWeights, false),
+            Self::PeerRgb => peer(rgb, false),
+            Self::PeerK8 => peer(k8, false),
+            Self::PeerColouredRgb => peer(rgb, true),
+            Self::PeerColouredK8 => peer(k8, true),
+            Self::Default => own(Subject::Default),
+        };
+        let shadings = [BenchShading::None, BenchShading::Diffuse].into_iter();
+        let chosen = shadings.filter(|&one| shading.is_none_or(|only| only == one));
+        chosen.map(|one| Case { unshaded: one == BenchShading::None, ..case.clone() }).collect()
+    }
+}
+
+impl Args {
+    /// Whether it makes rows one after the other, which are kept where somebody stops it.
+    pub(crate) fn has_rows(&self) -> bool {
+        self.workloads.iter().any(|workload| workload.makes_frames())
     }
 }
 
@@ -121,51 +194,6 @@ impl Workload {
 enum BenchShading {
     None,
     Diffuse,
-}
-
-/// One setting, measured.
-#[derive(Serialize)]
-struct Row {
-    workload: String,
-    volume: String,
-    size: [usize; 2],
-    shading: &'static str,
-    accumulate: &'static str,
-    model: Option<serde_json::Value>,
-    components: usize,
-    lanes: usize,
-    positions: usize,
-    device: String,
-    software: bool,
-    march: Times,
-    relight: Times,
-    /// To the first picture of the process; none in later rows, which find the device open.
-    startup_ms: Option<Summary>,
-    /// The most memory that the process has held so far, in MB.
-    peak_mb: Option<f64>,
-}
-
-impl Row {
-    /// What a pixel keeps of a position: "4 weights", "k = 8 (nodes)".
-    fn keeps(&self) -> String {
-        match self.model.as_ref().and_then(|model| model["kind"].as_str()) {
-            Some(kind) => format!("k = {} ({kind})", self.components),
-            None => format!("{} {}", self.components, self.accumulate),
-        }
-    }
-}
-
-#[derive(Serialize)]
-pub(super) struct Times {
-    pub(super) wall_ms: Option<Summary>,
-    pub(super) cpu_ms: Option<Summary>,
-}
-
-impl Times {
-    pub(super) fn of(times: &[Timing]) -> Self {
-        let over = |value: fn(&Timing) -> f64| summary(&times.iter().map(value).collect::<Vec<_>>());
-        Self { wall_ms: over(|time| time.wall_ms), cpu_ms: over(|time| time.cpu_ms) }
-    }
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
@@ -184,7 +212,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
             );
         }
     }
-    if !args.define.is_empty() && args.workloads.iter().all(|workload| !workload.needs_device()) {
+    if !args.define.is_empty() && args.workloads.iter().all(|workload| !workload.makes_frames()) {
         return Err(CliError::Usage("-D does nothing here: these workloads have no scene".to_owned()));
     }
     let selection = args.selection.selection();
@@ -199,23 +227,46 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     {
         return Err(CliError::Usage(format!("{flag} does nothing here: these workloads have what they show")));
     }
+    let framed = args.has_rows();
+    for (flag, given) in [("--against", args.against.is_some()), ("--output", args.output.is_some())] {
+        if given && !framed {
+            return Err(CliError::Usage(format!("{flag} does nothing here: these workloads make no frames")));
+        }
+    }
+    if let Some(output) = &args.output {
+        if !output.extension().is_some_and(|extension| extension == "html" || extension == "htm") {
+            return Err(CliError::Usage(format!("{}: a page of costs ends in .html", output.display())));
+        }
+        let inputs: Vec<_> = args.volume.iter().chain(&args.against).map(PathBuf::as_path).collect();
+        files::check_outputs(&[output], &inputs)?;
+    }
     let mut reports = Vec::new();
-    if args.workloads.iter().any(|workload| workload.needs_device()) {
+    if args.workloads.iter().any(|workload| workload.makes_frames()) {
         reports.push(run_frames(args, progress, started)?);
     }
-    if args.workloads.contains(&Workload::Model) {
+    let stopped = reports.iter().any(|report: &Report| report.json["interrupted"] == true);
+    let others = |workload| args.workloads.contains(&workload) && !stopped;
+    if others(Workload::Needs) {
+        reports.push(bench_needs::run(&args.device, progress)?);
+    }
+    if others(Workload::Model) {
         reports.push(bench_model::run(args.scenes.into(), progress)?);
     }
-    if args.workloads.contains(&Workload::Palette) {
+    if others(Workload::Palette) {
         reports.push(bench_palette::run(args.frames, progress)?);
     }
-    if args.workloads.contains(&Workload::Load) {
+    if others(Workload::Load) {
         reports.push(bench_load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {
         all.text.push_str(&report.text);
-        if let (Some(all), serde_json::Value::Object(part)) = (all.json.as_object_mut(), report.json) {
+        let held = all.json["holds"] != false;
+        if let (Some(all), serde_json::Value::Object(mut part)) = (all.json.as_object_mut(), report.json) {
+            // What one does not hold, all do not.
+            if let Some(holds) = part.get_mut("holds") {
+                *holds = (held && *holds == true).into();
+            }
             all.extend(part);
         }
     }
@@ -225,184 +276,45 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
 /// Measures what needs a device.
 fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
-    let mut rows = Vec::new();
+    let cases = args.workloads.iter().flat_map(|workload| workload.cases(args.size, args.largest, args.shading));
+    let cases: Vec<Case> = cases.collect();
+    let mut bench = Bench::new(args, &renderer, progress);
+    let (mut rows, mut interrupted): (Vec<Row>, bool) = (Vec::new(), false);
     let mut started = Some(started);
-    for &workload in args.workloads.iter().filter(|workload| workload.needs_device()) {
-        for shading in [BenchShading::None, BenchShading::Diffuse] {
-            if args.shading.is_none_or(|only| only == shading) {
-                rows.push(measure(args, &renderer, workload, shading, progress, started.take())?);
+    for (done, case) in cases.iter().enumerate() {
+        progress.report(&format!("measuring {}", case.workload), done as u64, cases.len() as u64);
+        match bench.row(case, started.take()) {
+            Ok(row) => rows.push(row),
+            // What is finished is kept.
+            Err(error) if exit_code(&error) == INTERRUPTED && !rows.is_empty() => {
+                interrupted = true;
+                break;
             }
-        }
-    }
-    let name = renderer.device().info();
-    let mut text = format!(
-        "{} ({}){}\n",
-        name.name,
-        name.driver,
-        if name.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" }
-    );
-    text.push_str(
-        "workload             shading  positions  keeps           lanes  march cpu ms (wall)     relight cpu ms (wall)  startup ms\n",
-    );
-    let median = |summary: Option<Summary>| summary.map_or(f64::NAN, |summary| summary.median);
-    for row in &rows {
-        text.push_str(&format!(
-            "{:<20} {:<8} {:>9}  {:<14}  {:>5}  {:>9.1} ({:.1})  {:>16.2} ({:.2})  {:>10}\n",
-            row.workload,
-            row.shading,
-            row.positions,
-            row.keeps(),
-            row.lanes,
-            median(row.march.cpu_ms),
-            median(row.march.wall_ms),
-            median(row.relight.cpu_ms),
-            median(row.relight.wall_ms),
-            row.startup_ms.map_or_else(|| "-".to_owned(), |time| format!("{:.0}", time.median)),
-        ));
-    }
-    Ok(Report { text, json: json!({ "rows": rows }) })
-}
-
-fn measure(
-    args: &Args,
-    renderer: &Renderer,
-    workload: Workload,
-    shading: BenchShading,
-    progress: &dyn Progress,
-    started: Option<Instant>,
-) -> Result<Row, CliError> {
-    let definitions = args.define.definitions().chain(args.accuracy.definitions()).collect();
-    let options = SceneOptions { definitions, ..SceneOptions::default() };
-    let mut scene = if workload == Workload::Default {
-        scene::load_embedded(&options, progress)?
-    } else {
-        let (volume, selection) = (args.volume.clone(), args.selection.selection());
-        scene::load_peer(&SceneOptions { volume, selection, ..options }, progress)?
-    };
-    if shading == BenchShading::None {
-        scene.shading = Shading::None;
-    }
-    match workload {
-        Workload::Peer | Workload::Default | Workload::Model | Workload::Palette | Workload::Load => {}
-        Workload::PeerFourLights => add_peer_lights(&mut scene),
-        Workload::PeerEightMaterials => {
-            double_materials(&mut scene);
-            // Fewer numbers would do for them, and what is measured is eight weights.
-            if scene.accuracy.accumulate == AccumulateAs::Auto {
-                scene.accuracy.accumulate = AccumulateAs::Weights;
-            }
-        }
-        Workload::PeerRgb => carry(&mut scene, ModelKind::Rgb, 3),
-        Workload::PeerK8 => carry(&mut scene, ModelKind::Nodes, 8),
-        Workload::PeerColouredRgb => {
-            dye(&mut scene)?;
-            carry(&mut scene, ModelKind::Rgb, 3);
-        }
-        Workload::PeerColouredK8 => {
-            dye(&mut scene)?;
-            carry(&mut scene, ModelKind::Nodes, 8);
-        }
-    }
-    let planned = plan(&scene, progress)?;
-    let statistics = scene.volume.statistics()?;
-    let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
-    let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
-    let (mut marches, mut relights) = (Vec::new(), Vec::new());
-    let mut startup_ms = None;
-    const WARM_UP: u32 = 2;
-    let mut relit = None;
-    for frame in 0..WARM_UP + args.frames {
-        if let Aim::Orbit { azimuth, .. } = &mut scene.camera.aim {
-            *azimuth = -20.0 + 8.0 * f64::from(frame);
-        }
-        let clock = Stopwatch::start();
-        let accumulators = renderer.march(&scene, &planned, &uploaded, args.size, progress)?;
-        let march = clock.read();
-        if frame == 0 {
-            let relight = renderer.relight_display(&accumulators)?;
-            relight.run(&matrices)?;
-            startup_ms = started.and_then(|started| summary(&[started.elapsed().as_secs_f64() * 1e3]));
-        }
-        if frame >= WARM_UP {
-            marches.push(march);
-        }
-        relit = Some(accumulators);
-    }
-    if let Some(accumulators) = &relit {
-        let relight = renderer.relight_display(accumulators)?;
-        for frame in 0..WARM_UP + args.frames.max(11) {
-            let clock = Stopwatch::start();
-            relight.run(&matrices)?;
-            if frame >= WARM_UP {
-                relights.push(clock.read());
-            }
+            Err(error) => return Err(error),
         }
     }
     let info = renderer.device().info();
-    Ok(Row {
-        workload: workload.name(),
-        volume: scene.volume.source.clone(),
-        size: args.size,
-        shading: if shading == BenchShading::None { "none" } else { "diffuse" },
-        accumulate: match planned.plan.accumulate {
-            Accumulate::Weights { .. } => "weights",
-            Accumulate::Spectral { .. } => "spectral",
-        },
-        model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
-        components: planned.plan.components(),
-        lanes: planned.plan.lanes(),
-        positions: planned.positions.len(),
-        device: format!("{} ({})", info.name, info.driver),
-        software: info.kind == DeviceKind::Software,
-        march: Times::of(&marches),
-        relight: Times::of(&relights),
-        startup_ms,
-        peak_mb: peak_mb(),
-    })
-}
-
-/// The peers' other three lights (shared/bench/peerlib.py), as directions; spectra do not enter a march.
-fn add_peer_lights(scene: &mut Scene) {
-    let Some(key) = scene.lights.first().cloned() else {
-        return;
-    };
-    let directions = [[0.8, -0.2, -0.5], [-0.8, 0.3, -0.5], [0.1, 0.9, -0.4]];
-    for (name, direction) in ["second", "third", "fourth"].into_iter().zip(directions) {
-        let placement = Placement::Directional(DVec3::from_array(direction).normalize());
-        scene.lights.push(SceneLight { name: name.to_owned(), placement, ..key.clone() });
+    let found = bench_costs::Costs::of(&rows, info);
+    if let Some(output) = &args.output {
+        write_atomically(output, |sink| sink.write_all(found.html().as_bytes()))?;
     }
-}
-
-/// Carries spectra in `dimension` numbers of a colour model, though weights would be exact.
-fn carry(scene: &mut Scene, model: ModelKind, dimension: usize) {
-    scene.accuracy.accumulate = AccumulateAs::Spectral;
-    scene.accuracy.model = model;
-    scene.accuracy.dimension = Some(dimension);
-}
-
-/// Gives every material a dye of its own, whose optical depth at its peak is that of what the material scatters.
-fn dye(scene: &mut Scene) -> Result<(), CliError> {
-    const PEAKS_NM: [f64; 4] = [450.0, 510.0, 570.0, 630.0];
-    for (material, peak) in scene.materials.iter_mut().zip(PEAKS_NM.into_iter().cycle()) {
-        let dye = Spectrum::gaussian(peak, 40.0, 1.0).and_then(Absorption::new);
-        material.absorption = Some(dye.map_err(|error| CliError::Failed(error.to_string()))?);
+    let mut json = json!({
+        "relume": env!("CARGO_PKG_VERSION"),
+        "device": super::info::device_json(info),
+        "rows": rows,
+        "ratios": found.ratios(),
+        "interrupted": interrupted,
+    });
+    let mut text = found.text();
+    if let Some(path) = &args.against {
+        let device = format!("{} ({})", info.name, info.driver);
+        let against = Against::new(path, &rows, &device, args.budget_percent)?;
+        text.push_str(&against.text());
+        json["holds"] = against.holds().into();
+        json["against"] = json!(against);
     }
-    for term in &mut scene.transfer.terms {
-        term.absorption = term.opacity.iter().map(|&(value, opacity)| (value, -(-opacity).ln_1p())).collect();
+    if interrupted {
+        text.push_str("\ninterrupted: these are the rows that were measured before\n");
     }
-    Ok(())
-}
-
-/// Shows every material twice, the second time under another name.
-fn double_materials(scene: &mut Scene) {
-    let materials = scene.materials.len();
-    for material in scene.materials.clone() {
-        scene.materials.push(Material { name: format!("{} again", material.name), ..material });
-    }
-    for mut term in scene.transfer.terms.clone() {
-        for (_, material) in &mut term.material.0 {
-            *material += materials;
-        }
-        scene.transfer.terms.push(term);
-    }
+    Ok(Report { text, json })
 }

@@ -10,7 +10,7 @@ use relume::measure::Stopwatch;
 use relume::palette;
 use relume::progress::Progress;
 
-use super::bench::Times;
+use super::bench_frames::Times;
 use super::{CliError, Report};
 
 /// Palette files, and scenes with a palette.

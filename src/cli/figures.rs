@@ -145,6 +145,17 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     })
 }
 
+/// The names of the figures' scenes.
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    FIGURES.into_iter().map(|(name, ..)| name)
+}
+
+/// The scene of the figure `name`, on a volume made by formulas.
+pub(super) fn scene(name: &str, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, CliError> {
+    let text = FIGURES.into_iter().find(|(known, ..)| *known == name).map_or("", |(_, text, _)| text);
+    Ok(scene::parse(name, text, Path::new(""), options, progress)?)
+}
+
 /// The scene of a figure, on the volume that the command line names.
 fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Progress) -> Result<Scene, CliError> {
     let volume = if is_frog { &args.volume_frog } else { &args.volume_engine };

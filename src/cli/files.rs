@@ -17,7 +17,7 @@ use relume::plan::{Planned, Transmittance};
 use relume::reference;
 use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Placement, Scene, Situation};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
-use relume::tables::{Accumulation, Components, RelightMatrices};
+use relume::tables::{Accumulation, Components, Reflected, RelightMatrices};
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -210,37 +210,6 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     })
 }
 
-/// Reflectances, per unit of what a pixel keeps.
-struct Reflectances {
-    /// Of each component.
-    components: Vec<Spectrum>,
-    /// Of the background, for each number of what passes.
-    behind: Vec<Spectrum>,
-    /// How good they are, where they are not exact.
-    quality: Option<Value>,
-}
-
-impl Reflectances {
-    fn new(components: &Components, background: Option<&Reflectance>) -> Self {
-        let exact = || background.map(|surface| surface.spectrum().clone()).into_iter().collect();
-        match components {
-            Components::Surfaces(surfaces) => Self { components: surfaces.clone(), behind: exact(), quality: None },
-            Components::Model(model, transmittance) => {
-                let made = model.reconstruction();
-                let quality = (model.dimension() < BANDS).then(|| reconstruction_json(model, &made));
-                let behind = match (transmittance, background) {
-                    (Transmittance::Coloured, Some(surface)) => {
-                        let parts = model.coefficients(surface.spectrum());
-                        made.spectra.iter().zip(parts).map(|(spectrum, part)| spectrum.scaled(part)).collect()
-                    }
-                    _ => exact(),
-                };
-                Self { components: made.spectra, behind, quality }
-            }
-        }
-    }
-}
-
 /// Writes the spectrum of every pixel under `mix`; says how good they are where they are not exact.
 #[expect(clippy::cast_possible_truncation, reason = "spectra are stored in f32")]
 pub(crate) fn write_spectra(
@@ -252,16 +221,16 @@ pub(crate) fn write_spectra(
     accumulation: &Accumulation<f32>,
     preview: &[f32],
 ) -> Result<Option<Value>, CliError> {
-    let reflectances = Reflectances::new(components, background);
-    let (light_at, all) = mix.light_at(positions);
-    let parts =
-        light_at.iter().flat_map(|light| reflectances.components.iter().map(move |component| light * component));
-    let parts: Vec<Spectrum> = parts.collect();
-    let behind: Vec<Spectrum> = reflectances.behind.iter().map(|surface| &all * surface).collect();
+    let reflected = Reflected::new(components, background);
+    let [parts, behind] = reflected.under(mix, positions);
     let [width, height] = accumulation.size;
     let pixels = width * height;
-    let quality = reflectances.quality.as_ref().map(Value::to_string);
-    let notes: Vec<(&str, &str)> = quality.iter().map(|text| ("relumeReconstruction", text.as_str())).collect();
+    let quality = match (components, &reflected.reconstruction) {
+        (Components::Model(model, _), Some(made)) => Some(reconstruction_json(model, made)),
+        _ => None,
+    };
+    let note = quality.as_ref().map(Value::to_string);
+    let notes: Vec<(&str, &str)> = note.iter().map(|text| ("relumeReconstruction", text.as_str())).collect();
     relume::output::write_spectral(path, width, height, &notes, |y, row| {
         row.radiance.par_iter_mut().enumerate().for_each(|(x, radiance)| {
             let pixel = y * width + x;
@@ -280,7 +249,7 @@ pub(crate) fn write_spectra(
             colour.copy_from_slice(&preview[(y * width + x) * 4..][..3]);
         }
     })?;
-    Ok(reflectances.quality)
+    Ok(quality)
 }
 
 /// Refuses outputs that cannot be written, or would overwrite an input or each other, before work is done for them.

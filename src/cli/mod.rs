@@ -2,8 +2,13 @@
 
 mod accuracy;
 mod bench;
+mod bench_against;
+mod bench_cases;
+mod bench_costs;
+mod bench_frames;
 mod bench_load;
 mod bench_model;
+mod bench_needs;
 mod bench_palette;
 mod design;
 mod dial;
@@ -25,7 +30,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use relume::measure::{ChoiceError, LadderError, ModelTableError, SurveyError};
+use relume::measure::{ChoiceError, LadderError, ModelTableError, NeedError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
@@ -107,6 +112,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Model(#[from] ModelTableError),
     #[error(transparent)]
+    Need(#[from] NeedError),
+    #[error(transparent)]
     Survey(#[from] SurveyError),
     #[error(transparent)]
     Choice(#[from] ChoiceError),
@@ -145,6 +152,7 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error)
         | CliError::Render(RenderError::Vulkan(error))
+        | CliError::Need(NeedError::Render(RenderError::Vulkan(error)))
         | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
         | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
         CliError::Choice(error) if error.is_cancelled() => INTERRUPTED,
@@ -162,6 +170,7 @@ fn exit_code(error: &CliError) -> u8 {
             | ModelTableError::Plan(PlanError::Model(ModelError::Cancelled))
             | ModelTableError::March(ReferenceError::Cancelled),
         )
+        | CliError::Need(NeedError::Render(RenderError::Cancelled))
         | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
         | CliError::Volume(VolumeError::Cancelled { .. })
         | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,
@@ -185,7 +194,12 @@ pub(crate) fn main() -> ExitCode {
             terminal.wait_for_rows();
             measure::run(args, &terminal)
         }
-        Command::Bench(args) => bench::run(args, &terminal, started),
+        Command::Bench(args) => {
+            if args.has_rows() {
+                terminal.wait_for_rows();
+            }
+            bench::run(args, &terminal, started)
+        }
         Command::Shaders(args) => shaders::run(args, &terminal),
     };
     terminal.finish();

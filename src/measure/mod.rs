@@ -11,6 +11,7 @@ mod image_error;
 mod ladder;
 mod leaping;
 mod model;
+mod needs;
 mod report;
 mod rungs;
 mod sample;
@@ -19,7 +20,7 @@ mod survey;
 mod sweep;
 mod table;
 
-pub use choice::{Choice, ChoiceError, Goal, Point, Preset, choose};
+pub use choice::{Choice, ChoiceError, Goal, Point, Preset, Tried, choose, curve};
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
 pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered};
 pub use difference::Difference;
@@ -30,7 +31,8 @@ pub use model::{
     AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
     automatic_dimension, model_row,
 };
-pub use report::{Findings, html, trade};
+pub use needs::{FrameCounts, NeedError, NeedRow, need_rows};
+pub use report::{CostCurve, CostTable, Findings, costs_html, html, trade};
 pub use rungs::{RungError, Rungs};
 pub use sample::{Checked, check};
 pub use setting::{Knob, Setting, Value};

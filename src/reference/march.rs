@@ -25,6 +25,17 @@ struct Ray<R> {
     view: [R; 3],
 }
 
+/// A sample that a ray comes by.
+#[derive(Clone, Copy, Debug)]
+pub struct Passing<'a, R> {
+    /// Which one, counted from 0 where the ray enters; it lies `index + ½` steps behind that.
+    pub index: usize,
+    /// Where, in texture coordinates.
+    pub place: [R; 3],
+    /// What of the light passes from there to the eye.
+    pub transmittance: &'a [R],
+}
+
 /// The numbers of a frame.
 struct Frame<'a, R> {
     scene: &'a Scene,
@@ -92,8 +103,14 @@ impl<'a, R: Real> Frame<'a, R> {
     }
 
     /// Marches pixel `[x, y]`: adds what its steps send to `sums`, components position by position, and returns the light
-    /// that passes.
-    fn march_pixel(&self, samples: &impl Samples<R>, pixel: [usize; 2], sums: &mut [R]) -> Vec<R> {
+    /// that passes. `seen` is shown each sample before what it does, and says whether to go on.
+    fn march_pixel(
+        &self,
+        samples: &impl Samples<R>,
+        pixel: [usize; 2],
+        sums: &mut [R],
+        mut seen: impl FnMut(&Passing<'_, R>) -> bool,
+    ) -> Vec<R> {
         let ray = self.ray_through(pixel);
         let mut transmittance = vec![R::from_f64(1.0); self.planned.plan.passed()];
         let mut step = Step::default();
@@ -102,6 +119,9 @@ impl<'a, R: Real> Frame<'a, R> {
             let s = (R::from_f64(count(n)) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
+            if !seen(&Passing { index: n, place, transmittance: &transmittance }) {
+                break;
+            }
             if step.does_nothing() {
                 continue;
             }
@@ -122,7 +142,7 @@ impl<'a, R: Real> Frame<'a, R> {
     /// `finish(sums, passed)` of pixel `[x, y]`, marched and stored.
     fn finished<T>(&self, samples: &impl Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
         let mut sums = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
-        let mut passed = self.march_pixel(samples, pixel, &mut sums);
+        let mut passed = self.march_pixel(samples, pixel, &mut sums, |_| true);
         store(&self.planned.plan, &mut sums, &mut passed);
         finish(&sums, &passed)
     }
@@ -314,6 +334,35 @@ pub fn render_pixels<R: Real>(
         pixels.map(|&pixel| frame.finished(samples, pixel, |sums, passed| light(sums, passed, matrices))).collect()
     })?;
     Ok(found.concat())
+}
+
+/// What [`march`] leaves of pixel `[x, y]` alone, y down: an accumulation of one pixel. `seen` is shown each sample on the
+/// way, from the eye on.
+///
+/// # Errors
+///
+/// [`ReferenceError`].
+pub fn march_ray<R: Real>(
+    scene: &Scene,
+    planned: &Planned,
+    samples: &impl Samples<R>,
+    [size, pixel]: [[usize; 2]; 2],
+    progress: &dyn Progress,
+    mut seen: impl FnMut(&Passing<'_, R>),
+) -> Result<Accumulation<R>, ReferenceError> {
+    /// Samples between two looks at whether to go on.
+    const AT_ONCE: usize = 1024;
+    let frame = Frame::<R>::new(scene, planned, size)?;
+    let mut weights = vec![R::default(); planned.plan.components() * planned.positions.len()];
+    let mut transmittance = frame.march_pixel(samples, pixel, &mut weights, |passing| {
+        seen(passing);
+        passing.index % AT_ONCE > 0 || !progress.cancelled()
+    });
+    if progress.cancelled() {
+        return Err(ReferenceError::Cancelled);
+    }
+    store(&planned.plan, &mut weights, &mut transmittance);
+    Ok(Accumulation { size: [1, 1], weights, transmittance })
 }
 
 /// `finish(sums, passed)` of every pixel, marched.

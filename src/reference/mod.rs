@@ -6,7 +6,7 @@ mod relight;
 mod samples;
 mod store;
 
-pub use march::{composite, march, pass_by, render, render_pixels};
+pub use march::{Passing, composite, march, march_ray, pass_by, render, render_pixels};
 pub use real::Real;
 pub use relight::{opacity, relight};
 pub use samples::{Exact, Samples, Step, Stored};

@@ -53,6 +53,18 @@ impl<'a> Exact<'a> {
         Self { scene, planned, storage, labels, steps, label_steps }
     }
 
+    /// The data value at `place`, in texture coordinates, and the label that decides there in its stead: its place among
+    /// those that the scene declares.
+    #[must_use]
+    pub fn at(&self, place: [f64; 3]) -> (f64, Option<usize>) {
+        let dims = self.scene.volume.geometry.dims;
+        let interpolation = self.scene.accuracy.interpolation;
+        let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
+        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, dims)]);
+        let [low, high] = self.storage.domain;
+        ((high - low).mul_add(normalised, low), usize::from(row).checked_sub(1))
+    }
+
     /// The normalised value of a voxel; indices beyond the grid take its face.
     fn voxel(&self, index: [i64; 3]) -> f64 {
         let volume: &Volume = &self.scene.volume;
@@ -82,17 +94,14 @@ impl<'a> Exact<'a> {
 
 impl Samples<f64> for Exact<'_> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
-        let dims = self.scene.volume.geometry.dims;
-        let interpolation = self.scene.accuracy.interpolation;
-        let normalised = interpolate(place, dims, interpolation, |index| [self.voxel(index)])[0];
-        let row = self.labels.map_or(0, |labels| labels.rows[nearest(place, dims)]);
-        let [low, high] = self.storage.domain;
-        let value = (high - low).mul_add(normalised, low);
-        let found = if row > 0 { self.label_steps[usize::from(row)].clone() } else { self.steps.of_value(value) };
+        let (value, label) = self.at(place);
+        let found = label.map_or_else(|| self.steps.of_value(value), |label| self.label_steps[label + 1].clone());
         step.source.clone_from(&found.source);
         step.opacity.clone_from(&found.opacity);
         step.opacity.truncate(self.planned.plan.passed());
         if self.planned.plan.gradient() {
+            let dims = self.scene.volume.geometry.dims;
+            let interpolation = self.scene.accuracy.interpolation;
             step.normal = unit(interpolate(place, dims, interpolation, |index| self.gradient(index)));
         }
     }

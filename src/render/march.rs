@@ -415,6 +415,49 @@ impl Renderer {
         Ok(Accumulation { size, weights, transmittance })
     }
 
+    /// Copies what pixel `[x, y]` keeps to the host, y down: an accumulation of one pixel.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Vulkan`].
+    pub fn read_pixel(&self, accumulators: &Accumulators, pixel: [usize; 2]) -> Result<Accumulation<f32>, RenderError> {
+        let plan = &accumulators.planned.plan;
+        let images = [(&accumulators.weights, plan.layers()), (&accumulators.transmittance, plan.passed_lanes())];
+        let texels =
+            || images.iter().flat_map(|&(image, layers)| (0..unsigned(layers)).map(move |layer| (image, layer)));
+        let bytes: u64 = texels().map(|(image, _)| u64::from(image.format().texel_bytes())).sum();
+        let buffer = Buffer::host(&self.device, "a pixel", bytes, HostUse::ReadBack)?;
+        self.device.run("a pixel", |recorder| {
+            recorder.compute_to_transfer();
+            let mut offset = 0;
+            for (image, layer) in texels() {
+                recorder.read_back_texel(image, layer, pixel.map(unsigned), &buffer, offset)?;
+                offset += u64::from(image.format().texel_bytes());
+            }
+            recorder.transfer_to_host();
+            Ok(())
+        })?;
+        let mut read = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
+        buffer.read(0, &mut read)?;
+        let weights = texels_of(&accumulators.weights, plan.layers());
+        let (weights, passed) = read.split_at(weights);
+        let numbers = |image: &StorageImage, bytes: &[u8]| -> Vec<f32> {
+            match image.format() {
+                Format::Rgba16Float => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
+                    .into_iter()
+                    .map(|bits| f16::from_bits(bits).to_f32())
+                    .collect(),
+                _ => bytemuck::pod_collect_to_vec(bytes),
+            }
+        };
+        let (components, lanes) = (plan.components(), plan.lanes().max(1) * LANE);
+        let weights = numbers(&accumulators.weights, weights);
+        let weights = weights.chunks_exact(lanes).flat_map(|position| &position[..components]).copied().collect();
+        let mut transmittance = numbers(&accumulators.transmittance, passed);
+        transmittance.truncate(plan.passed());
+        Ok(Accumulation { size: [1, 1], weights, transmittance })
+    }
+
     /// `count` numbers of every pixel, plane by plane, from the layer `first` on.
     fn read_numbers(&self, image: &StorageImage, first: usize, count: usize) -> Result<Vec<f32>, RenderError> {
         let mut numbers = Vec::new();
@@ -489,6 +532,11 @@ impl March {
     pub fn finish(self, renderer: &Renderer) -> Result<Accumulators, RenderError> {
         renderer.store(self.left)
     }
+}
+
+/// Bytes of a pixel in so many layers of `image`.
+fn texels_of(image: &StorageImage, layers: usize) -> usize {
+    layers * image.format().texel_bytes() as usize
 }
 
 /// The texels of a layer, rows from the top.

@@ -38,12 +38,17 @@ pub struct RelightUniform {
     pub padding: [u32; 2],
 }
 
+/// Whether what passes is looked at: where there is something behind the volume, or the picture is to have opacity.
+fn passes_light(plan: &ScenePlan, target: Target) -> bool {
+    plan.background || target == Target::Linear
+}
+
 /// The relight shader of `plan`.
 pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderError> {
     let [accumulators, passed] = images(plan, plan.storage, "read");
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
-        .bool("PASSING", plan.background || target == Target::Linear)
+        .bool("PASSING", passes_light(plan, target))
         .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
         .alias("AccumulatorImage", &accumulators)
         .alias("TransmittanceImage", &passed)
@@ -64,6 +69,7 @@ pub struct Relight {
     set: crate::vulkan::ResourceSet,
     uniform: Buffer,
     picture: StorageImage,
+    bytes: u64,
 }
 
 impl Renderer {
@@ -111,7 +117,10 @@ impl Renderer {
                 })
             },
         )?;
-        Ok(Relight { device: device.clone(), components: plan.components(), pipeline, set, uniform, picture })
+        let passed = if passes_light(plan, target) { accumulators.transmittance.bytes() } else { 0 };
+        let weights = if plan.layers() == 0 { 0 } else { accumulators.weights.bytes() };
+        let bytes = uniform.bytes() + weights + passed + picture.bytes();
+        Ok(Relight { device: device.clone(), components: plan.components(), pipeline, set, uniform, picture, bytes })
     }
 }
 
@@ -141,6 +150,12 @@ impl Relight {
             )
         })?;
         Ok(took)
+    }
+
+    /// Bytes on the device that a run reads and writes: accumulators, matrices and the picture.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// The picture on the device, for those who show it there.

@@ -4,6 +4,7 @@ mod accumulation;
 mod cells;
 mod lights;
 mod rays;
+mod reflected;
 mod storage;
 mod transfer;
 
@@ -11,6 +12,7 @@ pub use accumulation::Accumulation;
 pub use cells::{CELL, Cells, Occupancy};
 pub use lights::{Components, PositionTable, RelightMatrices, ShadingTable, display_from_xyz};
 pub use rays::{MOST_SAMPLES, RayTable};
+pub use reflected::Reflected;
 pub use storage::{LabelMap, Storage, StoredVolume, VolumeFormat};
 pub use transfer::{Step, Steps, TransferTable};
 

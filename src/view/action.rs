@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
+use glam::DVec2;
+
 use super::state::Edit;
+use crate::measure::Goal;
 
 /// Something that is asked of the viewer.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,6 +26,8 @@ pub enum Action {
     SaveSession(PathBuf),
     /// All pixels of the window, as PNG.
     SaveWindow(PathBuf),
+    /// A pixel to look at, in parts of the picture from the top left; or none.
+    Probe(Option<DVec2>),
     /// The panels beside the picture, or the picture alone.
     Panels(bool),
     /// The hand from situation to situation in so many seconds; `None` stops it where it is.
@@ -31,6 +36,11 @@ pub enum Action {
     SaveTour(PathBuf, u16),
     /// The scene on the device again, after that was lost more than once.
     Restart,
+    /// Settings are measured: a curve of them, or those that it takes to find the one that does what is asked, which is then
+    /// taken.
+    Measure(Option<Goal>),
+    /// What is measured or solved is given up.
+    GiveUp,
     /// A notice that was read, by its index.
     Dismiss(usize),
 }

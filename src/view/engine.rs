@@ -4,8 +4,12 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use glam::DVec2;
+
 use super::load::Loaded;
+use super::probe::Pixel;
 use super::state::State;
+use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Quiet;
 use crate::render::{Accumulators, March, Relight, RenderError, Renderer, Speed, Uploaded};
@@ -78,6 +82,8 @@ pub struct Engine {
     changed: Instant,
     /// From a change of what is marched to its first picture, and to its finest.
     latency: Latency,
+    /// Marches that were finished.
+    pictures: u64,
 }
 
 /// Times from a change of what is marched.
@@ -155,6 +161,7 @@ impl Engine {
             counts: Counts::default(),
             changed: Instant::now(),
             latency: Latency::default(),
+            pictures: 0,
         }
     }
 
@@ -280,6 +287,7 @@ impl Engine {
         let accumulators = march.finish(&self.renderer)?;
         let relight = self.renderer.relight_display(&accumulators)?;
         let components = Components::new(&self.scene, &accumulators.planned);
+        self.pictures += 1;
         self.lit = Some(Lit { relight, level, size: self.size, accumulators, components });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
@@ -341,7 +349,42 @@ impl Engine {
     pub fn progress(&self) -> Option<f64> {
         let marching = self.marching.as_ref()?;
         let [_, height] = marching.march.size();
-        Some(f64::from(marching.march.rows_done()) / crate::number::count(height.max(1)))
+        Some(f64::from(marching.march.rows_done()) / count(height.max(1)))
+    }
+
+    /// What the picture keeps of the pixel at `place`, in parts of its width and height from the top left; none before the
+    /// first picture.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError::Vulkan`].
+    pub fn pixel(&self, place: DVec2) -> Result<Option<Pixel>, RenderError> {
+        let Some(Lit { accumulators, components, .. }) = &self.lit else { return Ok(None) };
+        let size = accumulators.size;
+        let [across, down] = place.to_array();
+        let at = |part: f64, pixels: usize| whole((part * count(pixels)).max(0.0)).min(pixels - 1);
+        let place = [at(across, size[0]), at(down, size[1])];
+        let numbers = self.renderer.read_pixel(accumulators, place)?;
+        let (planned, components) = (accumulators.planned.clone(), components.clone());
+        Ok(Some(Pixel { place, size, numbers, planned, components }))
+    }
+
+    /// How many pictures were finished, coarse ones too: a number that tells one from the next.
+    #[must_use]
+    pub fn pictures(&self) -> u64 {
+        self.pictures
+    }
+
+    /// The scene whose picture is shown or on its way.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// What the volume's values are like.
+    #[must_use]
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
     }
 
     /// What was done so far.

@@ -1,12 +1,10 @@
 //! What is opened: read, planned and brought to the device beside the window.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
 
+use super::job::Listener;
 use crate::number::count;
 use crate::plan::{PlanError, Planned, plan};
 use crate::progress::Progress;
@@ -77,11 +75,7 @@ impl Loading {
         progressed: impl Fn() + Send + Sync + 'static,
         loaded: impl FnOnce(Result<Loaded, LoadError>) + Send + 'static,
     ) -> Self {
-        let listener = Arc::new(Listener {
-            stage: Mutex::default(),
-            cancelled: AtomicBool::new(false),
-            progressed: Box::new(progressed),
-        });
+        let listener = Arc::new(Listener::new(progressed));
         let heard = Arc::clone(&listener);
         let thread = std::thread::spawn(move || loaded(load(&*heard)));
         Self { name, listener, thread: Some(thread) }
@@ -89,7 +83,7 @@ impl Loading {
 
     /// Gives up; what is under way may take a moment to hear of it.
     pub fn give_up(&self) {
-        self.listener.cancelled.store(true, Ordering::Relaxed);
+        self.listener.cancel();
     }
 
     /// Whether nothing is done for it any more.
@@ -108,59 +102,14 @@ impl Loading {
     /// What is opened, how much of the present stage is done (0 to 1, where known), and what stage that is.
     #[must_use]
     pub fn progress(&self) -> (String, Option<f32>, String) {
-        let stage = self.listener.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "for a bar on the screen")]
-        let part = (stage.total > 0).then(|| (stage.done as f64 / stage.total as f64) as f32);
-        (self.name.clone(), part, stage.name.clone())
+        let (part, stage) = self.listener.progress();
+        (self.name.clone(), part, stage)
     }
 }
 
 impl Drop for Loading {
     fn drop(&mut self) {
         self.give_up();
-    }
-}
-
-/// Least time between two pieces of news.
-const NEWS: Duration = Duration::from_millis(50);
-
-/// How far something is.
-#[derive(Debug, Default)]
-struct Stage {
-    name: String,
-    done: u64,
-    total: u64,
-    told: Option<Instant>,
-}
-
-struct Listener {
-    stage: Mutex<Stage>,
-    cancelled: AtomicBool,
-    progressed: Box<dyn Fn() + Send + Sync>,
-}
-
-impl fmt::Debug for Listener {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.debug_struct("Listener").field("stage", &self.stage).finish_non_exhaustive()
-    }
-}
-
-impl Progress for Listener {
-    fn report(&self, name: &str, done: u64, total: u64) {
-        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        if stage.name != name {
-            name.clone_into(&mut stage.name);
-        }
-        (stage.done, stage.total) = (done, total);
-        if stage.told.is_none_or(|told| told.elapsed() > NEWS) {
-            stage.told = Some(Instant::now());
-            drop(stage);
-            (self.progressed)();
-        }
-    }
-
-    fn cancelled(&self) -> bool {
-        self.cancelled.load(Ordering::Relaxed)
     }
 }
 

@@ -5,9 +5,13 @@
 
 pub mod action;
 pub mod camera;
+pub mod effort;
 pub mod engine;
+pub mod job;
 pub mod load;
 pub mod presets;
+pub mod probe;
+pub mod prober;
 #[cfg(feature = "window")]
 mod screen;
 pub mod script;
@@ -23,6 +27,7 @@ pub use crate::scene::{LightState, Mixing, Slider};
 pub use action::Action;
 pub use engine::{Counts, Engine, EngineError};
 pub use load::{LoadError, Loaded, Source};
+pub use probe::Probe;
 pub use script::{Script, ScriptError};
 pub use session::SessionError;
 pub use state::{Cost, Document, Edit, State};

@@ -106,7 +106,7 @@ impl Preset {
 fn of(materials: &[Material], words: &[&str], part: f64) -> usize {
     let named = |word: &&str| materials.iter().position(|material| material.name.to_lowercase().contains(word));
     let last = materials.len().saturating_sub(1);
-    words.iter().find_map(|word| named(&word)).unwrap_or_else(|| crate::number::whole((part * count(last)).round()))
+    words.iter().find_map(named).unwrap_or_else(|| crate::number::whole((part * count(last)).round()))
 }
 
 /// The value that 0 Hounsfield units, water, have in a CT; `None` where the values are of something else. Air is at -1000;

@@ -12,6 +12,7 @@ use super::action::Action;
 use super::camera::{Move, Side};
 use super::state::{Edit, State};
 use crate::input;
+use crate::measure::{Goal, Preset};
 use crate::scene::Interval;
 use crate::spectrum::deficiency::Deficiency;
 
@@ -65,6 +66,8 @@ pub enum Command {
     Named(About, String),
     /// A movement of the camera.
     Camera(Move),
+    /// Looks at a pixel, in parts of the picture, until all is known of it.
+    Probe(DVec2),
     /// A window of so many pixels.
     Size([u32; 2]),
     /// What a hand does.
@@ -245,6 +248,16 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "projection" => Command::Camera(Move::Projection),
         "reset" => Command::Camera(Move::Reset),
+        "measure" => Command::Do(Action::Measure(match rest {
+            [] => None,
+            ["interactive"] => Some(Preset::Interactive.goal()),
+            ["balanced"] => Some(Preset::Balanced.goal()),
+            ["reference"] => Some(Preset::Reference.goal()),
+            ["error", number] => Some(Goal::MaxError(above_zero(verb, number)?)),
+            ["budget", number] => Some(Goal::Budget(above_zero(verb, number)?)),
+            _ => return Err("measure takes nothing, a preset, error DE, or budget MS".to_owned()),
+        })),
+        "cancel" => Command::Do(Action::GiveUp),
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),
         "restart" => Command::Do(Action::Restart),
@@ -256,6 +269,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             _ => return Err("save session FILE".to_owned()),
         },
         "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),
+        "probe" => Command::Probe(DVec2::from(numbers(verb, rest)?)),
         "size" => Command::Size(numbers(verb, rest)?),
         "pointer" => {
             let [x, y] = numbers(verb, rest)?;
@@ -272,6 +286,11 @@ fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T;
     let numbers: Option<Vec<T>> = words.iter().map(|word| word.parse().ok()).collect();
     let wanted = if N == 1 { "a number".to_owned() } else { format!("{N} numbers") };
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} takes {wanted}"))
+}
+
+fn above_zero(verb: &str, word: &str) -> Result<f64, String> {
+    let number = word.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
+    number.ok_or_else(|| format!("{verb} takes a number above 0, not {word:?}"))
 }
 
 fn switch(verb: &str, words: &[&str]) -> Result<bool, String> {

@@ -11,7 +11,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::load::Source;
 use super::state::State;
 use crate::output::{OutputError, write_atomically};
-use crate::scene::{Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
 use crate::volume::ByteOrder;
 
 /// Why a session cannot be saved.
@@ -91,6 +91,7 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         transfer(table(&mut document, "transfer")?, scene)?;
     }
     labels(&mut document, scene, opened)?;
+    accuracy(&mut document, &scene.accuracy, &opened.accuracy)?;
     if scene.display != opened.display {
         let display = table(&mut document, "display")?;
         display.insert("exposure", value(scene.display.exposure));
@@ -215,6 +216,28 @@ fn camera(camera: &Camera) -> Table {
     }
     table.insert("up", value(numbers(camera.up.to_array())));
     table
+}
+
+/// What a choice of settings changes.
+fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Result<(), SessionError> {
+    if now == then {
+        return Ok(());
+    }
+    let table = table(document, "accuracy")?;
+    table.insert("step", value(now.step_length));
+    table.insert("termination", value(now.termination));
+    table.insert("tolerance", value(now.tolerance));
+    let accumulate = match now.accumulate {
+        AccumulateAs::Auto => "auto",
+        AccumulateAs::Weights => "weights",
+        AccumulateAs::Spectral => "spectral",
+    };
+    table.insert("accumulate", value(accumulate));
+    match now.dimension {
+        Some(k) => table.insert("k", value(i64::try_from(k).unwrap_or(i64::MAX))),
+        None => table.remove("k"),
+    };
+    Ok(())
 }
 
 /// The intervals, and the curves as they are stated, unless they were removed.

@@ -5,8 +5,9 @@ use std::mem::Discriminant;
 use glam::{DVec2, DVec3};
 
 use super::camera::{self, Move};
+use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
-use crate::scene::{Dial, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along};
+use crate::scene::{Accuracy, Dial, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along};
 use crate::spectrum::deficiency::Deficiency;
 use crate::volume::Statistics;
 
@@ -82,6 +83,8 @@ pub enum Edit {
     Label(usize, usize, f64),
     /// The transfer function and the labels as the scene has them.
     ResetTransfer,
+    /// The trade of speed for accuracy.
+    Accuracy(Accuracy),
 }
 
 /// What has to be done again after an edit.
@@ -133,7 +136,8 @@ impl Edit {
             | Self::Crop(_)
             | Self::ResetCrop
             | Self::Label(..)
-            | Self::ResetTransfer => Cost::March,
+            | Self::ResetTransfer
+            | Self::Accuracy(_) => Cost::March,
         }
     }
 }
@@ -156,6 +160,23 @@ pub const BRIGHTEST: f64 = 1e6;
 
 fn factor(number: f64) -> f64 {
     if number.is_finite() { number.clamp(0.0, BRIGHTEST) } else { 1.0 }
+}
+
+/// The shortest and the longest step, in voxels.
+pub const STEPS: [f64; 2] = [0.01, 1000.0];
+
+/// The nearest to `accuracy` that a scene may ask for, where voxels are so wide.
+fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
+    let within = |number: f64, [low, high]: [f64; 2], otherwise: f64| {
+        if number.is_finite() { number.clamp(low, high) } else { otherwise }
+    };
+    Accuracy {
+        step_length: within(accuracy.step_length, STEPS.map(|step| step * voxel), voxel),
+        termination: within(accuracy.termination, [0.0, 0.5], 1e-4),
+        tolerance: within(accuracy.tolerance, [1e-3, 100.0], 1.0),
+        dimension: accuracy.dimension.map(|k| k.clamp(1, LARGEST_DIMENSION)),
+        ..accuracy.clone()
+    }
 }
 
 fn finite(place: DVec2) -> DVec2 {
@@ -230,7 +251,8 @@ impl State {
     pub fn cost_from(&self, before: &Self) -> Option<Cost> {
         let (now, then) = (&self.scene, &before.scene);
         let other_labels = declared(now) != declared(then);
-        if now.camera != then.camera || now.crop != then.crop || now.transfer != then.transfer || other_labels {
+        let other_rays = now.camera != then.camera || now.crop != then.crop || now.accuracy != then.accuracy;
+        if other_rays || now.transfer != then.transfer || other_labels {
             return Some(Cost::March);
         }
         let alike = self.light == before.light && now.dial == then.dial && now.display == then.display;
@@ -371,6 +393,10 @@ impl State {
             Edit::ResetTransfer => {
                 scene.transfer.clone_from(&opened.transfer);
                 scene.labels.clone_from(&opened.labels);
+            }
+            Edit::Accuracy(ref accuracy) => {
+                let voxel = scene.volume.geometry.spacing.min_element();
+                scene.accuracy = allowed(accuracy, voxel);
             }
         }
         light.situation = match *edit {

@@ -3,7 +3,10 @@
 use std::{
     ffi::CStr,
     fmt,
-    sync::{Arc, Mutex},
+    sync::{
+        Arc, Mutex,
+        atomic::{AtomicU64, Ordering},
+    },
     time::Duration,
 };
 
@@ -37,6 +40,7 @@ struct Shared {
     info: DeviceInfo,
     limits: Limits,
     simulated: Simulated,
+    dispatches: AtomicU64,
     queue_family: u32,
     queue: Mutex<vk::Queue>,
     /// Command buffers that nothing uses now.
@@ -108,6 +112,7 @@ impl Device {
             info: candidate.info,
             limits,
             simulated: Simulated::asked_for(),
+            dispatches: AtomicU64::default(),
             queue_family: queue.index,
             queue: Mutex::new(raw_queue),
             idle: Mutex::new(Vec::new()),
@@ -127,6 +132,12 @@ impl Device {
     #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.0.limits
+    }
+
+    /// How many dispatches were recorded for it so far.
+    #[must_use]
+    pub fn dispatches(&self) -> u64 {
+        self.0.dispatches.load(Ordering::Relaxed)
     }
 
     /// What the validation layer has said since the last call; nothing without [`Validation::On`].
@@ -175,6 +186,10 @@ impl Device {
         let _queue = lock(&self.0.queue);
         // SAFETY: the lock keeps other threads off the only queue, which waiting for the device waits for too.
         unsafe { self.0.raw.functions.device_wait_idle() }.ok();
+    }
+
+    pub(super) fn count_dispatch(&self) {
+        self.0.dispatches.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(super) fn simulated(&self) -> &Simulated {

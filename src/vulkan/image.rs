@@ -161,6 +161,12 @@ impl StorageImage {
         u64::from(width) * u64::from(height) * u64::from(self.format().texel_bytes())
     }
 
+    /// Bytes of all layers.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.layer_bytes() * u64::from(self.layers())
+    }
+
     pub(super) fn check_device(&self, device: &Device) -> Result<(), VulkanError> {
         self.0.check_device(device)
     }

@@ -123,6 +123,7 @@ impl Recorder {
         // SAFETY: recording; all that the shader uses is bound, the groups are within limits, buffers are bounded by
         // robustBufferAccess, and images ignore writes outside.
         unsafe { functions.cmd_dispatch(commands, x, y, z) };
+        self.device().count_dispatch();
         self.used.buffers.extend_from_slice(set.buffers());
         self.used.others.push(pipeline.keep());
         self.used.others.push(set.keep());
@@ -192,17 +193,52 @@ impl Recorder {
         buffer: &Buffer,
         offset: u64,
     ) -> Result<(), VulkanError> {
+        self.copy_back(image, layer, [[0, 0], image.extent()], buffer, offset)
+    }
+
+    /// Copies the texel at `place` (column, row) in `layer` of `image` to `buffer`, from byte `offset` on.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::read_back`], and [`VulkanError::Misuse`] for a texel that the image does not have.
+    pub fn read_back_texel(
+        &mut self,
+        image: &StorageImage,
+        layer: u32,
+        place: [u32; 2],
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
+        let [width, height] = image.extent();
+        if place[0] >= width || place[1] >= height {
+            let mistake = format!("texel {place:?} is not among its {width}×{height}");
+            return Err(VulkanError::misuse(image.name(), mistake));
+        }
+        self.copy_back(image, layer, [place, [1, 1]], buffer, offset)
+    }
+
+    /// Copies the rectangle of `image` that starts at `place`, which is in it.
+    fn copy_back(
+        &mut self,
+        image: &StorageImage,
+        layer: u32,
+        [place, [width, height]]: [[u32; 2]; 2],
+        buffer: &Buffer,
+        offset: u64,
+    ) -> Result<(), VulkanError> {
         if layer >= image.layers() {
             let mistake = format!("layer {layer} is not among its {}", image.layers());
             return Err(VulkanError::misuse(image.name(), mistake));
         }
         image.check_device(self.device())?;
         check_target(self.device(), buffer)?;
-        check_copy(buffer, offset, image.layer_bytes(), image.format().texel_bytes().into())?;
-        let [width, height] = image.extent();
+        let texel_bytes = u64::from(image.format().texel_bytes());
+        check_copy(buffer, offset, u64::from(width) * u64::from(height) * texel_bytes, texel_bytes)?;
+        let [x, y] = place.map(|texel| i32::try_from(texel).unwrap_or(i32::MAX));
         let region = vk::BufferImageCopy::default()
             .buffer_offset(offset)
             .image_subresource(one_layer(layer))
+            .image_offset(vk::Offset3D { x, y, z: 0 })
             .image_extent(vk::Extent3D { width, height, depth: 1 });
         // SAFETY: recording; the region was checked to lie in both the image and the buffer, both are kept until the
         // submission ends, and the image is always in this layout.

@@ -87,6 +87,27 @@ impl Drawing {
         .ok();
     }
 
+    /// A curve in a colour of its own, thin or not.
+    pub(super) fn coloured_path(&mut self, points: &[[f64; 2]], colour: &str, thin: bool) {
+        let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        let (width, points) = (if thin { 1.0 } else { 1.8 }, points.join(" "));
+        writeln!(
+            self.body,
+            "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" points=\"{points}\"/>"
+        )
+        .ok();
+    }
+
+    /// A dot in a colour of its own, or a ring, that says `title` where a pointer rests on it.
+    pub(super) fn marker(&mut self, [x, y]: [f64; 2], colour: &str, ring: bool, title: &str) {
+        let (fill, title) = (if ring { "none" } else { colour }, escaped(title));
+        writeln!(
+            self.body,
+            "<circle fill=\"{fill}\" stroke=\"{colour}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.6\"><title>{title}</title></circle>"
+        )
+        .ok();
+    }
+
     /// A bar in a class, or in a colour of its own.
     pub(super) fn bar(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], paint: Paint<'_>, title: &str) {
         let paint = match paint {

@@ -1,6 +1,7 @@
 //! The report of a survey: one page that needs nothing else, and the trade as a picture.
 
 mod charts;
+mod costs;
 mod drawing;
 mod pictures;
 
@@ -13,6 +14,7 @@ use super::survey::{CloseUp, Measured, Survey};
 use super::table::{megabytes, short};
 use crate::number::count;
 use crate::output::OutputError;
+pub use costs::{CostCurve, CostTable, costs_html};
 use drawing::escaped;
 use pictures::{Picture, SCALE, heat};
 

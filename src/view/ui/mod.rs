@@ -1,5 +1,6 @@
 //! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
 
+mod accuracy;
 mod controls;
 mod crop;
 mod dial;
@@ -7,6 +8,7 @@ mod display;
 mod lights;
 mod notices;
 mod picture;
+mod probe;
 mod situations;
 mod spectrum;
 mod status;
@@ -15,11 +17,15 @@ mod transfer;
 
 use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
 
+pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use status::Status;
 
+use glam::DVec2;
+
 use super::action::Action;
+use super::probe::Probe;
 use super::state::Document;
 
 /// Narrower windows open with the picture alone.
@@ -44,6 +50,10 @@ pub struct Shown<'a> {
     pub plays: bool,
     /// Whether there are panels beside the picture.
     pub panels: bool,
+    /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
+    pub probe: Option<(DVec2, Option<&'a Probe>)>,
+    /// What pictures take, and how far from the truth they are.
+    pub effort: Effort<'a>,
     /// Width over height of the picture in the last frame.
     pub aspect: f64,
 }
@@ -73,6 +83,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                     situations::show(ui, document, shown.plays, asked);
                     crop::show(ui, document, asked);
                     transfer::show(ui, document, asked);
+                    accuracy::show(ui, document, shown.effort, asked);
                 }
             });
         });
@@ -84,6 +95,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             picture::show(ui, shown, rect, asked);
             crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
+            probe::show(ui, shown, rect, asked);
             if !shown.panels {
                 toolbar::opener(ui, rect, asked);
             }

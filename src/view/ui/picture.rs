@@ -2,6 +2,8 @@
 
 use egui::{Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, Ui, UiBuilder, vec2};
 
+use glam::DVec2;
+
 use super::Shown;
 use super::controls::panel;
 use super::spectrum::narrow;
@@ -19,8 +21,7 @@ const KEY_TURN: f64 = 5.0;
 const NEARER: f64 = 1.1;
 
 /// What the camera does at the mouse.
-pub(super) const HELP: &str =
-    "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll, wheel to go nearer.";
+pub(super) const HELP: &str = "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll, wheel to go nearer. Click to look at a pixel.";
 
 /// Moves the camera by what the hand does over the picture, and says what to do where there is none.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
@@ -41,6 +42,11 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
     }
     let hand = ui.interact(rect, ui.id().with("picture"), Sense::click_and_drag());
     hand.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
+    let followed = hand.hovered() && ui.input(|input| input.modifiers.alt && !input.pointer.any_down());
+    if let Some(at) = hand.interact_pointer_pos().filter(|_| hand.clicked()).or(hand.hover_pos().filter(|_| followed)) {
+        let part = (at - rect.min) / rect.size();
+        asked.push(Action::Probe(Some(DVec2::new(part.x.into(), part.y.into()))));
+    }
     let mut go = |step: Move| asked.push(Action::Edit(Edit::Camera(step, shown.aspect)));
     let (dragged, height) = (hand.drag_delta(), f64::from(rect.height()).max(1.0));
     let [right, down] = [f64::from(dragged.x) / height, f64::from(dragged.y) / height];

@@ -1,10 +1,12 @@
 //! Spectra as small curves, and lights as swatches.
 
-use egui::{Color32, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType, pos2};
+use egui::{
+    Align2, Color32, FontId, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType, pos2,
+};
 
 use crate::number::count;
-use crate::spectrum::colour::{LinearSrgb, display_code, linear_srgb_from_xyz, xyz_of};
-use crate::spectrum::{Light, Spectrum};
+use crate::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz, xyz_of};
+use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Light, Spectrum, wavelength_nm};
 
 /// The colour of a light that shines `share` times as strongly as stated, and its name to screen readers.
 pub(super) fn swatch(ui: &mut Ui, light: &Light, share: f64, side: f32) -> Response {
@@ -40,6 +42,69 @@ pub(super) fn curve(ui: &mut Ui, spectrum: &Spectrum, size: Vec2) -> Response {
     let visuals = ui.visuals();
     ui.painter().rect_filled(rect, 2.0, visuals.extreme_bg_color);
     ui.painter().line(points, Stroke::new(1.0, visuals.text_color()));
+    response
+}
+
+/// Several spectra over wavelength in one frame, from 0 (or the lowest, below it) to the highest, above a strip of the
+/// colours of the wavelengths.
+pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> Response {
+    let (frame, response) = ui.allocate_exact_size(size, Sense::hover());
+    let (rect, strip) = frame.split_top_bottom_at_y(frame.bottom() - 16.0);
+    ui.painter().rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    let samples = || curves.iter().flat_map(|(spectrum, _)| spectrum.samples()).copied();
+    let low = samples().fold(0.0, f64::min);
+    let high = samples().fold(low + f64::MIN_POSITIVE, f64::max);
+    let x = |nm: f64| rect.left() + narrow((nm - FIRST_NM) / (LAST_NM - FIRST_NM)) * rect.width();
+    let y = |sample: f64| rect.bottom() - 2.0 - narrow((sample - low) / (high - low)) * (rect.height() - 4.0);
+    let weak = Stroke::new(1.0, ui.visuals().weak_text_color());
+    if low < 0.0 {
+        ui.painter().hline(rect.x_range(), y(0.0), Stroke::new(0.5, weak.color));
+    }
+    for (spectrum, colour) in curves {
+        let points =
+            spectrum.samples().iter().enumerate().map(|(band, &sample)| pos2(x(wavelength_nm(band)), y(sample)));
+        ui.painter().line(points.collect(), Stroke::new(1.5, *colour));
+    }
+    for band in 0..BANDS - 1 {
+        let [from, to] = [band, band + 1].map(|band| x(wavelength_nm(band)));
+        let part = Rect::from_x_y_ranges(from..=to, strip.top() + 1.0..=strip.top() + 4.0);
+        ui.painter().rect_filled(part, 0.0, of_wavelength(band));
+    }
+    for nm in [400.0, 500.0, 600.0, 700.0] {
+        let (at, font) = (pos2(x(nm), strip.bottom()), FontId::proportional(9.0));
+        ui.painter().text(at, Align2::CENTER_BOTTOM, format!("{nm} nm"), font, weak.color);
+    }
+    let most = format!("{high:.2}");
+    ui.painter().text(
+        rect.left_top() + Vec2::splat(2.0),
+        Align2::LEFT_TOP,
+        most,
+        FontId::proportional(9.0),
+        weak.color,
+    );
+    response
+}
+
+/// About the colour of light of one wavelength, as a screen can show it.
+fn of_wavelength(band: usize) -> Color32 {
+    let xyz = OBSERVER.each_ref().map(|matching| matching.samples()[band]);
+    let LinearSrgb(linear) = linear_srgb_from_xyz(Xyz(xyz));
+    // Beside so much white that nothing is negative, and as bright as the eye sees it, about.
+    let white = linear.iter().copied().fold(0.0, f64::min);
+    let most = linear.iter().copied().fold(f64::MIN_POSITIVE, f64::max) - white;
+    let seen =
+        (xyz.iter().sum::<f64>() / OBSERVER[1].samples().iter().copied().fold(f64::MIN_POSITIVE, f64::max)).min(1.0);
+    let code = display_code(LinearSrgb(linear.map(|part| (part - white) / most * seen)));
+    Color32::from_hex(&code).unwrap_or(Color32::BLACK)
+}
+
+/// A square of a colour as it is shown, and its name to screen readers.
+pub(super) fn patch(ui: &mut Ui, code: &str, side: f32) -> Response {
+    let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
+    let colour = Color32::from_hex(code).unwrap_or(Color32::BLACK);
+    let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
+    ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, code));
     response
 }
 

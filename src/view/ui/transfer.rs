@@ -97,7 +97,7 @@ fn middle(statistics: &Statistics) -> Interval {
 }
 
 /// The colours of the scene's materials under the present light, lit from all its positions.
-fn colours(state: &State) -> Vec<Color32> {
+pub(super) fn colours(state: &State) -> Vec<Color32> {
     let scene = &state.scene;
     let spectra: Vec<_> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
     let (materials, places) = (spectra.len(), positions(scene).len());

@@ -1,0 +1,106 @@
+//! A run beside an earlier one: what has become dearer than a budget allows.
+
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::CliError;
+use super::bench_frames::Row;
+
+/// The longest file that is read, in bytes.
+const LONGEST: u64 = 16 << 20;
+/// Times differ by as much, in ms, whatever is measured.
+const ALIKE_MS: f64 = 0.5;
+
+/// What came of the comparison.
+#[derive(Serialize)]
+pub(super) struct Against {
+    file: String,
+    budget_percent: f64,
+    /// Rows that both runs have.
+    compared: usize,
+    /// Rows of this run that the other has not.
+    new: usize,
+    dearer: Vec<Dearer>,
+}
+
+/// Something that costs more than it did.
+#[derive(Serialize)]
+struct Dearer {
+    id: String,
+    what: &'static str,
+    before: f64,
+    now: f64,
+}
+
+impl Against {
+    /// `rows`, measured on `device`, beside those that `--json` wrote to the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`CliError`] for a file of something else, of another device, or of no row that is among these.
+    pub(super) fn new(path: &Path, rows: &[Row], device: &str, budget_percent: f64) -> Result<Self, CliError> {
+        let wrong = |problem: &str| CliError::Failed(format!("{}: {problem}", path.display()));
+        let bytes = relume::input::read(path, LONGEST).map_err(|error| wrong(&error.to_string()))?;
+        let stored: Value = serde_json::from_slice(&bytes)
+            .map_err(|error| wrong(&format!("this is not what `relume bench --json` prints: {error}")))?;
+        let known = stored["rows"].as_array().filter(|rows| !rows.is_empty());
+        let known = known.ok_or_else(|| wrong("there are no rows of `relume bench --json` in it"))?;
+        if let Some(other) = known.iter().filter_map(|row| row["device"].as_str()).find(|other| *other != device) {
+            return Err(wrong(&format!("it was measured on {other}, and this is {device}: times do not compare")));
+        }
+        let (mut compared, mut dearer) = (0, Vec::new());
+        for row in rows {
+            let Some(before) = known.iter().find(|before| before["id"] == row.id.as_str()) else { continue };
+            compared += 1;
+            let clock = if row.software { "cpu_ms" } else { "wall_ms" };
+            let measured = [
+                ("march, ms", &before["march"][clock]["median"], row.march.cost_ms(row.software), ALIKE_MS),
+                ("relight, ms", &before["relight"][clock]["median"], row.relight.cost_ms(row.software), ALIKE_MS),
+                ("bytes a pixel", &before["counts"]["pixel_bytes"], float(row.counts.pixel_bytes), 0.0),
+                ("bytes of the volume", &before["counts"]["volume_bytes"], float(row.counts.volume_bytes), 0.0),
+                ("bytes of a relight", &before["counts"]["relight_bytes"], float(row.counts.relight_bytes), 0.0),
+            ];
+            for (what, before, now, alike) in measured {
+                let Some(before) = before.as_f64() else { continue };
+                if now > before * (1.0 + budget_percent / 100.0) + alike {
+                    dearer.push(Dearer { id: row.id.clone(), what, before, now });
+                }
+            }
+        }
+        if compared == 0 {
+            return Err(wrong("none of its rows was measured now: name the same workloads"));
+        }
+        let (file, new) = (path.display().to_string(), rows.len() - compared);
+        Ok(Self { file, budget_percent, compared, new, dearer })
+    }
+
+    /// Whether everything is within the budget.
+    pub(super) fn holds(&self) -> bool {
+        self.dearer.is_empty()
+    }
+
+    /// For people.
+    pub(super) fn text(&self) -> String {
+        let Self { file, budget_percent, compared, new, dearer } = self;
+        let more = if *new > 0 { format!("; {new} are not in it") } else { String::new() };
+        let verdict = match dearer.len() {
+            0 => format!("none costs over {budget_percent} % more"),
+            1 => format!("1 number is over {budget_percent} % more"),
+            many => format!("{many} numbers are over {budget_percent} % more"),
+        };
+        let mut text = format!("\nbeside {file}: {compared} rows compared{more}; {verdict}\n");
+        for Dearer { id, what, before, now } in dearer {
+            let percent = 100.0 * (now / before - 1.0);
+            text.push_str(&format!("  {id}: {what}: {before:.2} → {now:.2} (+{percent:.0} %)\n"));
+        }
+        text
+    }
+}
+
+/// A number of bytes; above 2⁵³ it rounds, which no budget sees.
+#[expect(clippy::cast_precision_loss, reason = "it is compared within per cents")]
+fn float(bytes: u64) -> f64 {
+    bytes as f64
+}

@@ -1,0 +1,268 @@
+//! What `relume bench` measures: scenes, and what is changed about them.
+
+use glam::DVec3;
+use serde::Serialize;
+
+use relume::model::ModelKind;
+use relume::progress::Progress;
+use relume::scene::{self, AccumulateAs, Definition, Material, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::spectrum::{Absorption, Spectrum};
+
+use super::bench::Args;
+use super::{CliError, figures};
+
+/// Sizes of pictures that whole workloads are measured at.
+const SIZES: [[usize; 2]; 3] = [[400, 400], [800, 800], [1920, 1080]];
+/// The size at which anything but pixels is varied.
+const USUAL: [usize; 2] = SIZES[0];
+/// Voxels along a side of the volumes that are varied.
+const SIDES: [u32; 4] = [64, 128, 256, 512];
+/// Numbers of a colour model.
+const DIMENSIONS: [u8; 8] = [1, 2, 3, 4, 6, 8, 12, 16];
+/// Positions that light comes from.
+const POSITIONS: [u8; 4] = [1, 2, 4, 8];
+
+/// Which scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Subject {
+    /// The scene that other renderers are set beside.
+    Peer,
+    /// The embedded default scene.
+    Default,
+    /// One of the paper's figures.
+    Figure(&'static str),
+}
+
+/// What pixels keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Keeping {
+    /// What the scene says.
+    Stated,
+    /// The weights of twice as many materials.
+    EightWeights,
+    /// So many numbers of a colour model, though weights would be exact.
+    Model(ModelKind, usize),
+}
+
+/// Eight nodes.
+const K8: Keeping = Keeping::Model(ModelKind::Nodes, 8);
+/// Linear RGB.
+const RGB: Keeping = Keeping::Model(ModelKind::Rgb, 3);
+
+/// One thing to measure.
+#[derive(Clone, Debug)]
+pub(super) struct Case {
+    pub(super) workload: String,
+    /// What a line of a plot, or a row of a table, has in common; empty where there is one case only.
+    pub(super) line: &'static str,
+    /// What is varied along that line, and its value.
+    pub(super) varied: Option<Varied>,
+    pub(super) subject: Subject,
+    pub(super) keeping: Keeping,
+    pub(super) dyed: bool,
+    /// Positions that light comes from; `None` as the scene has them.
+    pub(super) positions: Option<u8>,
+    /// Voxels along each side of the volume; `None` as the scene has them.
+    pub(super) side: Option<u32>,
+    /// Whether shading is switched off.
+    pub(super) unshaded: bool,
+    pub(super) size: [usize; 2],
+}
+
+/// A value of what is varied.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Varied {
+    pub(super) name: &'static str,
+    pub(super) value: u32,
+}
+
+impl Case {
+    /// `subject` as it is.
+    pub(super) fn of(workload: &str, subject: Subject, size: [usize; 2]) -> Self {
+        let workload = workload.to_owned();
+        Self {
+            workload,
+            line: "",
+            varied: None,
+            subject,
+            keeping: Keeping::Stated,
+            dyed: false,
+            positions: None,
+            side: None,
+            unshaded: false,
+            size,
+        }
+    }
+
+    /// The peers' scene on a line of a workload.
+    fn on(workload: &str, (line, keeping, dyed): (&'static str, Keeping, bool), size: [usize; 2]) -> Self {
+        Self { line, keeping, dyed, ..Self::of(workload, Subject::Peer, size) }
+    }
+
+    fn varied(self, name: &'static str, value: u32) -> Self {
+        Self { varied: Some(Varied { name, value }), ..self }
+    }
+
+    /// The scene as it is measured.
+    pub(super) fn scene(&self, args: &Args, progress: &dyn Progress) -> Result<Scene, CliError> {
+        let mut options = SceneOptions {
+            definitions: args.define.definitions().chain(args.accuracy.definitions()).collect(),
+            ..SceneOptions::default()
+        };
+        if self.is_of_a_volume() {
+            (options.volume, options.selection) = (args.volume.clone(), args.selection.selection());
+        }
+        if let Some(side) = self.side {
+            // The same thing in more voxels, and a step of one voxel.
+            let spacing = 256.0 / f64::from(side);
+            let keys = [
+                format!("volume.dims=[{side},{side},{side}]"),
+                "volume.downsample=[1,1,1]".to_owned(),
+                format!("volume.spacing=[{spacing},{spacing},{spacing}]"),
+                "transfer.opacity_length=1".to_owned(),
+                format!("accuracy.step={spacing}"),
+            ];
+            options.definitions.extend(keys.iter().map(|key| Definition::new(key)));
+        }
+        Ok(match self.subject {
+            Subject::Peer => scene::load_peer(&options, progress)?,
+            Subject::Default => scene::load_embedded(&options, progress)?,
+            Subject::Figure(name) => figures::scene(name, &options, progress)?,
+        })
+    }
+
+    /// Whether it shows the volume of the command line, where there is one.
+    fn is_of_a_volume(&self) -> bool {
+        self.subject == Subject::Peer && self.side.is_none()
+    }
+
+    /// Changes what is to be changed about a scene that is loaded.
+    pub(super) fn change(&self, scene: &mut Scene) -> Result<(), CliError> {
+        if self.unshaded {
+            scene.shading = Shading::None;
+        }
+        if let Some(positions) = self.positions {
+            add_lights(scene, positions);
+        }
+        if self.dyed {
+            dye(scene)?;
+        }
+        match self.keeping {
+            Keeping::Stated => {}
+            Keeping::EightWeights => {
+                double_materials(scene);
+                // Fewer numbers would do for them, and what is measured is eight weights.
+                if scene.accuracy.accumulate == AccumulateAs::Auto {
+                    scene.accuracy.accumulate = AccumulateAs::Weights;
+                }
+            }
+            Keeping::Model(model, dimension) => {
+                scene.accuracy.accumulate = AccumulateAs::Spectral;
+                scene.accuracy.model = model;
+                scene.accuracy.dimension = Some(dimension);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Every scene that is part of the program, at each size.
+pub(super) fn scenes(size: Option<[usize; 2]>) -> Vec<Case> {
+    let own = [("default", Subject::Default), ("peer", Subject::Peer)];
+    let figures = figures::names().map(|name| (name, Subject::Figure(name)));
+    let at = |(line, subject), size| Case { line, ..Case::of("scenes", subject, size) };
+    own.into_iter().chain(figures).flat_map(|it| sizes(size).into_iter().map(move |size| at(it, size))).collect()
+}
+
+/// The paper's table: RGB, spectra, and what relights them.
+pub(super) fn paper(size: Option<[usize; 2]>) -> Vec<Case> {
+    let lines = [
+        ("RGB", RGB, false),
+        ("spectra, 4 weights", Keeping::Stated, false),
+        ("spectra, k = 8", K8, false),
+        ("coloured RGB", RGB, true),
+        ("coloured spectra, k = 8", K8, true),
+    ];
+    let of_size = |size| lines.into_iter().map(move |line| Case::on("paper", line, size));
+    size.map_or_else(|| vec![SIZES[0], SIZES[1]], |size| vec![size]).into_iter().flat_map(of_size).collect()
+}
+
+/// One thing varied at a time, the others as the peers' scene has them. No volume has more than `largest` voxels a side.
+pub(super) fn scaling(size: Option<[usize; 2]>, largest: u32) -> Vec<Case> {
+    let usual = size.unwrap_or(USUAL);
+    let grey = ("grey, 4 weights", Keeping::Stated, false);
+    let coloured = ("coloured, k = 8", K8, true);
+    let all = [grey, ("grey, k = 8", K8, false), coloured];
+    let mut cases = Vec::new();
+    for (line, dyed) in [("grey", false), ("coloured", true)] {
+        let nodes = |k: u8| Keeping::Model(ModelKind::Nodes, k.into());
+        let of = |k: u8| Case::on("k", (line, nodes(k), dyed), usual).varied("k", k.into());
+        cases.extend(DIMENSIONS.map(of));
+    }
+    for line in all {
+        let of = |positions| Case { positions: Some(positions), ..Case::on("positions", line, usual) };
+        cases.extend(POSITIONS.map(|positions| of(positions).varied("positions", positions.into())));
+    }
+    for line in all {
+        let pixels = |[width, height]: [usize; 2]| u32::try_from(width * height).unwrap_or(u32::MAX);
+        let of = |size| Case::on("pixels", line, size).varied("pixels", pixels(size));
+        cases.extend(sizes(size).into_iter().map(of));
+    }
+    for side in SIDES.into_iter().filter(|&side| side <= largest) {
+        let of = |line| Case { side: Some(side), ..Case::on("voxels", line, usual) };
+        cases.extend([grey, coloured].map(|line| of(line).varied("voxels", side.pow(3))));
+    }
+    cases
+}
+
+fn sizes(size: Option<[usize; 2]>) -> Vec<[usize; 2]> {
+    size.map_or_else(|| SIZES.to_vec(), |size| vec![size])
+}
+
+/// Lights the peers' scene from so many positions: its own light, the peers' other three (shared/bench/peerlib.py), and more
+/// between them, as directions. Spectra do not enter a march.
+fn add_lights(scene: &mut Scene, positions: u8) {
+    let Some(key) = scene.lights.first().cloned() else {
+        return;
+    };
+    let directions = [
+        ("second", [0.8, -0.2, -0.5]),
+        ("third", [-0.8, 0.3, -0.5]),
+        ("fourth", [0.1, 0.9, -0.4]),
+        ("fifth", [0.9, 0.4, 0.3]),
+        ("sixth", [-0.6, -0.3, 0.7]),
+        ("seventh", [0.2, -0.9, 0.3]),
+        ("eighth", [0.3, 0.3, -0.9]),
+    ];
+    for (name, direction) in directions.into_iter().take(usize::from(positions.saturating_sub(1))) {
+        let placement = Placement::Directional(DVec3::from_array(direction).normalize());
+        scene.lights.push(SceneLight { name: name.to_owned(), placement, ..key.clone() });
+    }
+}
+
+/// Gives every material a dye of its own, whose optical depth at its peak is that of what the material scatters.
+fn dye(scene: &mut Scene) -> Result<(), CliError> {
+    const PEAKS_NM: [f64; 4] = [450.0, 510.0, 570.0, 630.0];
+    for (material, peak) in scene.materials.iter_mut().zip(PEAKS_NM.into_iter().cycle()) {
+        let dye = Spectrum::gaussian(peak, 40.0, 1.0).and_then(Absorption::new);
+        material.absorption = Some(dye.map_err(|error| CliError::Failed(error.to_string()))?);
+    }
+    for term in &mut scene.transfer.terms {
+        term.absorption = term.opacity.iter().map(|&(value, opacity)| (value, -(-opacity).ln_1p())).collect();
+    }
+    Ok(())
+}
+
+/// Shows every material twice, the second time under another name.
+fn double_materials(scene: &mut Scene) {
+    let materials = scene.materials.len();
+    for material in scene.materials.clone() {
+        scene.materials.push(Material { name: format!("{} again", material.name), ..material });
+    }
+    for mut term in scene.transfer.terms.clone() {
+        for (_, material) in &mut term.material.0 {
+            *material += materials;
+        }
+        scene.transfer.terms.push(term);
+    }
+}

@@ -1,0 +1,242 @@
+//! Frames of scenes on a device, timed and counted.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use serde::Serialize;
+
+use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
+use relume::plan::{Accumulate, ScenePlan, plan};
+use relume::progress::Progress;
+use relume::render::{Renderer, Uploaded};
+use relume::scene::{Aim, Mix, Scene, Shading};
+use relume::volume::{Statistics, Volume};
+use relume::vulkan::DeviceKind;
+
+use super::CliError;
+use super::bench::Args;
+use super::bench_cases::{Case, Subject, Varied};
+use super::model::Learnt;
+use super::render::matrices;
+
+/// Frames before those that count.
+const WARM_UP: u32 = 2;
+/// Relights that count, at least.
+const RELIGHTS: u32 = 11;
+
+/// One setting, measured.
+#[derive(Serialize)]
+pub(super) struct Row {
+    /// What it is called in comparisons with other runs.
+    pub(super) id: String,
+    pub(super) workload: String,
+    /// What it has in common with other rows, where it is one of several.
+    #[serde(skip_serializing_if = "str::is_empty")]
+    pub(super) line: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) varied: Option<Varied>,
+    volume: String,
+    pub(super) size: [usize; 2],
+    pub(super) shading: &'static str,
+    accumulate: &'static str,
+    model: Option<serde_json::Value>,
+    components: usize,
+    pub(super) lanes: usize,
+    pub(super) positions: usize,
+    device: String,
+    pub(super) software: bool,
+    pub(super) march: Times,
+    pub(super) relight: Times,
+    pub(super) counts: Counts,
+    /// To the first picture of the process; none in later rows, which find the device open.
+    pub(super) startup_ms: Option<Summary>,
+    /// The most memory that the process has held so far, in MB.
+    peak_mb: Option<f64>,
+}
+
+/// What is the same however fast the device is; only how a march is cut into dispatches follows its speed.
+#[derive(Serialize)]
+pub(super) struct Counts {
+    /// Bytes that a finished pixel keeps.
+    pub(super) pixel_bytes: u64,
+    /// Bytes of the volume on the device.
+    pub(super) volume_bytes: u64,
+    march_dispatches: usize,
+    /// Of one relight.
+    relight_dispatches: u64,
+    /// Marches that relights have needed.
+    relight_marches: u64,
+    /// Bytes that one relight reads and writes.
+    pub(super) relight_bytes: u64,
+}
+
+impl Row {
+    /// What a pixel keeps of a position: "4 weights", "k = 8 (nodes)".
+    pub(super) fn keeps(&self) -> String {
+        match self.model.as_ref().and_then(|model| model["kind"].as_str()) {
+            Some(kind) => format!("k = {} ({kind})", self.components),
+            None => format!("{} {}", self.components, self.accumulate),
+        }
+    }
+
+    /// The name of the row for people.
+    pub(super) fn name(&self) -> String {
+        let line = if self.line.is_empty() { String::new() } else { format!(", {}", self.line) };
+        let varied = self.varied.map_or_else(String::new, |varied| format!(" = {}", varied.value));
+        format!("{}{varied}{line}", self.workload)
+    }
+}
+
+/// How long repeated work took.
+#[derive(Serialize)]
+pub(super) struct Times {
+    pub(super) wall_ms: Option<Summary>,
+    pub(super) cpu_ms: Option<Summary>,
+    /// By the device's own clock, where it has one and works.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) device_ms: Option<Summary>,
+}
+
+impl Times {
+    pub(super) fn of(times: &[Timing]) -> Self {
+        let over = |value: fn(&Timing) -> f64| summary(&times.iter().map(value).collect::<Vec<_>>());
+        Self { wall_ms: over(|time| time.wall_ms), cpu_ms: over(|time| time.cpu_ms), device_ms: None }
+    }
+
+    fn with_device(runs: &[(Timing, Option<Duration>)]) -> Self {
+        let device: Option<Vec<f64>> = runs.iter().map(|(_, took)| Some(took.as_ref()?.as_secs_f64() * 1e3)).collect();
+        let times: Vec<Timing> = runs.iter().map(|(time, _)| *time).collect();
+        Self { device_ms: device.and_then(|times| summary(&times)), ..Self::of(&times) }
+    }
+
+    /// What counts in comparisons, in ms: the CPU time of a software device, which other programs disturb least, and the wall
+    /// time of others.
+    pub(super) fn cost_ms(&self, software: bool) -> f64 {
+        let clock = if software { self.cpu_ms } else { self.wall_ms };
+        clock.map_or(f64::NAN, |times| times.median)
+    }
+}
+
+/// A device, and what is held for the next case.
+pub(super) struct Bench<'a> {
+    args: &'a Args,
+    renderer: &'a Renderer,
+    progress: &'a dyn Progress,
+    loaded: Option<Loaded>,
+    resident: Option<Resident>,
+}
+
+struct Loaded {
+    key: (Subject, Option<u32>),
+    scene: Scene,
+    statistics: Statistics,
+}
+
+/// A volume on the device, and what it was put there for.
+struct Resident {
+    volume: Arc<Volume>,
+    plan: ScenePlan,
+    uploaded: Uploaded,
+}
+
+impl<'a> Bench<'a> {
+    pub(super) fn new(args: &'a Args, renderer: &'a Renderer, progress: &'a dyn Progress) -> Self {
+        Self { args, renderer, progress, loaded: None, resident: None }
+    }
+
+    /// Measures `case`; with `started`, when the program did, what it took to the first picture too.
+    pub(super) fn row(&mut self, case: &Case, started: Option<Instant>) -> Result<Row, CliError> {
+        let (renderer, progress) = (self.renderer, self.progress);
+        let key = (case.subject, case.side);
+        if self.loaded.as_ref().is_none_or(|loaded| loaded.key != key) {
+            // The last one makes room first.
+            (self.loaded, self.resident) = (None, None);
+            let scene = case.scene(self.args, progress)?;
+            let statistics = scene.volume.statistics()?;
+            self.loaded = Some(Loaded { key, scene, statistics });
+        }
+        let Some(Loaded { scene, statistics, .. }) = &self.loaded else { return Err(CliError::Cancelled) };
+        let mut scene = scene.clone();
+        case.change(&mut scene)?;
+        let planned = plan(&scene, progress)?;
+        let fits = |it: &Resident| {
+            Arc::ptr_eq(&it.volume, &scene.volume)
+                && it.plan.is_stored_as(&planned.plan)
+                && (it.plan.interpolation, it.plan.labels) == (planned.plan.interpolation, planned.plan.labels)
+        };
+        if !self.resident.as_ref().is_some_and(fits) {
+            self.resident = None;
+            let uploaded = renderer.upload(&scene, &planned, statistics, progress)?;
+            let (volume, plan) = (Arc::clone(&scene.volume), planned.plan.clone());
+            self.resident = Some(Resident { volume, plan, uploaded });
+        }
+        let Some(Resident { uploaded, .. }) = &self.resident else { return Err(CliError::Cancelled) };
+        let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
+        let (mut marches, mut relights) = (Vec::new(), Vec::new());
+        let (mut startup_ms, mut marched) = (None, None);
+        for frame in 0..WARM_UP + self.args.frames {
+            if let Aim::Orbit { azimuth, .. } = &mut scene.camera.aim {
+                *azimuth = -20.0 + 8.0 * f64::from(frame);
+            }
+            let clock = Stopwatch::start();
+            let accumulators = renderer.march(&scene, &planned, uploaded, case.size, progress)?;
+            let march = (clock.read(), accumulators.device_time);
+            if frame == 0 {
+                let relight = renderer.relight_display(&accumulators)?;
+                relight.run(&matrices)?;
+                startup_ms = started.and_then(|started| summary(&[started.elapsed().as_secs_f64() * 1e3]));
+            }
+            if frame >= WARM_UP {
+                marches.push(march);
+            }
+            marched = Some(accumulators);
+        }
+        let Some(accumulators) = &marched else { return Err(CliError::Cancelled) };
+        let relight = renderer.relight_display(accumulators)?;
+        let before = (renderer.device().dispatches(), renderer.marches());
+        let runs = WARM_UP + self.args.frames.max(RELIGHTS);
+        for frame in 0..runs {
+            let clock = Stopwatch::start();
+            let took = relight.run(&matrices)?;
+            if frame >= WARM_UP {
+                relights.push((clock.read(), took));
+            }
+        }
+        let counts = Counts {
+            pixel_bytes: planned.plan.pixel_bytes(),
+            volume_bytes: uploaded.bytes(),
+            march_dispatches: accumulators.dispatches,
+            relight_dispatches: (renderer.device().dispatches() - before.0) / u64::from(runs),
+            relight_marches: renderer.marches() - before.1,
+            relight_bytes: relight.bytes(),
+        };
+        let info = renderer.device().info();
+        let shading = if scene.shading == Shading::None { "none" } else { "diffuse" };
+        let varied = case.varied.map_or_else(String::new, |Varied { name, value }| format!(" {name}={value}"));
+        let [width, height] = case.size;
+        Ok(Row {
+            id: format!("{} {}{varied} {shading} {width}x{height}", case.workload, case.line),
+            workload: case.workload.clone(),
+            line: case.line,
+            varied: case.varied,
+            volume: scene.volume.source.clone(),
+            size: case.size,
+            shading,
+            accumulate: match planned.plan.accumulate {
+                Accumulate::Weights { .. } => "weights",
+                Accumulate::Spectral { .. } => "spectral",
+            },
+            model: planned.model.as_ref().map(|model| Learnt::nothing(model).json(model)),
+            components: planned.plan.components(),
+            lanes: planned.plan.lanes(),
+            positions: planned.positions.len(),
+            device: format!("{} ({})", info.name, info.driver),
+            software: info.kind == DeviceKind::Software,
+            march: Times::with_device(&marches),
+            relight: Times::with_device(&relights),
+            counts,
+            startup_ms,
+            peak_mb: peak_mb(),
+        })
+    }
+}

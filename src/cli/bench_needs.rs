@@ -1,0 +1,67 @@
+//! `relume bench needs`: what each feature of a scene costs, and that a scene without it does not pay.
+
+use serde_json::json;
+
+use relume::measure::{NeedRow, need_rows};
+use relume::progress::Progress;
+use relume::render::Renderer;
+use relume::vulkan::{Device, DeviceChoice, Validation};
+
+use super::{CliError, Report};
+
+pub(super) fn run(device: &DeviceChoice, progress: &dyn Progress) -> Result<Report, CliError> {
+    let renderer = Renderer::new(Device::open(device, Validation::Off)?);
+    let rows = need_rows(&renderer, progress)?;
+    let holds = rows.iter().all(NeedRow::holds);
+    Ok(Report { text: text(&rows), json: json!({ "needs": rows, "needs_hold": holds, "holds": holds }) })
+}
+
+/// A row a feature; `a → b` is without it and with it.
+fn text(rows: &[NeedRow]) -> String {
+    let mut table = vec![
+        [
+            "feature",
+            "samples",
+            "dispatches",
+            "B/pixel",
+            "volume kB",
+            "relight kB",
+            "march instr.",
+            "relight instr.",
+            "same picture",
+            "",
+        ]
+        .map(str::to_owned),
+    ];
+    for row in rows {
+        let of = |index: usize, unit: u64| {
+            let [without, with] = [row.without, row.with].map(|counts| counts.named()[index].1 / unit);
+            if without == with { without.to_string() } else { format!("{without} → {with}") }
+        };
+        let trade = if row.saves.is_empty() { String::new() } else { format!("saves {}", row.saves.join(", ")) };
+        let told = if row.holds() { trade } else { "NOT MODELLED AS IT SHOULD BE".to_owned() };
+        table.push([
+            row.name.to_owned(),
+            of(0, 1),
+            of(1, 1),
+            of(2, 1),
+            of(3, 1000),
+            of(4, 1000),
+            of(5, 1),
+            of(6, 1),
+            format!("{:.0e} of {:.0e}", row.picture_difference, row.picture_limit),
+            told,
+        ]);
+    }
+    let width = |column: usize| table.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+    let widths: [usize; 10] = std::array::from_fn(width);
+    let mut text = "What a scene without a feature takes → what it takes with it. The picture without it is compared with that of a\n\
+                    plan that has everything switched on to no effect.\n\n"
+        .to_owned();
+    for row in &table {
+        let cells: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        text.push_str(cells.join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}

@@ -1,0 +1,503 @@
+//! What each feature of a scene costs, shown by a scene that needs it and one that does not.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::leaping::{Leaping, occupancy};
+use super::rungs::{RungError, Rungs};
+use crate::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
+use crate::progress::{Progress, Quiet};
+use crate::reference::{Samples, Step, march};
+use crate::render::{RenderError, Renderer, shaders_of};
+use crate::scene::{
+    AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneError, SceneLight,
+    SceneOptions, Shading, StoreAs, VolumeAs, parse,
+};
+use crate::spectrum::{Absorption, Reflectance, Spectrum, SpectrumError};
+use crate::volume::{VolumeError, phantom};
+
+/// Pixels across and down of the pictures.
+const SIZE: [usize; 2] = [40, 32];
+/// Voxels along each side.
+const SIDE: usize = 40;
+
+/// As little as a scene can be: three materials in light from everywhere. Rays go to their ends, so that what they leave out is
+/// not among what is compared.
+const LEAST: &str = r#"version = 1
+shading = "none"
+[volume]
+phantom = "gaussian"
+dims = [40, 40, 40]
+[materials.shell]
+reflectance = "foliage"
+[materials.middle]
+reflectance = "orange"
+[materials.core]
+reflectance = "blue sky"
+[[transfer.intervals]]
+material = "shell"
+range = [0.3, 0.4]
+ramp = 0.1
+opacity = 0.05
+[[transfer.intervals]]
+material = "middle"
+range = [0.45, 0.6]
+ramp = 0.1
+opacity = 0.1
+[[transfer.intervals]]
+material = "core"
+range = [0.8, 1.1]
+ramp = 0.1
+opacity = 0.3
+[lights.key]
+spectrum = "D65"
+kind = "ambient"
+[camera]
+azimuth = 35
+elevation = 28
+fill = 1.6
+[accuracy]
+termination = 0
+"#;
+
+/// A feature: scenes without and with it, and what it changes about a plan.
+struct Need {
+    name: &'static str,
+    without: fn(&mut Scene),
+    with: fn(&mut Scene),
+    planned: fn(&mut ScenePlan),
+}
+
+/// What a frame takes, counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct FrameCounts {
+    /// Samples that are looked up, of all rays.
+    pub samples: u64,
+    /// Dispatches of a march and a relight.
+    pub dispatches: u64,
+    /// Bytes that a finished pixel keeps.
+    pub pixel_bytes: u64,
+    /// Bytes of the volume on the device.
+    pub volume_bytes: u64,
+    /// Bytes that a relight reads and writes.
+    pub relight_bytes: u64,
+    /// Instructions of the march's shader.
+    pub march_instructions: usize,
+    /// Instructions of the relight's.
+    pub relight_instructions: usize,
+}
+
+impl FrameCounts {
+    /// Each with its name.
+    #[must_use]
+    pub fn named(&self) -> [(&'static str, u64); 7] {
+        [
+            ("samples", self.samples),
+            ("dispatches", self.dispatches),
+            ("bytes a pixel", self.pixel_bytes),
+            ("bytes of the volume", self.volume_bytes),
+            ("bytes of a relight", self.relight_bytes),
+            ("instructions of the march", self.march_instructions as u64),
+            ("instructions of the relight", self.relight_instructions as u64),
+        ]
+    }
+}
+
+/// A feature, and what it costs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NeedRow {
+    /// The feature.
+    pub name: &'static str,
+    /// Without it.
+    pub without: FrameCounts,
+    /// With it.
+    pub with: FrameCounts,
+    /// Whether the plans differ in just what the feature changes.
+    pub differs_in_it_alone: bool,
+    /// What costs less with the feature than without: it is a trade then, not a price.
+    pub saves: Vec<&'static str>,
+    /// The largest difference, in linear sRGB, of the scene without the feature as it is planned and as the fullest plan shows
+    /// it, which has every feature switched on to no effect.
+    pub picture_difference: f64,
+    /// What that may be.
+    pub picture_limit: f64,
+}
+
+impl NeedRow {
+    /// Whether the plan is what it should be, and the picture the same.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.differs_in_it_alone && self.picture_difference <= self.picture_limit
+    }
+}
+
+/// Why needs could not be counted.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NeedError {
+    /// A scene of these cannot be.
+    #[error("the scene for {0:?} cannot be made")]
+    Scene(&'static str, #[source] SceneError),
+    /// A volume of these cannot be.
+    #[error(transparent)]
+    Volume(#[from] VolumeError),
+    /// A spectrum of these cannot be.
+    #[error(transparent)]
+    Spectrum(#[from] SpectrumError),
+    /// A rung gave up.
+    #[error(transparent)]
+    Rung(#[from] RungError),
+    /// The device gave up.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+}
+
+/// Counts the samples that pass through it.
+struct Counting<'a, S> {
+    inner: S,
+    taken: &'a AtomicU64,
+}
+
+impl<S: Samples<f64>> Samples<f64> for Counting<'_, S> {
+    fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
+        self.taken.fetch_add(1, Ordering::Relaxed);
+        self.inner.sample(place, step);
+    }
+}
+
+/// What may be between two pictures that should be the same: the same sums in the same order, and 1e-30 of light besides.
+const SAME: f64 = 1e-6;
+/// The same of voxels in 16 bits, whose values have 15 bits with a gradient beside them: off by 2⁻¹⁶, which the steepest ramp,
+/// opacity 0.3 in 0.1, makes 4.6e-5 of a step; a ray has some four steps in it.
+const SAME_IN_15_BITS: f64 = 2e-4;
+
+fn light(scene: &mut Scene, name: &str, placement: Placement, intensity: f64) {
+    if let Some(key) = scene.lights.first().cloned() {
+        scene.lights.push(SceneLight { name: name.to_owned(), placement, intensity, ..key });
+    }
+}
+
+fn as_it_is(_: &mut Scene) {}
+
+/// Shaded by one light.
+fn shaded(scene: &mut Scene) {
+    scene.shading = Shading::Gradient;
+    if let Some(key) = scene.lights.first_mut() {
+        key.placement = Placement::Directional(DVec3::new(0.4, 0.6, 0.7).normalize());
+    }
+}
+
+/// Shaded, with highlights of one exponent.
+fn shining(scene: &mut Scene) {
+    shaded(scene);
+    for material in &mut scene.materials {
+        (material.specular, material.exponent) = (0.3, 12);
+    }
+}
+
+/// Carried in the numbers of a colour model.
+fn spectral(scene: &mut Scene) {
+    scene.accuracy.accumulate = AccumulateAs::Spectral;
+    scene.accuracy.dimension = Some(8);
+}
+
+fn shaded_spectral(scene: &mut Scene) {
+    shaded(scene);
+    spectral(scene);
+}
+
+/// Labels: `label` of every voxel.
+fn labelled(scene: &mut Scene, label: u8) {
+    let entry = LabelEntry { label: 9, name: "labelled".to_owned(), material: 0, opacity: 0.5, absorption: 0.0 };
+    // Of a volume that phantoms have been made of already.
+    if let Ok(volume) = phantom::slab([SIDE; 3], label) {
+        scene.labels = Some(Labels { volume: Arc::new(volume), declared: vec![entry] });
+    }
+}
+
+fn behind(scene: &mut Scene, reflectance: f64) {
+    scene.background = Reflectance::new(Spectrum::constant(reflectance)).ok();
+}
+
+const TWO_EXPONENTS: Specular = Specular { one_exponent: None, exponent_bits: 4 };
+const ONE_EXPONENT: Specular = Specular { one_exponent: Some(12), exponent_bits: 4 };
+
+fn needs() -> Vec<Need> {
+    vec![
+        Need {
+            name: "labels",
+            without: as_it_is,
+            with: |scene| labelled(scene, 9),
+            planned: |plan| plan.labels = true,
+        },
+        Need {
+            name: "a background",
+            without: as_it_is,
+            with: |scene| behind(scene, 0.5),
+            planned: |plan| plan.background = true,
+        },
+        Need {
+            name: "two more materials",
+            without: |scene| scene.accuracy.accumulate = AccumulateAs::Weights,
+            with: |scene| {
+                for number in 0..2 {
+                    let mut material = scene.materials[0].clone();
+                    material.name = format!("more {number}");
+                    scene.materials.push(material);
+                    let mut term = scene.transfer.terms[0].clone();
+                    term.material.0.iter_mut().for_each(|(_, index)| *index = 3 + number);
+                    scene.transfer.terms.push(term);
+                }
+            },
+            planned: |plan| plan.accumulate = Accumulate::Weights { materials: 5 },
+        },
+        Need {
+            name: "light from a side, shaded",
+            without: as_it_is,
+            with: shaded,
+            planned: |plan| {
+                plan.shading = Some(ShadingTerms { diffuse: true, specular: None });
+                (plan.positions.ambient, plan.positions.directional) = (0, 1);
+            },
+        },
+        Need {
+            name: "a second position of light",
+            without: shaded,
+            with: |scene| light(scene, "second", Placement::Directional(DVec3::X), 1.0),
+            planned: |plan| plan.positions.directional = 2,
+        },
+        Need {
+            name: "a lamp at a point",
+            without: shaded,
+            with: |scene| light(scene, "lamp", Placement::Point(DVec3::new(-50.0, 0.0, 0.0)), 1.0),
+            planned: |plan| plan.positions.point = 1,
+        },
+        Need {
+            name: "light from everywhere beside it",
+            without: shaded,
+            with: |scene| light(scene, "sky", Placement::Ambient, 0.5),
+            planned: |plan| plan.positions.ambient = 1,
+        },
+        Need {
+            name: "highlights",
+            without: shaded,
+            with: |scene| {
+                for material in &mut scene.materials {
+                    (material.specular, material.exponent) = (0.3, 12);
+                }
+            },
+            planned: |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT) }),
+        },
+        Need {
+            name: "highlights of several exponents",
+            without: shining,
+            with: |scene| scene.materials[0].exponent = 9,
+            planned: |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(TWO_EXPONENTS) }),
+        },
+        Need {
+            name: "shares of shading that differ",
+            without: shaded_spectral,
+            with: |scene| scene.materials[0].ambient = 0.7,
+            planned: |plan| {
+                if let Accumulate::Spectral { shares, .. } = &mut plan.accumulate {
+                    *shares = Shares::Own;
+                }
+            },
+        },
+        Need {
+            name: "absorption that colours",
+            without: spectral,
+            with: |scene| {
+                let dye = Spectrum::gaussian(480.0, 40.0, 1.0).and_then(Absorption::new).ok();
+                scene.materials.iter_mut().for_each(|material| material.absorption.clone_from(&dye));
+                for term in &mut scene.transfer.terms {
+                    term.absorption = term.opacity.clone();
+                }
+            },
+            planned: |plan| plan.transmittance = Transmittance::Coloured,
+        },
+        Need {
+            name: "gradients from values around",
+            without: shaded,
+            with: |scene| scene.accuracy.gradients = Gradients::Central,
+            planned: |plan| plan.gradients = Gradients::Central,
+        },
+        Need {
+            name: "linear tables",
+            without: |scene| scene.transfer.lookup = Lookup::Nearest,
+            with: |scene| scene.transfer.lookup = Lookup::Linear,
+            planned: |plan| plan.lookup = Lookup::Linear,
+        },
+        Need {
+            name: "exact linear interpolation",
+            without: as_it_is,
+            with: |scene| scene.accuracy.interpolation = Interpolation::ExactLinear,
+            planned: |plan| plan.interpolation = Interpolation::ExactLinear,
+        },
+        Need {
+            name: "cubic interpolation",
+            without: as_it_is,
+            with: |scene| scene.accuracy.interpolation = Interpolation::Cubic,
+            planned: |plan| plan.interpolation = Interpolation::Cubic,
+        },
+        Need {
+            name: "voxels in 32 bits",
+            without: |scene| scene.accuracy.volume = VolumeAs::Short,
+            with: |scene| scene.accuracy.volume = VolumeAs::Single,
+            planned: |plan| plan.volume = VolumeAs::Single,
+        },
+        Need {
+            name: "pixels in 32 bits",
+            without: |scene| {
+                scene.accuracy.storage = StoreAs::Half;
+                scene.accuracy.tolerance = 10.0;
+            },
+            with: |scene| scene.accuracy.storage = StoreAs::Single,
+            planned: |plan| plan.storage = StoreAs::Single,
+        },
+        Need {
+            name: "leaping over empty space",
+            without: |scene| scene.accuracy.skipping = false,
+            with: |scene| scene.accuracy.skipping = true,
+            planned: |plan| plan.skipping = true,
+        },
+        Need {
+            name: "the whole in place of a crop",
+            without: |scene| scene.crop = Some([DVec3::splat(10.0), DVec3::splat(30.0)]),
+            with: |scene| scene.crop = None,
+            planned: |_| {},
+        },
+    ]
+}
+
+/// Switches everything on that changes nothing: labels that are all 0, a background and highlights of 1e-30, lamps of no
+/// intensity in every place, and no leaping.
+fn to_no_effect(scene: &mut Scene) {
+    if scene.labels.is_none() {
+        labelled(scene, 0);
+    }
+    if scene.background.is_none() {
+        behind(scene, 1e-30);
+    }
+    scene.shading = Shading::Gradient;
+    scene.accuracy.skipping = false;
+    for (name, placement) in [
+        ("unlit everywhere", Placement::Ambient),
+        ("unlit head", Placement::Headlight),
+        ("unlit side", Placement::Directional(DVec3::new(0.1, -0.9, 0.2).normalize())),
+        ("unlit point", Placement::Point(DVec3::new(0.0, -50.0, 0.0))),
+    ] {
+        light(scene, name, placement, 0.0);
+    }
+    for (material, exponent) in scene.materials.iter_mut().zip([3, 5, 70]) {
+        if material.specular == 0.0 {
+            (material.specular, material.exponent) = (1e-30, exponent);
+        }
+    }
+}
+
+/// The scene, its rungs, and what a frame of it takes.
+struct Counted {
+    rungs: Rungs,
+    counts: FrameCounts,
+}
+
+/// A feature after the other, on the device of `renderer`.
+///
+/// # Errors
+///
+/// [`NeedError`].
+pub fn need_rows(renderer: &Renderer, progress: &dyn Progress) -> Result<Vec<NeedRow>, NeedError> {
+    let needs = needs();
+    let total = needs.len() as u64;
+    let mut rows = Vec::new();
+    for (done, need) in needs.iter().enumerate() {
+        progress.report(&format!("counting {}", need.name), done as u64, total);
+        if progress.cancelled() {
+            return Err(RenderError::Cancelled.into());
+        }
+        rows.push(row(renderer, need)?);
+    }
+    Ok(rows)
+}
+
+fn row(renderer: &Renderer, need: &Need) -> Result<NeedRow, NeedError> {
+    let base = || {
+        let scene = parse("least", LEAST, Path::new(""), &SceneOptions::default(), &Quiet);
+        scene.map_err(|error| NeedError::Scene(need.name, error))
+    };
+    let mut scene = base()?;
+    (need.without)(&mut scene);
+    let without = counted(renderer, scene.clone())?;
+    let mut full = scene.clone();
+    (need.with)(&mut scene);
+    let with = counted(renderer, scene)?;
+    let mut expected = without.rungs.planned.plan.clone();
+    (need.planned)(&mut expected);
+
+    to_no_effect(&mut full);
+    // The same colour model, where there is one: another one's errors are no cost of features.
+    let mut planned = plan(&full, &Quiet).map_err(RungError::Plan)?;
+    planned.model.clone_from(&without.rungs.planned.model);
+    if matches!(planned.plan.accumulate, Accumulate::Spectral { .. }) {
+        planned.plan.transmittance = Transmittance::Coloured;
+    }
+    let full = Rungs::planned(full, planned, SIZE)?;
+    let (least, full) = (picture(renderer, &without.rungs)?, picture(renderer, &full)?);
+    let differences = least.iter().flatten().zip(full.iter().flatten());
+    let picture_difference = differences.map(|(one, two)| f64::from(one - two).abs()).fold(0.0, f64::max);
+    let pairs = without.counts.named().into_iter().zip(with.counts.named());
+    Ok(NeedRow {
+        name: need.name,
+        differs_in_it_alone: expected == with.rungs.planned.plan,
+        saves: pairs.filter(|((_, without), (_, with))| with < without).map(|((name, _), _)| name).collect(),
+        without: without.counts,
+        with: with.counts,
+        picture_difference,
+        picture_limit: if without.rungs.planned.plan.volume == VolumeAs::Short { SAME_IN_15_BITS } else { SAME },
+    })
+}
+
+fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
+    let rungs = Rungs::new(scene, SIZE)?;
+    let Planned { plan, .. } = &rungs.planned;
+    let taken = AtomicU64::new(0);
+    let counting = Counting { inner: rungs.stored::<f64>(), taken: &taken };
+    if plan.skipping {
+        let occupancy = occupancy(&rungs.scene, &rungs.storage, rungs.labels.as_ref());
+        let leaping = Leaping::new(counting, &occupancy, &rungs.scene, &rungs.planned);
+        march(&rungs.scene, &rungs.planned, &leaping, SIZE, &Quiet).map_err(RungError::Reference)?;
+    } else {
+        march(&rungs.scene, &rungs.planned, &counting, SIZE, &Quiet).map_err(RungError::Reference)?;
+    }
+    let statistics = rungs.scene.volume.statistics()?;
+    let uploaded = renderer.upload(&rungs.scene, &rungs.planned, &statistics, &Quiet)?;
+    let before = renderer.device().dispatches();
+    let accumulators = renderer.march(&rungs.scene, &rungs.planned, &uploaded, SIZE, &Quiet)?;
+    let relight = renderer.relight_display(&accumulators)?;
+    relight.run(&rungs.matrices(&rungs.mix))?;
+    let [(_, march_shader), (_, relight_shader), _] = shaders_of(plan).map_err(RenderError::Shader)?;
+    let counts = FrameCounts {
+        samples: taken.load(Ordering::Relaxed),
+        dispatches: renderer.device().dispatches() - before,
+        pixel_bytes: plan.pixel_bytes(),
+        volume_bytes: uploaded.bytes(),
+        relight_bytes: relight.bytes(),
+        march_instructions: march_shader.instructions(),
+        relight_instructions: relight_shader.instructions(),
+    };
+    Ok(Counted { rungs, counts })
+}
+
+/// Red, green and blue of every pixel on the device.
+fn picture(renderer: &Renderer, rungs: &Rungs) -> Result<Vec<[f32; 3]>, NeedError> {
+    let accumulators = rungs.render(renderer, &Quiet)?;
+    let relight = renderer.relight_linear(&accumulators)?;
+    relight.run(&rungs.matrices(&rungs.mix))?;
+    let pixels: Vec<[f32; 4]> = relight.read()?;
+    Ok(pixels.into_iter().map(|[red, green, blue, _]| [red, green, blue]).collect())
+}

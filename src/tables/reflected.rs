@@ -1,0 +1,53 @@
+//! The spectra that the numbers of a pixel stand for.
+
+use super::Components;
+use crate::model::Reconstruction;
+use crate::plan::Transmittance;
+use crate::scene::Mix;
+use crate::spectrum::{BANDS, Reflectance, Spectrum};
+
+/// Reflectances, per unit of what a pixel keeps.
+#[derive(Clone, Debug)]
+pub struct Reflected {
+    /// Of each component.
+    pub components: Vec<Spectrum>,
+    /// Of the background, for each number of what passes.
+    pub behind: Vec<Spectrum>,
+    /// How they were made, where they are not exact.
+    pub reconstruction: Option<Reconstruction>,
+}
+
+impl Reflected {
+    /// What `components` reflect in front of `background`; the numbers of a colour model by least squares, which takes a
+    /// moment.
+    #[must_use]
+    pub fn new(components: &Components, background: Option<&Reflectance>) -> Self {
+        let exact = || background.map(|surface| surface.spectrum().clone()).into_iter().collect();
+        match components {
+            Components::Surfaces(surfaces) => {
+                Self { components: surfaces.clone(), behind: exact(), reconstruction: None }
+            }
+            Components::Model(model, transmittance) => {
+                let made = model.reconstruction();
+                let behind = match (transmittance, background) {
+                    (Transmittance::Coloured, Some(surface)) => {
+                        let parts = model.coefficients(surface.spectrum());
+                        made.spectra.iter().zip(parts).map(|(spectrum, part)| spectrum.scaled(part)).collect()
+                    }
+                    _ => exact(),
+                };
+                let components = made.spectra.clone();
+                Self { components, behind, reconstruction: Some(made).filter(|_| model.dimension() < BANDS) }
+            }
+        }
+    }
+
+    /// What reaches the eye under `mix` per unit of each weight, components position by position, and of each number of
+    /// what passes.
+    #[must_use]
+    pub fn under(&self, mix: &Mix, positions: usize) -> [Vec<Spectrum>; 2] {
+        let (light_at, all) = mix.light_at(positions);
+        let parts = light_at.iter().flat_map(|light| self.components.iter().map(move |component| light * component));
+        [parts.collect(), self.behind.iter().map(|surface| &all * surface).collect()]
+    }
+}

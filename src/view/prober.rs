@@ -1,0 +1,154 @@
+//! Keeps what is known of one pixel up to date with the picture: at once what its numbers say, and its ray beside the window.
+
+use std::sync::Arc;
+
+use glam::DVec2;
+
+use super::engine::Engine;
+use super::job::Job;
+use super::probe::{Pixel, Probe, ProbeError, Ray};
+use super::state::State;
+use crate::model::ColourModel;
+use crate::render::RenderError;
+use crate::scene::positions;
+use crate::tables::{Components, Reflected};
+
+/// What takes longer than a frame.
+struct Behind {
+    reflected: Option<Reflected>,
+    ray: Result<Ray, ProbeError>,
+}
+
+/// Looks at one pixel.
+#[derive(Debug, Default)]
+pub struct Prober {
+    /// Where, in parts of the picture from the top left.
+    place: Option<DVec2>,
+    /// The picture that `pixel` is of, and the relight that `probe` is of.
+    picture: u64,
+    relight: u64,
+    pixel: Option<Pixel>,
+    /// Spectra of a colour model's numbers, which take their time; of this model.
+    reflected: Option<(Arc<ColourModel>, Reflected)>,
+    job: Option<Job<Behind>>,
+    ray: Option<Ray>,
+    /// Whether the ray was followed, or cannot be.
+    followed: bool,
+    probe: Option<Probe>,
+}
+
+impl std::fmt::Debug for Behind {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.debug_struct("Behind").field("ray", &self.ray.is_ok()).finish_non_exhaustive()
+    }
+}
+
+impl Prober {
+    /// Looks there from now on; at nothing with `None`.
+    pub fn look(&mut self, place: Option<DVec2>) {
+        let inside = |place: DVec2| if place.is_finite() { place.clamp(DVec2::ZERO, DVec2::ONE) } else { DVec2::ZERO };
+        let place = place.map(inside);
+        if place != self.place {
+            let reflected = self.reflected.take();
+            *self = Self { place, reflected, ..Self::default() };
+        }
+    }
+
+    /// Where it looks.
+    #[must_use]
+    pub fn place(&self) -> Option<DVec2> {
+        self.place
+    }
+
+    /// What is known.
+    #[must_use]
+    pub fn probe(&self) -> Option<&Probe> {
+        self.probe.as_ref()
+    }
+
+    /// Whether nothing is left to find out.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.place.is_none() || self.followed
+    }
+
+    /// Catches up with the picture of `engine`, which shows `state`. `wake` is called when there is more to catch up with.
+    /// Says whether anything is new.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`] where the pixel cannot be read, [`ProbeError`] where its ray cannot be followed.
+    pub fn step(
+        &mut self,
+        engine: &Engine,
+        state: &State,
+        wake: impl Fn() + Send + Sync + Clone + 'static,
+    ) -> Result<bool, StepError> {
+        let Some(place) = self.place else { return Ok(false) };
+        let mut new = self.relight != engine.counts().relights;
+        if self.picture != engine.pictures() {
+            let reflected = self.reflected.take();
+            *self = Self { place: self.place, reflected, picture: engine.pictures(), ..Self::default() };
+            self.pixel = engine.pixel(place).inspect_err(|_| self.followed = true)?;
+            new = true;
+        }
+        let Some(pixel) = &self.pixel else {
+            // There is nothing to see, and will not be.
+            self.followed |= engine.is_finest();
+            return Ok(false);
+        };
+        let model = match &pixel.components {
+            Components::Model(model, _) => Some(Arc::clone(model)),
+            Components::Surfaces(_) => None,
+        };
+        let known =
+            |(of, _): &(Arc<ColourModel>, Reflected)| model.as_ref().is_some_and(|model| Arc::ptr_eq(of, model));
+        let lacks_spectra = model.is_some() && !self.reflected.as_ref().is_some_and(known);
+        if let Some(behind) = self.job.as_mut().and_then(Job::take) {
+            (self.job, self.followed, new) = (None, true, true);
+            if let (Some(model), Some(reflected)) = (&model, behind.reflected) {
+                self.reflected = Some((Arc::clone(model), reflected));
+            }
+            self.ray = Some(behind.ray?);
+        } else if self.job.is_none() && !self.followed && engine.is_finest() {
+            let (scene, statistics) = (engine.scene().clone(), engine.statistics().clone());
+            let (which, components) = ([pixel.size, pixel.place], pixel.components.clone());
+            self.job = Some(Job::start(wake, move |progress| {
+                let background = scene.background.as_ref();
+                let reflected = lacks_spectra.then(|| Reflected::new(&components, background));
+                Behind { reflected, ray: Ray::march(&scene, &statistics, which, progress) }
+            }));
+        }
+        // Where a light has come to stand elsewhere, the picture that is on its way has places for it.
+        if new && positions(&state.scene).len() == pixel.planned.positions.len() {
+            self.relight = engine.counts().relights;
+            let exact = || Reflected::new(&pixel.components, state.scene.background.as_ref());
+            let reflected = match &model {
+                None => Some(exact()),
+                Some(_) => self.reflected.as_ref().filter(|one| known(one)).map(|(_, reflected)| reflected.clone()),
+            };
+            let mix = state.mix();
+            self.probe = Some(Probe::new(pixel, &state.scene, &mix, reflected.as_ref(), self.ray.as_ref()));
+        }
+        Ok(new)
+    }
+
+    /// Gives up, and waits until nothing is done for it any more.
+    pub fn end(&mut self) {
+        if let Some(job) = self.job.take() {
+            job.end();
+        }
+    }
+}
+
+/// Why a pixel cannot be looked at.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StepError {
+    /// The device.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// Its ray.
+    #[error("the ray of this pixel cannot be followed")]
+    Ray(#[from] ProbeError),
+}

@@ -1,0 +1,255 @@
+//! The probe: what the pixel under the crosshair is, over the picture.
+
+use egui::{Color32, Grid, Key, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, Window, pos2, vec2};
+
+use super::Shown;
+use super::spectrum::{narrow, patch, plot};
+use super::transfer::colours;
+use crate::spectrum::colour::Lab;
+use crate::view::action::Action;
+use crate::view::probe::{Lit, Probe, Share, Stretch};
+use crate::view::state::Document;
+
+/// Width of what is in it, in points.
+const WIDTH: f32 = 300.0;
+
+/// Shows the crosshair and what is known of the pixel.
+pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+    let (Some((place, probe)), Some(document)) = (shown.probe, shown.document) else { return };
+    let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
+    for (width, colour) in [(3.0, Color32::BLACK), (1.0, Color32::WHITE)] {
+        ui.painter().circle_stroke(at, 6.0, Stroke::new(width, colour));
+    }
+    let mut open = true;
+    let corner = rect.right_top() + vec2(-WIDTH - 30.0, 8.0);
+    Window::new("Probe")
+        .open(&mut open)
+        .default_pos(pos2(corner.x.max(rect.left()), corner.y))
+        .default_size([WIDTH, (rect.height() - 60.0).max(80.0)])
+        .resizable(false)
+        .constrain_to(rect)
+        .show(ui.ctx(), |ui| {
+            ui.set_width(WIDTH);
+            ScrollArea::vertical().max_height((rect.height() - 60.0).max(80.0)).show(ui, |ui| match probe {
+                None => {
+                    ui.label("The picture is on its way.");
+                }
+                Some(probe) => contents(ui, document, probe),
+            });
+        });
+    if !open || ui.input(|input| input.key_pressed(Key::Escape)) {
+        asked.push(Action::Probe(None));
+    }
+}
+
+fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
+    let [[x, y], [width, height]] = [probe.place, probe.size];
+    ui.horizontal(|ui| {
+        patch(ui, &probe.now.shown.code(), 34.0).on_hover_text("The pixel as it is shown now.");
+        ui.vertical(|ui| {
+            ui.label(RichText::new(format!("{}   {}", probe.now.shown.code(), lab(&probe.now))).monospace());
+            ui.label(
+                RichText::new(format!(
+                    "pixel {x}, {y} of {width}×{height}; {:.1} % passes",
+                    100.0 * probe.transmittance
+                ))
+                .small(),
+            );
+        });
+    });
+    spectra(ui, probe);
+    section(
+        ui,
+        "Under each light",
+        "The pixel under each light alone, as strong as the scene states: CIE L*a*b*, and how far that is from the truth in ΔE00, of which 1 can just be seen. The truth is this pixel in full spectra, in double precision, at an eighth of the steps.",
+    );
+    Grid::new("lights").num_columns(4).spacing([8.0, 3.0]).show(ui, |ui| {
+        for lit in std::iter::once(&probe.now).chain(&probe.lights) {
+            patch(ui, &lit.shown.code(), 14.0);
+            ui.label(&lit.name);
+            ui.label(RichText::new(lab(lit)).small().monospace());
+            error(ui, lit);
+            ui.end_row();
+        }
+    });
+    let colours = colours(document.state());
+    let of = |name: &str| {
+        let materials = &document.state().scene.materials;
+        let found = materials.iter().position(|material| material.name == name);
+        found.and_then(|index| colours.get(index)).copied()
+    };
+    if !probe.shares.is_empty() {
+        section(
+            ui,
+            "What it shows",
+            "How much of each material is seen, times its shade, and its part in the brightness of the pixel as it is lit now.",
+        );
+        shares(ui, "shares", &probe.shares, of);
+    } else if !probe.seen.is_empty() {
+        section(
+            ui,
+            "What it shows",
+            "This picture keeps a colour model's numbers, which do not tell materials apart: how much of each is seen comes from the ray, without its shade.",
+        );
+        let materials = document.state().scene.materials.iter().map(|material| &material.name);
+        for (name, seen) in materials.zip(&probe.seen).filter(|(_, seen)| **seen > 0.0005) {
+            ui.horizontal(|ui| {
+                bar(ui, *seen, of(name).unwrap_or(Color32::GRAY));
+                ui.label(name);
+                ui.label(percent(*seen));
+            });
+        }
+    }
+    if probe.positions.len() > 1 {
+        section(
+            ui,
+            "Where its light comes from",
+            "Each place that light comes from: how much is seen by it, and its part in the brightness as it is lit now.",
+        );
+        shares(ui, "positions", &probe.positions, |_| None);
+    }
+    section(
+        ui,
+        "Along the ray",
+        "From the eye on: the line is the data value, bars what each stretch hides, in the colours of its materials, and the falling line how much light still passes.",
+    );
+    if probe.ray.is_empty() {
+        ui.label(RichText::new("following the ray …").small().weak());
+    } else {
+        ray(ui, document, probe, &colours);
+    }
+}
+
+fn section(ui: &mut Ui, title: &str, help: &str) {
+    ui.add_space(6.0);
+    ui.label(RichText::new(title).strong()).on_hover_text(help);
+}
+
+fn lab(lit: &Lit) -> String {
+    let Lab([l, a, b]) = lit.shown.lab();
+    // Without the sign of nothing.
+    let [l, a, b] = [l, a, b].map(|number| (10.0 * number).round() / 10.0 + 0.0);
+    format!("Lab {l:5.1} {a:6.1} {b:6.1}")
+}
+
+fn error(ui: &mut Ui, lit: &Lit) {
+    match lit.error {
+        None => ui.label(RichText::new("ΔE …").small().weak()),
+        Some(error) => {
+            let help = format!(
+                "{:.4} from the truth, all in all; {:.4} of full spectra at the same steps: what the colour model, tables and rounding do.",
+                error.all, error.model
+            );
+            ui.label(RichText::new(format!("ΔE {:.2}", error.all)).small()).on_hover_text(help)
+        }
+    };
+}
+
+fn spectra(ui: &mut Ui, probe: &Probe) {
+    let (strong, weak) = (ui.visuals().strong_text_color(), Color32::from_rgb(120, 150, 220));
+    let (Some(spectrum), Some(reflectance)) = (&probe.spectrum, &probe.reflectance) else {
+        ui.label(RichText::new("making spectra of the colour model's numbers …").small().weak());
+        return;
+    };
+    // A light's power has a unit of its own: its curve is drawn as high as the other.
+    let most =
+        |spectrum: &crate::spectrum::Spectrum| spectrum.samples().iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let scaled = spectrum.scaled(most(reflectance) / most(spectrum));
+    let scaled = if scaled.is_finite() { scaled } else { spectrum.clone() };
+    plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 104.0)).on_hover_text(
+        "What comes back from this pixel at each wavelength. Blue: of light that is alike at all of them, as a share. \
+         White or black: of the light that shines now, scaled to the same height.",
+    );
+    if let Some(rms) = probe.spectral_error {
+        let text = format!("made of a colour model's numbers: off by {:.2} % on average", 100.0 * rms);
+        ui.label(RichText::new(text).small().weak());
+    }
+}
+
+fn percent(part: f64) -> RichText {
+    RichText::new(format!("{:5.1} %", 100.0 * part + 0.0)).small().monospace()
+}
+
+fn bar(ui: &mut Ui, part: f64, colour: Color32) {
+    let (rect, _) = ui.allocate_exact_size(vec2(60.0, 12.0), Sense::hover());
+    let visuals = ui.visuals();
+    let (ground, outline) = (visuals.extreme_bg_color, Stroke::new(1.0, visuals.weak_text_color()));
+    ui.painter().rect_filled(rect, 2.0, ground);
+    let filled = Rect::from_min_size(rect.min, vec2(rect.width() * narrow(part.clamp(0.0, 1.0)), rect.height()));
+    ui.painter().rect(filled, 2.0, colour, outline, StrokeKind::Inside);
+}
+
+fn shares(ui: &mut Ui, id: &str, shares: &[Share], colour: impl Fn(&str) -> Option<Color32>) {
+    Grid::new(id).num_columns(4).spacing([8.0, 3.0]).show(ui, |ui| {
+        for share in shares {
+            bar(ui, share.light, colour(&share.name).unwrap_or(Color32::LIGHT_GRAY));
+            ui.label(&share.name);
+            ui.label(percent(share.weight)).on_hover_text("How much of it is seen; 100 % fills the pixel.");
+            ui.label(percent(share.light)).on_hover_text("Its part in the brightness of the pixel.");
+            ui.end_row();
+        }
+    });
+}
+
+fn ray(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
+    let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 96.0), Sense::hover());
+    let rect = frame.shrink2(vec2(0.0, 2.0));
+    let visuals = ui.visuals().clone();
+    let painter = ui.painter_at(frame);
+    painter.rect_filled(frame, 2.0, visuals.extreme_bg_color);
+    let length = probe.ray.last().map_or(1.0, |last| last.distance).max(f64::MIN_POSITIVE);
+    let [low, high] = document.statistics().map_or_else(|| range(&probe.ray), |known| [known.min, known.max]);
+    let x = |distance: f64| rect.left() + narrow(distance / length).clamp(0.0, 1.0) * rect.width();
+    let y = |part: f64| rect.bottom() - narrow(part.clamp(0.0, 1.0)) * rect.height();
+    let width = (rect.width() / narrow(crate::number::count(probe.ray.len()))).max(1.0);
+    for stretch in probe.ray.iter().filter(|stretch| stretch.opacity > 0.0) {
+        let left = x(stretch.distance) - width / 2.0;
+        let column = Rect::from_x_y_ranges(left..=left + width, y(stretch.opacity.sqrt())..=rect.bottom());
+        painter.rect_filled(column, 0.0, mixed(stretch, colours));
+    }
+    let line = |part: &dyn Fn(&Stretch) -> f64| probe.ray.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
+    let span = if high > low { high - low } else { 1.0 };
+    painter.line(line(&|stretch| (stretch.value - low) / span), Stroke::new(1.0, visuals.text_color()));
+    painter.line(line(&|stretch| stretch.transmittance), Stroke::new(1.5, Color32::from_rgb(230, 140, 40)));
+    if let Some(pointer) = response.hover_pos() {
+        let part = f64::from((pointer.x - rect.left()) / rect.width());
+        let near = |stretch: &&Stretch| ((stretch.distance / length - part).abs() * 1e9).min(1e18);
+        if let Some(stretch) = probe.ray.iter().min_by(|one, two| near(one).total_cmp(&near(two))) {
+            painter.vline(x(stretch.distance), rect.y_range(), Stroke::new(0.5, visuals.weak_text_color()));
+            response.on_hover_text(told(document, stretch));
+        }
+    }
+    let text = format!("value {low:.4} to {high:.4} over {length:.1} units of length; orange: light that still passes");
+    ui.label(RichText::new(text).small().weak());
+}
+
+fn range(ray: &[Stretch]) -> [f64; 2] {
+    let values = || ray.iter().map(|stretch| stretch.value);
+    [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
+}
+
+/// The colours of what a stretch scatters with, mixed.
+fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
+    let all: f64 = stretch.scattering.iter().sum();
+    let channel = |of: fn(&Color32) -> u8| {
+        let parts = stretch.scattering.iter().zip(colours);
+        let sum: f64 = parts.map(|(depth, colour)| depth / all.max(f64::MIN_POSITIVE) * f64::from(of(colour))).sum();
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of bytes is one")]
+        let byte = sum.round().clamp(0.0, 255.0) as u8;
+        byte
+    };
+    Color32::from_rgb(channel(Color32::r as fn(&Color32) -> u8), channel(|it| it.g()), channel(|it| it.b()))
+}
+
+fn told(document: &Document, stretch: &Stretch) -> String {
+    let materials = document.state().scene.materials.iter().zip(&stretch.scattering);
+    let names: Vec<&str> = materials.filter(|(_, depth)| **depth > 0.0).map(|(it, _)| it.name.as_str()).collect();
+    let shown = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    format!(
+        "At {:.2}: value {:.4}, which shows {shown}. It hides {:.2} %, and {:.2} % of the light in front of it passes.",
+        stretch.distance,
+        stretch.value,
+        100.0 * stretch.opacity,
+        100.0 * stretch.transmittance
+    )
+}
