@@ -349,6 +349,82 @@ fn an_edit_costs_what_it_says() {
 }
 
 #[test]
+fn a_click_on_the_picture_looks_at_the_pixel_there() {
+    let mut window = wide(document());
+    window.run();
+    let rect = window.get_by_label("picture").rect();
+    let at = rect.min + rect.size() * Vec2::new(0.25, 0.5);
+    window.event(Event::PointerMoved(at));
+    window.run();
+    for pressed in [true, false] {
+        let button = PointerButton::Primary;
+        window.event(Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    }
+    let Some(Action::Probe(Some(place))) = window.state().asked.last() else { panic!("{:?}", window.state().asked) };
+    assert!((*place - DVec2::new(0.25, 0.5)).length() <= 1e-3, "{place}");
+}
+
+/// What a picture of four pixels of the scene has in its first.
+fn probed() -> Probe {
+    let scene = document().state().scene.clone();
+    let (planned, size) = (relume::plan::plan(&scene, &Quiet).unwrap(), [2, 2]);
+    let rungs = relume::measure::Rungs::planned(scene.clone(), planned.clone(), size).unwrap();
+    let marched = rungs.march::<f32>(&rungs.stored(), &Quiet).unwrap();
+    let of = |planes: &[f32]| planes.iter().step_by(4).copied().collect();
+    let numbers = relume::tables::Accumulation {
+        size: [1, 1],
+        weights: of(&marched.weights),
+        transmittance: of(&marched.transmittance),
+    };
+    let components = relume::tables::Components::new(&scene, &planned);
+    let reflected = relume::tables::Reflected::new(&components, None);
+    let ray = Ray::march(&scene, &scene.volume.statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
+    let pixel = Pixel { place: [0, 0], size, numbers, planned, components };
+    Probe::new(&pixel, &scene, &Mix::of_scene(&scene), Some(&reflected), Some(&ray))
+}
+
+#[test]
+fn the_probe_names_lights_and_materials_and_escape_closes_it() {
+    let mut window = wide(document());
+    window.state_mut().probe = Some((DVec2::splat(0.5), None));
+    window.run();
+    assert!(window.query_by_label("The picture is on its way.").is_some());
+    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
+    window.run();
+    for label in ["Under each light", "What it shows", "Where its light comes from", "Along the ray", "flesh", "now"] {
+        assert!(window.query_all_by_label(label).next().is_some(), "{label}");
+    }
+    window.key_press(Key::Escape);
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
+}
+
+#[test]
+fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
+    let mut window = App::open(Vec2::new(1280.0, 2200.0), Some(document()));
+    window.run();
+    window.get_by_label("balanced").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Preset::Balanced.goal()))));
+    window.get_by_label("choose by frame within").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Goal::Budget(50.0)))));
+    let scene = document().state().scene.clone();
+    let point = |frame_ms: f64, p95: f64| Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } };
+    let mut finer = scene.clone();
+    finer.accuracy.step_length = 0.5;
+    let mut curve = Curve::new(&scene, [4, 4], &[(Setting::default(), point(2.0, 3.0))]);
+    curve.merge(Curve::new(&finer, [4, 4], &[(Setting::default(), point(4.0, 1.0))]));
+    window.state_mut().curve = Some(curve);
+    window.run();
+    window.get_all_by_label("as the scene says").nth(1).unwrap().click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(finer.accuracy.clone()))));
+    assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy, finer.accuracy);
+}
+
+#[test]
 fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
     let scene = support::program::SCENE.replace("dims =", "phantom_labels = true\ndims =");
@@ -426,80 +502,4 @@ fn situations_are_kept_renamed_and_forgotten() {
     window.run();
     assert_eq!(names(&window), ["evening"]);
     assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Forget(1)))));
-}
-
-#[test]
-fn a_click_on_the_picture_looks_at_the_pixel_there() {
-    let mut window = wide(document());
-    window.run();
-    let rect = window.get_by_label("picture").rect();
-    let at = rect.min + rect.size() * Vec2::new(0.25, 0.5);
-    window.event(Event::PointerMoved(at));
-    window.run();
-    for pressed in [true, false] {
-        let button = PointerButton::Primary;
-        window.event(Event::PointerButton { pos: at, button, pressed, modifiers: Modifiers::NONE });
-        window.run();
-    }
-    let Some(Action::Probe(Some(place))) = window.state().asked.last() else { panic!("{:?}", window.state().asked) };
-    assert!((*place - DVec2::new(0.25, 0.5)).length() <= 1e-3, "{place}");
-}
-
-/// What a picture of four pixels of the scene has in its first.
-fn probed() -> Probe {
-    let scene = document().state().scene.clone();
-    let (planned, size) = (relume::plan::plan(&scene, &Quiet).unwrap(), [2, 2]);
-    let rungs = relume::measure::Rungs::planned(scene.clone(), planned.clone(), size).unwrap();
-    let marched = rungs.march::<f32>(&rungs.stored(), &Quiet).unwrap();
-    let of = |planes: &[f32]| planes.iter().step_by(4).copied().collect();
-    let numbers = relume::tables::Accumulation {
-        size: [1, 1],
-        weights: of(&marched.weights),
-        transmittance: of(&marched.transmittance),
-    };
-    let components = relume::tables::Components::new(&scene, &planned);
-    let reflected = relume::tables::Reflected::new(&components, None);
-    let ray = Ray::march(&scene, &scene.volume.statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
-    let pixel = Pixel { place: [0, 0], size, numbers, planned, components };
-    Probe::new(&pixel, &scene, &Mix::of_scene(&scene), Some(&reflected), Some(&ray))
-}
-
-#[test]
-fn the_probe_names_lights_and_materials_and_escape_closes_it() {
-    let mut window = wide(document());
-    window.state_mut().probe = Some((DVec2::splat(0.5), None));
-    window.run();
-    assert!(window.query_by_label("The picture is on its way.").is_some());
-    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
-    window.run();
-    for label in ["Under each light", "What it shows", "Where its light comes from", "Along the ray", "flesh", "now"] {
-        assert!(window.query_all_by_label(label).next().is_some(), "{label}");
-    }
-    window.key_press(Key::Escape);
-    window.run();
-    assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
-}
-
-#[test]
-fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
-    let mut window = App::open(Vec2::new(1280.0, 2200.0), Some(document()));
-    window.run();
-    window.get_by_label("balanced").click();
-    window.run();
-    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Preset::Balanced.goal()))));
-    window.get_by_label("choose by frame within").click();
-    window.run();
-    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Goal::Budget(50.0)))));
-    let scene = document().state().scene.clone();
-    let point = |frame_ms: f64, p95: f64| Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } };
-    let mut finer = scene.clone();
-    finer.accuracy.step_length = 0.5;
-    let mut curve = Curve::new(&scene, [4, 4], &[(Setting::default(), point(2.0, 3.0))]);
-    curve.merge(Curve::new(&finer, [4, 4], &[(Setting::default(), point(4.0, 1.0))]));
-    window.state_mut().curve = Some(curve);
-    window.run();
-    window.get_all_by_label("as the scene says").nth(1).unwrap().click();
-    window.run();
-    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(finer.accuracy.clone()))));
-    assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy, finer.accuracy);
 }

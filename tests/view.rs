@@ -347,6 +347,45 @@ fn a_script_that_cannot_be_carried_out_says_which_line() {
 }
 
 #[test]
+fn a_probed_pixel_has_the_colour_that_is_shown_and_its_light_never_marches() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "probe 0.5 0.5\nprobe 0.4 0.45\npicture shown.png\nsettle\nlight lamp 0.2\nprobe 0.4 0.45\nsettle\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let probes = report["probes"].as_array().unwrap();
+    assert_eq!(probes.len(), 3);
+    let (picture, pixels) = rgb(&folder, "shown.png");
+    let of = |probe: &Value, which: &str, axis: usize| usize::try_from(probe[which][axis].as_u64().unwrap()).unwrap();
+    for probe in &probes[..2] {
+        assert_eq!([of(probe, "size", 0), of(probe, "size", 1)], picture);
+        let at = 3 * (of(probe, "pixel", 1) * picture[0] + of(probe, "pixel", 0));
+        let [r, g, b] = [pixels[at], pixels[at + 1], pixels[at + 2]];
+        assert_eq!(probe["now"]["code"], format!("#{r:02x}{g:02x}{b:02x}"));
+        assert!(probe["now"]["model_error"].as_f64().unwrap() <= 0.05, "{}", probe["now"]);
+        let parts = probe["shares"].as_array().unwrap().iter().map(|share| share["light"].as_f64().unwrap());
+        assert!((parts.sum::<f64>() - 1.0).abs() <= 1e-9, "{}", probe["shares"]);
+        assert!(!probe["ray"].as_array().unwrap().is_empty());
+    }
+    assert_ne!(probes[1]["now"]["code"], probes[2]["now"]["code"], "the lamp is dimmed");
+    assert_eq!(probes[1]["lights"], probes[2]["lights"], "each light alone is as it was");
+    assert_eq!(report["settled"][0]["marches"], report["settled"][1]["marches"]);
+}
+
+#[test]
+fn a_setting_is_chosen_by_what_was_measured_and_undone() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300\nsettle\npicture before.png\nmeasure error 1.5\nsettle\npicture chosen.png\nsave session chosen.toml\nundo\nsettle\npicture after.png\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let choice = &report["choices"][0];
+    assert!(choice["point"]["error"]["p95"].as_f64().unwrap() <= 1.5, "{choice}");
+    assert!(report["curve"].as_array().unwrap().len() >= 2, "{}", report["curve"]);
+    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "undone");
+    folder.done(&["render", "chosen.toml", "-o", "rendered.png", "--size", &size(&report)]);
+    assert_eq!(bytes(&folder, "chosen.png"), bytes(&folder, "rendered.png"), "as the session says");
+}
+
+#[test]
 fn crops_previews_and_situations_save_and_render_equal_and_light_never_marches() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
@@ -405,43 +444,4 @@ settle
         let saved = bytes(&folder, &format!("tour-000{number}.png"));
         assert_eq!(saved, bytes(&folder, "rendered.png"), "picture {number} of the tour");
     }
-}
-
-#[test]
-fn a_probed_pixel_has_the_colour_that_is_shown_and_its_light_never_marches() {
-    let Some(screen) = Screen::new() else { return };
-    let folder = folder();
-    let script = "probe 0.5 0.5\nprobe 0.4 0.45\npicture shown.png\nsettle\nlight lamp 0.2\nprobe 0.4 0.45\nsettle\n";
-    let report = screen.script(&folder, "dial.toml", script);
-    let probes = report["probes"].as_array().unwrap();
-    assert_eq!(probes.len(), 3);
-    let (picture, pixels) = rgb(&folder, "shown.png");
-    let of = |probe: &Value, which: &str, axis: usize| usize::try_from(probe[which][axis].as_u64().unwrap()).unwrap();
-    for probe in &probes[..2] {
-        assert_eq!([of(probe, "size", 0), of(probe, "size", 1)], picture);
-        let at = 3 * (of(probe, "pixel", 1) * picture[0] + of(probe, "pixel", 0));
-        let [r, g, b] = [pixels[at], pixels[at + 1], pixels[at + 2]];
-        assert_eq!(probe["now"]["code"], format!("#{r:02x}{g:02x}{b:02x}"));
-        assert!(probe["now"]["model_error"].as_f64().unwrap() <= 0.05, "{}", probe["now"]);
-        let parts = probe["shares"].as_array().unwrap().iter().map(|share| share["light"].as_f64().unwrap());
-        assert!((parts.sum::<f64>() - 1.0).abs() <= 1e-9, "{}", probe["shares"]);
-        assert!(!probe["ray"].as_array().unwrap().is_empty());
-    }
-    assert_ne!(probes[1]["now"]["code"], probes[2]["now"]["code"], "the lamp is dimmed");
-    assert_eq!(probes[1]["lights"], probes[2]["lights"], "each light alone is as it was");
-    assert_eq!(report["settled"][0]["marches"], report["settled"][1]["marches"]);
-}
-
-#[test]
-fn a_setting_is_chosen_by_what_was_measured_and_undone() {
-    let Some(screen) = Screen::new() else { return };
-    let folder = folder();
-    let script = "size 320 300\nsettle\npicture before.png\nmeasure error 1.5\nsettle\npicture chosen.png\nsave session chosen.toml\nundo\nsettle\npicture after.png\n";
-    let report = screen.script(&folder, "dial.toml", script);
-    let choice = &report["choices"][0];
-    assert!(choice["point"]["error"]["p95"].as_f64().unwrap() <= 1.5, "{choice}");
-    assert!(report["curve"].as_array().unwrap().len() >= 2, "{}", report["curve"]);
-    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "undone");
-    folder.done(&["render", "chosen.toml", "-o", "rendered.png", "--size", &size(&report)]);
-    assert_eq!(bytes(&folder, "chosen.png"), bytes(&folder, "rendered.png"), "as the session says");
 }

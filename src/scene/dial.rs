@@ -93,7 +93,12 @@ impl Dial {
     /// share it), and a node that is off weighs 0. All zero where no node is on.
     #[must_use]
     pub fn weights(&self, hand: DVec2) -> Vec<f64> {
-        let distance = |node: &DialNode| (node.place.x - hand.x).hypot(node.place.y - hand.y);
+        /// As near as this is on it: the corners of a polygon are rounded, and so is who types one.
+        const ON_IT: f64 = 1e-9;
+        let distance = |node: &DialNode| {
+            let far = (node.place.x - hand.x).hypot(node.place.y - hand.y);
+            if far < ON_IT { 0.0 } else { far }
+        };
         let nearest = self.nodes.iter().filter(|node| node.on).map(distance).fold(f64::INFINITY, f64::min);
         // Relative to the nearest, so that no reciprocal overflows; on a node it is 0 / 0.
         let nearness = |node: &DialNode| match distance(node) {

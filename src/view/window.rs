@@ -813,8 +813,12 @@ impl Viewer {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
         // The first frame after something was opened has not yet looked at it.
         let looked = self.document.is_none() || self.place != Rect::ZERO;
-        let done = self.loading.is_none() && self.measuring.is_none() && self.tour.is_none();
-        done && finest && looked && !self.is_saving()
+        self.loading.is_none()
+            && finest
+            && looked
+            && self.tour.is_none()
+            && self.measuring.is_none()
+            && !self.is_saving()
     }
 
     /// Whether pictures are still to be saved of what was asked for.
