@@ -507,7 +507,13 @@ impl Planned {
     #[must_use]
     pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
         let [then, now] = [before, scene].map(|scene| planned(scene, None));
-        let alike = then.plan == now.plan && then.ingredients(before) == now.ingredients(scene);
+        let asked = |scene: &Scene| {
+            let Accuracy { accumulate, model, tolerance, dimension, .. } = scene.accuracy;
+            (accumulate, model, tolerance.to_bits(), dimension)
+        };
+        let alike = then.plan == now.plan
+            && asked(before) == asked(scene)
+            && then.ingredients(before) == now.ingredients(scene);
         alike.then(|| self.seen_otherwise(scene)).filter(|planned| half::check(planned, scene).is_ok())
     }
 

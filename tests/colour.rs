@@ -4,11 +4,14 @@
 
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
+use relume::scene::{Display, Mix};
 use relume::spectrum::colour::{
     LINEAR_SRGB_FROM_XYZ, Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, bradford, ciede2000, d65_white,
-    decode_srgb, encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
+    decode_srgb, display_code, encode_srgb, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_linear_srgb, xyz_of,
 };
+use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::{BANDS, Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
+use relume::tables::display_from_xyz;
 
 fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
     let error = std::array::from_fn::<f64, 3, _>(|axis| (actual[axis] - expected[axis]).abs());
@@ -58,7 +61,6 @@ const SHARMA_2005: [[f64; 7]; 34] = [
     [2.0776, 0.0795, -1.1350, 0.9033, -0.0636, -0.5514, 0.9082],
 ];
 
-/// COLOUR.md C2.
 #[test]
 fn what_is_no_number_is_no_difference_of_zero() {
     for part in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e60] {
@@ -67,6 +69,7 @@ fn what_is_no_number_is_no_difference_of_zero() {
     }
 }
 
+/// COLOUR.md C2.
 #[test]
 fn ciede2000_gives_the_published_differences_both_ways() {
     for [l1, a1, b1, l2, a2, b2, expected] in SHARMA_2005 {
@@ -106,12 +109,37 @@ const PLAIN_SUMS: [(&str, &str, [f64; 3]); 18] = [
     ("LED-V2", "cyan", [0.12534863926809237, 0.18182452165189034, 0.23694084510014077]),
 ];
 
+/// L*a*b* relative to D65 and sRGB codes of [`PLAIN_SUMS`], by the formulas of CIE 15 and IEC 61966-2-1 in plain Python.
+const PLAIN_CODES: [([f64; 3], [u8; 3]); 18] = [
+    ([39.543661, 29.506265, 43.081658], [149, 71, 20]),
+    ([46.893793, -20.704584, 9.193088], [78, 120, 95]),
+    ([95.476359, 23.801073, 60.164585], [255, 222, 125]),
+    ([37.303642, 13.691940, 15.563651], [116, 79, 63]),
+    ([51.686305, -24.727033, -25.982234], [0, 137, 167]),
+    ([29.986159, 24.609121, -50.865234], [46, 62, 151]),
+    ([38.041139, 19.042435, 29.040945], [129, 77, 43]),
+    ([47.951191, -16.046208, -7.823324], [70, 122, 126]),
+    ([27.226038, 21.985433, -34.350649], [67, 55, 117]),
+    ([39.273685, 33.290947, 45.795639], [153, 67, 13]),
+    ([95.492361, 21.459074, 68.321123], [255, 224, 107]),
+    ([27.664626, 5.700753, -6.649153], [69, 63, 76]),
+    ([39.665897, 31.371713, 42.996532], [152, 70, 21]),
+    ([46.862267, -20.918209, 11.332886], [79, 120, 91]),
+    ([27.054382, 11.232985, -10.871310], [73, 59, 81]),
+    ([39.280132, 25.100318, 40.645180], [143, 74, 24]),
+    ([28.064873, 31.193105, -49.124390], [63, 52, 143]),
+    ([49.716659, -28.752417, -6.994004], [23, 132, 129]),
+];
+
 /// COLOUR.md C1.
 #[test]
 fn patches_under_lights_have_the_colours_of_another_implementation() {
-    for (light, patch, expected) in PLAIN_SUMS {
+    for ((light, patch, expected), (lab, codes)) in PLAIN_SUMS.into_iter().zip(PLAIN_CODES) {
         let colour = xyz(&standard::light(light).unwrap(), &standard::reflectance(patch).unwrap());
         assert_close(colour.0, expected, 1e-12);
+        assert_close(lab_from_xyz(colour, d65_white()).0, lab, 1e-6);
+        let code = format!("#{}", codes.map(|code| format!("{code:02x}")).concat());
+        assert_eq!(display_code(linear_srgb_from_xyz(colour)), code, "{patch} under {light}");
     }
 }
 
@@ -285,4 +313,16 @@ fn colours_brighter_or_purer_than_any_reflectance_are_refused() {
         assert!(matches!(error, SpectrumError::Unattainable { .. }), "{rgb:?}: {error}");
         assert!(error.to_string().contains(&rgb[0].to_string()), "{error}");
     }
+}
+
+#[test]
+fn a_display_for_a_deficiency_shows_the_published_columns_of_the_primaries_and_leaves_greys() {
+    let display = |deficiency| Display { exposure: 2.0, adapt: false, deficiency };
+    let of = |deficiency| display_from_xyz(&Mix(Vec::new()), &display(deficiency)) * *XYZ_FROM_LINEAR_SRGB;
+    // Machado, Oliveira and Fernandes 2009, table 1, severity 1: what deuteranopes see of red.
+    assert_close((of(Some(Deficiency::Deutan)) * DVec3::X).to_array(), [0.734644, 0.560170, -0.023640], 1e-12);
+    for deficiency in Deficiency::ALL {
+        assert_close((of(Some(deficiency)) * DVec3::ONE).to_array(), [2.0; 3], 1e-5);
+    }
+    assert_close((of(None) * DVec3::new(0.1, 0.2, 0.3)).to_array(), [0.2, 0.4, 0.6], 1e-12);
 }

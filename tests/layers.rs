@@ -46,6 +46,7 @@ const ARROWS: &[(&str, &[&str])] = &[
         &[
             "input",
             "output",
+            "measure",
             "render",
             "reference",
             "vulkan",

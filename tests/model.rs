@@ -51,7 +51,11 @@ fn grey() -> Ingredients {
 }
 
 fn coloured() -> Ingredients {
-    let grey = grey();
+    coloured_of(grey())
+}
+
+/// As many absorbers as surfaces.
+fn coloured_of(grey: Ingredients) -> Ingredients {
     Ingredients { absorptions: grey.reflectances.iter().map(absorption_of).collect(), largest_depth: 20.0, ..grey }
 }
 
@@ -249,10 +253,22 @@ fn neither_the_step_nor_when_a_light_is_known_matters() {
 
 /// C9.
 #[test]
-fn four_natural_materials_need_at_most_eight_nodes() {
-    let model = fit_automatic(&coloured(), ModelKind::Nodes, 1.0, &Quiet).unwrap();
-    assert!(model.dimension() <= 8, "{}", model.description());
-    assert!(model.lights().iter().all(|(.., matrix)| matrix.unseen.is_some_and(|unseen| unseen.max <= 1.0)));
+fn four_natural_materials_need_at_most_eight_nodes_in_the_median() {
+    let mut random = Random::new(9);
+    let mut scenes = vec![coloured()];
+    while scenes.len() < 5 {
+        let mut names = standard::names(Kind::Reflectance).to_vec();
+        let reflectances = (0..4).map(|_| patch(names.swap_remove(random.index(names.len())))).collect();
+        scenes.push(coloured_of(Ingredients { reflectances, ..grey() }));
+    }
+    let mut dimensions = Vec::new();
+    for scene in scenes {
+        let model = fit_automatic(&scene, ModelKind::Nodes, 1.0, &Quiet).unwrap();
+        assert!(model.lights().iter().all(|(.., matrix)| matrix.unseen.is_some_and(|unseen| unseen.max <= 1.0)));
+        dimensions.push(model.dimension());
+    }
+    dimensions.sort_unstable();
+    assert!(dimensions[2] <= 8, "{dimensions:?}");
 }
 
 // What is exact.

@@ -10,11 +10,14 @@ use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::measure::{Goal, Point, Preset, Setting};
+use relume::model::ErrorSummary;
 use relume::progress::Quiet;
 use relume::scene::{self, Interval, Mix, SceneOptions};
 use relume::view::camera::{Move, Side};
+use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
-use relume::view::ui::{self, Shown, Status};
+use relume::view::ui::{self, Effort, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 
 const DIAL: &str = r#"
@@ -38,11 +41,12 @@ struct App {
     asked: Vec<Action>,
     panels: bool,
     probe: Option<(DVec2, Option<Probe>)>,
+    curve: Option<Curve>,
 }
 
 impl App {
     fn open(size: Vec2, document: Option<Document>) -> Harness<'static, Self> {
-        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS, probe: None };
+        let app = Self { document, asked: Vec::new(), panels: size.x >= ui::ROOM_FOR_PANELS, probe: None, curve: None };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
 
@@ -54,7 +58,9 @@ impl App {
             loading: None,
             notices: &[],
             stopped: false,
+            plays: false,
             panels: app.panels,
+            effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,
         };
@@ -392,4 +398,108 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
     window.key_press(Key::Escape);
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
+}
+
+#[test]
+fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
+    let mut window = App::open(Vec2::new(1280.0, 2200.0), Some(document()));
+    window.run();
+    window.get_by_label("balanced").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Preset::Balanced.goal()))));
+    window.get_by_label("choose by frame within").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Goal::Budget(50.0)))));
+    let scene = document().state().scene.clone();
+    let point = |frame_ms: f64, p95: f64| Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } };
+    let mut finer = scene.clone();
+    finer.accuracy.step_length = 0.5;
+    let mut curve = Curve::new(&scene, [4, 4], &[(Setting::default(), point(2.0, 3.0))]);
+    curve.merge(Curve::new(&finer, [4, 4], &[(Setting::default(), point(4.0, 1.0))]));
+    window.state_mut().curve = Some(curve);
+    window.run();
+    window.get_all_by_label("as the scene says").nth(1).unwrap().click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Accuracy(finer.accuracy.clone()))));
+    assert_eq!(window.state().document.as_ref().unwrap().state().scene.accuracy, finer.accuracy);
+}
+
+#[test]
+fn reset_transfer_is_there_where_a_label_alone_has_changed() {
+    let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
+    let scene = support::program::SCENE.replace("dims =", "phantom_labels = true\ndims =");
+    let text = format!("{scene}{more}");
+    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let stated = opened.labels.as_ref().unwrap().declared.clone();
+    let mut document = Document::new(opened);
+    document.edit(&Edit::Label(0, 0, 0.75));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    let state = window.state().document.as_ref().unwrap().state();
+    assert_eq!(state.scene.labels.as_ref().unwrap().declared, stated);
+}
+
+#[test]
+fn a_side_of_the_crop_box_is_dragged_on_the_picture() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_label("crop").click();
+    window.run();
+    let crop = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().crop();
+    assert_eq!(crop(&window), Some([glam::DVec3::ZERO, glam::DVec3::ONE]));
+    let at = window.get_by_label("crop box: x to").rect().center();
+    let across = window.get_by_label("crop box: x from").rect().center() - at;
+    let to = at + 0.4 * across;
+    window.event(Event::PointerMoved(at));
+    window.run();
+    for (pos, pressed) in [(at, true), (to, true), (to, false)] {
+        window.event(Event::PointerMoved(pos));
+        window.run();
+        let button = PointerButton::Primary;
+        window.event(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    }
+    let [low, high] = crop(&window).unwrap();
+    assert!((high.x - 0.6).abs() < 0.02, "{high}");
+    assert_eq!((low, high.y, high.z), (glam::DVec3::ZERO, 1.0, 1.0), "the other sides stay");
+    window.get_by_label("Undo").click();
+    window.run();
+    window.get_by_label("Reset crop").click();
+    window.run();
+    assert_eq!(crop(&window), None, "as the scene has it");
+}
+
+#[test]
+fn situations_are_kept_renamed_and_forgotten() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    let names = |window: &Harness<'_, App>| -> Vec<String> {
+        let document = window.state().document.as_ref().unwrap();
+        document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
+    };
+    let type_name = |window: &mut Harness<'_, App>, name: &str| {
+        let field = window.get_by_role(egui::accesskit::Role::TextInput);
+        field.focus();
+        window.run();
+        window.event(Event::Text(name.to_owned()));
+        window.run();
+    };
+    type_name(&mut window, "dusk");
+    window.get_by_label("Keep").click();
+    window.run();
+    assert_eq!(names(&window), ["evening", "dusk"]);
+    type_name(&mut window, "2");
+    window.get_by_label("Rename").click();
+    window.run();
+    assert!(names(&window)[1].contains('2'), "{:?}", names(&window));
+    window.get_by_label("Forget").click();
+    window.run();
+    assert_eq!(names(&window), ["evening"]);
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Forget(1)))));
 }

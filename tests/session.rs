@@ -5,9 +5,10 @@ mod support;
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use relume::progress::Quiet;
-use relume::scene::{self, Definition, Interval, Scene, SceneOptions};
+use relume::scene::{self, AccumulateAs, Accuracy, Definition, Interval, Scene, SceneOptions};
+use relume::spectrum::deficiency::Deficiency;
 use relume::view::camera::{Move, Side};
 use relume::view::load::Source;
 use relume::view::{Document, Edit, Mixing, SessionError, session};
@@ -47,6 +48,11 @@ fn interval(material: usize) -> Interval {
     Interval { material, range: [100.1, 160.7], ramp: 0.3, opacity: 0.07, absorption: 0.0 }
 }
 
+fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
+    let accumulate = if dimension.is_some() { AccumulateAs::Spectral } else { AccumulateAs::Auto };
+    Accuracy { step_length, dimension, accumulate, ..scene().accuracy }
+}
+
 /// Edits of every kind, one after the other.
 fn edits() -> Vec<Edit> {
     vec![
@@ -63,7 +69,14 @@ fn edits() -> Vec<Edit> {
         Edit::Master(1.5),
         Edit::NodeOn(1, true),
         Edit::Situation(0),
+        Edit::Keep("dusk".to_owned()),
+        Edit::Rename(1, "night".to_owned()),
+        Edit::Tour(1, 3),
+        Edit::Forget(0),
+        Edit::Deficiency(Some(Deficiency::Deutan)),
+        Edit::Crop(Some([DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.7, 1.0, 0.9)])),
         Edit::Exposure(1.7),
+        Edit::Deficiency(None),
         Edit::Adapt(true),
         Edit::Camera(Move::Orbit { right: 33.3, up: 7.7 }, 1.5),
         Edit::Camera(Move::Roll(11.1), 1.5),
@@ -73,8 +86,13 @@ fn edits() -> Vec<Edit> {
         Edit::Interval(0, Interval { range: [31.7, 88.8], ..interval(1) }),
         Edit::AddInterval(interval(1)),
         Edit::RemoveTerm(0),
+        Edit::Crop(Some([DVec3::NAN, DVec3::splat(-1.0)])),
+        Edit::Intervals(vec![interval(0), interval(1)]),
+        Edit::ResetCrop,
         Edit::Label(0, 0, 0.6),
         Edit::ResetTransfer,
+        Edit::Accuracy(accuracy(1.3, None)),
+        Edit::Accuracy(accuracy(0.7, Some(5))),
         Edit::Mix(Mixing::Sliders),
     ]
 }
@@ -92,8 +110,10 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         assert_eq!(theirs.scene.transfer, ours.transfer, "{edit:?}: {text}");
         let labels = |scene: &Scene| scene.labels.as_ref().unwrap().declared.clone();
         assert_eq!(labels(&theirs.scene), labels(ours), "{edit:?}: {text}");
+        assert_eq!(theirs.scene.crop, ours.crop, "{edit:?}: {text}");
         assert_eq!(theirs.scene.dial, ours.dial, "{edit:?}: {text}");
         assert_eq!(theirs.scene.display, ours.display, "{edit:?}: {text}");
+        assert_eq!(theirs.scene.accuracy, ours.accuracy, "{edit:?}: {text}");
         assert_eq!(theirs.mix(), state.mix(), "{edit:?}: {text}");
         assert_eq!(theirs.scene.opening_mix(), state.mix(), "{edit:?}: {text}");
         assert_eq!(theirs.light.sliders, state.light.sliders, "{edit:?}: {text}");
@@ -171,4 +191,59 @@ fn intervals_that_no_scene_may_state_are_not_made() {
             assert_eq!(scene.transfer, document.state().scene.transfer, "{changed:?}: {text}");
         }
     }
+}
+
+#[test]
+fn a_tour_meets_every_situation_and_is_straight_between_them() {
+    let mut document = Document::new(scene());
+    let places = [DVec2::new(0.1, 0.3), DVec2::new(-0.5, 0.25), DVec2::new(0.3, -0.7)];
+    document.edit(&Edit::Forget(0));
+    for (name, place) in ["one", "two", "three"].into_iter().zip(places) {
+        document.edit(&Edit::Hand(place));
+        document.edit(&Edit::Keep(name.to_owned()));
+    }
+    let hand = |step| document.preview(&Edit::Tour(step, 12)).light.hand;
+    assert_eq!([hand(0), hand(6), hand(12), hand(99)], [places[0], places[1], places[2], places[2]]);
+    let quarter = places[0] * 0.75 + places[1] * 0.25;
+    assert!(hand(1).distance(places[0] + (places[1] - places[0]) / 6.0) < 1e-15, "{}", hand(1));
+    assert!(document.preview(&Edit::Tour(3, 24)).light.hand.distance(quarter) < 1e-15, "a quarter of the first leg");
+    assert_eq!(document.state().light.situation, Some(2), "a preview changes nothing");
+}
+
+#[test]
+fn a_situation_keeps_its_name_to_itself_and_which_nodes_are_out() {
+    let mut document = Document::new(scene());
+    document.edit(&Edit::NodeOn(0, false));
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.edit(&Edit::Keep(String::new()));
+    document.edit(&Edit::Rename(0, "dusk".to_owned()));
+    let names = |document: &Document| -> Vec<String> {
+        document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
+    };
+    assert_eq!(names(&document), ["evening", "dusk"], "an empty name is none, and one that is taken is not given");
+    document.edit(&Edit::NodeOn(0, true));
+    document.edit(&Edit::Situation(1));
+    assert!(!document.state().scene.dial.nodes[0].on, "the node is out again");
+    document.edit(&Edit::Hand(DVec2::new(0.3, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    assert_eq!(document.state().scene.dial.situations[1].hand, DVec2::new(0.3, 0.1));
+    assert_eq!(names(&document).len(), 2);
+    document.undo();
+    assert_eq!(document.state().scene.dial.situations[1].hand, DVec2::new(0.2, 0.1));
+}
+
+#[test]
+fn a_crop_is_what_a_scene_may_state_whatever_is_asked_for() {
+    let mut document = Document::new(scene());
+    for number in [f64::NAN, f64::INFINITY, -1.0, 0.0, 0.5, 1.0, 7.0] {
+        for other in [0.0, 0.5, 1.0] {
+            document.edit(&Edit::Crop(Some([DVec3::splat(number), DVec3::splat(other)])));
+            let (text, scene) = saved(&document);
+            assert_eq!(scene.crop, document.state().scene.crop, "{number} to {other}: {text}");
+        }
+    }
+    document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
+    let [low, high] = document.state().crop().unwrap();
+    assert!(low.distance(DVec3::splat(0.25)) < 1e-15 && high.distance(DVec3::splat(0.75)) < 1e-15, "{low} {high}");
 }

@@ -370,3 +370,78 @@ fn a_probed_pixel_has_the_colour_that_is_shown_and_its_light_never_marches() {
     assert_eq!(probes[1]["lights"], probes[2]["lights"], "each light alone is as it was");
     assert_eq!(report["settled"][0]["marches"], report["settled"][1]["marches"]);
 }
+
+#[test]
+fn a_setting_is_chosen_by_what_was_measured_and_undone() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300\nsettle\npicture before.png\nmeasure error 1.5\nsettle\npicture chosen.png\nsave session chosen.toml\nundo\nsettle\npicture after.png\n";
+    let report = screen.script(&folder, "dial.toml", script);
+    let choice = &report["choices"][0];
+    assert!(choice["point"]["error"]["p95"].as_f64().unwrap() <= 1.5, "{choice}");
+    assert!(report["curve"].as_array().unwrap().len() >= 2, "{}", report["curve"]);
+    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "undone");
+    folder.done(&["render", "chosen.toml", "-o", "rendered.png", "--size", &size(&report)]);
+    assert_eq!(bytes(&folder, "chosen.png"), bytes(&folder, "rendered.png"), "as the session says");
+}
+
+#[test]
+fn crops_previews_and_situations_save_and_render_equal_and_light_never_marches() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle
+crop 0.2 0.9 0 1 0.1 0.8
+settle
+picture cropped.png
+sees deutan
+node lamp
+keep evening
+hand 0.3 0.2
+keep noon
+hand 0.15 -0.4
+keep dusk
+rename noon to midday
+tour 0.3
+situation midday
+settle
+picture seen.png
+picture seen.exr
+save session seen.toml
+tour tour.png 5
+situation midday
+settle
+picture still.png
+sees all
+settle
+crop off
+settle
+";
+    let report = screen.script(&folder, "dial.toml", script);
+    assert_eq!(report["notices"], Value::Array(Vec::new()));
+    let marches = |at: usize| report["settled"][at]["marches"].as_u64().unwrap();
+    assert!(marches(1) > marches(0), "a crop marches: {}", report["settled"]);
+    assert_eq!([marches(2), marches(3), marches(4)], [marches(1); 3], "light never does: {}", report["settled"]);
+    assert!(marches(5) > marches(4), "{}", report["settled"]);
+    assert_ne!(bytes(&folder, "cropped.png"), bytes(&folder, "seen.png"));
+    assert_eq!(bytes(&folder, "seen.png"), bytes(&folder, "still.png"), "a saved tour leaves the light as it was");
+    let size = size(&report);
+    assert_opens_as_it_was_saved(&screen, &folder, "seen.toml", ["seen.png", "seen.exr"], &size);
+    // Every picture of a tour is what `render` makes of the session with the hand there.
+    for (number, hand) in [(1, "[0, -1]"), (3, "[0.3, 0.2]"), (5, "[0.15, -0.4]")] {
+        let mix = format!("mix.hand={hand}");
+        folder.done(&[
+            "render",
+            "seen.toml",
+            "-o",
+            "rendered.png",
+            "--size",
+            &size,
+            "-D",
+            "mix.by=\"dial\"",
+            "-D",
+            &mix,
+        ]);
+        let saved = bytes(&folder, &format!("tour-000{number}.png"));
+        assert_eq!(saved, bytes(&folder, "rendered.png"), "picture {number} of the tour");
+    }
+}

@@ -144,7 +144,15 @@ impl Storm {
             1 => format!("{} {light}", self.one_of(&["on", "off", "solo", "node"])),
             2 => format!("{} {light}", self.one_of(&["take", "leave"])),
             3 => format!("place {light} {} {}", self.number(-2.0, 2.0), self.number(-2.0, 2.0)),
-            4 => "situation evening".to_owned(),
+            4 => self
+                .one_of(&[
+                    "keep evening\nsituation evening",
+                    "tour 0.1",
+                    "keep evening",
+                    "keep dusk",
+                    "tour tour.png 3",
+                ])
+                .to_owned(),
             5 => format!("label gut {}", self.number(0.0, 1.0)),
             6 => format!("interval add {material} 20 90 5 0.1\ninterval 0 material {material}"),
             7 => format!("interval add {material} {}", self.interval()),
@@ -160,7 +168,7 @@ impl Storm {
     /// What suits every scene.
     fn nameless(&mut self) -> String {
         let switch = self.one_of(&["on", "off"]);
-        match self.random.index(15) {
+        match self.random.index(18) {
             0 => format!("hand {} {}", self.number(-2.0, 2.0), self.number(-2.0, 2.0)),
             1 => format!("master {}", self.number(0.0, 2.0)),
             2 => format!("normalise {switch}"),
@@ -173,6 +181,12 @@ impl Storm {
             10 => format!("axis {}", self.one_of(&["left", "right", "front", "back", "bottom", "top"])),
             11 => self.one_of(&["projection", "reset", "reset", "all"]).to_owned(),
             12 => format!("panels {switch}"),
+            14 => format!("sees {}", self.one_of(&["all", "protan", "deutan", "tritan"])),
+            15 => {
+                let parts = [(); 6].map(|()| self.number(0.0, 1.0).to_string());
+                format!("crop {}", parts.join(" "))
+            }
+            16 => format!("crop {}", self.one_of(&["off", "reset"])),
             13 => format!("interval remove {}", self.random.index(5)),
             _ => "undo".to_owned(),
         }
@@ -286,6 +300,34 @@ fn a_window_that_is_out_of_sight_for_a_while_goes_on() {
     }
     window.close();
     assert_ended_well(child, 800);
+}
+
+/// Seconds that `child` has computed, as Linux counts them: by the hundredth.
+#[cfg(target_os = "linux")]
+fn computed(child: &Child) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
+    let fields: Vec<&str> = text.rsplit(") ").next().unwrap().split(' ').collect();
+    [fields[11], fields[12]].iter().map(|ticks| ticks.parse::<f64>().unwrap() / 100.0).sum()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_window_at_rest_computes_nothing() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let child = start(&screen, &folder, &["scene.toml"]);
+    let window = screen.window();
+    let mut shares = Vec::new();
+    // At first there is a picture to make.
+    wait_until("at rest", 30, || {
+        let (before, begun) = (computed(&child), Instant::now());
+        std::thread::sleep(Duration::from_secs(2));
+        shares.push((computed(&child) - before) / begun.elapsed().as_secs_f64());
+        shares.last() < Some(&0.02)
+    });
+    println!("shares of a core: {shares:?}");
+    window.close();
+    assert_ended_well(child, 2000);
 }
 
 #[test]

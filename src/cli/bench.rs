@@ -228,7 +228,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         return Err(CliError::Usage(format!("{flag} does nothing here: these workloads have what they show")));
     }
     let framed = args.has_rows();
-    for (flag, given) in [("--against", args.against.is_some()), ("--output", args.output.is_some())] {
+    let flags =
+        [("--size", args.size.is_some()), ("--against", args.against.is_some()), ("--output", args.output.is_some())];
+    for (flag, given) in flags {
         if given && !framed {
             return Err(CliError::Usage(format!("{flag} does nothing here: these workloads make no frames")));
         }

@@ -1,10 +1,11 @@
 //! The light dial on the command line: one mix, or the mixes along a way of the hand.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use glam::DVec2;
 
+use relume::output::numbered;
 use relume::scene::{Dial, Mix};
 
 use super::CliError;
@@ -108,12 +109,6 @@ impl Hand {
     pub(crate) fn mixes(&self, stated: &Mix) -> Vec<Mix> {
         self.places.iter().map(|&place| self.dial.mix(place, stated)).collect()
     }
-}
-
-/// `picture.png` as `picture-0001.png`.
-fn numbered(path: &Path, number: u16) -> PathBuf {
-    let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
-    path.with_file_name(format!("{}-{number:04}.{}", part(path.file_stem()), part(path.extension())))
 }
 
 /// `x,y`

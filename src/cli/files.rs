@@ -199,7 +199,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         positions: file.positions.into_iter().map(|position| position.name).collect(),
         mix: Mix(lights.collect::<Result<_, CliError>>()?),
         background: background.transpose()?,
-        display: Display { exposure: file.exposure, adapt: file.adapt },
+        display: Display { exposure: file.exposure, adapt: file.adapt, deficiency: None },
         dial,
         accumulation: Accumulation {
             size: [file.width, file.height],

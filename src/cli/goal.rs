@@ -59,7 +59,7 @@ fn milliseconds(text: &str) -> Result<f64, String> {
 }
 
 /// Where measurements are kept: the user's cache folder, where the system has one.
-fn cache_folder() -> Option<PathBuf> {
+pub(crate) fn cache_folder() -> Option<PathBuf> {
     let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let home =
         || folder("HOME").map(|home| home.join(if cfg!(target_os = "macos") { "Library/Caches" } else { ".cache" }));

@@ -85,10 +85,13 @@ pub struct Choice {
     pub from_cache: bool,
     /// Why this one, in a sentence.
     pub why: String,
+    /// Everything that was looked at for it.
+    #[serde(skip)]
+    pub tried: Vec<Tried>,
 }
 
 /// A setting with what was measured of it.
-type Tried = (Setting, Point);
+pub type Tried = (Setting, Point);
 
 /// Why nothing was chosen.
 #[derive(Debug, thiserror::Error)]
@@ -161,6 +164,30 @@ pub fn choose(
     chosen
 }
 
+/// What `scene` as it is, and with steps an octave apart, takes and errs by in a picture of `size` under `mix` on the device
+/// of `renderer`; where a colour model is needed, with several numbers of it. Kept as by [`choose`].
+///
+/// # Errors
+///
+/// [`ChoiceError`].
+pub fn curve(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    cache: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<Vec<Tried>, ChoiceError> {
+    const OCTAVES: [i32; 5] = [-8, -4, 0, 4, 8];
+    let mut curve = Curve::new(renderer, scene, mix, size, cache, progress)?;
+    let settings: Vec<Setting> = std::iter::once(Setting::default())
+        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(n, dimension))))
+        .collect();
+    let measured: Result<(), ChoiceError> = settings.iter().try_for_each(|setting| curve.point(setting).map(drop));
+    curve.keep();
+    measured.map(|()| curve.tried)
+}
+
 /// What is known of the settings of a scene, and the means to know more.
 struct Curve<'a> {
     renderer: &'a Renderer,
@@ -171,6 +198,7 @@ struct Curve<'a> {
     device: String,
     known: Known,
     measured: usize,
+    tried: Vec<Tried>,
     /// Where weights are exact none are chosen.
     dimensions: Vec<Option<usize>>,
     bench: Option<Bench<'a>>,
@@ -216,11 +244,31 @@ impl<'a> Curve<'a> {
             Some(_) => DIMENSIONS.map(Some).to_vec(),
         };
         let known = Known::of(cache, scene, mix, &device, size);
-        Ok(Self { renderer, scene, mix, size, progress, device, known, measured: 0, dimensions, bench: None })
+        Ok(Self {
+            renderer,
+            scene,
+            mix,
+            size,
+            progress,
+            device,
+            known,
+            measured: 0,
+            tried: Vec::new(),
+            dimensions,
+            bench: None,
+        })
     }
 
     /// What `setting` takes and errs by.
     fn point(&mut self, setting: &Setting) -> Result<Point, ChoiceError> {
+        let point = self.known_or_measured(setting)?;
+        if !self.tried.iter().any(|(tried, _)| tried == setting) {
+            self.tried.push((setting.clone(), point));
+        }
+        Ok(point)
+    }
+
+    fn known_or_measured(&mut self, setting: &Setting) -> Result<Point, ChoiceError> {
         if let Some(point) = self.known.get(setting) {
             return Ok(point);
         }
@@ -344,7 +392,7 @@ impl<'a> Curve<'a> {
     }
 
     fn chosen(&self, setting: Setting, point: Point, why: String) -> Choice {
-        Choice { setting, point, from_cache: self.measured == 0, why }
+        Choice { setting, point, from_cache: self.measured == 0, why, tried: self.tried.clone() }
     }
 
     /// Keeps what was measured. A cache that cannot be written costs time, and no picture.

@@ -20,7 +20,7 @@ mod survey;
 mod sweep;
 mod table;
 
-pub use choice::{Choice, ChoiceError, Goal, Point, Preset, choose};
+pub use choice::{Choice, ChoiceError, Goal, Point, Preset, Tried, choose, curve};
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
 pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered};
 pub use difference::Difference;

@@ -17,7 +17,14 @@ pub use drawing::write_drawing;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+/// The name of picture `number` of several: `picture.png` as `picture-0001.png`.
+#[must_use]
+pub fn numbered(path: &Path, number: u16) -> PathBuf {
+    let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    path.with_file_name(format!("{}-{number:04}.{}", part(path.file_stem()), part(path.extension())))
+}
 
 /// Samples of every spectrum in a file: 380–780 nm in steps of 5 nm.
 pub const BANDS: usize = 81;

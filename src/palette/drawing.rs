@@ -183,7 +183,7 @@ impl Solution {
                     .iter()
                     .any(|&(_, light)| self.palette.lights.get(light).is_some_and(|light| light.spectrum.is_none()));
                 lines.push(format!(
-                    "Over what hangs together with it, the root mean square ΔE00 (by the metric at the targets) is at least {:.2}{}; it is {:.2}.",
+                    "Over what hangs together with it, the root mean square ΔE00 (by the metric at the targets, which is too much where they are far) is at least {:.2}{}; it is {:.2}.",
                     conflict.least,
                     if has_open_light { ", and with an open light how near one can come is not known" } else { "" },
                     conflict.reached

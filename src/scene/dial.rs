@@ -93,7 +93,12 @@ impl Dial {
     /// share it), and a node that is off weighs 0. All zero where no node is on.
     #[must_use]
     pub fn weights(&self, hand: DVec2) -> Vec<f64> {
-        let distance = |node: &DialNode| (node.place.x - hand.x).hypot(node.place.y - hand.y);
+        /// As near as this is on it: the corners of a polygon are rounded, and so is who types one.
+        const ON_IT: f64 = 1e-9;
+        let distance = |node: &DialNode| {
+            let far = (node.place.x - hand.x).hypot(node.place.y - hand.y);
+            if far < ON_IT { 0.0 } else { far }
+        };
         let nearest = self.nodes.iter().filter(|node| node.on).map(distance).fold(f64::INFINITY, f64::min);
         // Relative to the nearest, so that no reciprocal overflows; on a node it is 0 / 0.
         let nearness = |node: &DialNode| match distance(node) {
@@ -140,6 +145,17 @@ impl Dial {
         };
         (0..frames).filter_map(along).collect()
     }
+}
+
+/// Where the hand is after `step` of `of` steps from each of `stops` straight to the next, and the stop that it comes
+/// from; `None` where there are none. A stop is met exactly.
+#[must_use]
+pub(crate) fn along(stops: &[DVec2], step: usize, of: usize) -> Option<(usize, DVec2)> {
+    let last = stops.len().checked_sub(1)?;
+    let (of, step) = (of.max(1), step.min(of.max(1)));
+    let (leg, rest) = (step * last / of, step * last % of);
+    let (from, to) = (stops[leg], stops[(leg + 1).min(last)]);
+    Some((leg, between(from, to, count(rest) / count(of))))
 }
 
 impl Mix {

@@ -461,7 +461,7 @@ impl Text<'_> {
             camera,
             crop,
             accuracy,
-            display: Display { exposure, adapt: file.display.adapt },
+            display: Display { exposure, adapt: file.display.adapt, deficiency: file.display.deficiency },
         })
     }
 }

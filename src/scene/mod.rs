@@ -14,6 +14,7 @@ use std::sync::Arc;
 pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
 pub use define::Definition;
+pub(crate) use dial::along;
 pub use dial::{Dial, DialNode, Situation};
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
@@ -23,6 +24,7 @@ pub use transfer::{Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, 
 
 use crate::model::ModelKind;
 use crate::palette::PaletteError;
+use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
 use crate::volume::{Volume, VolumeError};
 
@@ -276,6 +278,8 @@ pub struct Display {
     pub exposure: f64,
     /// Bradford adaptation of the mixed lights' white to D65; off, a tungsten light looks orange.
     pub adapt: bool,
+    /// Whose eyes it is a preview for; `None` has all cones.
+    pub deficiency: Option<Deficiency>,
 }
 
 /// A scene that cannot be, or cannot be read.

@@ -8,7 +8,8 @@ use glam::{DMat3, DVec3};
 use super::colour::LinearSrgb;
 
 /// Which cones are missing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Deficiency {
     /// Long-wavelength cones: no red.
     Protan,
@@ -26,14 +27,19 @@ impl Deficiency {
     /// and Fernandes 2009, severity 1). The colour is first clipped to what a display shows, and so is the answer.
     #[must_use]
     pub fn seen(self, colour: LinearSrgb) -> LinearSrgb {
-        static MATRICES: LazyLock<[DMat3; 3]> = LazyLock::new(|| Deficiency::ALL.map(published));
         let shown = DVec3::from(colour.0).clamp(DVec3::ZERO, DVec3::ONE);
-        let matrix = match self {
+        LinearSrgb((self.matrix() * shown).clamp(DVec3::ZERO, DVec3::ONE).to_array())
+    }
+
+    /// The matrix on linear sRGB that [`Self::seen`] takes, which clips nothing.
+    #[must_use]
+    pub fn matrix(self) -> DMat3 {
+        static MATRICES: LazyLock<[DMat3; 3]> = LazyLock::new(|| Deficiency::ALL.map(published));
+        match self {
             Self::Protan => MATRICES[0],
             Self::Deutan => MATRICES[1],
             Self::Tritan => MATRICES[2],
-        };
-        LinearSrgb((matrix * shown).clamp(DVec3::ZERO, DVec3::ONE).to_array())
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use crate::number::count as count_f64;
 use crate::plan::{Accumulate, LANE, Planned, Transmittance};
 use crate::scene::{Display, Material, Mix, Placement, Scene};
 use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white, xyz_of};
+use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::{Light, Reflectance, Spectrum};
 
 /// Vectors of the light positions, in the order of the plan, in the volume's own axes: unit vectors towards directional
@@ -225,7 +226,8 @@ fn xyz_vector(light: &Light, surface: &Spectrum) -> DVec3 {
     DVec3::from_array(xyz_of(&(light.spectrum() * surface)).0)
 }
 
-/// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights where the display adapts.
+/// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights where the display adapts, as
+/// somebody sees it who may lack one kind of cone.
 #[must_use]
 pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
     let (_, light) = mix.light_at(0);
@@ -236,5 +238,5 @@ pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
     } else {
         *LINEAR_SRGB_FROM_XYZ
     };
-    adapted * display.exposure
+    display.deficiency.map_or(DMat3::IDENTITY, Deficiency::matrix) * adapted * display.exposure
 }

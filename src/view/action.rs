@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use glam::DVec2;
 
 use super::state::Edit;
+use crate::measure::Goal;
 
 /// Something that is asked of the viewer.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,8 +30,17 @@ pub enum Action {
     Probe(Option<DVec2>),
     /// The panels beside the picture, or the picture alone.
     Panels(bool),
+    /// The hand from situation to situation in so many seconds; `None` stops it where it is.
+    Tour(Option<f64>),
+    /// So many pictures of that way, as NAME-0001.png and so on.
+    SaveTour(PathBuf, u16),
     /// The scene on the device again, after that was lost more than once.
     Restart,
+    /// Settings are measured: a curve of them, or those that it takes to find the one that does what is asked, which is then
+    /// taken.
+    Measure(Option<Goal>),
+    /// What is measured or solved is given up.
+    GiveUp,
     /// A notice that was read, by its index.
     Dismiss(usize),
 }

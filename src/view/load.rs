@@ -241,7 +241,7 @@ fn terms(statistics: &Statistics, materials: usize) -> Vec<Term> {
 
 /// The bin above which a voxel belongs to a thing and not to what surrounds it: the cut into two classes of values with
 /// the largest variance between them (Otsu 1979).
-fn threshold(bins: &[u64]) -> usize {
+pub(super) fn threshold(bins: &[u64]) -> usize {
     let weight = |&n: &u64| count(usize::try_from(n).unwrap_or(usize::MAX));
     let total: f64 = bins.iter().map(weight).sum();
     let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * weight(n)).sum();

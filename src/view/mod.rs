@@ -5,9 +5,11 @@
 
 pub mod action;
 pub mod camera;
+pub mod effort;
 pub mod engine;
 pub mod job;
 pub mod load;
+pub mod presets;
 pub mod probe;
 pub mod prober;
 #[cfg(feature = "window")]
@@ -15,6 +17,7 @@ mod screen;
 pub mod script;
 pub mod session;
 pub mod state;
+pub mod tour;
 #[cfg(feature = "window")]
 pub mod ui;
 #[cfg(feature = "window")]

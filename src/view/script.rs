@@ -6,13 +6,15 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::action::Action;
 use super::camera::{Move, Side};
 use super::state::{Edit, State};
 use crate::input;
+use crate::measure::{Goal, Preset};
 use crate::scene::Interval;
+use crate::spectrum::deficiency::Deficiency;
 
 /// Longer than any script of a person.
 const LONGEST: u64 = 1 << 20;
@@ -73,7 +75,7 @@ pub enum Command {
 }
 
 /// What is asked of the light, the node, the situation, the material or the label of a name.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 #[expect(missing_docs, reason = "each is the edit of its name")]
 pub enum About {
     Weight(f64),
@@ -83,6 +85,9 @@ pub enum About {
     NodePlace(DVec2),
     NodeOn(bool),
     Situation,
+    /// Another name for the situation.
+    Rename(String),
+    Forget,
     /// A new interval of the transfer function that shows this material: from, to, ramp, opacity.
     AddInterval([f64; 4]),
     /// The material of an interval, by the interval's index.
@@ -173,6 +178,21 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "take" | "leave" => Command::Named(About::NodeOn(verb == "take"), name()?),
         "situation" => Command::Named(About::Situation, name()?),
+        "keep" => edit(Edit::Keep(name()?)),
+        "rename" => {
+            let (old, new) = text()
+                .split_once(" to ")
+                .map(|(old, new)| (old.to_owned(), new.to_owned()))
+                .ok_or("rename NAME to NEW")?;
+            Command::Named(About::Rename(new), old)
+        }
+        "forget" => Command::Named(About::Forget, name()?),
+        "tour" => match rest {
+            [file @ .., frames] if !file.is_empty() => {
+                Command::Do(Action::SaveTour(file.join(" ").into(), numbers::<u16, 1>(verb, &[frames])?[0]))
+            }
+            _ => Command::Do(Action::Tour(Some(numbers::<f64, 1>(verb, rest)?[0]))),
+        },
         "master" => edit(Edit::Master(numbers::<f64, 1>(verb, rest)?[0])),
         "interval" => match rest {
             ["add", name @ .., from, to, ramp, opacity] if !name.is_empty() => {
@@ -193,6 +213,21 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
+        "sees" => {
+            let found = Deficiency::ALL.into_iter().find(|one| one.to_string() == text());
+            if found.is_none() && rest != ["all"] {
+                return Err("sees all, protan, deutan or tritan".to_owned());
+            }
+            edit(Edit::Deficiency(found))
+        }
+        "crop" => match rest {
+            ["off"] => edit(Edit::Crop(None)),
+            ["reset"] => edit(Edit::ResetCrop),
+            _ => {
+                let [x0, x1, y0, y1, z0, z1] = numbers(verb, rest)?;
+                edit(Edit::Crop(Some([DVec3::new(x0, y0, z0), DVec3::new(x1, y1, z1)])))
+            }
+        },
         "adapt" => edit(Edit::Adapt(switch(verb, rest)?)),
         "orbit" => {
             let [right, up] = numbers(verb, rest)?;
@@ -213,6 +248,16 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "projection" => Command::Camera(Move::Projection),
         "reset" => Command::Camera(Move::Reset),
+        "measure" => Command::Do(Action::Measure(match rest {
+            [] => None,
+            ["interactive"] => Some(Preset::Interactive.goal()),
+            ["balanced"] => Some(Preset::Balanced.goal()),
+            ["reference"] => Some(Preset::Reference.goal()),
+            ["error", number] => Some(Goal::MaxError(above_zero(verb, number)?)),
+            ["budget", number] => Some(Goal::Budget(above_zero(verb, number)?)),
+            _ => return Err("measure takes nothing, a preset, error DE, or budget MS".to_owned()),
+        })),
+        "cancel" => Command::Do(Action::GiveUp),
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),
         "restart" => Command::Do(Action::Restart),
@@ -241,6 +286,11 @@ fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T;
     let numbers: Option<Vec<T>> = words.iter().map(|word| word.parse().ok()).collect();
     let wanted = if N == 1 { "a number".to_owned() } else { format!("{N} numbers") };
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} takes {wanted}"))
+}
+
+fn above_zero(verb: &str, word: &str) -> Result<f64, String> {
+    let number = word.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
+    number.ok_or_else(|| format!("{verb} takes a number above 0, not {word:?}"))
 }
 
 fn switch(verb: &str, words: &[&str]) -> Result<bool, String> {
@@ -276,6 +326,8 @@ impl About {
             Self::NodePlace(place) => Edit::NodePlace(node()?, place),
             Self::NodeOn(on) => Edit::NodeOn(node()?, on),
             Self::Situation => Edit::Situation(situation()?),
+            Self::Rename(new) => Edit::Rename(situation()?, new),
+            Self::Forget => Edit::Forget(situation()?),
             Self::AddInterval([from, to, ramp, opacity]) => {
                 let interval = Interval { material: material()?, range: [from, to], ramp, opacity, absorption: 0.0 };
                 Edit::AddInterval(interval)

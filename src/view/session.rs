@@ -11,7 +11,7 @@ use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlErr
 use super::load::Source;
 use super::state::State;
 use crate::output::{OutputError, write_atomically};
-use crate::scene::{Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
 use crate::volume::ByteOrder;
 
 /// Why a session cannot be saved.
@@ -91,10 +91,24 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         transfer(table(&mut document, "transfer")?, scene)?;
     }
     labels(&mut document, scene, opened)?;
+    accuracy(&mut document, &scene.accuracy, &opened.accuracy)?;
     if scene.display != opened.display {
         let display = table(&mut document, "display")?;
         display.insert("exposure", value(scene.display.exposure));
         display.insert("adapt", value(scene.display.adapt));
+        match scene.display.deficiency {
+            Some(deficiency) => display.insert("deficiency", value(deficiency.to_string())),
+            None => display.remove("deficiency"),
+        };
+    }
+    if scene.crop != opened.crop {
+        document.remove("crop");
+        if let Some([min, max]) = scene.crop {
+            let mut crop = Table::new();
+            crop.insert("min", value(numbers(min.to_array())));
+            crop.insert("max", value(numbers(max.to_array())));
+            document.insert("crop", Item::Table(crop));
+        }
     }
     if scene.dial != opened.dial {
         dial(table(&mut document, "dial")?, &scene.dial);
@@ -202,6 +216,28 @@ fn camera(camera: &Camera) -> Table {
     }
     table.insert("up", value(numbers(camera.up.to_array())));
     table
+}
+
+/// What a choice of settings changes.
+fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Result<(), SessionError> {
+    if now == then {
+        return Ok(());
+    }
+    let table = table(document, "accuracy")?;
+    table.insert("step", value(now.step_length));
+    table.insert("termination", value(now.termination));
+    table.insert("tolerance", value(now.tolerance));
+    let accumulate = match now.accumulate {
+        AccumulateAs::Auto => "auto",
+        AccumulateAs::Weights => "weights",
+        AccumulateAs::Spectral => "spectral",
+    };
+    table.insert("accumulate", value(accumulate));
+    match now.dimension {
+        Some(k) => table.insert("k", value(i64::try_from(k).unwrap_or(i64::MAX))),
+        None => table.remove("k"),
+    };
+    Ok(())
 }
 
 /// The intervals, and the curves as they are stated, unless they were removed.

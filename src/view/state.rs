@@ -2,10 +2,13 @@
 
 use std::mem::Discriminant;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::camera::{self, Move};
-use crate::scene::{Interval, LabelEntry, LightState, Mix, Mixing, Scene, Slider};
+use crate::model::LARGEST_DIMENSION;
+use crate::number::count;
+use crate::scene::{Accuracy, Dial, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along};
+use crate::spectrum::deficiency::Deficiency;
 use crate::volume::Statistics;
 
 /// Steps that can be undone.
@@ -48,10 +51,26 @@ pub enum Edit {
     ResetDial,
     /// A situation of the dial, by its index.
     Situation(usize),
+    /// The place of the hand and the nodes that are off, from now on a situation of this name; one that has it gives way.
+    Keep(String),
+    /// Another name for a situation, by its index; one that is taken is not given.
+    Rename(usize, String),
+    /// A situation that is left out from now on, by its index.
+    Forget(usize),
+    /// So many of so many steps on the way of the hand from each situation to the next.
+    Tour(usize, usize),
     /// What linear colours are multiplied by.
     Exposure(f64),
     /// Whether the eye adapts to the white of the lights.
     Adapt(bool),
+    /// Whose eyes it is a preview for.
+    Deficiency(Option<Deficiency>),
+    /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner.
+    Crop(Option<[DVec3; 2]>),
+    /// The part of the volume that the scene shows.
+    ResetCrop,
+    /// All intervals anew, in place of every term.
+    Intervals(Vec<Interval>),
     /// A movement of the camera, before a picture of this width over height.
     Camera(Move, f64),
     /// An interval of the transfer function, by the index of its term. What no scene may say is not done.
@@ -64,6 +83,8 @@ pub enum Edit {
     Label(usize, usize, f64),
     /// The transfer function and the labels as the scene has them.
     ResetTransfer,
+    /// The trade of speed for accuracy.
+    Accuracy(Accuracy),
 }
 
 /// What has to be done again after an edit.
@@ -100,15 +121,32 @@ impl Edit {
             | Self::NodeOn(..)
             | Self::ResetDial
             | Self::Situation(_)
+            | Self::Keep(_)
+            | Self::Rename(..)
+            | Self::Forget(_)
+            | Self::Tour(..)
             | Self::Exposure(_)
-            | Self::Adapt(_) => Cost::Relight,
+            | Self::Adapt(_)
+            | Self::Deficiency(_) => Cost::Relight,
             Self::Camera(..)
             | Self::Interval(..)
             | Self::AddInterval(_)
             | Self::RemoveTerm(_)
+            | Self::Intervals(_)
+            | Self::Crop(_)
+            | Self::ResetCrop
             | Self::Label(..)
-            | Self::ResetTransfer => Cost::March,
+            | Self::ResetTransfer
+            | Self::Accuracy(_) => Cost::March,
         }
+    }
+}
+
+/// The nodes that take part in a situation, by its index: those of the scene as it was opened, but for what it has off.
+fn take_part(dial: &mut Dial, opened: &Scene, index: usize) {
+    let Some(situation) = dial.situations.get(index) else { return };
+    for (node, stated) in dial.nodes.iter_mut().zip(&opened.dial.nodes) {
+        node.on = stated.on && !situation.off.contains(&node.light);
     }
 }
 
@@ -124,11 +162,50 @@ fn factor(number: f64) -> f64 {
     if number.is_finite() { number.clamp(0.0, BRIGHTEST) } else { 1.0 }
 }
 
+/// The shortest and the longest step, in voxels.
+pub const STEPS: [f64; 2] = [0.01, 1000.0];
+
+/// The nearest to `accuracy` that a scene may ask for, where voxels are so wide.
+fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
+    let within = |number: f64, [low, high]: [f64; 2], otherwise: f64| {
+        if number.is_finite() { number.clamp(low, high) } else { otherwise }
+    };
+    Accuracy {
+        step_length: within(accuracy.step_length, STEPS.map(|step| step * voxel), voxel),
+        termination: within(accuracy.termination, [0.0, 0.5], 1e-4),
+        tolerance: within(accuracy.tolerance, [1e-3, 100.0], 1.0),
+        dimension: accuracy.dimension.map(|k| k.clamp(1, LARGEST_DIMENSION)),
+        ..accuracy.clone()
+    }
+}
+
 fn finite(place: DVec2) -> DVec2 {
     if place.is_finite() { place.clamp(DVec2::splat(-1e6), DVec2::splat(1e6)) } else { DVec2::ZERO }
 }
 
+/// Least part of an axis that a crop shows.
+const THINNEST: f64 = 1e-3;
+
+/// The voxel indices, corner to corner, of these parts of a volume of so many voxels.
+fn crop_from_parts([low, high]: [DVec3; 2], dims: [usize; 3]) -> [DVec3; 2] {
+    let last = DVec3::from_array(dims.map(count)) - 1.0;
+    let part = |part: f64| if part.is_nan() { 0.0 } else { part.clamp(0.0, 1.0) };
+    let [low, high] = [low, high].map(|corner| DVec3::from_array(corner.to_array().map(part)));
+    let (low, high) = (low.min(high).min(DVec3::splat(1.0 - THINNEST)), low.max(high));
+    [low * last, high.max(low + THINNEST).min(DVec3::ONE) * last]
+}
+
 impl State {
+    /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner; `None` is all of it.
+    #[must_use]
+    pub fn crop(&self) -> Option<[DVec3; 2]> {
+        let last = DVec3::from_array(self.scene.volume.geometry.dims.map(count)) - 1.0;
+        // On an axis of one voxel there is no more to show.
+        let part =
+            |corner: DVec3, of_one: f64| DVec3::select(last.cmpgt(DVec3::ZERO), corner / last, DVec3::splat(of_one));
+        self.scene.crop.map(|[low, high]| [part(low, 0.0), part(high, 1.0)])
+    }
+
     /// The state in which `scene` opens: the picture that `relume render` makes of it.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
@@ -174,7 +251,8 @@ impl State {
     pub fn cost_from(&self, before: &Self) -> Option<Cost> {
         let (now, then) = (&self.scene, &before.scene);
         let other_labels = declared(now) != declared(then);
-        if now.camera != then.camera || now.crop != then.crop || now.transfer != then.transfer || other_labels {
+        let other_rays = now.camera != then.camera || now.crop != then.crop || now.accuracy != then.accuracy;
+        if other_rays || now.transfer != then.transfer || other_labels {
             return Some(Cost::March);
         }
         let alike = self.light == before.light && now.dial == then.dial && now.display == then.display;
@@ -237,13 +315,46 @@ impl State {
             }
             Edit::ResetDial => scene.dial.nodes.clone_from(&opened.dial.nodes),
             Edit::Situation(index) => {
-                if let Some(situation) = scene.dial.situations.get(index) {
-                    let hand = situation.hand;
-                    for (node, stated) in scene.dial.nodes.iter_mut().zip(&opened.dial.nodes) {
-                        node.on = stated.on && !situation.off.contains(&node.light);
-                    }
+                if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
+                    take_part(&mut scene.dial, opened, index);
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
                 }
+            }
+            Edit::Keep(ref name) => {
+                let off = scene.dial.nodes.iter().filter(|node| !node.on).map(|node| node.light.clone()).collect();
+                let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off };
+                match scene.dial.situations.iter_mut().find(|situation| situation.name == *name) {
+                    Some(situation) => *situation = kept(std::mem::take(&mut situation.caption)),
+                    None if name.is_empty() => {}
+                    None => scene.dial.situations.push(kept(String::new())),
+                }
+            }
+            Edit::Rename(index, ref name) => {
+                let is_free = !name.is_empty() && scene.dial.situations.iter().all(|one| one.name != *name);
+                if let Some(situation) = scene.dial.situations.get_mut(index).filter(|_| is_free) {
+                    situation.name.clone_from(name);
+                }
+            }
+            Edit::Forget(index) => {
+                if index < scene.dial.situations.len() {
+                    scene.dial.situations.remove(index);
+                }
+            }
+            Edit::Tour(step, of) => {
+                let stops: Vec<DVec2> = scene.dial.situations.iter().map(|situation| situation.hand).collect();
+                if let Some((at, hand)) = along(&stops, step, of) {
+                    take_part(&mut scene.dial, opened, at);
+                    (light.mixing, light.hand) = (Mixing::Dial, hand);
+                }
+            }
+            Edit::Deficiency(deficiency) => scene.display.deficiency = deficiency,
+            Edit::Crop(parts) => {
+                scene.crop = parts.map(|parts| crop_from_parts(parts, scene.volume.geometry.dims));
+            }
+            Edit::ResetCrop => scene.crop = opened.crop,
+            Edit::Intervals(ref intervals) => {
+                let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
+                scene.transfer.terms = allowed.map(|interval| interval.term()).collect();
             }
             Edit::Exposure(exposure) => scene.display.exposure = factor(exposure),
             Edit::Adapt(adapt) => scene.display.adapt = adapt,
@@ -283,10 +394,16 @@ impl State {
                 scene.transfer.clone_from(&opened.transfer);
                 scene.labels.clone_from(&opened.labels);
             }
+            Edit::Accuracy(ref accuracy) => {
+                let voxel = scene.volume.geometry.spacing.min_element();
+                scene.accuracy = allowed(accuracy, voxel);
+            }
         }
         light.situation = match *edit {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
-            _ if edit.cost() == Cost::March || matches!(edit, Edit::Exposure(_) | Edit::Adapt(_)) => light.situation,
+            Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
+            Edit::Exposure(_) | Edit::Adapt(_) | Edit::Deficiency(_) | Edit::Rename(..) => light.situation,
+            _ if edit.cost() == Cost::March => light.situation,
             _ => None,
         };
     }
@@ -359,6 +476,14 @@ impl Document {
         }
         self.future.clear();
         Some(cost)
+    }
+
+    /// How it would be after `edit`, which is not made.
+    #[must_use]
+    pub fn preview(&self, edit: &Edit) -> State {
+        let mut state = self.now.clone();
+        state.apply(edit, &self.opened);
+        state
     }
 
     /// The hand has let go: the next edit is a step back of its own.

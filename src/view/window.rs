@@ -1,7 +1,7 @@
 //! The window: the system's events in, frames out; it draws when something has changed, and rests otherwise.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use egui::{Context, Pos2, Rect, TexturesDelta, ViewportId};
@@ -14,16 +14,20 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::WindowId;
 
 use super::action::Action;
+use super::effort::{self, Curve, Measured};
 use super::engine::{Counts, Engine, EngineError};
+use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
 use super::prober::{Prober, StepError};
 use super::screen::Screen;
 use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
-use super::ui::{self, Shown, Status};
+use super::tour::Tour;
+use super::ui::{self, Effort, Shown, Status};
+use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
-use crate::output::{OutputError, Picture, write_exr, write_ready_png};
+use crate::output::{OutputError, Picture, numbered, write_exr, write_ready_png};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::scene::Interval;
@@ -35,6 +39,8 @@ const REST: Duration = Duration::from_millis(150);
 const PATIENCE: u32 = 120;
 /// How often the device may be lost before a picture is there, until the window is given up.
 const MOST_LOSSES: u32 = 4;
+/// Least time between two pieces of news of what is measured.
+const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
 /// Notices that are kept.
 const MOST_NOTICES: usize = 4;
 
@@ -49,6 +55,8 @@ pub struct Options {
     pub device: DeviceChoice,
     /// Whether the validation layer watches.
     pub validation: Validation,
+    /// The folder that measurements are kept in.
+    pub cache: Option<PathBuf>,
     /// Ends after so many frames of what was opened.
     pub frames: Option<u32>,
     /// Ends after what is recorded here.
@@ -71,6 +79,10 @@ pub struct Report {
     pub counts: Counts,
     /// The counts at each `settle` of the script.
     pub settled: Vec<Counts>,
+    /// Settings that were chosen by what was measured.
+    pub choices: Vec<Choice>,
+    /// What was measured of settings, at the end.
+    pub curve: Vec<Measured>,
     /// What `probe` of the script has found.
     pub probes: Vec<serde_json::Value>,
     /// From the start to the first picture.
@@ -126,7 +138,9 @@ pub fn run(options: Options) -> Result<Report, ViewError> {
         ViewError::NoDisplay
     })?;
     #[cfg(target_os = "linux")]
-    options.display_gone.map(crate::vulkan::when_display_is_gone);
+    if let Some(gone) = options.display_gone {
+        crate::vulkan::when_display_is_gone(gone);
+    }
     let mut viewer = Viewer::new(options, events.create_proxy(), begun);
     events.run_app(&mut viewer).map_err(ViewError::Events)?;
     viewer.end()
@@ -149,6 +163,9 @@ impl From<accesskit_winit::Event> for Woken {
     }
 }
 
+/// What settings take and err by, and the one that was chosen by it.
+type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
+
 /// The application.
 struct Viewer {
     options: Options,
@@ -164,6 +181,7 @@ struct Viewer {
     /// What was being opened before, and may still be at work.
     given_up: Vec<Loading>,
     lost: Lost,
+    tour: Option<Tour>,
     /// How many things were opened.
     opened: u64,
     notices: Vec<String>,
@@ -173,6 +191,9 @@ struct Viewer {
     place: Rect,
     /// The pixel that is looked at.
     prober: Prober,
+    /// What was measured, and what is being measured.
+    curve: Option<Curve>,
+    measuring: Option<Job<Chosen>>,
     /// The last edit that marches.
     moved: Instant,
     /// Pictures to save once they are finest.
@@ -219,12 +240,15 @@ impl Viewer {
             loading: None,
             given_up: Vec::new(),
             lost: Lost::default(),
+            tour: None,
             opened: 0,
             notices: Vec::new(),
             panels: None,
             textures: TexturesDelta::default(),
             place: Rect::ZERO,
             prober: Prober::default(),
+            curve: None,
+            measuring: None,
             moved: begun,
             to_save: Vec::new(),
             to_capture: None,
@@ -238,6 +262,9 @@ impl Viewer {
 
     fn end(mut self) -> Result<Report, ViewError> {
         self.prober.end();
+        if let Some(measuring) = self.measuring.take() {
+            measuring.end();
+        }
         self.give_up();
         // The end of the program is no time to be at work on the device.
         self.given_up.drain(..).for_each(Loading::end);
@@ -245,6 +272,7 @@ impl Viewer {
             return Err(failed);
         }
         self.report.counts = self.counts();
+        self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
         self.report.notices = std::mem::take(&mut self.notices);
         self.drawn.sort_by(f64::total_cmp);
         let at = |part: f64| self.drawn.get(whole(part * count(self.drawn.len().saturating_sub(1)))).copied();
@@ -356,7 +384,9 @@ impl Viewer {
             }
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
+            self.curve = None;
         }
+        self.measuring = None;
         // Pictures are counted anew.
         let looked_at = self.prober.place().filter(|_| again);
         self.prober.look(None);
@@ -382,7 +412,7 @@ impl Viewer {
         self.report.losses += 1;
         self.report.validation.extend(screen.renderer.device().validation_messages());
         self.before = self.counts();
-        self.engine = None;
+        (self.engine, self.measuring) = (None, None);
         self.textures.clear();
         let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
         self.give_up();
@@ -405,6 +435,9 @@ impl Viewer {
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
+                if edit.cost() == Cost::Relight && matches!(self.tour, Some(Tour::Playing { .. })) {
+                    self.tour = None;
+                }
                 let cost = self.document.as_mut().and_then(|document| document.edit(&edit));
                 self.show_again(cost);
             }
@@ -424,8 +457,12 @@ impl Viewer {
                 self.lost.times = 1;
                 self.restore();
             }
+            Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
+            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path, frames)),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
+            Action::Measure(goal) => self.measure(goal),
+            Action::GiveUp => self.measuring = None,
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
                     self.notices.remove(index);
@@ -477,6 +514,16 @@ impl Viewer {
         let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
         let loading = self.loading.as_ref().map(Loading::progress);
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
+        let running = self.measuring.as_ref().map(Job::progress);
+        let effort = Effort {
+            planned: self.engine.as_ref().map(Engine::planned),
+            curve: self
+                .curve
+                .as_ref()
+                .zip(self.document.as_ref())
+                .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
+            running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
+        };
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
         let aspect = self.place.width() / self.place.height().max(1.0);
         let shown = Shown {
@@ -485,7 +532,9 @@ impl Viewer {
             loading,
             notices: &self.notices,
             stopped: self.lost.stopped,
+            plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
+            effort,
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
@@ -496,12 +545,14 @@ impl Viewer {
 
         let background = if self.context.theme() == egui::Theme::Dark { [0.0; 3] } else { [0.15; 3] };
         asked.into_iter().for_each(|action| self.ask(action));
-        if !self.context.input(|input| input.pointer.any_down()) {
+        let plays = self.go_on_tour();
+        if !plays && !self.context.input(|input| input.pointer.any_down()) {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step()? | self.probe()?;
+        let stepped = self.step()? | self.probe()? | self.measured() | self.tour.is_some();
         self.save_pictures();
+        self.save_tour();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
         let capture = self.to_capture.take();
@@ -600,6 +651,52 @@ impl Viewer {
         }
     }
 
+    /// Measures settings of what is looked at, for `goal` or for a curve; what was being measured is given up.
+    fn measure(&mut self, goal: Option<Goal>) {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
+        let renderer = Arc::clone(engine.renderer());
+        let (scene, mix) = (document.state().scene.clone(), document.state().mix());
+        let (size, cache) = (self.report.size, self.options.cache.clone());
+        let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
+        // Frames take time of what is measured: few of them say how far it is.
+        let wake = move || {
+            let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+            if last.is_none_or(|last| last.elapsed() > NEWS_OF_MEASURING) {
+                *last = Some(Instant::now());
+                drop(proxy.send_event(Woken::Progress));
+            }
+        };
+        self.measuring = Some(Job::start(wake, move |progress| {
+            effort::measure(&renderer, &scene, &mix, size, goal, cache.as_deref(), progress)
+        }));
+    }
+
+    /// Takes what was measured, once it is. Says whether there is something new to show.
+    fn measured(&mut self) -> bool {
+        let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
+        self.measuring = None;
+        match measured {
+            Err(error) if error.is_cancelled() => {}
+            Err(error) => self.tell(&error),
+            Ok((curve, choice)) => {
+                match &mut self.curve {
+                    Some(known) => known.merge(curve),
+                    none => *none = Some(curve),
+                }
+                if let (Some(choice), Some(document)) = (choice, &self.document) {
+                    let accuracy = choice.setting.applied(&document.state().scene).accuracy;
+                    self.ask(Action::Edit(Edit::Accuracy(accuracy)));
+                    if self.is_scripted() {
+                        self.report.choices.push(choice);
+                    } else {
+                        self.note(format!("{}.", choice.why));
+                    }
+                }
+            }
+        }
+        true
+    }
+
     fn save_session(&mut self, path: &Path) {
         let Some(document) = &self.document else {
             self.note("There is no session to save: nothing is open.".to_owned());
@@ -631,6 +728,48 @@ impl Viewer {
                 Err(error) => self.tell(&*error),
                 Ok(()) if self.is_scripted() => {}
                 Ok(()) => self.note(format!("The picture is {}.", path.display())),
+            }
+        }
+    }
+
+    /// Shows where a tour is now. Says whether one is played: all of it is one step back.
+    fn go_on_tour(&mut self) -> bool {
+        let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
+        let edit = tour.edit();
+        let plays = matches!(tour, Tour::Playing { .. });
+        if plays {
+            let cost = document.edit(&edit);
+            if matches!(edit, Edit::Tour(step, of) if step >= of) {
+                self.tour = None;
+            }
+            self.show_again(cost);
+        } else if let Some(engine) = &mut self.engine {
+            engine.light(&document.preview(&edit));
+        }
+        plays
+    }
+
+    /// Saves the picture of a tour that is there, and shows what was there before once all are saved.
+    fn save_tour(&mut self) {
+        let Some(Tour::Saving { frames, saved, .. }) = &mut self.tour else { return };
+        let Some(engine) = self.engine.as_ref().filter(|engine| engine.is_finest()) else { return };
+        *saved += 1;
+        let (last, saved) = (saved == frames, *saved);
+        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
+        let path = match &self.tour {
+            Some(Tour::Saving { path, .. }) => numbered(path, saved),
+            _ => return,
+        };
+        let failed = save_picture(&path, engine, size).err();
+        if last || failed.is_some() {
+            self.tour = None;
+            if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
+                engine.light(document.state());
+            }
+            match failed {
+                Some(error) => self.tell(&*error),
+                None if self.is_scripted() => {}
+                None => self.note(format!("The pictures of the tour are there, the last of them {}.", path.display())),
             }
         }
     }
@@ -674,7 +813,17 @@ impl Viewer {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
         // The first frame after something was opened has not yet looked at it.
         let looked = self.document.is_none() || self.place != Rect::ZERO;
-        self.loading.is_none() && finest && looked && self.to_save.is_empty() && self.to_capture.is_none()
+        self.loading.is_none()
+            && finest
+            && looked
+            && self.tour.is_none()
+            && self.measuring.is_none()
+            && !self.is_saving()
+    }
+
+    /// Whether pictures are still to be saved of what was asked for.
+    fn is_saving(&self) -> bool {
+        !self.to_save.is_empty() || self.to_capture.is_some() || matches!(self.tour, Some(Tour::Saving { .. }))
     }
 
     /// The next command of the script; what a hand does is answered.
@@ -686,7 +835,7 @@ impl Viewer {
         }
         let at = self.script.next;
         let Some(command) = script.command(at).cloned() else {
-            if self.to_save.is_empty() && self.to_capture.is_none() {
+            if !self.is_saving() {
                 events.exit();
             }
             return Ok(Vec::new());
@@ -694,7 +843,7 @@ impl Viewer {
         let inputs = match command {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             // What is saved is what was asked for before, and not after.
-            _ if !self.to_save.is_empty() || self.to_capture.is_some() => return Ok(Vec::new()),
+            _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
                 self.report.settled.push(self.counts());
                 Vec::new()

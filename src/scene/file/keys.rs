@@ -11,6 +11,7 @@ use super::super::{AccumulateAs, Gradients, Interpolation, Lookup, Mixing, Shadi
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
 use crate::spectrum::SpectrumSource;
+use crate::spectrum::deficiency::Deficiency;
 use crate::volume::ByteOrder;
 
 /// Anything the file says, with where it says it.
@@ -259,4 +260,5 @@ pub(super) struct DisplayFile {
     pub(super) exposure: Option<At<f64>>,
     #[serde(default)]
     pub(super) adapt: bool,
+    pub(super) deficiency: Option<Deficiency>,
 }

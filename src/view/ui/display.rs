@@ -1,8 +1,9 @@
 //! The display panel: how colours reach the screen.
 
-use egui::{Slider, Ui};
+use egui::{ComboBox, Slider, Ui};
 
 use super::controls::panel;
+use crate::spectrum::deficiency::Deficiency;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
 
@@ -25,5 +26,24 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
+        ui.horizontal(|ui| {
+            ui.label("Seen by");
+            let mut by = display.deficiency;
+            let named = |by: Option<Deficiency>| by.map_or_else(|| "all cones".to_owned(), |by| by.to_string());
+            ComboBox::from_id_salt("seen by").selected_text(named(by)).show_ui(ui, |ui| {
+                ui.selectable_value(&mut by, None, named(None)).on_hover_text("As most people see it.");
+                for one in Deficiency::ALL {
+                    let help = match one {
+                        Deficiency::Protan => "As somebody sees it without cones for long waves: red is dark.",
+                        Deficiency::Deutan => "As somebody sees it without cones for middle waves: red and green meet.",
+                        Deficiency::Tritan => "As somebody sees it without cones for short waves: blue and green meet.",
+                    };
+                    ui.selectable_value(&mut by, Some(one), named(Some(one))).on_hover_text(help);
+                }
+            });
+            if by != display.deficiency {
+                asked.push(Action::Edit(Edit::Deficiency(by)));
+            }
+        });
     });
 }

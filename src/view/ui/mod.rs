@@ -1,12 +1,15 @@
 //! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
 
+mod accuracy;
 mod controls;
+mod crop;
 mod dial;
 mod display;
 mod lights;
 mod notices;
 mod picture;
 mod probe;
+mod situations;
 mod spectrum;
 mod status;
 mod toolbar;
@@ -14,6 +17,7 @@ mod transfer;
 
 use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
 
+pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use status::Status;
@@ -42,10 +46,14 @@ pub struct Shown<'a> {
     pub notices: &'a [String],
     /// Whether the device was lost, and nothing is rendered until somebody asks for it.
     pub stopped: bool,
+    /// Whether a tour is played.
+    pub plays: bool,
     /// Whether there are panels beside the picture.
     pub panels: bool,
     /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
+    /// What pictures take, and how far from the truth they are.
+    pub effort: Effort<'a>,
     /// Width over height of the picture in the last frame.
     pub aspect: f64,
 }
@@ -72,7 +80,10 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                     dial::show(ui, document, asked);
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
+                    situations::show(ui, document, shown.plays, asked);
+                    crop::show(ui, document, asked);
                     transfer::show(ui, document, asked);
+                    accuracy::show(ui, document, shown.effort, asked);
                 }
             });
         });
@@ -82,6 +93,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
             picture::show(ui, shown, rect, asked);
+            crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
             probe::show(ui, shown, rect, asked);
             if !shown.panels {

@@ -11,10 +11,11 @@ use glam::DVec3;
 use super::controls::panel;
 use super::spectrum::narrow;
 use crate::number::{count, whole};
-use crate::scene::{Interval, Material, Term, positions};
+use crate::scene::{Interval, Material, Scene, Term, positions};
 use crate::spectrum::colour::{LinearSrgb, display_code};
 use crate::tables::{Components, RelightMatrices};
 use crate::view::action::Action;
+use crate::view::presets::Preset;
 use crate::view::state::{Cost, Document, Edit, State};
 use crate::volume::Statistics;
 
@@ -51,7 +52,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             if ui.button("Add interval").on_hover_text(help).clicked() {
                 asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
             }
-            let changed = state.scene.transfer != document.opened().transfer;
+            let opened = document.opened();
+            let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
+            let changed = state.scene.transfer != opened.transfer || labels(&state.scene) != labels(opened);
+            presets(ui, state, document.statistics(), asked);
             let help = "The transfer function and the labels as the scene has them.";
             if ui.add_enabled(changed, egui::Button::new("Reset transfer")).on_hover_text(help).clicked() {
                 asked.push(Action::Edit(Edit::ResetTransfer));
@@ -59,6 +63,24 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         });
         labels(ui, state, &colours, asked);
     });
+}
+
+/// Transfer functions to begin with.
+fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &mut Vec<Action>) {
+    let Some(statistics) = statistics else { return };
+    let menu = ui.menu_button("Presets", |ui| {
+        for preset in Preset::ALL {
+            let intervals = preset.intervals(statistics, &state.scene.materials);
+            let button = ui.add_enabled(intervals.is_some(), egui::Button::new(preset.name()));
+            let none = format!("{} These values are no CT in Hounsfield units.", preset.help());
+            let clicked = button.on_hover_text(preset.help()).on_disabled_hover_text(none).clicked();
+            if let (true, Some(intervals)) = (clicked, intervals) {
+                asked.push(Action::Edit(Edit::Intervals(intervals)));
+                ui.close();
+            }
+        }
+    });
+    menu.response.on_hover_text("Transfer functions to begin with, in place of this one. A step back undoes it.");
 }
 
 /// What is added where nobody has said anything yet.

@@ -1,0 +1,134 @@
+//! What settings of a scene take and err by on this device, measured beside the window, and the choice of one.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::measure::{Choice, ChoiceError, Goal, Point, Tried, choose, curve};
+use crate::progress::Progress;
+use crate::render::Renderer;
+use crate::scene::{Accuracy, Camera, Mix, Scene, Transfer};
+
+/// A setting that was measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Measured {
+    /// The knobs that it turns, in words.
+    pub name: String,
+    /// The accuracy that it gives the scene.
+    #[serde(skip)]
+    pub accuracy: Accuracy,
+    /// What it takes and errs by.
+    pub point: Point,
+}
+
+/// Settings that were measured of one view of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// The settings, the fastest first.
+    pub settings: Vec<Measured>,
+    camera: Camera,
+    transfer: Transfer,
+    size: [usize; 2],
+}
+
+impl Curve {
+    /// What was `tried` of `scene` in pictures of `size`.
+    #[must_use]
+    pub fn new(scene: &Scene, size: [usize; 2], tried: &[Tried]) -> Self {
+        let mut settings: Vec<Measured> = tried
+            .iter()
+            .map(|(setting, point)| Measured {
+                name: setting.to_string(),
+                accuracy: setting.applied(scene).accuracy,
+                point: *point,
+            })
+            .collect();
+        settings.sort_by(|one, two| one.point.frame_ms.total_cmp(&two.point.frame_ms));
+        Self { settings, camera: scene.camera.clone(), transfer: scene.transfer.clone(), size }
+    }
+
+    /// Whether it is of this view of the scene.
+    #[must_use]
+    pub fn is_of(&self, scene: &Scene, size: [usize; 2]) -> bool {
+        self.camera == scene.camera && self.transfer == scene.transfer && self.size == size
+    }
+
+    /// Takes what `other` has over from it, where it is of the same view.
+    pub fn merge(&mut self, other: Self) {
+        if (&self.camera, &self.transfer, self.size) != (&other.camera, &other.transfer, other.size) {
+            *self = other;
+            return;
+        }
+        for new in other.settings {
+            self.settings.retain(|known| known.accuracy != new.accuracy);
+            self.settings.push(new);
+        }
+        self.settings.sort_by(|one, two| one.point.frame_ms.total_cmp(&two.point.frame_ms));
+    }
+
+    /// Whether nothing that was measured is both faster and nearer to the truth than the setting number `index`.
+    #[must_use]
+    pub fn is_on_the_front(&self, index: usize) -> bool {
+        let Some(Measured { point, .. }) = self.settings.get(index) else { return false };
+        let better = |other: &Measured| {
+            let Point { frame_ms, error } = other.point;
+            let (faster, nearer) = (frame_ms <= point.frame_ms, error.p95 <= point.error.p95);
+            faster && nearer && (frame_ms < point.frame_ms || error.p95 < point.error.p95)
+        };
+        !self.settings.iter().any(better)
+    }
+}
+
+/// Measures settings of `scene` under `mix` in pictures of `size`: a curve of them, or what it takes to find the one that
+/// does what `goal` asks for.
+///
+/// # Errors
+///
+/// [`ChoiceError`].
+pub fn measure(
+    renderer: &Renderer,
+    scene: &Scene,
+    mix: &Mix,
+    size: [usize; 2],
+    goal: Option<Goal>,
+    cache: Option<&Path>,
+    progress: &dyn Progress,
+) -> Result<(Curve, Option<Choice>), ChoiceError> {
+    let Some(goal) = goal else {
+        return Ok((Curve::new(scene, size, &curve(renderer, scene, mix, size, cache, progress)?), None));
+    };
+    let choice = choose(renderer, scene, mix, size, goal, cache, progress)?;
+    Ok((Curve::new(scene, size, &choice.tried), Some(choice)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::Setting;
+    use crate::model::ErrorSummary;
+    use crate::progress::Quiet;
+    use crate::scene::{SceneError, SceneOptions, load_embedded};
+
+    fn point(frame_ms: f64, p95: f64) -> Point {
+        Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } }
+    }
+
+    #[test]
+    fn the_front_is_what_nothing_beats() -> Result<(), SceneError> {
+        let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
+        let scene = load_embedded(&options, &Quiet)?;
+        let tried = [(9.0, 0.1), (1.0, 3.0), (4.0, 3.0), (5.0, 0.5), (9.0, 0.2)];
+        let tried = tried.map(|(ms, error)| (Setting::default(), point(ms, error)));
+        let curve = Curve::new(&scene, [3, 4], &tried);
+        let front: Vec<_> = (0..5).filter(|&index| curve.is_on_the_front(index)).collect();
+        let kept: Vec<_> = front.iter().map(|&index| curve.settings[index].point).collect();
+        assert_eq!(kept, [point(1.0, 3.0), point(5.0, 0.5), point(9.0, 0.1)]);
+        assert!(curve.is_of(&scene, [3, 4]) && !curve.is_of(&scene, [4, 3]));
+        let mut merged = curve.clone();
+        merged.merge(Curve::new(&scene, [3, 4], &[(Setting::default(), point(2.0, 2.0))]));
+        assert_eq!(merged.settings.len(), 1, "a setting that is measured again replaces what was known of it");
+        merged.merge(Curve::new(&scene, [9, 9], &tried));
+        assert_eq!(merged.settings.len(), 5, "another view is another curve");
+        Ok(())
+    }
+}

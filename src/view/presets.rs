@@ -1,0 +1,178 @@
+//! Transfer functions to begin with: for CT in Hounsfield units, for other data by how often values occur.
+
+use crate::number::count;
+use crate::scene::{Interval, Material};
+use crate::volume::Statistics;
+
+/// A transfer function to begin with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Bone of a CT.
+    Bone,
+    /// Soft tissue of a CT, and bone.
+    SoftTissue,
+    /// Skin of a CT like glass, and bone.
+    SkinAndBone,
+    /// What an MR shows, which has no units.
+    Mr,
+    /// The densest quarter of what is not air.
+    Densest,
+    /// Three layers of what is not air, as much of it in each.
+    Layers,
+}
+
+impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Bone, Self::SoftTissue, Self::SkinAndBone, Self::Mr, Self::Densest, Self::Layers];
+
+    /// What it is called.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bone => "CT: bone",
+            Self::SoftTissue => "CT: soft tissue",
+            Self::SkinAndBone => "CT: skin and bone",
+            Self::Mr => "MR",
+            Self::Densest => "the densest",
+            Self::Layers => "layers",
+        }
+    }
+
+    /// What it does, in a sentence.
+    #[must_use]
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::Bone => "Shows what is denser than 250 Hounsfield units, and hides the rest.",
+            Self::SoftTissue => "Shows muscle and organs, -20 to 160 Hounsfield units, as a haze around solid bone.",
+            Self::SkinAndBone => {
+                "Shows the border of the body, -400 to -150 Hounsfield units, like glass, and bone in it."
+            }
+            Self::Mr => {
+                "Leaves out the darker half of the values that are not air; the brightest tenth of them is solid."
+            }
+            Self::Densest => "Shows the highest quarter of the values that are not air.",
+            Self::Layers => {
+                "Cuts the values that are not air into three layers of as many voxels, the highest the most solid."
+            }
+        }
+    }
+
+    /// Its intervals for values like these and materials with these names; `None` where the values are no CT and it takes
+    /// one.
+    #[must_use]
+    pub fn intervals(self, statistics: &Statistics, materials: &[Material]) -> Option<Vec<Interval>> {
+        let hounsfield = || hounsfield(statistics);
+        let quantile = |part: f64| quantile(statistics, part);
+        let span = statistics.max - statistics.min;
+        let ramp = span / 100.0;
+        let layer = |material, range, ramp, opacity| Interval { material, range, ramp, opacity, absorption: 0.0 };
+        let skin = of(materials, &["skin", "thin", "flesh"], 0.0);
+        let soft = of(materials, &["muscle", "flesh", "tissue", "middle"], 0.5);
+        let bone = of(materials, &["bone", "skelet", "dense"], 1.0);
+        Some(match self {
+            Self::Bone => {
+                let zero = hounsfield()?;
+                vec![layer(bone, [zero + 300.0, statistics.max], 50.0, 0.5)]
+            }
+            Self::SoftTissue => {
+                let zero = hounsfield()?;
+                vec![
+                    layer(soft, [zero, zero + 140.0], 20.0, 0.03),
+                    layer(bone, [zero + 300.0, statistics.max], 50.0, 0.5),
+                ]
+            }
+            Self::SkinAndBone => {
+                let zero = hounsfield()?;
+                vec![
+                    layer(skin, [zero - 350.0, zero - 200.0], 50.0, 0.02),
+                    layer(bone, [zero + 300.0, statistics.max], 50.0, 0.5),
+                ]
+            }
+            Self::Mr => vec![
+                layer(soft, [quantile(0.5), quantile(0.9)], ramp, 0.03),
+                layer(bone, [quantile(0.9), statistics.max], ramp, 0.3),
+            ],
+            Self::Densest => vec![layer(bone, [quantile(0.75), statistics.max], ramp, 0.3)],
+            Self::Layers => vec![
+                layer(skin, [quantile(0.0), quantile(1.0 / 3.0)], ramp, 0.01),
+                layer(soft, [quantile(1.0 / 3.0), quantile(2.0 / 3.0)], ramp, 0.05),
+                layer(bone, [quantile(2.0 / 3.0), statistics.max], ramp, 0.3),
+            ],
+        })
+    }
+}
+
+/// The first material with one of these words in its name; else the one at this part of their order.
+fn of(materials: &[Material], words: &[&str], part: f64) -> usize {
+    let named = |word: &&str| materials.iter().position(|material| material.name.to_lowercase().contains(word));
+    let last = materials.len().saturating_sub(1);
+    words.iter().find_map(named).unwrap_or_else(|| crate::number::whole((part * count(last)).round()))
+}
+
+/// The value that 0 Hounsfield units, water, have in a CT; `None` where the values are of something else. Air is at -1000;
+/// scanners that store no sign add 1024.
+fn hounsfield(statistics: &Statistics) -> Option<f64> {
+    let Statistics { min, max, .. } = *statistics;
+    match (min, max) {
+        (-4096.0..=-500.0, 300.0..=40000.0) => Some(0.0),
+        (0.0..=524.0, 1324.0..=5120.0) => Some(1024.0),
+        _ => None,
+    }
+}
+
+/// The value below which this part of the voxels is that are not air.
+fn quantile(statistics: &Statistics, part: f64) -> f64 {
+    let bins = &statistics.histogram;
+    let first = super::load::threshold(bins);
+    let voxels = |bin: &u64| count(usize::try_from(*bin).unwrap_or(usize::MAX));
+    let wanted = part * bins.iter().skip(first).map(voxels).sum::<f64>();
+    let width = (statistics.max - statistics.min) / count(bins.len());
+    let mut below = 0.0;
+    for (index, bin) in bins.iter().enumerate().skip(first) {
+        let here = voxels(bin);
+        if below + here >= wanted {
+            let within = if here > 0.0 { (wanted - below) / here } else { 0.0 };
+            return statistics.min + width * (count(index) + within);
+        }
+        below += here;
+    }
+    statistics.max
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn statistics(min: f64, max: f64, histogram: impl Fn(usize) -> u64) -> Statistics {
+        let histogram = std::array::from_fn(histogram);
+        Statistics { min, max, mean: 0.0, histogram, not_a_number: 0, infinite: 0 }
+    }
+
+    #[test]
+    fn quantiles_are_of_what_is_not_air() {
+        // Half the voxels are 0; the others lie evenly from 32 to 64.
+        let values = statistics(0.0, 64.0, |bin| if bin == 0 { 3200 } else { 100 * u64::from(bin >= 32) });
+        for (part, value) in [(0.25, 40.0), (0.5, 48.0), (1.0, 64.0)] {
+            assert!((quantile(&values, part) - value).abs() < 1e-9, "{part}: {}", quantile(&values, part));
+        }
+    }
+
+    #[test]
+    fn a_ct_is_told_by_its_values_and_nothing_else_gets_its_presets() {
+        let even = |_| 1;
+        assert_eq!(hounsfield(&statistics(-1024.0, 3071.0, even)), Some(0.0));
+        assert_eq!(hounsfield(&statistics(0.0, 4095.0, even)), Some(1024.0));
+        for [min, max] in [[0.0, 255.0], [0.0, 1.0], [-1.0, 1.0], [0.0, 65535.0]] {
+            let other = statistics(min, max, even);
+            assert_eq!(Preset::Bone.intervals(&other, &[]), None, "{min} to {max}");
+            for preset in [Preset::Mr, Preset::Densest, Preset::Layers] {
+                let intervals = preset.intervals(&other, &[]).unwrap_or_default();
+                assert!(!intervals.is_empty(), "{preset:?}");
+                for interval in intervals {
+                    let [low, high] = interval.range;
+                    assert!(min <= low && low <= high && high <= max, "{preset:?}: {interval:?}");
+                }
+            }
+        }
+    }
+}

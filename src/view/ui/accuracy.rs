@@ -1,0 +1,218 @@
+//! The accuracy panel: what is computed, how far from the truth it is, and settings by what they were measured to take.
+
+use egui::{
+    Button, Color32, DragValue, Grid, Id, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
+};
+
+use super::controls::panel;
+use super::spectrum::narrow;
+use crate::measure::{Goal, Preset};
+use crate::plan::Planned;
+use crate::scene::Accuracy;
+use crate::view::action::Action;
+use crate::view::effort::{Curve, Measured};
+use crate::view::state::{Cost, Document, Edit, STEPS};
+
+/// What is known of the effort that pictures take.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Effort<'a> {
+    /// What is computed for a pixel, where something is.
+    pub planned: Option<&'a Planned>,
+    /// What was measured, and whether it is of the view that is shown.
+    pub curve: Option<(&'a Curve, bool)>,
+    /// How far measuring is (0 to 1, where known), and what is measured.
+    pub running: Option<(Option<f32>, &'a str)>,
+}
+
+/// The presets, with what they ask for.
+const PRESETS: [(&str, Preset, &str); 3] = [
+    ("interactive", Preset::Interactive, "At most 50 ms a frame: fast enough to turn the picture by hand."),
+    (
+        "balanced",
+        Preset::Balanced,
+        "Within ΔE00 1 of the truth in 95 of 100 pixels: but for a few, none looks different.",
+    ),
+    ("reference", Preset::Reference, "Within ΔE00 0.25 of the truth in 95 of 100 pixels: nobody sees a difference."),
+];
+
+/// Shows the accuracy panel.
+pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: &mut Vec<Action>) {
+    panel(ui, "Accuracy", Cost::March, |ui| {
+        let scene = &document.state().scene;
+        if let Some(planned) = effort.planned {
+            colours(ui, planned);
+            ui.collapsing("What is computed", |ui| {
+                for sentence in planned.explain(scene) {
+                    ui.label(RichText::new(sentence).small());
+                }
+            });
+        }
+        let voxel = scene.volume.geometry.spacing.min_element();
+        let mut step = scene.accuracy.step_length / voxel;
+        ui.horizontal(|ui| {
+            ui.label("Step");
+            let [shortest, longest] = STEPS;
+            let drag = DragValue::new(&mut step).speed(0.02).range(shortest..=longest).max_decimals(3).suffix(" voxels");
+            let dragged = ui.add(drag);
+            dragged.widget_info(|| WidgetInfo::slider(true, step, "step"));
+            let help = "How far apart the volume is looked at along a ray. Half the step takes about twice the time, and errs by a fourth.";
+            if dragged.on_hover_text(help).changed() {
+                let accuracy = Accuracy { step_length: step * voxel, ..scene.accuracy.clone() };
+                asked.push(Action::Edit(Edit::Accuracy(accuracy)));
+            }
+        });
+        match effort.running {
+            Some((part, stage)) => {
+                let bar = part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new);
+                ui.add(bar.text(RichText::new(stage).small()));
+                if ui.button("Cancel").on_hover_text("Measures no further.").clicked() {
+                    asked.push(Action::GiveUp);
+                }
+            }
+            None => choose(ui, asked),
+        }
+        if let Some((curve, is_of_this)) = effort.curve {
+            plot(ui, &scene.accuracy, curve, asked);
+            if !is_of_this {
+                ui.label(RichText::new("measured of another view: measure again for this one").small().weak());
+            }
+        }
+    });
+}
+
+/// How far colours are off by what carries them.
+fn colours(ui: &mut Ui, planned: &Planned) {
+    let Some(model) = &planned.model else {
+        ui.label(RichText::new("Colours are exact under every light.").small())
+            .on_hover_text("A pixel keeps how much it shows of each material; nothing of a spectrum is left out.");
+        return;
+    };
+    let text = format!("{} numbers stand for a spectrum. Colours are off by ΔE00:", planned.plan.components());
+    ui.label(RichText::new(text).small()).on_hover_text(
+        "The colour model's own error, over spectra that this scene can make; of ΔE00, 1 can just be seen side by side.",
+    );
+    Grid::new("model error").num_columns(4).spacing([10.0, 2.0]).show(ui, |ui| {
+        for head in ["under", "mean", "p95", "most"] {
+            ui.label(RichText::new(head).small().weak());
+        }
+        ui.end_row();
+        for (name, _, matrix) in model.lights() {
+            let error = matrix.worst();
+            ui.label(RichText::new(name).small());
+            for number in [error.mean, error.p95, error.max] {
+                ui.label(RichText::new(format!("{number:.2}")).small().monospace());
+            }
+            ui.end_row();
+        }
+    });
+}
+
+/// What can be asked for.
+fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        for (name, preset, help) in PRESETS {
+            let help = format!("{help} Measures settings of this scene here, and takes the one that does.");
+            if ui.small_button(name).on_hover_text(help).clicked() {
+                asked.push(Action::Measure(Some(preset.goal())));
+            }
+        }
+    });
+    let mut row = |ui: &mut Ui, label: &str, usual: f64, suffix: &str, help: &str, goal: fn(f64) -> Goal| {
+        ui.horizontal(|ui| {
+            let id = Id::new(("goal", label));
+            let mut number = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
+            ui.label(label).on_hover_text(help);
+            let drag = DragValue::new(&mut number).speed(0.01 * usual).range(0.01..=1e5).max_decimals(2).suffix(suffix);
+            if ui.add(drag).changed() {
+                ui.data_mut(|data| data.insert_temp(id, number));
+            }
+            let button = ui.add(Button::new("Choose").small());
+            button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("choose by {label}")));
+            if button.on_hover_text("Measures settings until one does this, and takes it.").clicked() {
+                asked.push(Action::Measure(Some(goal(number))));
+            }
+        });
+    };
+    row(
+        ui,
+        "error at most",
+        1.0,
+        " ΔE",
+        "The fastest setting within this ΔE00 of the truth in 95 of 100 pixels.",
+        Goal::MaxError,
+    );
+    row(
+        ui,
+        "frame within",
+        50.0,
+        " ms",
+        "The setting nearest to the truth whose frames, march and relight, take no longer.",
+        Goal::Budget,
+    );
+    if ui
+        .small_button("Measure the curve")
+        .on_hover_text("What steps an octave apart take here, and how far from the truth they are.")
+        .clicked()
+    {
+        asked.push(Action::Measure(None));
+    }
+}
+
+/// Time against error, both on log scales; a click takes a setting.
+fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
+    let (frame, whole) = ui.allocate_exact_size(vec2(ui.available_width(), 120.0), Sense::hover());
+    whole.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "time against error"));
+    let rect = frame.shrink(10.0);
+    let visuals = ui.visuals().clone();
+    ui.painter().rect_filled(frame, 2.0, visuals.extreme_bg_color);
+    let of = |part: fn(&Measured) -> f64| {
+        let numbers = || curve.settings.iter().map(|it| part(it).max(1e-4).log2()).filter(|number| number.is_finite());
+        let (low, high) = (numbers().fold(f64::INFINITY, f64::min), numbers().fold(f64::NEG_INFINITY, f64::max));
+        move |it: &Measured| {
+            let span = if high > low { high - low } else { 1.0 };
+            narrow(((part(it).max(1e-4).log2() - low) / span).clamp(0.0, 1.0))
+        }
+    };
+    let (time, error) = (of(|it| it.point.frame_ms), of(|it| it.point.error.p95));
+    let at = |it: &Measured| pos2(rect.left() + time(it) * rect.width(), rect.bottom() - error(it) * rect.height());
+    let front: Vec<_> = curve.settings.iter().enumerate().filter(|(index, _)| curve.is_on_the_front(*index)).collect();
+    let line = front.iter().map(|(_, it)| at(it)).collect();
+    ui.painter().line(line, Stroke::new(1.0, visuals.weak_text_color()));
+    for (index, it) in curve.settings.iter().enumerate() {
+        let (place, is_now) = (at(it), it.accuracy == *now);
+        let on_front = front.iter().any(|(known, _)| *known == index);
+        let touched = ui.interact(
+            egui::Rect::from_center_size(place, vec2(12.0, 12.0)),
+            ui.id().with(("setting", index)),
+            Sense::click(),
+        );
+        touched.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &it.name));
+        let colour = if on_front { Color32::from_rgb(90, 160, 240) } else { visuals.weak_text_color() };
+        ui.painter().circle_filled(place, if touched.hovered() { 5.0 } else { 3.5 }, colour);
+        if is_now {
+            ui.painter().circle_stroke(place, 6.5, Stroke::new(1.5, visuals.strong_text_color()));
+        }
+        let error = it.point.error;
+        let help = format!(
+            "{}: {:.1} ms a frame; ΔE00 {:.2} on average, within {:.2} in 95 of 100 pixels, {:.2} at most.{} Click to take it.",
+            it.name,
+            it.point.frame_ms,
+            error.mean,
+            error.p95,
+            error.max,
+            if on_front { "" } else { " Another one is faster and no worse." }
+        );
+        if touched.on_hover_text(help).clicked() {
+            asked.push(Action::Edit(Edit::Accuracy(it.accuracy.clone())));
+        }
+    }
+    let ends = |part: fn(&Measured) -> f64| {
+        let numbers = || curve.settings.iter().map(part);
+        (numbers().fold(f64::INFINITY, f64::min), numbers().fold(0.0, f64::max))
+    };
+    let ((fast, slow), (near, far)) = (ends(|it| it.point.frame_ms), ends(|it| it.point.error.p95));
+    let text = format!(
+        "right: slower, {fast:.1} to {slow:.1} ms; up: farther from the truth, ΔE00 {near:.2} to {far:.2}; ring: now"
+    );
+    ui.label(RichText::new(text).small().weak());
+}

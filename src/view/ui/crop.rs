@@ -1,0 +1,180 @@
+//! The crop box: which part of the volume is shown, in numbers and by handles on the picture.
+
+use egui::{DragValue, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
+use glam::DVec3;
+
+use super::Shown;
+use super::controls::panel;
+use super::spectrum::narrow;
+use crate::scene::View;
+use crate::view::action::Action;
+use crate::view::state::{Cost, Document, Edit};
+use crate::volume::Geometry;
+
+/// Points across a handle.
+const HANDLE: f32 = 14.0;
+/// Parts of the volume that a hand is as fine as.
+const PARTS: f64 = 1e4;
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+fn hidden() -> Id {
+    Id::new("crop box is hidden")
+}
+
+fn kept() -> Id {
+    Id::new("crop box that is off")
+}
+
+/// Shows the crop panel.
+pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
+    panel(ui, "Crop box", Cost::March, |ui| {
+        let crop = document.state().crop();
+        ui.horizontal(|ui| {
+            let mut on = crop.is_some();
+            let switch = ui.checkbox(&mut on, "crop").on_hover_text("Shows the part of the volume within a box alone.");
+            if switch.changed() {
+                let last = ui.data(|data| data.get_temp::<[DVec3; 2]>(kept()));
+                asked.push(Action::Edit(Edit::Crop(on.then(|| last.unwrap_or([DVec3::ZERO, DVec3::ONE])))));
+                ui.data_mut(|data| crop.map(|crop| data.insert_temp(kept(), crop)));
+            }
+            let mut shown = !ui.data(|data| data.get_temp(hidden())).unwrap_or(false);
+            let help = "Its edges over the picture, with a handle on each side to drag.";
+            if ui.add_enabled(on, egui::Checkbox::new(&mut shown, "box")).on_hover_text(help).changed() {
+                ui.data_mut(|data| data.insert_temp(hidden(), !shown));
+            }
+            let changed = document.state().scene.crop != document.opened().crop;
+            let reset = ui.add_enabled(changed, egui::Button::new("Reset crop").small());
+            if reset.on_hover_text("The part that the scene shows.").clicked() {
+                asked.push(Action::Edit(Edit::ResetCrop));
+            }
+        });
+        let Some(now) = crop else { return };
+        for (axis, name) in AXES.into_iter().enumerate() {
+            ui.horizontal(|ui| {
+                ui.label(name);
+                let mut next = now;
+                for (end, word) in ["from", "to"].into_iter().enumerate() {
+                    ui.label(word);
+                    let value = &mut next[end][axis];
+                    let drag = DragValue::new(value).speed(0.002).range(0.0..=1.0).max_decimals(4);
+                    let dragged =
+                        ui.add(drag).on_hover_text("As a part of the volume, 0 to 1. Drag, or type a number.");
+                    let value = *value;
+                    dragged.widget_info(|| WidgetInfo::slider(true, value, format!("crop {name}: {word}")));
+                }
+                if next != now {
+                    asked.push(Action::Edit(Edit::Crop(Some(ordered(next, now)))));
+                }
+            });
+        }
+    });
+}
+
+/// What has changed stops where the other side is.
+fn ordered(next: [DVec3; 2], now: [DVec3; 2]) -> [DVec3; 2] {
+    let [low, high] = next;
+    if low == now[0] { [low, high.max(low)] } else { [low.min(high), high] }
+}
+
+/// From the parts of the volume to the picture.
+struct Map<'a> {
+    view: View,
+    geometry: &'a Geometry,
+    rect: Rect,
+}
+
+impl Map<'_> {
+    /// Where a point is: right, up and forward of the eye, the first two as the picture's half is 1 where it is.
+    fn seen(&self, parts: DVec3) -> DVec3 {
+        let last = DVec3::from_array(self.geometry.dims.map(crate::number::count)) - 1.0;
+        // An axis of one voxel is one voxel thick.
+        let index = DVec3::select(last.cmpgt(DVec3::ZERO), parts * last, parts - 0.5);
+        let from_eye = self.geometry.world_from_index(index) - self.view.eye;
+        let [right, up] = self.view.half;
+        DVec3::new(
+            from_eye.dot(self.view.right) / right,
+            from_eye.dot(self.view.up) / up,
+            from_eye.dot(self.view.forward),
+        )
+    }
+
+    /// Its place on the screen; `None` behind the eye.
+    fn place(&self, seen: DVec3) -> Option<Pos2> {
+        let by = if self.view.parallel { 1.0 } else { seen.z };
+        if by <= 1e-6 {
+            return None;
+        }
+        let half = self.rect.size() / 2.0;
+        Some(self.rect.center() + vec2(narrow(seen.x / by) * half.x, -narrow(seen.y / by) * half.y))
+    }
+
+    fn edge(&self, from: DVec3, to: DVec3) -> Option<[Pos2; 2]> {
+        let (mut from, mut to) = (self.seen(from), self.seen(to));
+        // What is behind the eye is cut off.
+        let near = 1e-3 * (from - to).length();
+        if !self.view.parallel {
+            if from.z < near && to.z > near {
+                from = from.lerp(to, (near - from.z) / (to.z - from.z));
+            } else if to.z < near && from.z > near {
+                to = to.lerp(from, (near - to.z) / (from.z - to.z));
+            }
+        }
+        Some([self.place(from)?, self.place(to)?])
+    }
+}
+
+/// Shows the box over the picture, where there is one, with a handle on each side.
+pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+    let Some(document) = shown.document.filter(|_| shown.loading.is_none()) else { return };
+    let state = document.state();
+    let (Some(crop), false) = (state.crop(), ui.data(|data| data.get_temp(hidden())).unwrap_or(false)) else { return };
+    let geometry = &state.scene.volume.geometry;
+    let aspect = f64::from(rect.width() / rect.height().max(1.0));
+    let Some(view) = state.scene.camera.view(geometry, aspect) else { return };
+    let map = Map { view, geometry, rect };
+    let painter = ui.painter().with_clip_rect(rect);
+    let corner = |bits: usize| DVec3::from_array(std::array::from_fn(|axis| crop[bits >> axis & 1][axis]));
+    for from in 0..8_usize {
+        for axis in (0..3).filter(|axis| from >> axis & 1 == 0) {
+            if let Some(edge) = map.edge(corner(from), corner(from | 1 << axis)) {
+                // Light on dark things and dark on light ones.
+                painter.line_segment(edge, Stroke::new(2.5, egui::Color32::from_black_alpha(140)));
+                painter.line_segment(edge, Stroke::new(1.0, egui::Color32::WHITE));
+            }
+        }
+    }
+    for (axis, name) in AXES.into_iter().enumerate() {
+        for (end, word) in ["from", "to"].into_iter().enumerate() {
+            let mut middle = (crop[0] + crop[1]) / 2.0;
+            middle[axis] = crop[end][axis];
+            let Some(at) = map.place(map.seen(middle)).filter(|at| rect.contains(*at)) else { continue };
+            let handle = Rect::from_center_size(at, Vec2::splat(HANDLE));
+            let hand = ui.interact(handle, ui.id().with(("crop", axis, end)), Sense::drag());
+            hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
+            let fill = if hand.hovered() || hand.dragged() { egui::Color32::YELLOW } else { egui::Color32::WHITE };
+            painter.rect(
+                handle.shrink(3.0),
+                2.0,
+                fill,
+                Stroke::new(1.0, egui::Color32::BLACK),
+                egui::StrokeKind::Outside,
+            );
+            if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
+                let mut step = DVec3::ZERO;
+                step[axis] = 0.01;
+                let Some(along) = map.place(map.seen(middle + step)).map(|there| there - at) else { continue };
+                // An axis that points at the eye cannot be dragged along.
+                if along.length() > 0.05 {
+                    let steps = f64::from((pointer - at).dot(along) / along.length_sq());
+                    let part = crop[end][axis] + 0.01 * steps.clamp(-25.0, 25.0);
+                    let mut next = crop;
+                    next[end][axis] = (part.clamp(0.0, 1.0) * PARTS).round() / PARTS;
+                    if next != crop {
+                        asked.push(Action::Edit(Edit::Crop(Some(ordered(next, crop)))));
+                    }
+                }
+            }
+            hand.on_hover_text("Drag this side of the box.");
+        }
+    }
+}

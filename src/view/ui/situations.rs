@@ -1,0 +1,69 @@
+//! Situations of the light: mixes of the dial with names, to come back to and to tour.
+
+use egui::{Id, TextEdit, Ui};
+
+use super::controls::panel;
+use crate::scene::Mixing;
+use crate::view::action::Action;
+use crate::view::state::{Cost, Document, Edit};
+
+/// How long a tour takes, in seconds.
+const SECONDS: f64 = 8.0;
+/// Pictures of a tour that is saved.
+const FRAMES: u16 = 50;
+/// What they are numbered after.
+const TOUR: &str = "relume-tour.png";
+
+/// Shows the controls that keep and tour them, where there is a dial; the dial has their names.
+pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Vec<Action>) {
+    let state = document.state();
+    let situations = &state.scene.dial.situations;
+    if state.scene.dial.nodes.len() < 2 {
+        return;
+    }
+    panel(ui, "Light situations", Cost::Relight, |ui| {
+        let mut ask = |edit| asked.push(Action::Edit(edit));
+        let id = Id::new("name of a situation");
+        let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
+        ui.horizontal(|ui| {
+            let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(84.0));
+            field.on_hover_text("What the light of now is to be called.");
+            let given = name.trim().to_owned();
+            let can = !given.is_empty() && state.light.mixing == Mixing::Dial;
+            let keep = ui.add_enabled(can, egui::Button::new("Keep"));
+            let keep = keep.on_hover_text("Keeps where the hand is, and which lights are out, under this name.");
+            if keep
+                .on_disabled_hover_text("Type a name, and let the dial mix: a situation is a place of its hand.")
+                .clicked()
+            {
+                ask(Edit::Keep(given.clone()));
+            }
+            let here = state.light.situation.filter(|&index| index < situations.len());
+            let rename = ui.add_enabled(here.is_some() && !given.is_empty(), egui::Button::new("Rename"));
+            let rename = rename.on_hover_text("Gives the situation that is shown this name.");
+            if let (true, Some(index)) = (rename.clicked(), here) {
+                ask(Edit::Rename(index, given));
+            }
+            let forget = ui.add_enabled(here.is_some(), egui::Button::new("Forget"));
+            let forget = forget.on_hover_text("Leaves out the situation that is shown.");
+            if let (true, Some(index)) = (forget.clicked(), here) {
+                ask(Edit::Forget(index));
+            }
+        });
+        ui.data_mut(|data| data.insert_temp(id, name));
+        ui.horizontal(|ui| {
+            let enough = situations.len() > 1;
+            let (text, seconds) = if plays { ("Stop", None) } else { ("Tour", Some(SECONDS)) };
+            let play = ui.add_enabled(enough, egui::Button::new(text));
+            let help = "Moves the hand from each situation to the next; one step back undoes it.";
+            if play.on_hover_text(help).on_disabled_hover_text("A tour takes two situations.").clicked() {
+                asked.push(Action::Tour(seconds));
+            }
+            let save = ui.add_enabled(enough, egui::Button::new("Save tour"));
+            let help = format!("Saves {FRAMES} pictures of the way as relume-tour-0001.png and so on, in this folder.");
+            if save.on_hover_text(help).clicked() {
+                asked.push(Action::SaveTour(TOUR.into(), FRAMES));
+            }
+        });
+    });
+}
