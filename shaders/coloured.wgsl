@@ -45,8 +45,9 @@ fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     return passed;
 }
 
-fn lane_of(passed: Passed, lane: u32) -> vec4f {
-    return passed[lane];
+// `sum`, and what of a vector of `source` passes.
+fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
+    return fma(passed[lane], source[lane], sum);
 }
 
 fn brightest(passed: Passed) -> f32 {

@@ -25,8 +25,9 @@ fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     return fma(-transmittance, opacity, transmittance);
 }
 
-fn lane_of(passed: Passed, lane: u32) -> vec4f {
-    return vec4f(passed);
+// `sum`, and what of a vector of `source` passes.
+fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
+    return fma(vec4f(passed), source[lane], sum);
 }
 
 fn brightest(passed: Passed) -> f32 {

@@ -1,6 +1,7 @@
 // Marches rays through the volume, front to back, and leaves sums that no light's spectrum has entered.
 //
-// What a step reflects is in `weights.wgsl` or `spectral.wgsl`, what passes it in `grey.wgsl` or `coloured.wgsl`.
+// What a step reflects is in `weights.wgsl` or `spectral.wgsl`, what passes it in `grey.wgsl`, `coloured.wgsl` or
+// `mixed.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -324,7 +325,7 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
 // Adds one premultiplied sample front to back, `A += T·s`.
 fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: array<vec4f, LANES>, passed: Passed) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        (*sums)[first + lane] = fma(lane_of(passed, lane), source[lane], (*sums)[first + lane]);
+        (*sums)[first + lane] = received(passed, lane, source, (*sums)[first + lane]);
     }
 }
 

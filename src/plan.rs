@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use needs::{exponents, is_constant, longest_way, transmittance};
 
-use crate::model::{self, ColourModel, ModelError};
+use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
 use crate::scene::{
     AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Placement, Position, Scene, Shading, StoreAs, VolumeAs,
@@ -88,6 +88,8 @@ pub enum Transmittance {
     Grey,
     /// One number per component of the colour model.
     Coloured,
+    /// A matrix, row by row: what each component of the light behind adds to each of what comes through (Peercy 1993).
+    Mixed,
 }
 
 /// Where in a table entry the parts of what a step reflects begin, in vectors.
@@ -175,6 +177,7 @@ impl ScenePlan {
         match self.transmittance {
             Transmittance::Grey => 1,
             Transmittance::Coloured => self.components(),
+            Transmittance::Mixed => self.components().pow(2),
         }
     }
 
@@ -218,7 +221,7 @@ impl ScenePlan {
                 };
                 let white = match self.transmittance {
                     Transmittance::Grey => exponents.div_ceil(LANE),
-                    Transmittance::Coloured => exponents * lanes,
+                    Transmittance::Coloured | Transmittance::Mixed => exponents * lanes,
                 };
                 let diffuse = if own { lanes } else { 0 };
                 Parts { unshaded, ambient: 0, diffuse, highlights, lanes: highlights + white }
@@ -253,7 +256,7 @@ impl ScenePlan {
         };
         let passed = match self.transmittance {
             Transmittance::Grey => size_of::<f32>(),
-            Transmittance::Coloured => self.passed_lanes() * LANE * number,
+            Transmittance::Coloured | Transmittance::Mixed => self.passed_lanes() * LANE * number,
         };
         (self.layers() * LANE * number + passed) as u64
     }
@@ -323,6 +326,9 @@ pub enum PlanError {
     /// Accumulators are too large for 16 bits.
     #[error("a pixel of this scene may hold numbers above 65504, the largest of 16 bits; take storage = \"f32\"")]
     HalfRange,
+    /// Nothing is known of what 16 bits do to matrices.
+    #[error("the model peercy keeps a matrix of what passes, which is not stored in 16 bits; take storage = \"f32\"")]
+    HalfMatrix,
     /// No colour model does what is asked for.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
@@ -468,7 +474,10 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let shading = directed.then_some(ShadingTerms { diffuse, specular });
     let mut plan = ScenePlan {
         accumulate,
-        transmittance: transmittance(scene),
+        transmittance: match (transmittance(scene), model.as_ref().map(|model| model.kind())) {
+            (Transmittance::Coloured, Some(ModelKind::Peercy)) => Transmittance::Mixed,
+            (transmittance, _) => transmittance,
+        },
         positions: counts,
         shading,
         labels: scene.labels.as_ref().is_some_and(|labels| !labels.declared.is_empty()),

@@ -473,16 +473,15 @@ fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let scene = support::program::SCENE.replace("dims =", "phantom_labels = true\ndims =");
     let text = format!("{scene}{more}");
     let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let stated = opened.labels.as_ref().unwrap().declared.clone();
     let mut document = Document::new(opened);
     document.edit(&Edit::Label(0, 0, 0.75));
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
     window.run();
     window.get_by_label("Reset transfer").click();
     window.run();
-    let opacity = |window: &Harness<'_, App>| {
-        window.state().document.as_ref().unwrap().state().scene.labels.as_ref().unwrap().declared[0].opacity
-    };
-    assert_eq!(opacity(&window), 0.25);
+    let state = window.state().document.as_ref().unwrap().state();
+    assert_eq!(state.scene.labels.as_ref().unwrap().declared, stated);
 }
 
 #[test]

@@ -14,7 +14,7 @@ const COLOUR: &str = "Colour accuracy, in place of the scene's [accuracy]";
 pub(crate) struct AccuracyArgs {
     /// Let a colour model add at most this ΔE00 (1 is about what an eye can see) to the colours that are tried, in as few numbers
     /// a pixel as that takes.
-    #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k", value_parser = tolerance, allow_negative_numbers = true)]
+    #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k", allow_negative_numbers = true)]
     tolerance: Option<f64>,
     /// Let a colour model have N numbers, 1 to 16, whatever ΔE00 it adds.
     #[arg(long, help_heading = COLOUR, value_name = "N", allow_negative_numbers = true)]

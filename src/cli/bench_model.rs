@@ -78,6 +78,7 @@ fn settings(lights: usize) -> Vec<ModelSetting> {
         (step, 4, 8, kept),
         (semigroup, 4, 8, held),
         (semigroup, 4, 8, kept),
+        (ModelKind::Peercy, 4, 8, held),
         (ModelKind::Bands, 4, 8, held),
         (ModelKind::Rgb, 4, 3, held),
     ]

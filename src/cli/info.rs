@@ -425,6 +425,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "transmittance": match plan.transmittance {
             Transmittance::Grey => "grey",
             Transmittance::Coloured => "coloured",
+            Transmittance::Mixed => "mixed",
         },
         "components": plan.components(),
         "lanes": plan.lanes(),

@@ -10,7 +10,7 @@ use relume::measure::{
 };
 use relume::output::{write_atomically, write_drawing};
 use relume::progress::Progress;
-use relume::render::Renderer;
+use relume::render::{RenderError, Renderer};
 use relume::scene::Mix;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
@@ -180,6 +180,9 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
             }
             // One that the scene refuses; all others are measured.
             Err(SurveyError::Plan(error)) => outcome.refused.push((setting.clone(), error.to_string())),
+            Err(SurveyError::Render(error @ RenderError::Matrix { .. })) => {
+                outcome.refused.push((setting.clone(), error.to_string()));
+            }
             Err(error) => return Err(error.into()),
         }
     }

@@ -9,7 +9,7 @@ use relume::measure::{Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
 use relume::output::write_ready_png;
-use relume::plan::{Planned, plan_for, plan_full_spectrum};
+use relume::plan::{Planned, Transmittance, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::Renderer;
@@ -148,6 +148,12 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (planned, learnt)
     };
     if let Some(path) = &args.accumulators {
+        if planned.plan.transmittance == Transmittance::Mixed {
+            return Err(CliError::Failed(format!(
+                "--accumulators {}: the model peercy keeps a matrix of what passes, which such files do not hold; take another model",
+                path.display()
+            )));
+        }
         let pixels = Accumulation { size: args.size, weights: Vec::new(), transmittance: Vec::new() };
         files::to_file(&scene, &planned, pixels).check_header().map_err(|error| {
             CliError::Failed(format!("--accumulators {}: {error}; rename a light or a material", path.display()))

@@ -1,6 +1,8 @@
 //! What light meets on its way to the eye, as arithmetic that is the same for 81 bands and for k coefficients.
 
+use super::peercy::Matrices;
 use super::random::Random;
+use crate::spectrum::{BANDS, Spectrum};
 
 /// The way of some light: through steps of a medium, and from what is behind them.
 #[derive(Clone, Debug)]
@@ -26,6 +28,9 @@ struct Step {
 
 /// The optical depth per component of so much of these absorptions.
 type Depths<'a> = dyn Fn(&[(usize, f64)]) -> Vec<f64> + 'a;
+
+/// The optical depth per wavelength of so much of these absorptions.
+type FullDepth<'a> = dyn Fn(&[(usize, f64)]) -> Spectrum + 'a;
 
 /// Kinds of chains; letters are those of the published tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -195,6 +200,63 @@ impl Chain {
             }
         }
         light
+    }
+}
+
+impl Chain {
+    /// The light that comes back as a vector of `matrices`, each step being a matrix, as is what it lets pass.
+    ///
+    /// `depth` gives the optical depth per wavelength of a step's absorptions.
+    pub(crate) fn walk_by_matrices(
+        &self,
+        matrices: &Matrices,
+        sources: &[Spectrum],
+        depth: &FullDepth<'_>,
+    ) -> Vec<f64> {
+        let white = matrices.vector(&[1.0; BANDS]);
+        let dimension = white.len();
+        let mut light = vec![0.0; dimension];
+        let mut passing = matrices.matrix(&[1.0; BANDS]);
+        for step in &self.steps {
+            let scattering: f64 = step.scattered.iter().map(|(_, depth)| depth).sum();
+            let depths = depth(&step.absorbed).samples().map(|absorbed| absorbed + scattering);
+            let mut sent = [0.0; BANDS];
+            for &(index, scattering) in &step.scattered {
+                for (sent, reflected) in sent.iter_mut().zip(sources[index].samples()) {
+                    *sent += step.lit * scattering * reflected;
+                }
+            }
+            for (sent, depth) in sent.iter_mut().zip(depths) {
+                *sent *= if depth == 0.0 { 1.0 } else { absorbed_share(depth) / depth };
+            }
+            add_product(&mut light, &passing, &matrices.vector(&sent), 1.0);
+            let met = matrices.matrix(&depths.map(|depth| (-depth).exp()));
+            let mut passed = vec![0.0; met.len()];
+            for (passed, row) in passed.chunks_exact_mut(dimension).zip(passing.chunks_exact(dimension)) {
+                for (factor, met) in row.iter().zip(met.chunks_exact(dimension)) {
+                    passed.iter_mut().zip(met).for_each(|(sum, met)| *sum += factor * met);
+                }
+            }
+            passing = passed;
+        }
+        if let Some(behind) = &self.behind {
+            let mut last_first = behind.iter().rev();
+            let mut reflected = last_first.next().map_or(white, |&source| matrices.vector(sources[source].samples()));
+            for &source in last_first {
+                let mut next = vec![0.0; dimension];
+                add_product(&mut next, &matrices.matrix(sources[source].samples()), &reflected, 1.0);
+                reflected = next;
+            }
+            add_product(&mut light, &passing, &reflected, self.lit_behind);
+        }
+        light
+    }
+}
+
+/// Adds `factor` times the product of a matrix, row by row, and a vector.
+fn add_product(sum: &mut [f64], matrix: &[f64], vector: &[f64], factor: f64) {
+    for (sum, row) in sum.iter_mut().zip(matrix.chunks_exact(vector.len())) {
+        *sum += factor * row.iter().zip(vector).map(|(part, number)| part * number).sum::<f64>();
     }
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::target::Target;
 use super::{
     ChainClass, Cloud, ColourModel, Ingredients, LARGEST_DIMENSION, LightMatrix, ModelError, ModelKind, Samples, cloud,
-    fixed, nodes, one_band, sharpened,
+    fixed, nodes, one_band, peercy, sharpened,
 };
 use crate::progress::Progress;
 use crate::spectrum::{Light, Spectrum, standard};
@@ -207,6 +207,7 @@ fn fit_targets(
             vec![bands.into_iter().map(one_band).collect()]
         }
         ModelKind::Sharpened(_) => vec![sharpened::projection(&cloud.spectra, &wanted, dimension)],
+        ModelKind::Peercy => vec![peercy::projection(&cloud.spectra, dimension)],
         ModelKind::Bands => vec![fixed::bands(dimension)],
         ModelKind::Rgb => vec![fixed::rgb(), fixed::rgb_prefiltered()],
         ModelKind::RgbNaive => vec![fixed::rgb()],

@@ -14,6 +14,8 @@ pub enum ModelKind {
     Nodes,
     /// Its coefficients in the sharpened factor model (Bergner et al. 2002, section 5.1; Drew and Finlayson 2003).
     Sharpened(Order),
+    /// Its coefficients in an orthonormal basis of the scene, with a k × k matrix for what light meets on its way (Peercy 1993).
+    Peercy,
     /// Its means over equal intervals from 400 to 700 nm, with a matrix fitted to each light.
     Bands,
     /// Red, green and blue, multiplied as if they were wavelengths: the better of the next two.
@@ -37,10 +39,11 @@ pub enum Order {
 
 impl ModelKind {
     /// All kinds.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Nodes,
         Self::Sharpened(Order::Step),
         Self::Sharpened(Order::Semigroup),
+        Self::Peercy,
         Self::Bands,
         Self::Rgb,
         Self::RgbNaive,
@@ -54,6 +57,7 @@ impl ModelKind {
             Self::Nodes => "nodes",
             Self::Sharpened(Order::Step) => "sharpened",
             Self::Sharpened(Order::Semigroup) => "sharpened-semigroup",
+            Self::Peercy => "peercy",
             Self::Bands => "bands",
             Self::Rgb => "rgb",
             Self::RgbNaive => "rgb-naive",

@@ -13,6 +13,7 @@ mod fixed;
 mod kind;
 mod lawson;
 mod nodes;
+mod peercy;
 pub mod random;
 mod reconstruction;
 mod sharpened;
@@ -29,6 +30,7 @@ pub use cloud::{Cloud, LARGEST_DEPTH};
 pub use error::ModelError;
 pub use fit::{fit, fit_automatic, fit_cloud, fit_narrow, unseen};
 pub use kind::{ModelKind, Order};
+pub use peercy::Matrices;
 pub use reconstruction::Reconstruction;
 pub use target::ErrorSummary;
 
@@ -222,6 +224,9 @@ impl ColourModel {
             }
             ModelKind::Sharpened(Order::Step) => format!("{k} sharpened factor{plural}, each step's light projected"),
             ModelKind::Sharpened(Order::Semigroup) => format!("{k} sharpened factor{plural}, absorption projected"),
+            ModelKind::Peercy => {
+                format!("{k} factor{plural} of an orthonormal basis, with matrices between them (Peercy)")
+            }
             ModelKind::Bands => format!("{k} uniform band{plural} from 400 to 700 nm"),
             ModelKind::RgbFitted => "RGB, prefiltered by D65, with a matrix fitted to each light".to_owned(),
             ModelKind::Rgb | ModelKind::RgbNaive if self.projection == fixed::rgb() => {
@@ -340,6 +345,15 @@ impl ColourModel {
         if self.kind == ModelKind::Nodes {
             return nodes::sampled(&cloud.spectra, &self.bands());
         }
+        if self.kind == ModelKind::Peercy {
+            let matrices = Matrices::new(self);
+            let depth = |absorbed: &[(usize, f64)]| cloud.depth(absorbed);
+            return cloud
+                .chains
+                .par_iter()
+                .map(|chain| chain.walk_by_matrices(&matrices, &cloud.sources, &depth))
+                .collect();
+        }
         let sources: Vec<Vec<f64>> = cloud.sources.iter().map(|source| self.coefficients(source)).collect();
         let absorptions: Vec<Vec<f64>> =
             cloud.absorptions.iter().map(|absorption| self.step_depths(absorption, amplification)).collect();
@@ -392,6 +406,7 @@ impl ColourModel {
                 return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
             }
             ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
+            ModelKind::Peercy => peercy::matrix(&self.projection, light),
             ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => fixed::rgb_matrix(light),
         };
         let error = ErrorSummary::of(&target.errors(&self.vectors, &xyz));

@@ -16,10 +16,16 @@ fn visual_weights() -> [f64; BANDS] {
     sums.map(|sum| sum / largest + 0.02)
 }
 
+/// The roots of how much each wavelength matters to the eye: what spectra are multiplied by before they are compared.
+pub(super) fn visual_roots() -> [f64; BANDS] {
+    visual_weights().map(f64::sqrt)
+}
+
 /// The rows that give the coefficients, white's being ones, for the spectra of `cloud` under `lights`.
 pub(super) fn projection(cloud: &[Spectrum], lights: &[&Light], dimension: usize) -> Vec<Spectrum> {
-    let roots = visual_weights().map(f64::sqrt);
-    let basis = basis(cloud, lights, dimension, &roots);
+    let roots = visual_roots();
+    let lights: Vec<&Spectrum> = lights.iter().map(|light| light.spectrum()).collect();
+    let basis = basis(cloud, &lights, dimension, &roots);
     let sharpening = sharpening(&basis);
     let inverse = pseudo_inverse(sharpening);
     let rows = inverse * basis.transpose();
@@ -32,11 +38,11 @@ pub(super) fn projection(cloud: &[Spectrum], lights: &[&Light], dimension: usize
 }
 
 /// The first right singular vectors (81 × k) of all light, each spectrum of unit norm and visually weighted.
-fn basis(cloud: &[Spectrum], lights: &[&Light], dimension: usize, roots: &[f64; BANDS]) -> DMatrix<f64> {
+pub(super) fn basis(cloud: &[Spectrum], lights: &[&Spectrum], dimension: usize, roots: &[f64; BANDS]) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(BANDS, BANDS);
     for light in lights {
-        let lit = cloud.iter().map(|spectrum| light.spectrum() * spectrum);
-        let signals: Vec<Spectrum> = lit.chain([light.spectrum().clone()]).collect();
+        let lit = cloud.iter().map(|spectrum| *light * spectrum);
+        let signals: Vec<Spectrum> = lit.chain([(*light).clone()]).collect();
         let mut signals = matrix_of(&signals);
         for mut row in signals.row_iter_mut() {
             let norm = row.norm();
@@ -79,15 +85,20 @@ fn sharpening(basis: &DMatrix<f64>) -> DMatrix<f64> {
 /// XYZ per unit of each component under a light: the colours of the basis dual to the projection, each times the
 /// light's own component.
 pub(super) fn matrix(projection: &[Spectrum], light: &Light) -> Vec<[f64; 3]> {
-    let weights = visual_weights();
-    let rows = matrix_of(projection);
-    let weighted = DMatrix::from_fn(BANDS, projection.len(), |band, row| rows[(row, band)] / weights[band]);
-    let dual = &weighted * pseudo_inverse(&rows * &weighted);
+    let dual = dual(projection);
     let column = |index: usize| {
         let Xyz(xyz) = xyz_of(&Spectrum::from_samples(std::array::from_fn(|band| dual[(band, index)])));
         xyz.map(|part| part * projection[index].dot(light.spectrum()))
     };
     (0..projection.len()).map(column).collect()
+}
+
+/// The basis dual to a projection (81 × k), in which its coefficients add up to spectra.
+pub(super) fn dual(projection: &[Spectrum]) -> DMatrix<f64> {
+    let weights = visual_weights();
+    let rows = matrix_of(projection);
+    let weighted = DMatrix::from_fn(BANDS, projection.len(), |band, row| rows[(row, band)] / weights[band]);
+    &weighted * pseudo_inverse(&rows * &weighted)
 }
 
 fn pseudo_inverse(matrix: DMatrix<f64>) -> DMatrix<f64> {

@@ -45,7 +45,7 @@ impl Planned {
         let absorbs = |material: &usize| scene.absorbs(*material);
         let passes = match plan.transmittance {
             Transmittance::Grey => "All wavelengths pass alike, whatever light meets on its way".to_owned(),
-            Transmittance::Coloured => format!(
+            Transmittance::Coloured | Transmittance::Mixed => format!(
                 "Light changes its colour on its way, as through stained glass, where it meets {}",
                 listed((0..scene.materials.len()).filter(absorbs).filter_map(name))
             ),

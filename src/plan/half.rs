@@ -1,7 +1,7 @@
 //! What storing finished accumulators in 16-bit floats can do to colours (COLOUR.md B6).
 
-use super::{PlanError, Planned, longest_way};
-use crate::scene::{Material, Scene, SceneLight, depth_from_opacity};
+use super::{PlanError, Planned, Transmittance, longest_way};
+use crate::scene::{Material, Scene, SceneLight, StoreAs, depth_from_opacity};
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 
 /// The most that a number is off by, relative to itself: half of the last of 11 bits.
@@ -14,6 +14,9 @@ const LARGEST: f64 = 65504.0;
 /// Refuses a plan of 16 bits whose error is over the tolerance.
 pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let tolerance = scene.accuracy.tolerance;
+    if planned.plan.storage == StoreAs::Half && planned.plan.transmittance == Transmittance::Mixed {
+        return Err(PlanError::HalfMatrix);
+    }
     match planned.half_precision_error(scene) {
         None => Ok(()),
         Some(error) if error <= tolerance => Ok(()),

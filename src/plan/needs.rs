@@ -71,7 +71,7 @@ impl Planned {
     /// What the light of `scene` can meet, under its own lights.
     #[must_use]
     pub fn ingredients(&self, scene: &Scene) -> Ingredients {
-        let coloured = self.plan.transmittance == Transmittance::Coloured;
+        let coloured = self.plan.transmittance != Transmittance::Grey;
         let absorbing: Vec<usize> =
             (0..scene.materials.len()).filter(|&material| coloured && scene.absorbs(material)).collect();
         let absorptions = absorbing.iter().filter_map(|&m| scene.materials[m].absorption.as_ref());

@@ -112,7 +112,8 @@ impl<'a, R: Real> Frame<'a, R> {
         mut seen: impl FnMut(&Passing<'_, R>) -> bool,
     ) -> Vec<R> {
         let ray = self.ray_through(pixel);
-        let mut transmittance = vec![R::from_f64(1.0); self.planned.plan.passed()];
+        let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
+        let mut transmittance = self.all_light();
         let mut step = Step::default();
         let mut source = vec![R::default(); self.planned.plan.components()];
         for n in 0..ray.samples {
@@ -127,16 +128,32 @@ impl<'a, R: Real> Frame<'a, R> {
             }
             for (position, sums) in sums.chunks_exact_mut(source.len().max(1)).enumerate() {
                 self.shade(position, &ray, place, &step, &mut source);
-                composite(sums, &source, &transmittance);
+                if mixed {
+                    composite_matrix(sums, &source, &transmittance);
+                } else {
+                    composite(sums, &source, &transmittance);
+                }
             }
-            for (passed, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
-                *passed = pass_by(*passed, opacity);
+            if mixed {
+                transmittance = pass_by_matrix(&transmittance, &step.opacity, source.len());
+            } else {
+                for (passed, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
+                    *passed = pass_by(*passed, opacity);
+                }
             }
-            if transmittance.iter().all(|&passed| passed < self.termination) {
+            if transmittance.iter().all(|&passed| passed.abs() < self.termination) {
                 break;
             }
         }
         transmittance
+    }
+
+    /// What passes nothing: 1 of each number, or the matrix that changes nothing.
+    fn all_light(&self) -> Vec<R> {
+        let (passed, components) = (self.planned.plan.passed(), self.planned.plan.components());
+        let is_one =
+            |n: usize| self.planned.plan.transmittance != Transmittance::Mixed || n.is_multiple_of(components + 1);
+        (0..passed).map(|n| if is_one(n) { R::from_f64(1.0) } else { R::default() }).collect()
     }
 
     /// `finish(sums, passed)` of pixel `[x, y]`, marched and stored.
@@ -225,7 +242,7 @@ impl<'a, R: Real> Frame<'a, R> {
                     whites.fold(R::default(), |sum, (&exponent, &white)| white.mul_add(power(facing, exponent), sum));
                 source.iter_mut().for_each(|part| *part = *part + white);
             }
-            (_, Transmittance::Coloured) => {
+            (_, Transmittance::Coloured | Transmittance::Mixed) => {
                 for (i, &exponent) in self.exponents.iter().enumerate() {
                     let shine = power(facing, exponent);
                     let whites = &step.source[(parts.highlights + i * plan.lanes()) * LANE..];
@@ -267,6 +284,29 @@ pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[
 /// The light that passes a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps: COLOUR.md A7).
 pub fn pass_by<R: Real>(transmittance: R, opacity: R) -> R {
     (-transmittance).mul_add(opacity, transmittance)
+}
+
+/// [`composite`] where T is a matrix, row by row: each component of the sample adds to each of the sum.
+pub fn composite_matrix<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[R]) {
+    for (sum, row) in accumulator.iter_mut().zip(transmittance.chunks_exact(source.len().max(1))) {
+        for (&passed, &part) in row.iter().zip(source) {
+            *sum = passed.mul_add(part, *sum);
+        }
+    }
+}
+
+/// [`pass_by`] of matrices of `dimension` rows, `T − T·A`.
+pub fn pass_by_matrix<R: Real>(transmittance: &[R], opacity: &[R], dimension: usize) -> Vec<R> {
+    let mut passed = transmittance.to_vec();
+    let rows = passed.chunks_exact_mut(dimension.max(1)).zip(transmittance.chunks_exact(dimension.max(1)));
+    for (passed, before) in rows {
+        for (&through, opacity) in before.iter().zip(opacity.chunks_exact(dimension.max(1))) {
+            for (passed, &opacity) in passed.iter_mut().zip(opacity) {
+                *passed = (-through).mul_add(opacity, *passed);
+            }
+        }
+    }
+    passed
 }
 
 /// Marches every pixel of a picture of `size` (width, height) as planned.

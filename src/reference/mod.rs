@@ -6,7 +6,9 @@ mod relight;
 mod samples;
 mod store;
 
-pub use march::{Passing, composite, march, march_ray, pass_by, render, render_pixels};
+pub use march::{
+    Passing, composite, composite_matrix, march, march_ray, pass_by, pass_by_matrix, render, render_pixels,
+};
 pub use real::Real;
 pub use relight::{opacity, relight};
 pub use samples::{Exact, Samples, Step, Stored};

@@ -13,7 +13,7 @@ pub fn store<R: Real>(plan: &ScenePlan, sums: &mut [R], passed: &mut [R]) {
     }
     let passed = match plan.transmittance {
         Transmittance::Grey => &mut [],
-        Transmittance::Coloured => passed,
+        Transmittance::Coloured | Transmittance::Mixed => passed,
     };
     for number in sums.iter_mut().chain(passed) {
         *number = R::from_f64(f16::from_f64(number.to_f64()).to_f64());

@@ -23,6 +23,8 @@ const DISPATCH: Duration = Duration::from_millis(50);
 const FIRST_SAMPLES: f64 = 2e7;
 /// Most samples along a ray per dispatch.
 pub(super) const SLICE: u32 = 16_384;
+/// Components of the largest matrices that are marched: larger ones would not stay in registers.
+pub(super) const LARGEST_MATRIX: usize = 8;
 /// Iterations of all its loops that an invocation may take: some devices stop it, silently, at 65,535.
 const ITERATIONS: usize = 65_000;
 
@@ -149,6 +151,7 @@ fn sources(plan: &ScenePlan) -> [(&'static str, &'static str); 3] {
         match plan.transmittance {
             Transmittance::Grey => ("shaders/grey.wgsl", include_str!("../../shaders/grey.wgsl")),
             Transmittance::Coloured => ("shaders/coloured.wgsl", include_str!("../../shaders/coloured.wgsl")),
+            Transmittance::Mixed => ("shaders/mixed.wgsl", include_str!("../../shaders/mixed.wgsl")),
         },
         ("shaders/march.wgsl", include_str!("../../shaders/march.wgsl")),
     ]
@@ -162,7 +165,7 @@ pub(super) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
     };
     match plan.transmittance {
         Transmittance::Grey => [vectors, Format::R32Float],
-        Transmittance::Coloured => [vectors, vectors],
+        Transmittance::Coloured | Transmittance::Mixed => [vectors, vectors],
     }
 }
 
@@ -202,7 +205,9 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("HIGHLIGHTS", unsigned(parts.highlights))
         .u32("EXPONENTS", unsigned(exponents))
         .bool("EQUAL_SHARES", shares == Shares::Equal)
-        .bool("COLOURED", plan.transmittance == Transmittance::Coloured)
+        .bool("COLOURED", plan.transmittance != Transmittance::Grey)
+        .u32("PASSED", unsigned(plan.passed()))
+        .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
         .alias("TransmittanceImage", &passed)
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
@@ -316,6 +321,9 @@ impl Renderer {
         let plan = &planned.plan;
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes())?;
+        if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
+            return Err(RenderError::Matrix { dimension: plan.components() });
+        }
         self.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
@@ -410,7 +418,9 @@ impl Renderer {
         }
         let transmittance = match plan.transmittance {
             Transmittance::Grey => read_layer(&self.device, &accumulators.transmittance, 0)?,
-            Transmittance::Coloured => self.read_numbers(&accumulators.transmittance, 0, plan.passed())?,
+            Transmittance::Coloured | Transmittance::Mixed => {
+                self.read_numbers(&accumulators.transmittance, 0, plan.passed())?
+            }
         };
         Ok(Accumulation { size, weights, transmittance })
     }
@@ -581,9 +591,14 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
     let (coloured, exponents) = match (plan.transmittance, plan.accumulate) {
         (Transmittance::Grey, Accumulate::Spectral { exponents, .. }) => (0, exponents),
         (Transmittance::Coloured, Accumulate::Spectral { exponents, .. }) => (4 * lanes, exponents),
+        // Read, tested and multiplied with another.
+        (Transmittance::Mixed, Accumulate::Spectral { dimension, exponents, .. }) => {
+            (dimension.pow(3) + 4 * dimension.pow(2), exponents)
+        }
         (_, Accumulate::Weights { .. }) => (0, 0),
     };
-    let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes);
+    let through = if plan.transmittance == Transmittance::Mixed { plan.passed() } else { 0 };
+    let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
     let per_sample = 4 + 2 * parts + coloured + plan.positions.total() * per_position;
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }

@@ -39,6 +39,15 @@ pub enum RenderError {
     /// Somebody asked it to stop.
     #[error("cancelled")]
     Cancelled,
+    /// A colour model's matrices are too large for a device.
+    #[error(
+        "the model peercy keeps {dimension}×{dimension} numbers of what passes, and a device has room for {0}×{0}: take --k {0} or less, or --reference",
+        march::LARGEST_MATRIX
+    )]
+    Matrix {
+        /// Components of the model.
+        dimension: usize,
+    },
     /// The camera looks nowhere.
     #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
     Camera,

@@ -24,7 +24,7 @@ impl Renderer {
         let weights = self.in_half(&marched.weights)?;
         let transmittance = match plan.transmittance {
             Transmittance::Grey => marched.transmittance,
-            Transmittance::Coloured => self.in_half(&marched.transmittance)?,
+            Transmittance::Coloured | Transmittance::Mixed => self.in_half(&marched.transmittance)?,
         };
         Ok(Accumulators { weights, transmittance, ..marched })
     }

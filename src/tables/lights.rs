@@ -129,7 +129,7 @@ pub struct RelightMatrices {
     pub colours: Vec<DVec3>,
     /// Linear sRGB of the background, per number of what passes.
     pub background: Vec<DVec3>,
-    /// The share that each number of what passes has in the light that passes; they add up to 1.
+    /// The share that each number of what passes has in the light that passes; where nothing is taken away, it all adds up to 1.
     pub passing: Vec<f64>,
 }
 
@@ -163,6 +163,16 @@ impl RelightMatrices {
                 let share =
                     |colour: &DVec3| if luminance > 0.0 { colour.y / luminance } else { 1.0 / count_f64(count) };
                 (behind, everywhere.iter().map(share).collect())
+            }
+            // The element of row i and column j makes component i of what j is behind.
+            Components::Model(model, Transmittance::Mixed) => {
+                let surface = background.map_or_else(|| vec![0.0; count], |it| model.coefficients(it.spectrum()));
+                let behind = everywhere.iter().flat_map(|&colour| surface.iter().map(move |part| part * colour));
+                let luminance: f64 = everywhere.iter().map(|colour| colour.y).sum();
+                let share =
+                    |colour: &DVec3| if luminance > 0.0 { colour.y / luminance } else { 1.0 / count_f64(count) };
+                let passing = everywhere.iter().flat_map(|colour| vec![share(colour); count]).collect();
+                (behind.collect(), passing)
             }
             _ => {
                 let seen = |surface: &Reflectance| {

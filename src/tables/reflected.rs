@@ -34,6 +34,12 @@ impl Reflected {
                         let parts = model.coefficients(surface.spectrum());
                         made.spectra.iter().zip(parts).map(|(spectrum, part)| spectrum.scaled(part)).collect()
                     }
+                    (Transmittance::Mixed, Some(surface)) => {
+                        let parts = model.coefficients(surface.spectrum());
+                        let row =
+                            |spectrum: &Spectrum| parts.iter().map(|&part| spectrum.scaled(part)).collect::<Vec<_>>();
+                        made.spectra.iter().flat_map(row).collect()
+                    }
                     _ => exact(),
                 };
                 let components = made.spectra.clone();

@@ -1,11 +1,11 @@
 //! The transfer function as a table over the data's range, for one step length.
 
 use super::{Storage, rounded};
-use crate::model::{Amplification, ColourModel, ModelKind, Order};
+use crate::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
 use crate::number::count;
 use crate::plan::{Accumulate, LANE, Planned, Shares, Transmittance};
 use crate::scene::{Lookup, Material, Medium, Scene, depth_from_opacity};
-use crate::spectrum::Spectrum;
+use crate::spectrum::{BANDS, Spectrum};
 
 /// The least entries a linear table has.
 const FEWEST: usize = 1024;
@@ -99,7 +99,7 @@ impl TransferTable {
 fn opacity_numbers(planned: &Planned) -> usize {
     match planned.plan.transmittance {
         Transmittance::Grey => 1,
-        Transmittance::Coloured => planned.plan.passed_lanes() * LANE,
+        Transmittance::Coloured | Transmittance::Mixed => planned.plan.passed_lanes() * LANE,
     }
 }
 
@@ -116,6 +116,8 @@ pub struct Steps<'a> {
     exponents: Vec<u32>,
     /// The model, where it projects the transmittance of each step (the paper's order).
     by_step: Option<&'a ColourModel>,
+    /// The model's matrices, where what passes is one.
+    matrices: Option<Matrices>,
 }
 
 impl<'a> Steps<'a> {
@@ -144,6 +146,7 @@ impl<'a> Steps<'a> {
                 model.kind() == ModelKind::Sharpened(Order::Step)
                     && planned.plan.transmittance == Transmittance::Coloured
             }),
+            matrices: model.filter(|_| planned.plan.transmittance == Transmittance::Mixed).map(Matrices::new),
         }
     }
 
@@ -176,15 +179,42 @@ impl<'a> Steps<'a> {
         let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let scattering: f64 = occluding.map(|(_, depth)| depth).sum();
+        if let Some(matrices) = &self.matrices {
+            return self.mixed(matrices, medium, scattering, steps);
+        }
         let depths = self.depths(medium, scattering, steps);
         let mut opacity: Vec<f64> = depths.iter().map(|depth| -(-depth).exp_m1()).collect();
         let gain = |component: usize| {
             let component = component.min(depths.len() - 1);
             if depths[component] > 0.0 { steps * (opacity[component] / depths[component]) } else { steps }
         };
-        let source = self.source(medium, gain);
+        let source = self.source(medium, gain, |m, c, factor| factor * gain(c) * self.reflectances[m][c]);
         opacity.resize(opacity_numbers(self.planned), 0.0);
         Step { source, opacity }
+    }
+
+    /// What a step does in `medium` where it is a matrix: what it takes from each component of the light behind, and what is
+    /// sent back, projected.
+    fn mixed(&self, matrices: &Matrices, medium: &Medium, scattering: f64, steps: f64) -> Step {
+        let mut depth = [scattering * steps; BANDS];
+        for (&height, material) in medium.absorption.iter().zip(&self.scene.materials) {
+            if let Some(shape) = material.absorption.as_ref().filter(|_| height > 0.0) {
+                depth.iter_mut().zip(shape.spectrum().samples()).for_each(|(sum, part)| *sum += height * steps * part);
+            }
+        }
+        let lost = depth.map(|depth| -(-depth).exp_m1());
+        let gain: [f64; BANDS] =
+            std::array::from_fn(|band| if depth[band] > 0.0 { steps * (lost[band] / depth[band]) } else { steps });
+        let reflected: Vec<Vec<f64>> = (self.scene.materials.iter().zip(&medium.scattering))
+            .map(|(material, &height)| match material.reflectance.spectrum().samples() {
+                samples if height > 0.0 => matrices.vector(&std::array::from_fn(|band| gain[band] * samples[band])),
+                _ => Vec::new(),
+            })
+            .collect();
+        let white = matrices.vector(&gain);
+        let mut opacity = matrices.matrix(&lost);
+        opacity.resize(opacity_numbers(self.planned), 0.0);
+        Step { source: self.source(medium, |c| white[c], |m, c, factor| factor * reflected[m][c]), opacity }
     }
 
     /// The optical depth of each number of what passes across a step of `steps` opacity lengths.
@@ -207,8 +237,14 @@ impl<'a> Steps<'a> {
         depths.into_iter().map(|depth| depth * steps).collect()
     }
 
-    /// What a step gains, where `gain(c)` is what a unit of scattering gives component c.
-    fn source(&self, medium: &Medium, gain: impl Fn(usize) -> f64) -> Vec<f64> {
+    /// What a step gains, where a unit of scattering gives component c `gain(c)` of white, and f units `reflected(m, c, f)` of
+    /// material m.
+    fn source(
+        &self,
+        medium: &Medium,
+        gain: impl Fn(usize) -> f64,
+        reflected: impl Fn(usize, usize, f64) -> f64,
+    ) -> Vec<f64> {
         let plan = &self.planned.plan;
         let parts = plan.parts();
         let mut source = vec![0.0; parts.lanes * LANE];
@@ -229,8 +265,8 @@ impl<'a> Steps<'a> {
                 Shares::Own => &[(parts.ambient, material.ambient), (parts.diffuse, material.diffuse)],
             };
             for &(first, share) in spectra {
-                for (c, reflected) in self.reflectances[m].iter().enumerate() {
-                    source[first * LANE + c] += share * depth * gain(c) * reflected;
+                for c in 0..plan.components() {
+                    source[first * LANE + c] += reflected(m, c, share * depth);
                 }
             }
             if let Some(highlight) =
@@ -239,7 +275,7 @@ impl<'a> Steps<'a> {
                 let white = material.specular * depth;
                 match plan.transmittance {
                     Transmittance::Grey => source[parts.highlights * LANE + highlight] += white * gain(0),
-                    Transmittance::Coloured => {
+                    Transmittance::Coloured | Transmittance::Mixed => {
                         let first = (parts.highlights + highlight * plan.lanes()) * LANE;
                         for c in 0..plan.components() {
                             source[first + c] += white * gain(c);

@@ -367,7 +367,9 @@ impl<'a> Profile<'a> {
         let luminance = &OBSERVER[1];
         let eye = match planned.plan.transmittance {
             Transmittance::Grey => vec![1.0],
-            Transmittance::Coloured => luminance.samples().map(|sample| sample / luminance.sum()).to_vec(),
+            Transmittance::Coloured | Transmittance::Mixed => {
+                luminance.samples().map(|sample| sample / luminance.sum()).to_vec()
+            }
         };
         let seen = vec![0.0; scene.materials.len()];
         Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen }

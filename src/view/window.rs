@@ -167,8 +167,8 @@ impl From<accesskit_winit::Event> for Woken {
     }
 }
 
-/// What comes of measuring: what was measured, and the setting to take, where one was asked for.
-type Measurement = Result<(Curve, Option<Choice>), ChoiceError>;
+/// What settings take and err by, and the one that was chosen by it.
+type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 
 /// The application.
 struct Viewer {
@@ -197,7 +197,7 @@ struct Viewer {
     prober: Prober,
     /// What was measured, and what is being measured.
     curve: Option<Curve>,
-    measuring: Option<Job<Measurement>>,
+    measuring: Option<Job<Chosen>>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
     solving: Option<Job<Result<Solution, PaletteError>>>,

@@ -131,7 +131,7 @@ impl<F> Bounding<'_, F> {
             for (e, &exponent) in planned.exponents(scene).iter().enumerate() {
                 let at = match plan.transmittance {
                     Transmittance::Grey => first(parts.highlights) + e,
-                    Transmittance::Coloured => first(parts.highlights + e * plan.lanes()) + i,
+                    Transmittance::Coloured | Transmittance::Mixed => first(parts.highlights + e * plan.lanes()) + i,
                 };
                 lit += of(at, 1.0, Self::steepness(exponent));
             }

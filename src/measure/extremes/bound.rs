@@ -61,6 +61,17 @@ impl Bound {
         }
     }
 
+    /// A march of very many equal steps through an optical `depth` where most is lost.
+    pub(super) fn deep_steps(samples: f64, depth: f64) -> Self {
+        Self {
+            name: "deep equal steps",
+            why: "as for equal steps; and from T = n/depth roundings on, a step adds less than half the last bit of the sum \
+                  and is lost, or rounded up: at most that much light in all",
+            roundings: samples.sqrt() + samples / depth,
+            besides: 0.0,
+        }
+    }
+
     /// A march of `samples` steps, relit.
     pub(super) fn picture(samples: f64) -> Self {
         Self {
@@ -70,6 +81,11 @@ impl Bound {
             roundings: Self::march(samples).roundings + LINEARITY / ROUNDING_UNIT,
             besides: 0.0,
         }
+    }
+
+    /// So many roundings.
+    pub(super) const fn rounded(name: &'static str, roundings: f64, why: &'static str) -> Self {
+        Self { name, why, roundings, besides: 0.0 }
     }
 
     /// So much whatever the rung.

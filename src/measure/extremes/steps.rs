@@ -28,15 +28,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
     })
     .collect();
     let bound = Bound::equal_steps(STEPS);
-    let deep = |depth: f64| {
-        let lost = STEPS / depth * ROUNDING_UNIT;
-        bound.and(
-            lost,
-            "deep equal steps",
-            "as for equal steps; and from T = n·2⁻²⁴/depth on, a step adds less than half the last bit of the sum and is \
-             lost, or rounded up: at most that much light in all",
-        )
-    };
+    let deep = |depth: f64| Bound::deep_steps(STEPS, depth);
     all.extend([
         equal_steps("grey", 1.0, 1.0, bound),
         equal_steps("grey", 5.0, 1.0, bound),
@@ -88,11 +80,13 @@ fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extrem
 fn million_steps() -> Extreme {
     let slab = Slab { dims: [1, 1, 2], opacity: 1e-2, step: 1e-6, ..Slab::default() };
     let asked = slab.clone();
-    let bound = Bound::equal_steps(1e6).and(
-        0.0475,
+    /// Of a million, each half the distance of sums below 2⁻⁶, relative to a sum of 0.0098.
+    const ROUNDINGS: f64 = 0.0475 / ROUNDING_UNIT;
+    let bound = Bound::rounded(
         "a million thin steps",
-        "what passes is off by the whole depth of 0.01 at most; each sum below 2⁻⁶ rounds by 2⁻³¹ at most, 4.7 % of a \
-         term, were they all to round one way",
+        ROUNDINGS + 1e3,
+        "each sum below 2⁻⁶ rounds by 2⁻⁷ roundings of 1 at most, in f32 4.7 % of a term, were they all to round one way; \
+         what passes is off by less, in f32 by no more than the whole depth of 0.01; and √n roundings",
     );
     let name = "1e6 steps so thin that 1 - opacity is 1";
     Extreme::shown(

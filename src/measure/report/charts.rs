@@ -177,7 +177,7 @@ pub(super) fn causes(rows: &[Measured]) -> Drawing {
     // A few large ones must not hide all others.
     let middle = sums.get(sums.len() / 2).copied().unwrap_or(1.0);
     let most = sums.last().copied().unwrap_or(1.0).min(4.0 * middle).max(LEAST);
-    let mut x = left;
+    let mut x = 20.0;
     for (cause, colour) in Cause::ALL.into_iter().zip(PARTS) {
         let is_there =
             |row: &Measured| row.causes.iter().any(|(known, error)| *known == cause && error.delta_e.mean > 0.0);

@@ -49,6 +49,7 @@ svg{max-width:100%;height:auto;font:12px system-ui,'DejaVu Sans',Helvetica,Arial
 img{image-rendering:pixelated;display:block}
 .wide{overflow-x:auto}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
 th,td{padding:3px 9px;text-align:right;border-bottom:1px solid var(--grid);white-space:nowrap}th:first-child,td:first-child{text-align:left}
+dl{display:grid;grid-template-columns:max-content 1fr;gap:4px 16px;margin:8px 0}dt{font-weight:600}dd{margin:0}
 tr.best td:first-child{font-weight:600;color:var(--accent)}";
 
 /// The page: what was found in short, time against error, a curve per knob, errors by cause, where they are, all numbers.
@@ -80,9 +81,11 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     section(
         "Which setting to use",
         "The fastest of those measured whose ΔE00 is within a limit in 95 of 100 pixels. \
-         1 can just be seen side by side, 2 to 4 at a glance.",
+         1 can just be seen side by side, 2 to 4 at a glance. What is named goes into the [accuracy] of the scene, all else \
+         staying as it is; relume render --max-error 1 looks for such a setting itself, also between these.",
         &choices(rows),
     );
+    section("What the words mean", "", &words());
     section(
         "Time against error",
         "Each dot is a setting; rest the pointer on it to read it. No setting is both faster and \
@@ -173,7 +176,8 @@ fn sentences(findings: &Findings<'_>) -> Vec<String> {
             ));
         }
     }
-    sentences.extend(NodesBesideRgb::of(rows).map(|found| found.sentence()));
+    sentences.extend(advice(rows));
+    sentences.extend(NodesBesideRgb::of(rows).map(|found| found.bought()));
     if rows.first().is_some_and(|own| own.carrier.starts_with("weights")) {
         sentences.push(
             "This scene keeps weights of its materials, which are exact under every light: what carries spectra adds no error."
@@ -181,6 +185,58 @@ fn sentences(findings: &Findings<'_>) -> Vec<String> {
         );
     }
     sentences
+}
+
+/// Which setting keeps what can just be seen side by side.
+fn advice(rows: &[Measured]) -> Option<String> {
+    const SEEN: f64 = 1.0;
+    let own = rows.first()?;
+    if own.error.delta_e.p95 <= SEEN {
+        return Some(format!(
+            "There is nothing to change: that is within ΔE00 {SEEN}, which can just be seen side by side, in 95 of 100 pixels."
+        ));
+    }
+    let found = cheapest(rows, SEEN)?;
+    Some(format!(
+        "To be within ΔE00 {SEEN}, which can just be seen side by side, in 95 of 100 pixels, take {}: {} ms a frame, {:.1} times as \
+         long.",
+        found.setting,
+        short(found.frame_ms),
+        found.frame_ms / own.frame_ms
+    ))
+}
+
+/// The page's words for whoever has not met them.
+fn words() -> String {
+    const WORDS: [(&str, &str); 7] = [
+        (
+            "ΔE00",
+            "how different two colours look (CIEDE2000): below 0.5 nobody sees it, 1 can just be seen side by side",
+        ),
+        ("mean, p95, max", "on average over the pixels; what 95 of 100 pixels are within; in the worst of them"),
+        ("the truth", "the same scene with all 81 wavelengths, exact arithmetic and steps too short to matter"),
+        (
+            "step",
+            "how far apart light looks at the volume along a ray, in voxels: what is thinner is missed; half the step takes up to \
+             twice the time",
+        ),
+        (
+            "weights",
+            "a pixel keeps how much it shows of each material. That is exact under every light, but only where all wavelengths are \
+             absorbed alike",
+        ),
+        (
+            "k, basis",
+            "where a pixel keeps no weights it keeps k numbers in place of 81 wavelengths; the basis is how they stand for them. \
+             Nodes, the usual one, are k wavelengths chosen for the scene; rgb is what renderers without spectra do",
+        ),
+        (
+            "the scene's own",
+            "the setting of the scene file; every other row differs from it in what is named, and in nothing else",
+        ),
+    ];
+    let row = |(word, meaning): (&str, &str)| format!("<dt>{word}</dt><dd>{meaning}.</dd>\n");
+    format!("<dl>\n{}</dl>\n", WORDS.map(row).concat())
 }
 
 /// What half a step leaves of an error of this order, in words.

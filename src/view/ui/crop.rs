@@ -12,7 +12,7 @@ use crate::view::state::{Cost, Document, Edit};
 use crate::volume::Geometry;
 
 /// Points across a handle.
-const HANDLE: f32 = 12.0;
+const HANDLE: f32 = 14.0;
 /// Parts of the volume that a hand is as fine as.
 const PARTS: f64 = 1e4;
 const AXES: [&str; 3] = ["x", "y", "z"];

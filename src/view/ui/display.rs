@@ -1,6 +1,6 @@
 //! The display panel: how colours reach the screen.
 
-use egui::{Slider, Ui};
+use egui::{ComboBox, Slider, Ui};
 
 use super::controls::panel;
 use crate::spectrum::deficiency::Deficiency;
@@ -26,26 +26,23 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
-        ui.horizontal_wrapped(|ui| {
+        ui.horizontal(|ui| {
             ui.label("Seen by");
-            let now = display.deficiency;
-            let mut seen = |ui: &mut Ui, by: Option<Deficiency>, name: &str, help: &str| {
-                if ui.selectable_label(now == by, name).on_hover_text(help).clicked() {
-                    asked.push(Action::Edit(Edit::Deficiency(by)));
+            let mut by = display.deficiency;
+            let named = |by: Option<Deficiency>| by.map_or_else(|| "all cones".to_owned(), |by| by.to_string());
+            ComboBox::from_id_salt("seen by").selected_text(named(by)).show_ui(ui, |ui| {
+                ui.selectable_value(&mut by, None, named(None)).on_hover_text("As most people see it.");
+                for one in Deficiency::ALL {
+                    let help = match one {
+                        Deficiency::Protan => "As somebody sees it without cones for long waves: red is dark.",
+                        Deficiency::Deutan => "As somebody sees it without cones for middle waves: red and green meet.",
+                        Deficiency::Tritan => "As somebody sees it without cones for short waves: blue and green meet.",
+                    };
+                    ui.selectable_value(&mut by, Some(one), named(Some(one))).on_hover_text(help);
                 }
-            };
-            seen(ui, None, "all cones", "As most people see it.");
-            for by in Deficiency::ALL {
-                let (name, help) = match by {
-                    Deficiency::Protan => ("protan", "As somebody sees it without cones for long waves: red is dark."),
-                    Deficiency::Deutan => {
-                        ("deutan", "As somebody sees it without cones for middle waves: red and green meet.")
-                    }
-                    Deficiency::Tritan => {
-                        ("tritan", "As somebody sees it without cones for short waves: blue and green meet.")
-                    }
-                };
-                seen(ui, Some(by), name, help);
+            });
+            if by != display.deficiency {
+                asked.push(Action::Edit(Edit::Deficiency(by)));
             }
         });
     });

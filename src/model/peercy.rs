@@ -1,0 +1,78 @@
+//! Peercy's full matrices: products of spectra as k × k matrices in an orthonormal basis (Peercy 1993, "Linear color
+//! representations for full spectral rendering").
+//!
+//! A vector holds the light; what it meets is a matrix `Mᵢⱼ = Σ eᵢ·s·eⱼ`, the spectrum `s` seen through the basis. Here the
+//! light's own spectrum enters last, as in every model of this program, so that vectors are of what materials send back.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::sharpened::{basis, dual, visual_roots};
+use super::{ColourModel, matrix_of};
+use crate::spectrum::colour::{Xyz, xyz_of};
+use crate::spectrum::{BANDS, Light, Spectrum};
+
+/// The basis that holds most of the spectra of `cloud`, turned so that all coefficients of white are alike, which is then 1: a
+/// turn changes no product of matrices.
+pub(super) fn projection(cloud: &[Spectrum], dimension: usize) -> Vec<Spectrum> {
+    let roots = visual_roots();
+    let basis = basis(cloud, &[&Spectrum::constant(1.0)], dimension, &roots);
+    let white = basis.transpose() * DVector::from_column_slice(&roots);
+    let (length, side) = (white.norm(), crate::number::count(dimension).sqrt());
+    // The reflection that takes white's direction to that of (1, 1, …).
+    let mirror = &white / length - DVector::from_element(dimension, side.recip());
+    let square = mirror.norm_squared();
+    let mut turned = basis;
+    if square > 1e-24 {
+        let along = &turned * &mirror;
+        turned -= along * mirror.transpose() * (2.0 / square);
+    }
+    let scale = side / length;
+    let row =
+        |index: usize| Spectrum::from_samples(std::array::from_fn(|band| scale * turned[(band, index)] * roots[band]));
+    (0..dimension).map(row).collect()
+}
+
+/// XYZ per unit of each component under a light: the colours of the dual basis, lit.
+pub(super) fn matrix(projection: &[Spectrum], light: &Light) -> Vec<[f64; 3]> {
+    let dual = dual(projection);
+    let of = |index: usize| Spectrum::from_samples(std::array::from_fn(|band| dual[(band, index)]));
+    let lit = |index: usize| {
+        let Xyz(xyz) = xyz_of(&(light.spectrum() * &of(index)));
+        xyz
+    };
+    (0..projection.len()).map(lit).collect()
+}
+
+/// Spectra as vectors, and as the matrices that take them to others.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Matrices {
+    /// k × 81.
+    projection: DMatrix<f64>,
+    /// 81 × k.
+    dual: DMatrix<f64>,
+}
+
+impl Matrices {
+    /// Those of `model`'s basis.
+    #[must_use]
+    pub fn new(model: &ColourModel) -> Self {
+        Self { projection: matrix_of(model.projection()), dual: dual(model.projection()) }
+    }
+
+    /// The k coefficients of a spectrum.
+    #[must_use]
+    pub fn vector(&self, spectrum: &[f64; BANDS]) -> Vec<f64> {
+        (&self.projection * DVector::from_column_slice(spectrum)).as_slice().to_vec()
+    }
+
+    /// The k × k matrix, row by row, of what `spectrum` leaves of each component in each other.
+    #[must_use]
+    pub fn matrix(&self, spectrum: &[f64; BANDS]) -> Vec<f64> {
+        let mut met = self.dual.clone();
+        for (mut row, &factor) in met.row_iter_mut().zip(spectrum) {
+            row *= factor;
+        }
+        // Column by column of the transpose: row by row.
+        (&self.projection * met).transpose().as_slice().to_vec()
+    }
+}

@@ -1,0 +1,180 @@
+//! Peercy's full matrices on every rung: what passes a step is a matrix, front to back.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod support;
+
+use std::path::Path;
+
+use nalgebra::{DMatrix, DVector};
+use relume::model::Matrices;
+use relume::plan::{PlanError, Transmittance, plan};
+use relume::progress::Quiet;
+use relume::reference::Real;
+use relume::render::{Dispatching, RenderError};
+use relume::scene::{Scene, SceneOptions, StoreAs, parse};
+use relume::spectrum::{BANDS, Spectrum};
+use relume::tables::Accumulation;
+use support::rungs::{Rungs, with_renderer};
+use support::scenes::{GLASS, SIZE};
+
+fn scene(text: &str) -> Scene {
+    parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+}
+
+/// The glass carried by so many numbers and their matrices; interpolated in f32 on devices, too, so that samples are alike.
+fn glass(k: usize) -> Scene {
+    let accuracy = format!("[accuracy]\nmodel = \"peercy\"\nk = {k}\ninterpolation = \"exact_linear\"");
+    scene(&GLASS.replace("[accuracy]", &accuracy))
+}
+
+/// A slab of one value before a background, straight on, in 64 steps.
+fn slab(k: usize) -> Rungs {
+    let text = format!(
+        r#"
+        version = 1
+        shading = "none"
+        background = "blue sky"
+        [volume]
+        phantom = "slab"
+        dims = [3, 3, 65]
+        [materials.glass]
+        reflectance = "orange"
+        absorption = {{ gaussian = [{{ centre = 560, sigma = 50, height = 1.0 }}], base = 0.05 }}
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "glass"
+        range = [-1e9, 1e9]
+        opacity = 0.02
+        absorption = 0.04
+        [lights.day]
+        spectrum = "D65"
+        kind = "ambient"
+        [camera]
+        projection = "orthographic"
+        height = 1
+        azimuth = 0
+        elevation = 0
+        [accuracy]
+        step = 1
+        termination = 0
+        model = "peercy"
+        k = {k}
+        "#
+    );
+    Rungs::new(scene(&text), [1, 1])
+}
+
+fn wide<R: Real>(sums: &Accumulation<R>) -> [Vec<f64>; 2] {
+    [&sums.weights, &sums.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
+}
+
+/// What comes back is (1 + M + … + M⁶³)·s, what passes is M⁶⁴, with the matrix M and the source s of one step; the powers by
+/// another program's matrices.
+#[test]
+fn a_slab_is_the_power_of_its_matrix() {
+    for k in [3, 8] {
+        let rungs = slab(k);
+        let model = rungs.planned.model.clone().unwrap();
+        let matrices = Matrices::new(&model);
+        let material = &rungs.scene.materials[0];
+        let scattering = -(-0.02_f64).ln_1p();
+        let absorbed = material.absorption.as_ref().unwrap().spectrum();
+        let depth = absorbed.samples().map(|part| 0.04f64.mul_add(part, scattering));
+        let reflected = material.reflectance.spectrum().samples();
+        let sent: [f64; BANDS] =
+            std::array::from_fn(|band| scattering * reflected[band] * -(-depth[band]).exp_m1() / depth[band]);
+        let met = DMatrix::from_row_slice(k, k, &matrices.matrix(&depth.map(|depth| (-depth).exp())));
+        let source = DVector::from_vec(matrices.vector(&sent));
+        let (mut through, mut back) = (DMatrix::identity(k, k), DVector::zeros(k));
+        for _ in 0..64 {
+            back += &through * &source;
+            through *= &met;
+        }
+        let passed: Vec<f64> = through.transpose().as_slice().to_vec();
+        let check = |rung: &str, [found, passing]: [Vec<f64>; 2], limit: f64| {
+            assert_eq!((found.len(), passing.len()), (k, k * k), "{rung}");
+            for (found, expected) in found.iter().zip(&back).chain(passing.iter().zip(&passed)) {
+                assert!((found - expected).abs() <= limit, "{rung}, k = {k}: {found} for {expected}");
+            }
+        };
+        check("reference f64", wide(&rungs.march::<f64>(&rungs.exact())), 1e-12);
+        // A number of T sums k products a step, each rounded once, of numbers that are 1 at most; as does one of the light.
+        let limit = 64.0 * f64::from(u8::try_from(k).unwrap() + 2) * f64::from(f32::EPSILON);
+        check("reference f32", wide(&rungs.march::<f32>(&rungs.stored())), limit);
+        with_renderer(|renderer| check("GPU", wide(&rungs.gpu(renderer)), limit));
+    }
+}
+
+/// All that a plan can have at once: highlights, several positions, a background.
+#[test]
+fn a_device_marches_matrices_as_the_reference_does() {
+    let rungs = Rungs::new(glass(5), SIZE);
+    assert_eq!(rungs.planned.plan.transmittance, Transmittance::Mixed);
+    let expected = wide(&rungs.march::<f64>(&rungs.stored()));
+    let check = |rung: &str, found: [Vec<f64>; 2]| {
+        for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+            // Some 60 samples at places that f32 rounds, in ramps that 0.05 of the values are wide.
+            assert!((found - expected).abs() <= 5e-4, "{rung}: {found} for {expected}");
+        }
+    };
+    check("reference f32", wide(&rungs.march::<f32>(&rungs.stored())));
+    with_renderer(|renderer| check("GPU", wide(&rungs.gpu(renderer))));
+}
+
+#[test]
+fn a_march_of_matrices_rests_and_goes_on() {
+    let rungs = Rungs::new(glass(5), SIZE);
+    with_renderer(|renderer| {
+        let whole = rungs.gpu(renderer);
+        let device = renderer.device().clone();
+        let cut =
+            relume::render::Renderer::new(device).with_dispatching(Dispatching { slice: 7, ..Dispatching::default() });
+        assert_eq!(rungs.gpu(&cut), whole, "the same bytes");
+    });
+}
+
+/// White is 1 in every number, no light is a matrix of zeros, and what amplifies nothing stays within 1.
+#[test]
+fn matrices_are_those_of_an_orthonormal_basis() {
+    for k in [1, 4, 8, 16] {
+        let planned = plan(&glass(k), &Quiet).unwrap();
+        let matrices = Matrices::new(planned.model.as_ref().unwrap());
+        let is_one = |found: f64| assert!((found - 1.0).abs() <= 1e-9, "k = {k}: {found}");
+        matrices.vector(&[1.0; BANDS]).into_iter().for_each(is_one);
+        for (n, part) in matrices.matrix(&[1.0; BANDS]).into_iter().enumerate() {
+            is_one(part + if n % (k + 1) == 0 { 0.0 } else { 1.0 });
+        }
+        let green = Spectrum::gaussian(540.0, 30.0, 1.0).unwrap();
+        let met = DMatrix::from_row_slice(k, k, &matrices.matrix(green.samples()));
+        assert!((&met - met.transpose()).abs().max() <= 1e-9, "k = {k}: symmetric");
+        let most = met.symmetric_eigen().eigenvalues;
+        assert!(most.iter().all(|&value| (-1e-9..=1.0 + 1e-9).contains(&value)), "k = {k}: {most}");
+    }
+}
+
+/// More numbers carry more: at 16, as good as all wavelengths to the eye.
+#[test]
+fn the_errors_of_matrices_fall_with_their_size() {
+    let error = |k: usize| {
+        let planned = plan(&glass(k), &Quiet).unwrap();
+        planned.model.as_ref().unwrap().lights().iter().map(|(.., matrix)| matrix.error.mean).fold(0.0, f64::max)
+    };
+    let errors = [3, 8, 16].map(error);
+    assert!(errors[0] > errors[1] && errors[1] > errors[2] && errors[2] <= 0.05, "{errors:?}");
+}
+
+#[test]
+fn matrices_are_refused_where_they_cannot_be() {
+    let mut half = glass(4);
+    half.accuracy.storage = StoreAs::Half;
+    assert!(matches!(plan(&half, &Quiet), Err(PlanError::HalfMatrix)));
+    let rungs = Rungs::new(glass(9), [2, 2]);
+    with_renderer(|renderer| {
+        let statistics = rungs.scene.volume.statistics().unwrap();
+        let uploaded = renderer.upload(&rungs.scene, &rungs.planned, &statistics, &Quiet).unwrap();
+        let refused = renderer.march(&rungs.scene, &rungs.planned, &uploaded, [2, 2], &Quiet).unwrap_err();
+        assert!(matches!(refused, RenderError::Matrix { dimension: 9 }), "{refused}");
+        assert!(refused.to_string().contains("--k 8 or less"), "{refused}");
+    });
+}
