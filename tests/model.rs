@@ -704,5 +704,5 @@ fn models_have_names() {
         assert_eq!(serde_json::from_str::<ModelKind>(&json).unwrap(), kind);
     }
     let error = "node".parse::<ModelKind>().unwrap_err();
-    assert!(error.contains("nodes, sharpened, sharpened-semigroup, bands, rgb"), "{error}");
+    assert!(error.contains("nodes, sharpened, sharpened-semigroup, peercy, bands, rgb"), "{error}");
 }
