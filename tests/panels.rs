@@ -453,6 +453,8 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
         window.state().document.as_ref().unwrap().state().palette.as_deref().cloned().unwrap()
     };
     assert_eq!(palette(&window).materials.len(), 2);
+    // As the window does where no button is held: what follows is a step of its own.
+    window.state_mut().document.as_mut().unwrap().rest();
     window.get_by_label("flesh under day").click_accesskit();
     window.run();
     assert!(window.query_by_label("weight").is_some(), "what is asked of the cell");

@@ -350,7 +350,7 @@ mod tests {
         assert_eq!(after(Step::Target(1, 1, white)).target_text(1, 1), "#ffffff");
         assert_eq!(after(Step::Target(1, 1, None)).target_text(1, 1), "free");
         let weight =
-            after(Step::Weight(0, 1, 3.0)).cells.iter().find(|it| (it.material, it.light) == (0, 1)).unwrap().weight;
+            after(Step::Weight(1, 1, 3.0)).cells.iter().find(|it| (it.material, it.light) == (1, 1)).unwrap().weight;
         assert!((weight - 3.0).abs() <= 0.0, "{weight}");
         let given = after(Step::Open(Side::Material, 1, false));
         assert_eq!(given.materials[1].spectrum.as_ref(), Some(scene.materials[1].reflectance.spectrum()));
