@@ -149,6 +149,9 @@ fn an_earlier_run_is_kept_to_within_the_budget() {
     before["rows"][0]["id"] = "something else".into();
     against(&before, &ample).assert_refused(1, &["none of its rows was measured now"]);
     against(&Value::Null, &ample).assert_refused(1, &["before.json", "no rows"]);
+    // Before anything is measured: this scene has nothing that could be.
+    let nothing = ["bench", "default", "--against", "nothing.json", "-D", "volume.dims=[0,0,0]"];
+    folder.refused(1, &nothing, &["--against nothing.json", "`relume bench --json`"]);
     folder.refused(2, &["bench", "model", "--against", "before.json"], &["--against does nothing here"]);
     folder.refused(2, &["bench", "peer", "-o", "costs.txt"], &["ends in .html"]);
 }

@@ -267,6 +267,7 @@ fn four_natural_materials_need_at_most_eight_nodes_in_the_median() {
         assert!(model.lights().iter().all(|(.., matrix)| matrix.unseen.is_some_and(|unseen| unseen.max <= 1.0)));
         dimensions.push(model.dimension());
     }
+    assert!(dimensions[0] <= 8, "of the patches that are far apart: {dimensions:?}");
     dimensions.sort_unstable();
     assert!(dimensions[2] <= 8, "{dimensions:?}");
 }

@@ -13,7 +13,7 @@ use relume::render::Renderer;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::accuracy::AccuracyArgs;
-use super::bench_against::Against;
+use super::bench_against::{Against, Earlier};
 use super::bench_cases::{self, Case, Keeping, Subject};
 use super::bench_costs;
 use super::bench_frames::{Bench, Row};
@@ -278,6 +278,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
 /// Measures what needs a device.
 fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
+    let info = renderer.device().info();
+    // A file that does not compare is told of before anything is measured.
+    let device = format!("{} ({})", info.name, info.driver);
+    let earlier = args.against.as_deref().map(|path| Earlier::read(path, &device)).transpose()?;
     let cases = args.workloads.iter().flat_map(|workload| workload.cases(args.size, args.largest, args.shading));
     let cases: Vec<Case> = cases.collect();
     let mut bench = Bench::new(args, &renderer, progress);
@@ -295,7 +299,6 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
             Err(error) => return Err(error),
         }
     }
-    let info = renderer.device().info();
     let found = bench_costs::Costs::of(&rows, info);
     if let Some(output) = &args.output {
         write_atomically(output, |sink| sink.write_all(found.html().as_bytes()))?;
@@ -308,9 +311,8 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         "interrupted": interrupted,
     });
     let mut text = found.text();
-    if let Some(path) = &args.against {
-        let device = format!("{} ({})", info.name, info.driver);
-        let against = Against::new(path, &rows, &device, args.budget_percent)?;
+    if let Some(earlier) = &earlier {
+        let against = Against::new(earlier, &rows, args.budget_percent)?;
         text.push_str(&against.text());
         json["holds"] = against.holds().into();
         json["against"] = json!(against);

@@ -13,6 +13,12 @@ const LONGEST: u64 = 16 << 20;
 /// Times differ by as much, in ms, whatever is measured.
 const ALIKE_MS: f64 = 0.5;
 
+/// An earlier run.
+pub(super) struct Earlier<'a> {
+    path: &'a Path,
+    rows: Vec<Value>,
+}
+
 /// What came of the comparison.
 #[derive(Serialize)]
 pub(super) struct Against {
@@ -34,22 +40,35 @@ struct Dearer {
     now: f64,
 }
 
-impl Against {
-    /// `rows`, measured on `device`, beside those that `--json` wrote to the file at `path`.
+impl<'a> Earlier<'a> {
+    /// What `--json` wrote to the file at `path`, measured on `device`.
     ///
     /// # Errors
     ///
-    /// [`CliError`] for a file of something else, of another device, or of no row that is among these.
-    pub(super) fn new(path: &Path, rows: &[Row], device: &str, budget_percent: f64) -> Result<Self, CliError> {
-        let wrong = |problem: &str| CliError::Failed(format!("{}: {problem}", path.display()));
-        let bytes = relume::input::read(path, LONGEST).map_err(|error| wrong(&error.to_string()))?;
-        let stored: Value = serde_json::from_slice(&bytes)
+    /// [`CliError`] for a file of something else or of another device.
+    pub(super) fn read(path: &'a Path, device: &str) -> Result<Self, CliError> {
+        let wrong = |problem: &str| CliError::Failed(format!("--against {}: {problem}", path.display()));
+        let bytes = relume::input::read(path, LONGEST)
+            .map_err(|error| wrong(&format!("{error}; `relume bench --json` prints what it takes")))?;
+        let mut stored: Value = serde_json::from_slice(&bytes)
             .map_err(|error| wrong(&format!("this is not what `relume bench --json` prints: {error}")))?;
-        let known = stored["rows"].as_array().filter(|rows| !rows.is_empty());
-        let known = known.ok_or_else(|| wrong("there are no rows of `relume bench --json` in it"))?;
-        if let Some(other) = known.iter().filter_map(|row| row["device"].as_str()).find(|other| *other != device) {
+        let rows = stored["rows"].as_array_mut().map(std::mem::take).filter(|rows| !rows.is_empty());
+        let rows = rows.ok_or_else(|| wrong("there are no rows of `relume bench --json` in it"))?;
+        if let Some(other) = rows.iter().filter_map(|row| row["device"].as_str()).find(|other| *other != device) {
             return Err(wrong(&format!("it was measured on {other}, and this is {device}: times do not compare")));
         }
+        Ok(Self { path, rows })
+    }
+}
+
+impl Against {
+    /// `rows` beside those of `earlier`.
+    ///
+    /// # Errors
+    ///
+    /// [`CliError`] where no row is among those.
+    pub(super) fn new(earlier: &Earlier<'_>, rows: &[Row], budget_percent: f64) -> Result<Self, CliError> {
+        let Earlier { path, rows: known } = earlier;
         let (mut compared, mut dearer) = (0, Vec::new());
         for row in rows {
             let Some(before) = known.iter().find(|before| before["id"] == row.id.as_str()) else { continue };
@@ -70,7 +89,8 @@ impl Against {
             }
         }
         if compared == 0 {
-            return Err(wrong("none of its rows was measured now: name the same workloads"));
+            let problem = "none of its rows was measured now: name the same workloads";
+            return Err(CliError::Failed(format!("--against {}: {problem}", path.display())));
         }
         let (file, new) = (path.display().to_string(), rows.len() - compared);
         Ok(Self { file, budget_percent, compared, new, dearer })
