@@ -1,5 +1,14 @@
 //! `relume bench`: how long marching, relighting, reading and designing take; how good colour models are.
 
+mod against;
+mod cases;
+mod costs;
+mod frames;
+mod load;
+mod model;
+mod needs;
+mod palette;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -12,13 +21,15 @@ use relume::progress::Progress;
 use relume::render::Renderer;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
+use against::{Against, Earlier};
+use cases::{Case, Keeping, Subject};
+use frames::{Bench, Row};
+
 use super::accuracy::AccuracyArgs;
-use super::bench_against::{Against, Earlier};
-use super::bench_cases::{self, Case, Keeping, Subject};
-use super::bench_costs;
-use super::bench_frames::{Bench, Row};
+use super::model::Learnt;
+use super::render::matrices;
 use super::scene::{DefineArgs, SelectionArgs, size};
-use super::{CliError, INTERRUPTED, Report, bench_load, bench_model, bench_needs, bench_palette, exit_code, files};
+use super::{CliError, INTERRUPTED, Report, exit_code, figures, files};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -45,11 +56,11 @@ pub(crate) struct Args {
     workloads: Vec<Workload>,
     /// The real frog for the workloads `peer…`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
-    pub(super) volume: Option<PathBuf>,
+    volume: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) selection: SelectionArgs,
+    selection: SelectionArgs,
     #[command(flatten)]
-    pub(super) accuracy: AccuracyArgs,
+    accuracy: AccuracyArgs,
     /// Pixels across and down; by default 800x800, and of scenes, paper and scaling 400x400, 800x800 and 1920x1080.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[usize; 2]>,
@@ -58,12 +69,12 @@ pub(crate) struct Args {
     largest: u32,
     /// Frames to measure, after two that warm up; how often `load` reads and `palette` solves.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) frames: u32,
+    frames: u32,
     /// Scenes that colour models are measured on.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
     #[command(flatten)]
-    pub(super) define: DefineArgs,
+    define: DefineArgs,
     /// Only this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
@@ -160,9 +171,9 @@ impl Workload {
             }
             Self::Scenes | Self::Paper | Self::Scaling => {
                 let mut cases = match self {
-                    Self::Scenes => bench_cases::scenes(size),
-                    Self::Paper => bench_cases::paper(size),
-                    _ => bench_cases::scaling(size, largest),
+                    Self::Scenes => cases::scenes(size),
+                    Self::Paper => cases::paper(size),
+                    _ => cases::scaling(size, largest),
                 };
                 cases.iter_mut().for_each(|case| case.unshaded = shading == Some(BenchShading::None));
                 return cases;
@@ -249,16 +260,16 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     let stopped = reports.iter().any(|report: &Report| report.json["interrupted"] == true);
     let others = |workload| args.workloads.contains(&workload) && !stopped;
     if others(Workload::Needs) {
-        reports.push(bench_needs::run(&args.device, progress)?);
+        reports.push(needs::run(&args.device, progress)?);
     }
     if others(Workload::Model) {
-        reports.push(bench_model::run(args.scenes.into(), progress)?);
+        reports.push(model::run(args.scenes.into(), progress)?);
     }
     if others(Workload::Palette) {
-        reports.push(bench_palette::run(args.frames, progress)?);
+        reports.push(palette::run(args.frames, progress)?);
     }
     if others(Workload::Load) {
-        reports.push(bench_load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
+        reports.push(load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {
@@ -299,7 +310,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
             Err(error) => return Err(error),
         }
     }
-    let found = bench_costs::Costs::of(&rows, info);
+    let found = costs::Costs::of(&rows, info, interrupted);
     if let Some(output) = &args.output {
         write_atomically(output, |sink| sink.write_all(found.html().as_bytes()))?;
     }
@@ -316,9 +327,6 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         text.push_str(&against.text());
         json["holds"] = against.holds().into();
         json["against"] = json!(against);
-    }
-    if interrupted {
-        text.push_str("\ninterrupted: these are the rows that were measured before\n");
     }
     Ok(Report { text, json })
 }
