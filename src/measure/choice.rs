@@ -84,7 +84,7 @@ const MARGIN: f64 = 0.92;
 /// Steps are 2^(n/4) voxels, for n in this range: between an eighth and 16.
 const STEPS: RangeInclusive<i32> = -12..=16;
 /// What a pixel keeps where weights are not exact: whole vectors, which cost what their spare numbers would.
-const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
+pub(super) const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
 /// Shares of the pixels across that are marched: half of all pixels less each time.
 const SCALES: [f64; 7] = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
 /// By how many steps shorter the march of one of them takes as long as that of the one before.
@@ -219,7 +219,7 @@ pub fn curve(
     const OCTAVES: [i32; 5] = [-8, -4, 0, 4, 8];
     let mut curve = Curve::new(renderer, scene, mix, size, cache, progress)?;
     let settings: Vec<Setting> = std::iter::once(Setting::default())
-        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(n, dimension, 1.0))))
+        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(voxels(n), dimension, 1.0))))
         .collect();
     let measured: Result<(), ChoiceError> = settings.iter().try_for_each(|setting| curve.point(setting).map(drop));
     curve.keep();
@@ -245,9 +245,10 @@ struct Curve<'a> {
 }
 
 /// What measuring needs, made when it is first needed.
-struct Bench<'a> {
+pub(super) struct Bench<'a> {
     ladder: Ladder<'a>,
     uploaded: Uploaded,
+    size: [usize; 2],
     truth: Vec<glam::DVec3>,
     /// Of the truth, in world units.
     step_length: f64,
@@ -262,8 +263,9 @@ fn voxels(n: i32) -> f64 {
     format!("{rounded:.6}").parse().unwrap_or(exact)
 }
 
-fn setting(n: i32, dimension: Option<usize>, scale: f64) -> Setting {
-    let mut setting = Setting::default().with(Knob::Step, Value::Number(voxels(n)));
+/// A step of so many voxels, so many numbers of a colour model where there is one, and such a share of the pixels across.
+pub(super) fn setting(step: f64, dimension: Option<usize>, scale: f64) -> Setting {
+    let mut setting = Setting::default().with(Knob::Step, Value::Number(step));
     if let Some(k) = dimension {
         setting = setting.with(Knob::K, Value::Number(count(k)));
     }
@@ -321,12 +323,16 @@ impl<'a> Curve<'a> {
         let planned = plan(&scene, self.progress)?;
         let mut bench = match self.bench.take() {
             Some(bench) => bench,
-            None => Bench::new(self.renderer, self.scene, self.mix, &planned, self.size, self.progress)?,
+            None => {
+                let drawn = (PIXELS, SEED);
+                Bench::new(self.renderer, self.scene, self.mix, &planned, self.size, drawn, self.progress)?
+            }
         };
-        let sizes = (setting.marched_size(self.size), self.size);
-        let point = bench.measure(self.renderer, &scene, &planned, sizes, self.progress);
+        let marched = setting.marched_size(self.size);
+        let error = bench.error(self.renderer, &scene, &planned, marched, self.progress)?;
+        let frame_ms = bench.time(self.renderer, &scene, &planned, marched, self.progress)?;
         self.bench = Some(bench);
-        let point = point?;
+        let point = Point { frame_ms, error };
         self.measured += 1;
         self.known.insert(setting, point);
         Ok(point)
@@ -397,7 +403,7 @@ impl<'a> Curve<'a> {
         let mut tried: BTreeMap<i32, Tried> = BTreeMap::new();
         let mut next = first;
         loop {
-            let setting = setting(next, dimension, scale);
+            let setting = setting(voxels(next), dimension, scale);
             let point = self.point(&setting)?;
             tried.insert(next, (setting.clone(), point));
             let keeps = |n: &i32| tried.get(n).is_some_and(|(_, point)| point.error.p95 <= limit);
@@ -475,7 +481,7 @@ impl<'a> Curve<'a> {
         let (mut low, mut high, mut next) = (*STEPS.start(), *STEPS.end(), first);
         let (mut found, mut least, mut tries) = (*STEPS.end(), f64::INFINITY, 0);
         while low <= high {
-            let point = self.point(&setting(next, dimension, scale))?;
+            let point = self.point(&setting(voxels(next), dimension, scale))?;
             // Where a step is fast enough longer ones are as well, about.
             if point.frame_ms <= limit {
                 (found, least, high) = (next, least.min(point.error.p95), next - 1);
@@ -509,55 +515,75 @@ impl<'a> Curve<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(
+    /// For pictures of `size` of `scene`, whose errors are those of so many pixels, drawn by a seed.
+    pub(super) fn new(
         renderer: &Renderer,
         scene: &'a Scene,
         mix: &Mix,
         planned: &Planned,
         size: [usize; 2],
+        (most, seed): (usize, u64),
         progress: &dyn Progress,
     ) -> Result<Self, ChoiceError> {
-        let ladder = drawn(scene, mix, size, PIXELS, SEED, progress)?;
+        let ladder = drawn(scene, mix, size, most, seed, progress)?;
         if ladder.pixels.is_empty() {
             return Err(ChoiceError::Nothing { source_name: scene.source.clone() });
         }
         let uploaded = renderer.upload(scene, planned, ladder.statistics(), progress)?;
-        Ok(Self { ladder, uploaded, truth: Vec::new(), step_length: f64::INFINITY })
+        Ok(Self { ladder, uploaded, size, truth: Vec::new(), step_length: f64::INFINITY })
     }
 
-    fn measure(
-        &mut self,
-        renderer: &Renderer,
-        scene: &Scene,
-        planned: &Planned,
-        (marched, size): ([usize; 2], [usize; 2]),
-        progress: &dyn Progress,
-    ) -> Result<Point, ChoiceError> {
-        let step_length = scene.accuracy.step_length;
+    /// Makes the truth that pictures with steps of such a length are measured against.
+    pub(super) fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), ChoiceError> {
         // A truth of a quarter of the step leaves a sixteenth of an error of second order; one is made for several steps.
         if self.step_length > step_length / 4.0 {
             self.ladder.finest = step_length;
             self.truth = self.ladder.truth_in(&self.ladder.pixels, progress)?;
             self.step_length = step_length / FINER;
         }
-        let matrices = self.ladder.shown(scene, planned);
-        let enlargement = Enlargement::new(marched, size);
-        let mut times = Vec::new();
+        Ok(())
+    }
+
+    /// How far a picture of `scene` is from the truth of which so many pixels are `marched`.
+    pub(super) fn error(
+        &mut self,
+        renderer: &Renderer,
+        scene: &Scene,
+        planned: &Planned,
+        marched: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<ErrorSummary, ChoiceError> {
+        self.truth_for(scene.accuracy.step_length, progress)?;
         let shown = picture(renderer, &self.ladder, scene, planned, &self.uploaded, marched, progress)?;
+        let shown = looked_up(&Enlargement::new(marched, self.size).pixels(&shown), self.size, &self.ladder.pixels);
+        Ok(ErrorSummary::of(&delta_e(&shown, &self.truth)))
+    }
+
+    /// What a frame of it takes on the wall, the median, in ms.
+    pub(super) fn time(
+        &self,
+        renderer: &Renderer,
+        scene: &Scene,
+        planned: &Planned,
+        marched: [usize; 2],
+        progress: &dyn Progress,
+    ) -> Result<f64, ChoiceError> {
+        let matrices = self.ladder.shown(scene, planned);
+        let enlargement = Enlargement::new(marched, self.size);
+        let blank = vec![[0.0; 4]; marched[0] * marched[1]];
+        let mut times = Vec::new();
         for run in 0..=RUNS {
             let clock = Stopwatch::start();
             let accumulators = renderer.march(scene, planned, &self.uploaded, marched, progress)?;
             let relight = renderer.relight_display(&accumulators)?;
             relight.run(&matrices)?;
             if !enlargement.is_none() {
-                std::hint::black_box(enlargement.pixels(&shown));
+                std::hint::black_box(enlargement.pixels(&blank));
             }
             if run > 0 {
                 times.push(clock.read().wall_ms);
             }
         }
-        let shown = looked_up(&enlargement.pixels(&shown), size, &self.ladder.pixels);
-        let frame_ms = summary(&times).map_or(f64::NAN, |times| times.median);
-        Ok(Point { frame_ms, error: ErrorSummary::of(&delta_e(&shown, &self.truth)) })
+        Ok(summary(&times).map_or(f64::NAN, |times| times.median))
     }
 }

@@ -8,6 +8,7 @@ mod difference;
 mod enlarge;
 pub mod extremes;
 mod findings;
+mod goals;
 mod image_error;
 mod ladder;
 mod leaping;
@@ -27,6 +28,7 @@ pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered
 pub use difference::Difference;
 pub use enlarge::Enlargement;
 pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
+pub use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
 pub use image_error::{ImageError, MeasureError, Spread};
 pub use ladder::{Cause, LadderError, Lattice};
 pub use model::{

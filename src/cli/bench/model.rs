@@ -9,22 +9,11 @@ use relume::measure::{
 use relume::model::{Amplification, ErrorSummary, ModelKind, Order};
 use relume::progress::Progress;
 
-use super::{CliError, Report};
+use super::{CliError, Report, Silent};
 
 const TOLERANCES: [f64; 3] = [2.0, 1.0, 0.5];
 /// More scenes than this move the errors of fixed dimensions no more.
 const MOST_SCENES: usize = 12;
-
-/// Passes on that work should stop, and not how far it is: this table is a thousand fits.
-struct Silent<'a>(&'a dyn Progress);
-
-impl Progress for Silent<'_> {
-    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
-    }
-}
 
 pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliError> {
     let settings: Vec<ModelSetting> = (0..LIGHT_GROUPS.len()).flat_map(settings).collect();
