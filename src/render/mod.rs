@@ -12,7 +12,7 @@ use std::collections::HashMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed};
+pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
@@ -140,7 +140,7 @@ pub struct Renderer {
 /// What tells pipelines apart.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Key {
-    March(ScenePlan),
+    March(ScenePlan, TableMemory),
     Relight(ScenePlan, relight::Target),
     /// Of every plan.
     Store,
@@ -157,7 +157,8 @@ impl Renderer {
     /// A renderer on `device`.
     #[must_use]
     pub fn new(device: Device) -> Self {
-        Self { device, dispatching: Dispatching::default(), pipelines: Mutex::default(), marches: AtomicU64::default() }
+        let dispatching = Dispatching { tables: TableMemory::fastest(&device), ..Dispatching::default() };
+        Self { device, dispatching, pipelines: Mutex::default(), marches: AtomicU64::default() }
     }
 
     /// How many marches it has begun.
@@ -219,7 +220,7 @@ impl Renderer {
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let mut pipelines = self.pipelines.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let name = match key {
-            Key::March(_) => "march",
+            Key::March(..) => "march",
             Key::Relight(..) => "relight",
             Key::Store => "store",
         };
@@ -257,7 +258,7 @@ impl Renderer {
 /// [`ShaderError`] where one does not compile.
 pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
-        ("march", march::shader(plan, Dispatching::default().group)?),
+        ("march", march::shader(plan, Dispatching::default())?),
         ("relight_display", relight::shader(plan, relight::Target::Display)?),
         ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])
