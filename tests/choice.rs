@@ -6,16 +6,23 @@ mod support;
 
 use std::fmt::Write as _;
 
-use relume::measure::{Checked, Choice, ChoiceError, Goal, Knob, Preset, Value, check, choose};
+use relume::measure::{Checked, Choice, ChoiceError, Goal, Knob, Pixels, Preset, Value, Wanted, check, choose};
 use relume::model::random::Random;
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene, SceneOptions, parse};
+use serde_json::json;
+use support::exr::{Exr, assert_same};
 use support::program::Folder;
 use support::rungs::{Rungs, with_renderer};
 
 const SIZE: [usize; 2] = [64, 56];
+
+/// Any setting that does what `goal` asks for of such a picture.
+fn wanted(goal: Goal) -> Wanted {
+    Wanted { size: SIZE, goal, pixels: Pixels::Fewer }
+}
 
 /// Scene number `seed`: one of the phantoms, two to four materials at random values, opacities, lights and views; every
 /// second one absorbs in colour.
@@ -97,7 +104,8 @@ fn kept_and_spent(renderer: &Renderer, seeds: std::ops::Range<u64>) -> (Vec<f64>
     for seed in seeds {
         let scene = scene(seed);
         let asked = [3.0, 1.0, 0.5][usize::try_from(seed).unwrap() % 3];
-        let choice = match choose(renderer, &scene, &Mix::of_scene(&scene), SIZE, Goal::MaxError(asked), None, &Quiet) {
+        let choice = match choose(renderer, &scene, &Mix::of_scene(&scene), wanted(Goal::MaxError(asked)), None, &Quiet)
+        {
             Err(ChoiceError::Nothing { .. } | ChoiceError::None { .. }) => continue,
             choice => choice.unwrap(),
         };
@@ -160,7 +168,7 @@ fn what_was_measured_once_is_not_measured_again() {
     let scene = scene(0);
     let mix = Mix::of_scene(&scene);
     with_renderer(|renderer| {
-        let choose = |goal| choose(renderer, &scene, &mix, SIZE, goal, Some(folder.path()), &Quiet).unwrap();
+        let choose = |goal| choose(renderer, &scene, &mix, wanted(goal), Some(folder.path()), &Quiet).unwrap();
         let first = choose(Goal::MaxError(2.0));
         assert!(!first.from_cache);
         let second = choose(Goal::MaxError(2.0));
@@ -176,12 +184,76 @@ fn a_budget_takes_the_shortest_step_that_fits() {
     let scene = scene(0);
     let mix = Mix::of_scene(&scene);
     with_renderer(|renderer| {
-        let ample = choose(renderer, &scene, &mix, SIZE, Goal::Budget(1e9), None, &Quiet).unwrap();
+        let ample = choose(renderer, &scene, &mix, wanted(Goal::Budget(1e9)), None, &Quiet).unwrap();
         assert!((step(&ample) - 0.125).abs() <= 1e-9, "{}", ample.why);
-        let none = choose(renderer, &scene, &mix, SIZE, Goal::Budget(1e-6), None, &Quiet).unwrap_err();
+        let none = choose(renderer, &scene, &mix, wanted(Goal::Budget(1e-6)), None, &Quiet).unwrap_err();
         assert!(none.to_string().contains("no setting keeps 0.000001 ms a frame here"), "{none}");
-        let none = choose(renderer, &scene, &mix, SIZE, Goal::MaxError(1e-6), None, &Quiet).unwrap_err();
+        let none = choose(renderer, &scene, &mix, wanted(Goal::MaxError(1e-6)), None, &Quiet).unwrap_err();
         assert!(none.to_string().contains("comes nearest"), "{none}");
+    });
+}
+
+/// Every setting that can be chosen of a scene whose weights are exact: its step, its scale, and what files call it.
+fn every_setting() -> impl Iterator<Item = (f64, f64, String)> {
+    let scales = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
+    let of = move |n: i32| {
+        let step: f64 = format!("{:.2e}", 2_f64.powf(f64::from(n) / 4.0)).parse().unwrap();
+        let named = move |scale| {
+            (step, scale, format!("step={step}") + &if scale < 1.0 { format!(" scale={scale}") } else { String::new() })
+        };
+        scales.into_iter().map(named)
+    };
+    (-12..=16).flat_map(of)
+}
+
+/// Puts times and errors, by step and scale, in the place of those that the only file in `folder` has.
+fn believe(folder: &std::path::Path, frame_ms: impl Fn(f64, f64) -> f64, error: impl Fn(f64, f64) -> f64) {
+    let path = std::fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
+    let mut file: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    for (step, scale, name) in every_setting() {
+        let error = error(step, scale);
+        let point = json!({"frame_ms": frame_ms(step, scale), "error": {"mean": error, "p95": error, "max": error}});
+        file["points"][name] = point;
+    }
+    std::fs::write(path, file.to_string()).unwrap();
+}
+
+/// Of what is believed to be known of every setting, the search finds what looking at all of them finds.
+#[test]
+fn the_search_finds_the_best_of_all_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene(0);
+    let mix = Mix::of_scene(&scene);
+    with_renderer(|renderer| {
+        let found = |wanted| choose(renderer, &scene, &mix, wanted, Some(folder.path()), &Quiet);
+        found(wanted(Goal::MaxError(50.0))).unwrap();
+        // Smooth pictures, such with edges, and frames that take some time whatever they show.
+        for (edges, overhead) in [(0.02, 0.0), (0.3, 0.0), (3.0, 0.0), (0.02, 4.0), (0.3, 4.0)] {
+            let frame_ms = |step: f64, scale: f64| 100.0 * scale * scale / step + overhead;
+            let error = |step: f64, scale: f64| 0.3 * step.powf(1.7) + edges * (1.0 / scale - 1.0);
+            believe(folder.path(), frame_ms, error);
+            // A choice uses up 0.92 of what is asked for.
+            for asked in [5.0, 12.0, 40.0, 90.0, 300.0, 1e4] {
+                let best = every_setting()
+                    .filter(|&(step, scale, _)| frame_ms(step, scale) <= 0.92 * asked)
+                    .min_by(|one, two| error(one.0, one.1).total_cmp(&error(two.0, two.1)));
+                let choice = found(wanted(Goal::Budget(asked))).unwrap();
+                assert!(choice.from_cache, "{}", choice.why);
+                assert_eq!(choice.setting.to_string(), best.unwrap().2, "{asked} ms, {edges}, {overhead}");
+            }
+            for asked in [0.1, 0.5, 2.0, 10.0] {
+                let best = every_setting()
+                    .filter(|&(step, scale, _)| error(step, scale) <= 0.92 * asked)
+                    .min_by(|one, two| frame_ms(one.0, one.1).total_cmp(&frame_ms(two.0, two.1)));
+                let choice = found(wanted(Goal::MaxError(asked))).unwrap();
+                assert_eq!(choice.setting.to_string(), best.unwrap().2, "within {asked}, {edges}, {overhead}");
+            }
+        }
+        // Where all pixels must be marched, they are.
+        for goal in [Goal::Budget(12.0), Goal::MaxError(2.0)] {
+            let choice = found(Wanted { pixels: Pixels::All, ..wanted(goal) }).unwrap();
+            assert_eq!(choice.setting.get(Knob::Scale), None, "{}", choice.why);
+        }
     });
 }
 
@@ -193,6 +265,59 @@ fn presets_are_points_on_the_same_curve() {
         panic!("a time and two errors");
     };
     assert!(ms > 0.0 && reference < balanced);
+}
+
+/// One number of a picture of 20×20 at a pixel of one of 40×40: bilinear between centres.
+fn enlarged(small: &[f32], x: usize, y: usize) -> f32 {
+    let along = |at: usize| {
+        let (near, far) =
+            (at / 2, if at.is_multiple_of(2) { (at / 2).saturating_sub(1) } else { (at / 2 + 1).min(19) });
+        [(near, 0.75), (far, 0.25)]
+    };
+    let parts = along(x).into_iter().flat_map(|column| along(y).map(|row| (column, row)));
+    parts.map(|((x, across), (y, down))| across * down * small[20 * y + x]).sum()
+}
+
+#[test]
+fn a_picture_of_fewer_pixels_has_the_size_that_was_asked_for_in_every_file() {
+    let folder = Folder::new();
+    let cache = folder.path("cache");
+    let run = |arguments: &[&str]| {
+        let mut command = folder.command(arguments);
+        support::program::Outcome::of(command.env("XDG_CACHE_HOME", &cache))
+    };
+    let render = ["render", "scene.toml", "--size", "40x40", "-o", "p.exr", "-o", "p.png"];
+    let first = run(&[&render[..], &["--budget", "1e9"]].concat());
+    assert_eq!(first.code, Some(0), "{}", first.err);
+    // Fast enough are, for each number of pixels, steps of 4, 2, 1 and a half: the errors are 4, 2.4, 2 and 2.4.
+    believe(&cache.join("relume"), |step, scale| 1000.0 * scale * scale / step, |step, scale| step + 1.0 / scale - 1.0);
+    let files = ["--accumulators", "a.exr", "--spectral", "s.exr", "--budget", "300"];
+    let json = run(&[&render[..], &files, &["--json"]].concat()).json();
+    let choice = &json["choice"];
+    assert_eq!((&choice["setting"]["step"], &choice["setting"]["scale"]), (&1.0.into(), &0.5.into()), "{choice}");
+    assert_eq!((&json["size"], &json["march"]["size"]), (&json!([40, 40]), &json!([20, 20])));
+    let why = choice["why"].as_str().unwrap();
+    assert!(why.ends_with("; 20×20 pixels are marched, and enlarged to 40×40"), "{why}");
+    // A quarter as many of the pixels that were marched show anything.
+    assert!(choice["measured"]["pixels"].as_u64().unwrap() > 200, "counted at the full size: {choice}");
+
+    folder.done(&["render", "scene.toml", "--size", "20x20", "-D", "accuracy.step=1", "-o", "small.exr"]);
+    let [small, shown, spectra] = ["small.exr", "p.exr", "s.exr"].map(|name| Exr::read(&folder.path(name)));
+    assert_eq!((shown.size, spectra.size), ((40, 40), (40, 40)));
+    let expected: Vec<f32> = ["R", "G", "B", "A"]
+        .iter()
+        .flat_map(|name| (0..1600).map(|pixel| enlarged(&small.channels[*name], pixel % 40, pixel / 40)))
+        .collect();
+    assert_same(&shown.rgba(), &expected, 1e-5);
+    // Relighting is linear: the accumulators were enlarged, and make the same picture.
+    folder.done(&["relight", "a.exr", "-o", "q.exr"]);
+    assert_same(&Exr::read(&folder.path("q.exr")).rgba(), &shown.rgba(), 1e-5);
+    // So is a spectrum's colour; its luminance is that of the preview.
+    let line = |name: &str| spectra.channels.iter().find(|(channel, _)| channel.contains(name)).map(|(_, it)| it);
+    assert!(line("555").is_some_and(|samples| samples.len() == 1600), "{:?}", spectra.channels.keys());
+    // An 8-bit picture of these colours.
+    let small_png = std::fs::read(folder.path("p.png")).unwrap();
+    assert_eq!(&small_png[16..24], [0, 0, 0, 40, 0, 0, 0, 40], "IHDR has its size");
 }
 
 #[test]
