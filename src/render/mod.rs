@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed};
+pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
@@ -145,7 +145,7 @@ pub struct Renderer {
 /// What tells pipelines apart.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Key {
-    March(ScenePlan),
+    March(ScenePlan, TableMemory),
     Relight(ScenePlan, relight::Target),
     /// Of every plan.
     Store,
@@ -162,9 +162,10 @@ impl Renderer {
     /// A renderer on `device`.
     #[must_use]
     pub fn new(device: Device) -> Self {
+        let dispatching = Dispatching { tables: TableMemory::fastest(&device), ..Dispatching::default() };
         Self {
             device,
-            dispatching: Dispatching::default(),
+            dispatching,
             speed: Speed::default(),
             pipelines: Mutex::default(),
             marches: AtomicU64::default(),
@@ -244,7 +245,7 @@ impl Renderer {
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let pipelines = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let name = match key {
-            Key::March(_) => "march",
+            Key::March(..) => "march",
             Key::Relight(..) => "relight",
             Key::Store => "store",
         };
@@ -281,7 +282,7 @@ impl Renderer {
 /// [`ShaderError`] where one does not compile.
 pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
-        ("march", march::shader(plan, Dispatching::default().group)?),
+        ("march", march::shader(plan, Dispatching::default())?),
         ("relight_display", relight::shader(plan, relight::Target::Display)?),
         ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])
