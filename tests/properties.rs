@@ -11,6 +11,7 @@ use relume::reference::relight;
 use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume::spectrum::observer::Observer;
 use relume::spectrum::{Light, Spectrum};
 use relume::tables::{Accumulation, Components};
 use support::device::open;
@@ -214,6 +215,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
         exposure: 1.0,
         adapt: false,
+        observer: Observer::default(),
         dial: None,
         weights: sums.weights,
         transmittance: sums.transmittance,

@@ -321,7 +321,7 @@ impl Renderer {
         size: [usize; 2],
         progress: &dyn Progress,
     ) -> Result<Accumulators, RenderError> {
-        let mut march = self.begin_march(scene, planned, uploaded, size, Speed::default())?;
+        let mut march = self.begin_march(scene, planned, uploaded, size, self.speed)?;
         while !march.is_done() {
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
@@ -585,6 +585,7 @@ impl March {
             let groups = [self.schedule.size[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
             recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&band), groups)
         })?;
+        renderer.longest_dispatch.fetch_max(whole(self.schedule.taken) as u64, Ordering::Relaxed);
         self.schedule.took(begun.elapsed());
         self.left.device_time = self.left.device_time.zip(took).map(|(sum, took)| sum + took);
         self.left.dispatches += 1;
