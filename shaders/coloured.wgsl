@@ -1,7 +1,6 @@
 // What passes where each number of a colour model fades by itself. Part of `march.wgsl`.
 
 alias Passed = array<vec4f, LANES>;
-alias TableOpacity = vec4f;
 
 fn all_light() -> Passed {
     var all: Passed;

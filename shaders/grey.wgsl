@@ -1,23 +1,22 @@
 // What passes where all wavelengths pass alike: one number. Part of `march.wgsl`.
 
 alias Passed = f32;
-alias TableOpacity = f32;
 
 fn all_light() -> Passed {
     return 1.0;
 }
 
 fn opacity_at(i: u32) -> Passed {
-    return table_opacity[i];
+    return table_opacity[i / 4u][i % 4u];
 }
 
 fn opacity_between(i: u32, fraction: f32) -> Passed {
-    let opacity = table_opacity[i];
-    return fma(fraction, table_opacity[i + 1u] - opacity, opacity);
+    let opacity = opacity_at(i);
+    return fma(fraction, opacity_at(i + 1u) - opacity, opacity);
 }
 
 fn opacity_of_label(row: u32) -> Passed {
-    return label_opacity[row];
+    return label_opacity[row / 4u][row % 4u];
 }
 
 // The light that passes a step, rounded once: `T *= 1 − α` drifts over many equal steps.

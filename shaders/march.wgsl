@@ -1,7 +1,7 @@
 // Marches rays through the volume, front to back, and leaves sums that no light's spectrum has entered.
 //
 // What a step reflects is in `weights.wgsl` or `spectral.wgsl`, what passes it in `grey.wgsl`, `coloured.wgsl` or
-// `mixed.wgsl`.
+// `mixed.wgsl`, where its tables are in `tables_storage.wgsl` or `tables_uniform.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -56,12 +56,8 @@ struct Band {
 @group(0) @binding(1) var<uniform> shading_uniform: Shading;
 @group(0) @binding(2) var volume: texture_3d<f32>;
 @group(0) @binding(3) var volume_sampler: sampler;
-@group(0) @binding(4) var<storage, read> table_source: array<vec4f>;
-@group(0) @binding(5) var<storage, read> table_opacity: array<TableOpacity>;
 @group(0) @binding(6) var<storage, read> occupancy: array<u32>;
 @group(0) @binding(7) var labels: texture_3d<u32>;
-@group(0) @binding(8) var<storage, read> label_source: array<vec4f>;
-@group(0) @binding(9) var<storage, read> label_opacity: array<TableOpacity>;
 @group(0) @binding(10) var accumulators: texture_storage_2d_array<rgba32float, read_write>;
 @group(0) @binding(11) var transmittances: TransmittanceImage;
 var<immediate> band: Band;

@@ -2,7 +2,6 @@
 // step multiplies matrices (Peercy 1993). Part of `march.wgsl`.
 
 alias Passed = array<f32, PASSED>;
-alias TableOpacity = vec4f;
 
 fn all_light() -> Passed {
     var all: Passed;

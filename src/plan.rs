@@ -15,6 +15,7 @@ use crate::scene::{
     positions,
 };
 use crate::spectrum::Light;
+use crate::spectrum::observer::Observer;
 
 /// Numbers in a shader's vector; accumulators and tables come in these.
 pub const LANE: usize = 4;
@@ -349,8 +350,9 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 ///
 /// [`PlanError`].
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
-    let planned = chosen(scene, lights, progress)?;
+    let mut planned = chosen(scene, lights, progress)?;
     half::check(&planned, scene)?;
+    planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
     for told in planned.unused(scene) {
         tracing::warn!("{told}");
     }
@@ -497,6 +499,21 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
 }
 
 impl Planned {
+    /// Fits the colour model, where there is one, to `observer`: what pixels keep is the same whoever looks. Warns where that
+    /// is over the tolerance.
+    fn be_seen_by(&mut self, observer: Observer, tolerance: f64) -> Result<(), ModelError> {
+        let Some(model) = self.model.as_mut().filter(|model| model.observer() != observer) else { return Ok(()) };
+        let seen = model.seen_by(observer)?;
+        let worst = seen.worst().max;
+        if worst > tolerance {
+            tracing::warn!(
+                "the colour model was planned for the observer of 1931: to that of {observer}, colours may differ by ΔE00 {worst:.2}, which is over the tolerance of {tolerance}; take a smaller tolerance, or a larger k"
+            );
+        }
+        *model = Arc::new(seen);
+        Ok(())
+    }
+
     /// The plan of `scene`, which is the one that this is of but for its camera, its crop and how it is displayed.
     #[must_use]
     pub fn seen_otherwise(&self, scene: &Scene) -> Self {

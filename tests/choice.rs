@@ -3,13 +3,18 @@
 
 mod support;
 
+use std::time::Duration;
+
 use relume::measure::{
     Choice, Goal, GoalRow, GoalScene, GoalSummary, Knob, Pixels, Preset, Value, Wanted, choose, goal_row,
 };
+use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
+use relume::view::effort;
 use serde_json::json;
+use support::device::open;
 use support::exr::{Exr, assert_same};
 use support::program::Folder;
 use support::rungs::with_renderer;
@@ -230,4 +235,23 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     let both = run(&["--max-error", "4", "--budget", "10"]);
     both.assert_refused(2, &["cannot be used with"]);
     run(&["--max-error", "0"]).assert_refused(2, &["above 0"]);
+}
+
+/// Samples of dispatches are counted, not milliseconds: where those are to take no time, none is longer than the first, which
+/// is as on a device that nothing is known of.
+#[test]
+fn what_measures_beside_a_window_takes_dispatches_as_short_as_the_windows_own() {
+    let (Some(device), Some(other)) = (open(), open()) else { return };
+    const FIRST: u64 = 20_000_000 / 16;
+    let (scene, size) = (scene(2), [320, 300]);
+    let usual = Renderer::new(other);
+    let planned = plan(&scene, &Quiet).unwrap();
+    let rungs = Rungs::planned(scene.clone(), planned, size);
+    rungs.gpu_accumulators(&usual);
+    assert!(usual.longest_dispatch() > FIRST, "{} samples would hold a window up", usual.longest_dispatch());
+
+    let renderer = Renderer::new(device).with_dispatches_of(Duration::from_nanos(1));
+    effort::measure(&renderer, &scene, &Mix::of_scene(&scene), size, Some(Goal::MaxError(2.0)), None, &Quiet).unwrap();
+    assert!(renderer.marches() > 4, "{} marches", renderer.marches());
+    assert!(renderer.longest_dispatch() <= FIRST, "{} samples", renderer.longest_dispatch());
 }

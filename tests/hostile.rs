@@ -15,6 +15,7 @@ use relume::output::accumulators::{
     Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored,
 };
 use relume::progress::{Progress, Quiet};
+use relume::spectrum::observer::Observer;
 use relume::spectrum::{self, Spectrum};
 use relume::volume::{self, Selection, Volume, VolumeError};
 use rustix::time::{ClockId, clock_gettime};
@@ -185,6 +186,7 @@ fn accumulators_to_damage() {
         background: None,
         exposure: 1.0,
         adapt: true,
+        observer: Observer::default(),
         dial: None,
         weights: vec![0.5; 12],
         transmittance: vec![0.25; 12],

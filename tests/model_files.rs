@@ -18,6 +18,7 @@ use relume::progress::Quiet;
 use relume::reference;
 use relume::scene::{Mix, SceneOptions, parse};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, xyz_of};
+use relume::spectrum::observer::Observer;
 use relume::spectrum::{Spectrum, standard};
 
 use support::exr::Exr;
@@ -69,6 +70,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> Accumulators {
         background: Some([0.25; BANDS]),
         exposure: 2.0,
         adapt: false,
+        observer: Observer::default(),
         dial: None,
         weights: (0..2 * dimension * width * height).map(number).collect(),
         transmittance: (0..passed * width * height).map(|index| number(index + 7)).collect(),

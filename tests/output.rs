@@ -13,6 +13,7 @@ use relume::output::{
     Accumulators, Alpha, BANDS, Depth, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
 };
+use relume::spectrum::observer::Observer;
 
 // ---- files that appear whole or not at all ----
 
@@ -314,6 +315,7 @@ fn example() -> Accumulators {
         background: Some(ramp(0.5)),
         exposure: 1.25,
         adapt: true,
+        observer: Observer::default(),
         dial: Some(Dial {
             normalise: false,
             master: 2.5,
@@ -347,6 +349,7 @@ fn accumulators_come_back_as_they_were() {
         background: None,
         exposure: 1.0,
         adapt: false,
+        observer: Observer::default(),
         dial: None,
         weights: vec![],
         ..full
@@ -411,6 +414,7 @@ fn a_file_of_another_program_is_read() {
         background: None,
         exposure: 1.0,
         adapt: false,
+        observer: Observer::default(),
         dial: None,
         weights: weights.to_vec(),
         transmittance: transmittance.to_vec(),

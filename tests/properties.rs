@@ -8,9 +8,10 @@ use std::sync::Arc;
 use glam::DVec3;
 use relume::output::accumulators::{Accumulators, Component, Components as FileComponents, Position, PositionKind};
 use relume::reference::relight;
-use relume::render::{Dispatching, Renderer};
+use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
+use relume::spectrum::observer::Observer;
 use relume::spectrum::{Light, Spectrum};
 use relume::tables::{Accumulation, Components};
 use support::device::open;
@@ -214,6 +215,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
         exposure: 1.0,
         adapt: false,
+        observer: Observer::default(),
         dial: None,
         weights: sums.weights,
         transmittance: sums.transmittance,
@@ -287,14 +289,16 @@ fn leaping_over_what_is_empty_changes_no_byte() {
 }
 
 #[test]
-fn bands_slices_and_workgroups_change_no_byte() {
+fn bands_slices_workgroups_and_where_tables_are_change_no_byte() {
     let usual = Dispatching::default();
     let ways = [
         Dispatching { samples: Some(1), slice: 7, ..usual },
         Dispatching { samples: Some(3000), slice: 64, ..usual },
         Dispatching { group: [16, 4], ..usual },
         Dispatching { group: [1, 64], ..usual },
-        Dispatching { group: [64, 1], samples: Some(1), slice: 31 },
+        Dispatching { group: [64, 1], samples: Some(1), slice: 31, ..usual },
+        Dispatching { tables: TableMemory::Storage, ..usual },
+        Dispatching { tables: TableMemory::Uniform, ..usual },
     ];
     for name in ["specular_three", "labels", "inside", "xray", "coloured_three"] {
         let mut scene = scenes::named(name);

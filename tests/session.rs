@@ -10,6 +10,7 @@ use glam::{DVec2, DVec3};
 use relume::progress::Quiet;
 use relume::scene::{self, AccumulateAs, Accuracy, Definition, Interval, Scene, SceneOptions};
 use relume::spectrum::deficiency::Deficiency;
+use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{Spectra, Step};
@@ -77,9 +78,11 @@ fn edits() -> Vec<Edit> {
         Edit::Tour(1, 3),
         Edit::Forget(0),
         Edit::Deficiency(Some(Deficiency::Deutan)),
+        Edit::Observer(Observer::Cie1964),
         Edit::Crop(Some([DVec3::new(0.1, 0.2, 0.3), DVec3::new(0.7, 1.0, 0.9)])),
         Edit::Exposure(1.7),
         Edit::Deficiency(None),
+        Edit::Observer(Observer::Cie1931),
         Edit::Adapt(true),
         Edit::Camera(Move::Orbit { right: 33.3, up: 7.7 }, 1.5),
         Edit::Camera(Move::Roll(11.1), 1.5),

@@ -8,6 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use relume::spectrum::colour::OBSERVER;
+use relume::spectrum::observer::OBSERVER_1964;
 use relume::spectrum::{
     Absorption, BANDS, Kind, Light, Reflectance, Spectrum, SpectrumError, SpectrumSource, standard, wavelength_nm,
 };
@@ -15,6 +16,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 
 const OBSERVER_CSV: &str = include_str!("../data/spectra/cie1931_2deg_cmf_5nm.csv");
+const OBSERVER_1964_CSV: &str = include_str!("../data/spectra/cie1964_10deg_cmf_5nm.csv");
 const ILLUMINANTS_CSV: &str = include_str!("../data/spectra/illuminants_5nm.csv");
 const LED_CSV: &str = include_str!("../data/spectra/led_5nm.csv");
 const COLORCHECKER_CSV: &str = include_str!("../data/spectra/colorchecker_ohta1997_5nm.csv");
@@ -52,6 +54,7 @@ fn the_embedded_tables_are_the_published_ones() {
     // SHA-256 of the tables as extracted, header line included.
     for (csv, expected) in [
         (OBSERVER_CSV, "e22e732725635706b49ad1e1c6f64b9f4b353bd4ce53c22f91355b34fa5f969a"),
+        (OBSERVER_1964_CSV, "de10ee42e537946867bc7fe60ed52a5543da45355d8d3f0f9f50a4e668d28860"),
         (ILLUMINANTS_CSV, "26cd0bb31f0758c9e1d53612b0436dc53796595054ed0d93281d282bedb601bb"),
         (LED_CSV, "b385aca874d4ee52e12e06931d021a3b875c9bc626e555c5c6b4e6fdc10c40b7"),
         (COLORCHECKER_CSV, "aea9fd799a02a7a900275dfe99483d09bcd410e019f16b604038eb4a84ae7013"),
@@ -82,8 +85,10 @@ fn the_compiled_tables_hold_the_files_numbers() {
     let on_grid = |column: &[(f64, f64)]| -> Vec<f64> {
         column.iter().filter(|(nm, _)| (380.0..=780.0).contains(nm)).map(|&(_, value)| value).collect()
     };
-    for ((name, column), spectrum) in columns(OBSERVER_CSV).iter().zip(&OBSERVER) {
-        assert_eq!(spectrum.samples().as_slice(), on_grid(column), "{name}");
+    for (csv, observer) in [(OBSERVER_CSV, &OBSERVER), (OBSERVER_1964_CSV, &OBSERVER_1964)] {
+        for ((name, column), spectrum) in columns(csv).iter().zip(observer) {
+            assert_eq!(spectrum.samples().as_slice(), on_grid(column), "{name}");
+        }
     }
     let tables = [ILLUMINANTS_CSV, LED_CSV, COLORCHECKER_CSV].map(columns);
     for (name, column) in tables.iter().flatten() {
@@ -94,6 +99,9 @@ fn the_compiled_tables_hold_the_files_numbers() {
 #[test]
 fn smooth_tables_have_small_fourth_differences() {
     for (spectrum, limit) in OBSERVER.iter().zip([0.037, 0.020, 0.176]) {
+        assert!(roughness(spectrum.samples()) <= limit, "{}", roughness(spectrum.samples()));
+    }
+    for (spectrum, limit) in OBSERVER_1964.iter().zip([0.020, 0.031, 0.083]) {
         assert!(roughness(spectrum.samples()) <= limit, "{}", roughness(spectrum.samples()));
     }
     assert!(roughness(standard_spectrum("A").samples()) <= 0.007);

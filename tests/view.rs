@@ -416,6 +416,23 @@ fn another_spectrum_is_relit_where_weights_are_kept_and_marched_where_a_model_is
 }
 
 #[test]
+fn another_observer_is_a_relight_of_weights_and_of_a_model_and_renders_equal() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder().with("model.toml", format!("{SCENE}{DIAL}[accuracy]\naccumulate = \"spectral\"\nk = 4\n"));
+    let script = "size 320 300\nsettle\npicture before.png\nobserver 1964\nlight lamp 0.8\nsettle\npicture seen.png\nsave session seen.toml\n\
+                  undo\nundo\nsettle\npicture after.png\n";
+    for scene in ["dial.toml", "model.toml"] {
+        let report = screen.script(&folder, scene, script);
+        let marches = [0, 1, 2].map(|settled| report["settled"][settled]["marches"].as_u64().unwrap());
+        assert_eq!(marches, [marches[0]; 3], "{scene}: who looks never marches");
+        folder.done(&["render", "seen.toml", "-o", "rendered.png", "--size", &size(&report)]);
+        assert_eq!(bytes(&folder, "seen.png"), bytes(&folder, "rendered.png"), "{scene}: as the session says");
+        assert_ne!(bytes(&folder, "before.png"), bytes(&folder, "seen.png"), "{scene}");
+        assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "after.png"), "{scene}: undone");
+    }
+}
+
+#[test]
 fn crops_previews_and_situations_save_and_render_equal_and_light_never_marches() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();

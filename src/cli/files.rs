@@ -120,6 +120,7 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
         background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
         exposure: scene.display.exposure,
         adapt: scene.display.adapt,
+        observer: scene.display.observer,
         dial: Some(dial),
         weights: accumulation.weights,
         transmittance: accumulation.transmittance,
@@ -199,7 +200,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         positions: file.positions.into_iter().map(|position| position.name).collect(),
         mix: Mix(lights.collect::<Result<_, CliError>>()?),
         background: background.transpose()?,
-        display: Display { exposure: file.exposure, adapt: file.adapt, deficiency: None },
+        display: Display { exposure: file.exposure, adapt: file.adapt, observer: file.observer, deficiency: None },
         dial,
         accumulation: Accumulation {
             size: [file.width, file.height],

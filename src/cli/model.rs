@@ -68,6 +68,7 @@ impl Learnt {
         let worst = model.worst();
         json!({
             "kind": model.kind(),
+            "observer": model.observer(),
             "description": model.description(),
             "k": model.dimension(),
             "nodes_nm": model.nodes_nm(),

@@ -7,6 +7,7 @@ use serde_json::json;
 
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::Progress;
+use relume::spectrum::observer::Observer;
 use relume::tables::Components;
 
 use super::accuracy::tolerance;
@@ -33,6 +34,10 @@ pub(crate) struct Args {
     lights: LightArgs,
     #[command(flatten)]
     dial: DialArgs,
+    /// Whose eyes make colours of spectra, the CIE's standard observer of 1931 (2°) or of 1964 (10°), in place of what the
+    /// file says.
+    #[arg(long, value_name = "YEAR", value_parser = observer)]
+    observer: Option<Observer>,
     /// Warn where colours under a light that the file does not have may be off by more than this ΔE00, in place of what
     /// the file says.
     #[arg(long, value_name = "DE", value_parser = tolerance)]
@@ -46,6 +51,11 @@ pub(crate) struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
+}
+
+/// The observer of a year.
+fn observer(year: &str) -> Result<Observer, String> {
+    Observer::ALL.into_iter().find(|one| one.to_string() == year).ok_or_else(|| "it is 1931 or 1964".to_owned())
 }
 
 /// What was chosen when the file was rendered.
@@ -91,6 +101,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let clock = Stopwatch::start();
     let mut saved = files::from_file(&args.accumulators)?;
     let read = clock.read();
+    if let Some(observer) = args.observer {
+        saved.display.observer = observer;
+    }
     let hand = args.dial.hand(saved.dial.clone())?;
     let mixes = match &hand {
         Some(hand) => hand.mixes(&saved.mix),
@@ -109,6 +122,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let Components::Model(model, _) = &mut saved.components {
         // The dial mixes lights of the file.
         let mix = if hand.is_some() { &saved.mix } else { &mixes[0] };
+        if args.observer.is_some_and(|observer| observer != model.observer()) {
+            *model = Arc::new(model.seen_by(saved.display.observer)?);
+        }
         let model = Arc::make_mut(model);
         let tolerance = args.tolerance.unwrap_or(saved.tolerance);
         let learnt = model::learn(model, mix, tolerance, "render again with this --light and --replan")?;

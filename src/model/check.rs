@@ -7,6 +7,7 @@ use super::random::Random;
 use super::target::{self, Target};
 use super::{Amplification, Cloud, ColourModel, ErrorSummary, LightMatrix, ModelError, ModelKind, Samples, cloud};
 use crate::spectrum::Light;
+use crate::spectrum::observer::Observer;
 
 impl ColourModel {
     /// Notes the errors of the model's lights on spectra that were not used in the fit: those of `unseen`, and harder ones
@@ -52,6 +53,29 @@ impl ColourModel {
         }
         self.lights.push((name.to_owned(), light.clone(), matrix));
         Ok(())
+    }
+
+    /// The same model with its lights' matrices fitted on the cloud for `observer`, and their errors to that: the
+    /// coefficients of spectra stay what they are.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::NotFinite`] when colours cannot be computed with.
+    pub fn seen_by(&self, observer: Observer) -> Result<Self, ModelError> {
+        if observer == self.observer {
+            return Ok(self.clone());
+        }
+        let mut model = Self { observer, ..self.clone() };
+        let fitted: Vec<LightMatrix> = self.lights.par_iter().map(|(_, light, _)| model.fitted(light)).collect();
+        for ((.., matrix), fitted) in model.lights.iter_mut().zip(fitted) {
+            *matrix = fitted;
+        }
+        let errors = model.lights.par_iter().map(|(_, light, matrix)| model.unseen_error(light, &matrix.xyz));
+        let errors: Vec<Option<ErrorSummary>> = errors.collect();
+        for ((.., matrix), error) in model.lights.iter_mut().zip(errors) {
+            matrix.unseen = error;
+        }
+        if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
     }
 
     /// Fits the lights' matrices anew on the cloud and on the hardest ways that are found from it.
@@ -113,10 +137,10 @@ impl ColourModel {
         const SEED: u64 = 4;
         const PARTNERS: usize = 4;
         let Samples { spectra, vectors } = &self.unseen;
-        let target = Target::new(spectra, light);
+        let target = Target::new(spectra, light, self.observer);
         let mut errors = target.errors(vectors, xyz);
         for (_, other, matrix) in self.lights.iter().filter(|(_, other, _)| self.mixed && other != light) {
-            let beside = Target::new(spectra, other);
+            let beside = Target::new(spectra, other, self.observer);
             let mut random = Random::new(SEED);
             for (index, vector) in (0..PARTNERS).flat_map(|_| vectors.iter().enumerate()) {
                 let (partner, share) = (random.index(spectra.len()), random.between_magnitudes(0.02, 1.0));

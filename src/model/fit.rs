@@ -10,6 +10,7 @@ use super::{
     ModelError, ModelKind, Samples, cloud, fixed, nodes, one_band, peercy, sharpened,
 };
 use crate::progress::Progress;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Spectrum, standard};
 
 /// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
@@ -36,7 +37,7 @@ const VALIDATION_SEED: u64 = 2;
 /// The model of `kind` with `dimension` coefficients for what is in `ingredients`.
 ///
 /// It takes equal steps for equal input: equal models come out, also when materials or lights are given in another
-/// order. Without lights it is fitted for D65.
+/// order. Without lights it is fitted for D65. Whoever looks, it is planned for the observer of 1931.
 ///
 /// # Errors
 ///
@@ -202,7 +203,9 @@ fn fit_targets(
     }
     let candidates = match kind {
         ModelKind::Nodes => {
-            let targets: Vec<Target> = wanted.par_iter().map(|light| Target::new(&cloud.spectra, light)).collect();
+            let observer = Observer::default();
+            let targets: Vec<Target> =
+                wanted.par_iter().map(|light| Target::new(&cloud.spectra, light, observer)).collect();
             let bands = nodes::select(&cloud.spectra, &targets, dimension, hopeless, progress)?;
             vec![bands.into_iter().map(one_band).collect()]
         }
@@ -216,6 +219,7 @@ fn fit_targets(
     let models = candidates.into_iter().map(|projection: Vec<Spectrum>| {
         let mut model = ColourModel {
             kind,
+            observer: Observer::default(),
             projection,
             cloud: cloud.spectra.clone(),
             vectors: Vec::new(),

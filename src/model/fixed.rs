@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, OBSERVER, XYZ_FROM_LINEAR_SRGB, xyz_of};
+use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, OBSERVER, XYZ_FROM_LINEAR_SRGB};
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, STEP_NM, Spectrum, standard};
 
 /// Means over `dimension` equal intervals from 400 to 700 nm; a sample stands for the 5 nm around it.
@@ -40,8 +41,8 @@ fn normalised(row: &Spectrum) -> Spectrum {
     row.scaled(1.0 / row.sum())
 }
 
-/// XYZ per unit of red, green and blue under a light: the primaries, each as strong as the light's own.
-pub(super) fn rgb_matrix(light: &Light) -> Vec<[f64; 3]> {
-    let white = *LINEAR_SRGB_FROM_XYZ * DVec3::from(xyz_of(light.spectrum()).0);
+/// XYZ per unit of red, green and blue under a light: the primaries, each as strong as the light's own to `observer`.
+pub(super) fn rgb_matrix(light: &Light, observer: Observer) -> Vec<[f64; 3]> {
+    let white = *LINEAR_SRGB_FROM_XYZ * DVec3::from(observer.xyz_of(light.spectrum()).0);
     (0..3).map(|axis| (XYZ_FROM_LINEAR_SRGB.col(axis) * white[axis]).to_array()).collect()
 }

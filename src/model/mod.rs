@@ -22,7 +22,7 @@ mod target;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use crate::spectrum::colour::OBSERVER;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{BANDS, Light, Spectrum, wavelength_nm};
 
 pub use chain::ChainClass;
@@ -94,6 +94,8 @@ pub enum Amplification {
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourModel {
     kind: ModelKind,
+    /// Whom its matrices are for.
+    observer: Observer,
     projection: Vec<Spectrum>,
     cloud: Vec<Spectrum>,
     vectors: Vec<Vec<f64>>,
@@ -122,8 +124,9 @@ impl ColourModel {
     /// Every band of the grid: nothing is left out, and nothing is fitted. What other models are measured against.
     pub fn full_spectrum() -> Self {
         let projection = (0..BANDS).map(one_band).collect();
+        let (kind, observer) = (ModelKind::Nodes, Observer::default());
         let (cloud, vectors, unseen, lights) = (Vec::new(), Vec::new(), Samples::default(), Vec::new());
-        Self { kind: ModelKind::Nodes, projection, cloud, vectors, unseen, mixed: false, lights }
+        Self { kind, observer, projection, cloud, vectors, unseen, mixed: false, lights }
     }
 
     /// A model of stored parts; with it, new lights are fitted as with the model that the parts were taken from.
@@ -151,8 +154,9 @@ impl ColourModel {
         if cloud.is_empty() {
             return wrong("the cloud has no spectra".to_owned());
         }
-        let unseen = Samples::default();
-        let mut model = Self { kind, projection, cloud, vectors: Vec::new(), unseen, mixed: false, lights };
+        let (observer, vectors_of_cloud, unseen) = (Observer::default(), Vec::new(), Samples::default());
+        let mut model =
+            Self { kind, observer, projection, cloud, vectors: vectors_of_cloud, unseen, mixed: false, lights };
         if kind == ModelKind::Nodes && model.nodes_nm().is_none_or(|nodes| nodes.len() != dimension) {
             return wrong("a row of the projection is not one wavelength, as a node is".to_owned());
         }
@@ -161,6 +165,12 @@ impl ColourModel {
             return wrong(format!("the light {name:?} has {} of {dimension} columns", matrix.xyz.len()));
         }
         if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
+    }
+
+    /// The same of stored parts whose matrices are those of `observer`, not of 1931: see [`Self::from_parts`].
+    #[must_use]
+    pub fn with_observer(self, observer: Observer) -> Self {
+        Self { observer, ..self }
     }
 
     /// The same with stored spectra that were not used in its fit, and their coefficients: see [`Self::from_parts`].
@@ -209,6 +219,11 @@ impl ColourModel {
     /// What kind of model it is.
     pub const fn kind(&self) -> ModelKind {
         self.kind
+    }
+
+    /// Whom its matrices, and their errors, are for.
+    pub const fn observer(&self) -> Observer {
+        self.observer
     }
 
     /// How many coefficients it has: `k`.
@@ -381,8 +396,14 @@ impl ColourModel {
 
     /// ΔE00 of each of `cloud`'s spectra under `light`, whether it belongs to the model or is new.
     pub fn errors(&self, cloud: &Cloud, light: &Light, amplification: Amplification) -> Vec<f64> {
-        let target = Target::new(&cloud.spectra, light);
+        let target = Target::new(&cloud.spectra, light, self.observer);
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
+    }
+
+    /// The matrix of a light to `observer`: that of [`Self::matrix`] where it is the model's own observer, else a new one
+    /// fitted on the cloud, which takes its time: see [`Self::seen_by`].
+    pub fn matrix_for(&self, light: &Light, observer: Observer) -> LightMatrix {
+        if observer == self.observer { self.matrix(light) } else { self.fitted_for(light, observer) }
     }
 
     /// The matrix of a light: the model's own where the light is one of its lights, else a new one fitted on the
@@ -397,21 +418,25 @@ impl ColourModel {
     }
 
     fn fitted(&self, light: &Light) -> LightMatrix {
+        self.fitted_for(light, self.observer)
+    }
+
+    fn fitted_for(&self, light: &Light, observer: Observer) -> LightMatrix {
         if self.dimension() == BANDS {
-            let power = light.spectrum().samples();
-            let colour = |band: usize| OBSERVER.each_ref().map(|matching| matching.samples()[band] * power[band]);
+            let (power, functions) = (light.spectrum().samples(), observer.matching());
+            let colour = |band: usize| functions.each_ref().map(|matching| matching.samples()[band] * power[band]);
             let xyz = (0..BANDS).map(colour).collect();
             return LightMatrix { xyz, error: ErrorSummary::default(), unseen: None };
         }
-        let target = Target::new(&self.cloud, light);
+        let target = Target::new(&self.cloud, light, observer);
         let xyz = match self.kind {
             ModelKind::Nodes | ModelKind::Bands | ModelKind::RgbFitted => {
                 let fitted = lawson::fit(&self.vectors, self.dimension(), &target, &target.forms());
                 return LightMatrix { xyz: fitted.matrix, error: fitted.error, unseen: None };
             }
-            ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light),
-            ModelKind::Peercy => peercy::matrix(&self.projection, light),
-            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => fixed::rgb_matrix(light),
+            ModelKind::Sharpened(_) => sharpened::matrix(&self.projection, light, observer),
+            ModelKind::Peercy => peercy::matrix(&self.projection, light, observer),
+            ModelKind::Rgb | ModelKind::RgbNaive | ModelKind::RgbPrefiltered => fixed::rgb_matrix(light, observer),
         };
         let error = ErrorSummary::of(&target.errors(&self.vectors, &xyz));
         LightMatrix { xyz, error, unseen: None }
@@ -438,12 +463,12 @@ impl ColourModel {
         let of_light = |(_, light, matrix): &(String, Light, LightMatrix)| {
             // How much of each there can be: what makes it white, or all.
             let shown = |spectrum: &Spectrum| {
-                let luminance = OBSERVER[1].dot(&(light.spectrum() * spectrum));
+                let luminance = self.observer.matching()[1].dot(&(light.spectrum() * spectrum));
                 if luminance > 0.0 { luminance.recip().max(1.0).min(brightness * sum) } else { brightness * sum }
             };
             let shown: Vec<f64> = self.cloud.iter().map(shown).collect();
             let cloud: Vec<Spectrum> = self.cloud.iter().zip(&shown).map(|(it, &shown)| it.scaled(shown)).collect();
-            let forms = Target::new(&cloud, light).forms();
+            let forms = Target::new(&cloud, light, self.observer).forms();
             let of_colour = |((vector, &shown), form): ((&Vec<f64>, &f64), &[f64; 6])| {
                 let rounding = |part: f64| (shown * part.abs() * 0.5_f64.powi(11)).max(least);
                 let pairs = vector.iter().zip(&matrix.xyz);

@@ -8,7 +8,8 @@ use nalgebra::{DMatrix, DVector};
 
 use super::sharpened::{basis, dual, visual_roots};
 use super::{ColourModel, matrix_of};
-use crate::spectrum::colour::{Xyz, xyz_of};
+use crate::spectrum::colour::Xyz;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{BANDS, Light, Spectrum};
 
 /// The basis that holds most of the spectra of `cloud`, turned so that all coefficients of white are alike, which is then 1: a
@@ -33,11 +34,11 @@ pub(super) fn projection(cloud: &[Spectrum], dimension: usize) -> Vec<Spectrum> 
 }
 
 /// XYZ per unit of each component under a light: the colours of the dual basis, lit.
-pub(super) fn matrix(projection: &[Spectrum], light: &Light) -> Vec<[f64; 3]> {
+pub(super) fn matrix(projection: &[Spectrum], light: &Light, observer: Observer) -> Vec<[f64; 3]> {
     let dual = dual(projection);
     let of = |index: usize| Spectrum::from_samples(std::array::from_fn(|band| dual[(band, index)]));
     let lit = |index: usize| {
-        let Xyz(xyz) = xyz_of(&(light.spectrum() * &of(index)));
+        let Xyz(xyz) = observer.xyz_of(&(light.spectrum() * &of(index)));
         xyz
     };
     (0..projection.len()).map(lit).collect()

@@ -40,7 +40,8 @@ impl Reconstruction {
         });
         made.rms = (squares.sum::<f64>() / count(cloud.len() * BANDS)).sqrt();
         let lights = model.lights().iter().map(|(name, light, _)| {
-            let (target, found) = (Target::new(cloud, light), Target::new(&spectra, light));
+            let colours = |spectra| Target::new(spectra, light, model.observer());
+            let (target, found) = (colours(cloud), colours(&spectra));
             let errors: Vec<f64> = (found.xyz.iter().enumerate()).map(|(at, &xyz)| target.error(at, xyz)).collect();
             (name.clone(), ErrorSummary::of(&errors))
         });

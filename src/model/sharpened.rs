@@ -6,7 +6,8 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::matrix_of;
-use crate::spectrum::colour::{OBSERVER, Xyz, xyz_of};
+use crate::spectrum::colour::{OBSERVER, Xyz};
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{BANDS, Light, Spectrum};
 
 /// How much each wavelength matters to the eye.
@@ -84,10 +85,10 @@ fn sharpening(basis: &DMatrix<f64>) -> DMatrix<f64> {
 
 /// XYZ per unit of each component under a light: the colours of the basis dual to the projection, each times the
 /// light's own component.
-pub(super) fn matrix(projection: &[Spectrum], light: &Light) -> Vec<[f64; 3]> {
+pub(super) fn matrix(projection: &[Spectrum], light: &Light, observer: Observer) -> Vec<[f64; 3]> {
     let dual = dual(projection);
     let column = |index: usize| {
-        let Xyz(xyz) = xyz_of(&Spectrum::from_samples(std::array::from_fn(|band| dual[(band, index)])));
+        let Xyz(xyz) = observer.xyz_of(&Spectrum::from_samples(std::array::from_fn(|band| dual[(band, index)])));
         xyz.map(|part| part * projection[index].dot(light.spectrum()))
     };
     (0..projection.len()).map(column).collect()

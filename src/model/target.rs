@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::number::{count, whole};
-use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz};
 use crate::spectrum::metric::quadratic_form;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Spectrum};
 
 /// How far colours are from what they should be, in ΔE00.
@@ -40,15 +41,16 @@ impl ErrorSummary {
     }
 }
 
-/// Exact colours of a cloud under one light.
+/// Exact colours of a cloud under one light, to one observer.
 pub(super) struct Target {
     pub(super) xyz: Vec<[f64; 3]>,
     lab: Vec<Lab>,
 }
 
 impl Target {
-    pub(super) fn new(spectra: &[Spectrum], light: &Light) -> Self {
-        let xyz: Vec<[f64; 3]> = spectra.iter().map(|spectrum| xyz_of(&(light.spectrum() * spectrum)).0).collect();
+    pub(super) fn new(spectra: &[Spectrum], light: &Light, observer: Observer) -> Self {
+        let colour = |spectrum: &Spectrum| observer.xyz_of(&(light.spectrum() * spectrum)).0;
+        let xyz: Vec<[f64; 3]> = spectra.iter().map(colour).collect();
         let lab = xyz.iter().map(|&xyz| lab(xyz)).collect();
         Self { xyz, lab }
     }

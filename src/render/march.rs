@@ -14,7 +14,7 @@ use crate::scene::{Interpolation, Lookup, Scene, StoreAs};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
 use crate::vulkan::{
-    Buffer, ComputePipeline, Device, Filter, Format, HostUse, Resource, ResourceSet, Sampler, StorageImage,
+    Buffer, ComputePipeline, Device, DeviceKind, Filter, Format, HostUse, Resource, ResourceSet, Sampler, StorageImage,
 };
 
 /// How long a dispatch may take, about: a person who moves on is heard after it, and no watchdog bites.
@@ -25,6 +25,10 @@ const FIRST_SAMPLES: f64 = 2e7;
 pub(super) const SLICE: u32 = 16_384;
 /// Components of the largest matrices that are marched: larger ones would not stay in registers.
 pub(super) const LARGEST_MATRIX: usize = 8;
+/// Bytes of a table in a uniform buffer: what most devices have at most.
+const UNIFORM_BYTES: u32 = 65_536;
+/// Bytes of a vector of a table.
+const VECTOR_BYTES: u32 = 16;
 /// Iterations of all its loops that an invocation may take: some devices stop it, silently, at 65,535.
 const ITERATIONS: usize = 65_000;
 
@@ -38,12 +42,31 @@ pub struct Dispatching {
     pub samples: Option<u32>,
     /// Most samples along a ray in one dispatch, 1 to 16,384.
     pub slice: u32,
+    /// Where the tables of a march are, if they fit there.
+    pub tables: TableMemory,
+}
+
+/// Where the shader reads the tables of the transfer function and of the labels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum TableMemory {
+    /// Storage buffers, of any length. A GPU reads another entry for each of its lanes at once.
+    Storage,
+    /// Uniform buffers, of 64 KiB each; longer tables stay in storage buffers. Lavapipe reads storage lane by lane with a
+    /// branch for each, uniforms without. A GPU would read one lane after the other.
+    Uniform,
+}
+
+impl TableMemory {
+    /// What marches fastest on `device`.
+    pub(super) fn fastest(device: &Device) -> Self {
+        if device.info().kind == DeviceKind::Software { Self::Uniform } else { Self::Storage }
+    }
 }
 
 impl Default for Dispatching {
     fn default() -> Self {
         // Lavapipe's lanes are eight neighbours in x.
-        Self { group: [8, 8], samples: None, slice: SLICE }
+        Self { group: [8, 8], samples: None, slice: SLICE, tables: TableMemory::Storage }
     }
 }
 
@@ -141,8 +164,8 @@ impl Default for Speed {
     }
 }
 
-/// The shader's texts by name: the march, what a step reflects, and what passes it.
-fn sources(plan: &ScenePlan) -> [(&'static str, &'static str); 3] {
+/// The shader's texts by name: what a step reflects, what passes it, where tables are, and the march.
+fn sources(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
     [
         match plan.accumulate {
             Accumulate::Weights { .. } => ("shaders/weights.wgsl", include_str!("../../shaders/weights.wgsl")),
@@ -152,6 +175,10 @@ fn sources(plan: &ScenePlan) -> [(&'static str, &'static str); 3] {
             Transmittance::Grey => ("shaders/grey.wgsl", include_str!("../../shaders/grey.wgsl")),
             Transmittance::Coloured => ("shaders/coloured.wgsl", include_str!("../../shaders/coloured.wgsl")),
             Transmittance::Mixed => ("shaders/mixed.wgsl", include_str!("../../shaders/mixed.wgsl")),
+        },
+        match tables {
+            TableMemory::Storage => ("shaders/tables_storage.wgsl", include_str!("../../shaders/tables_storage.wgsl")),
+            TableMemory::Uniform => ("shaders/tables_uniform.wgsl", include_str!("../../shaders/tables_uniform.wgsl")),
         },
         ("shaders/march.wgsl", include_str!("../../shaders/march.wgsl")),
     ]
@@ -233,11 +260,12 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .bool("SEEKING", plan.seeks())
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
+        .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
 }
 
 /// The march shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, group: [u32; 2]) -> Result<Shader, ShaderError> {
-    compile(&sources(plan), &constants(plan, group))
+pub(super) fn shader(plan: &ScenePlan, dispatching: Dispatching) -> Result<Shader, ShaderError> {
+    compile(&sources(plan, dispatching.tables), &constants(plan, dispatching.group))
 }
 
 impl MarchUniform {
@@ -293,7 +321,7 @@ impl Renderer {
         size: [usize; 2],
         progress: &dyn Progress,
     ) -> Result<Accumulators, RenderError> {
-        let mut march = self.begin_march(scene, planned, uploaded, size, Speed::default())?;
+        let mut march = self.begin_march(scene, planned, uploaded, size, self.speed)?;
         while !march.is_done() {
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
@@ -347,12 +375,8 @@ impl Renderer {
         };
         let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &table, size)))?;
         let shading = uniform("shading", &shading_bytes(scene, planned))?;
-        let table_source = storage("table source", bytemuck::cast_slice(&table.source))?;
-        let table_opacity = storage("table opacity", bytemuck::cast_slice(&table.opacity))?;
         let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
-        let label_table = TransferTable::of_labels(scene, planned);
-        let label_source = storage("label source", bytemuck::cast_slice(&label_table.source))?;
-        let label_opacity = storage("label opacity", bytemuck::cast_slice(&label_table.opacity))?;
+        let (tables, tabled) = self.tables(&table, &TransferTable::of_labels(scene, planned))?;
         let filter = match plan.interpolation {
             Interpolation::Linear => Filter::Linear,
             // The others fetch texels themselves.
@@ -365,8 +389,8 @@ impl Renderer {
             StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
         let (pipeline, set) = self.bind(
-            &Key::March(plan.clone()),
-            || shader(plan, self.dispatching.group),
+            &Key::March(plan.clone(), tables),
+            || shader(plan, Dispatching { tables, ..self.dispatching }),
             unsigned(size_of::<Band>()),
             |name| {
                 Some(match name {
@@ -374,15 +398,17 @@ impl Renderer {
                     "shading_uniform" => Resource::Uniform(&shading),
                     "volume" => Resource::Texture(&uploaded.volume),
                     "volume_sampler" => Resource::Sampler(&sampler),
-                    "table_source" => Resource::Storage(&table_source),
-                    "table_opacity" => Resource::Storage(&table_opacity),
                     "occupancy" => Resource::Storage(&occupied),
                     "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
-                    "label_source" => Resource::Storage(&label_source),
-                    "label_opacity" => Resource::Storage(&label_opacity),
                     "accumulators" => Resource::StorageImage(&weights),
                     "transmittances" => Resource::StorageImage(&transmittance),
-                    _ => return None,
+                    _ => {
+                        let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
+                        match tables {
+                            TableMemory::Storage => Resource::Storage(buffer),
+                            TableMemory::Uniform => Resource::Uniform(buffer),
+                        }
+                    }
                 })
             },
         )?;
@@ -401,6 +427,37 @@ impl Renderer {
             transmittance,
         };
         Ok(March { pipeline, set, schedule, left })
+    }
+
+    /// The tables of values and of labels in buffers, by their names in the shader, and where those are.
+    fn tables(
+        &self,
+        values: &TransferTable,
+        labels: &TransferTable,
+    ) -> Result<(TableMemory, [(&'static str, Buffer); 4]), RenderError> {
+        let tables: [(&'static str, &[u8]); 4] = [
+            ("table_source", bytemuck::cast_slice(&values.source)),
+            ("table_opacity", bytemuck::cast_slice(&values.opacity)),
+            ("label_source", bytemuck::cast_slice(&labels.source)),
+            ("label_opacity", bytemuck::cast_slice(&labels.opacity)),
+        ];
+        let room = self.device.limits().max_uniform_buffer_bytes >= u64::from(UNIFORM_BYTES);
+        let short = tables.iter().all(|(_, bytes)| bytes.len() as u64 <= u64::from(UNIFORM_BYTES));
+        let memory = if room && short { self.dispatching.tables } else { TableMemory::Storage };
+        let buffer = |(name, bytes): (&'static str, &[u8])| -> Result<_, RenderError> {
+            let (size, host_use) = match memory {
+                // Whole vectors, and one at least: a table without entries is one that is never read.
+                TableMemory::Storage => {
+                    (bytes.len().max(1).next_multiple_of(VECTOR_BYTES as usize) as u64, HostUse::Storage)
+                }
+                TableMemory::Uniform => (UNIFORM_BYTES.into(), HostUse::Uniform),
+            };
+            let buffer = Buffer::host(&self.device, name, size, host_use)?;
+            buffer.write(0, bytes)?;
+            Ok((name, buffer))
+        };
+        let [source, opacity, label_source, label_opacity] = tables.map(buffer);
+        Ok((memory, [source?, opacity?, label_source?, label_opacity?]))
     }
 
     /// The accumulators on the host.
@@ -528,6 +585,7 @@ impl March {
             let groups = [self.schedule.size[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
             recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&band), groups)
         })?;
+        renderer.longest_dispatch.fetch_max(whole(self.schedule.taken) as u64, Ordering::Relaxed);
         self.schedule.took(begun.elapsed());
         self.left.device_time = self.left.device_time.zip(took).map(|(sum, took)| sum + took);
         self.left.dispatches += 1;
@@ -731,7 +789,8 @@ mod tests {
             active_high
         );
         let constants = constants(&plan_of(4), Dispatching::default().group);
-        let theirs = crate::shader::struct_layout(&sources(&plan_of(4)), &constants, "March").ok();
+        let sources = sources(&plan_of(4), TableMemory::Storage);
+        let theirs = crate::shader::struct_layout(&sources, &constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
         });
@@ -742,8 +801,7 @@ mod tests {
     /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
     #[test]
     fn four_spectral_materials_march_with_the_shader_of_three_colours() {
-        let words =
-            |materials| shader(&plan_of(materials), Dispatching::default().group).map(|shader| shader.words).ok();
+        let words = |materials| shader(&plan_of(materials), Dispatching::default()).map(|shader| shader.words).ok();
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");

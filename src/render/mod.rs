@@ -4,15 +4,16 @@
 //! [`Renderer::relight_linear`] turns those into pictures, as often as the light changes.
 
 mod march;
+mod pipelines;
 mod relight;
 mod store;
 mod upload;
 
-use std::collections::HashMap;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
-pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed};
+pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use relight::{Relight, RelightUniform};
 pub use upload::Uploaded;
 
@@ -22,6 +23,7 @@ use crate::shader::{Shader, ShaderError};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
 use crate::vulkan::{ComputePipeline, Device, Format, Resource, ResourceSet, VulkanError};
+use pipelines::Pipelines;
 
 /// Why a frame could not be rendered.
 #[derive(Debug, thiserror::Error)]
@@ -128,19 +130,22 @@ fn without_gradients(format: VolumeFormat) -> &'static str {
     if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" }
 }
 
-/// A device and the pipelines made on it so far.
+/// A device and the pipelines made on it last.
 #[derive(Debug)]
 pub struct Renderer {
     device: Device,
     dispatching: Dispatching,
-    pipelines: Mutex<HashMap<Key, Made>>,
+    /// How the marches begin that are made at one go.
+    speed: Speed,
+    pipelines: Mutex<Pipelines>,
     marches: AtomicU64,
+    longest_dispatch: AtomicU64,
 }
 
 /// What tells pipelines apart.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Key {
-    March(ScenePlan),
+    March(ScenePlan, TableMemory),
     Relight(ScenePlan, relight::Target),
     /// Of every plan.
     Store,
@@ -157,13 +162,34 @@ impl Renderer {
     /// A renderer on `device`.
     #[must_use]
     pub fn new(device: Device) -> Self {
-        Self { device, dispatching: Dispatching::default(), pipelines: Mutex::default(), marches: AtomicU64::default() }
+        let dispatching = Dispatching { tables: TableMemory::fastest(&device), ..Dispatching::default() };
+        Self {
+            device,
+            dispatching,
+            speed: Speed::default(),
+            pipelines: Mutex::default(),
+            marches: AtomicU64::default(),
+            longest_dispatch: AtomicU64::default(),
+        }
     }
 
     /// How many marches it has begun.
     #[must_use]
     pub fn marches(&self) -> u64 {
         self.marches.load(Ordering::Relaxed)
+    }
+
+    /// The most samples that a dispatch of its marches has had: pixels across, times rows, times samples along a ray.
+    #[must_use]
+    pub fn longest_dispatch(&self) -> u64 {
+        self.longest_dispatch.load(Ordering::Relaxed)
+    }
+
+    /// The same renderer for a device that others wait for: dispatches of [`Self::march`] take about `dispatch`, and the first
+    /// of each as little as on a device that nothing is known of.
+    #[must_use]
+    pub fn with_dispatches_of(self, dispatch: Duration) -> Self {
+        Self { speed: Speed::unknown(dispatch), ..self }
     }
 
     /// The same renderer with its marches cut otherwise. A slice out of range takes the nearest end.
@@ -208,8 +234,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// The pipeline for `key`, and `named` resources bound to it. A pipeline is made once; what its plan does not use is
-    /// not bound.
+    /// The pipeline for `key`, and `named` resources bound to it. A pipeline is made where none is kept, and nobody waits
+    /// meanwhile who needs another; what its plan does not use is not bound.
     fn bind<'a>(
         &self,
         key: &Key,
@@ -217,9 +243,9 @@ impl Renderer {
         push_constant_bytes: u32,
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
-        let mut pipelines = self.pipelines.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let pipelines = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let name = match key {
-            Key::March(_) => "march",
+            Key::March(..) => "march",
             Key::Relight(..) => "relight",
             Key::Store => "store",
         };
@@ -234,15 +260,14 @@ impl Renderer {
                 })
                 .collect()
         };
-        let made = match pipelines.get(key) {
-            Some(made) => made.clone(),
+        let kept = pipelines().get(key);
+        let made = match kept {
+            Some(made) => made,
             None => {
                 let shader = compile()?;
                 let kinds: Vec<_> = bound(&shader.resources)?.iter().map(Resource::kind).collect();
                 let pipeline = ComputePipeline::new(&self.device, name, &shader.words, &kinds, push_constant_bytes)?;
-                let made = Made { pipeline, resources: shader.resources };
-                pipelines.insert(key.clone(), made.clone());
-                made
+                pipelines().keep(key.clone(), Made { pipeline, resources: shader.resources })
             }
         };
         let set = ResourceSet::new(&self.device, name, &made.pipeline, &bound(&made.resources)?)?;
@@ -257,7 +282,7 @@ impl Renderer {
 /// [`ShaderError`] where one does not compile.
 pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
-        ("march", march::shader(plan, Dispatching::default().group)?),
+        ("march", march::shader(plan, Dispatching::default())?),
         ("relight_display", relight::shader(plan, relight::Target::Display)?),
         ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
     ])

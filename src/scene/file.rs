@@ -461,7 +461,12 @@ impl Text<'_> {
             camera,
             crop,
             accuracy,
-            display: Display { exposure, adapt: file.display.adapt, deficiency: file.display.deficiency },
+            display: Display {
+                exposure,
+                adapt: file.display.adapt,
+                observer: file.display.observer,
+                deficiency: file.display.deficiency,
+            },
         })
     }
 }

@@ -25,6 +25,7 @@ pub use transfer::{Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, 
 use crate::model::ModelKind;
 use crate::palette::PaletteError;
 use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
 use crate::volume::{Volume, VolumeError};
 
@@ -278,7 +279,9 @@ pub struct Display {
     pub exposure: f64,
     /// Bradford adaptation of the mixed lights' white to D65; off, a tungsten light looks orange.
     pub adapt: bool,
-    /// Whose eyes it is a preview for; `None` has all cones.
+    /// Whose eyes make colours of spectra.
+    pub observer: Observer,
+    /// Which cones are missing in those whom it is a preview for; `None` has all.
     pub deficiency: Option<Deficiency>,
 }
 

@@ -6,6 +6,7 @@ pub mod deficiency;
 mod error;
 mod kind;
 pub mod metric;
+pub mod observer;
 mod smooth;
 mod source;
 pub mod standard;

@@ -9,9 +9,10 @@ use super::rounded;
 use crate::model::ColourModel;
 use crate::number::count as count_f64;
 use crate::plan::{Accumulate, LANE, Planned, Transmittance};
-use crate::scene::{Display, Material, Mix, Placement, Scene};
-use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white, xyz_of};
+use crate::scene::{Display, Material, Mix, MixLight, Placement, Scene};
+use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, Xyz, bradford, d65_white};
 use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Reflectance, Spectrum};
 
 /// Vectors of the light positions, in the order of the plan, in the volume's own axes: unit vectors towards directional
@@ -113,11 +114,11 @@ impl Components {
         self.len() == 0
     }
 
-    /// XYZ of each under `light`.
-    fn colours(&self, light: &Light) -> Vec<DVec3> {
+    /// XYZ of each under `light`, to `observer`.
+    fn colours(&self, light: &Light, observer: Observer) -> Vec<DVec3> {
         match self {
-            Self::Surfaces(surfaces) => surfaces.iter().map(|surface| xyz_vector(light, surface)).collect(),
-            Self::Model(model, _) => model.matrix(light).xyz.into_iter().map(DVec3::from_array).collect(),
+            Self::Surfaces(surfaces) => surfaces.iter().map(|surface| xyz_vector(light, surface, observer)).collect(),
+            Self::Model(model, _) => model.matrix_for(light, observer).xyz.into_iter().map(DVec3::from_array).collect(),
         }
     }
 }
@@ -148,7 +149,7 @@ impl RelightMatrices {
         let mut colours = vec![DVec3::ZERO; positions * count];
         let mut everywhere = vec![DVec3::ZERO; count];
         for light in &mix.0 {
-            let colours_of_light = components.colours(&light.spectrum);
+            let colours_of_light = components.colours(&light.spectrum, display.observer);
             let here = colours.iter_mut().skip(light.position * count);
             for ((sum, all), &colour) in here.zip(&mut everywhere).zip(&colours_of_light) {
                 *sum += light.weight * colour;
@@ -175,9 +176,10 @@ impl RelightMatrices {
                 (behind.collect(), passing)
             }
             _ => {
-                let seen = |surface: &Reflectance| {
-                    mix.0.iter().map(|light| light.weight * xyz_vector(&light.spectrum, surface.spectrum())).sum()
+                let lit = |light: &MixLight, surface: &Reflectance| {
+                    light.weight * xyz_vector(&light.spectrum, surface.spectrum(), display.observer)
                 };
+                let seen = |surface: &Reflectance| mix.0.iter().map(|light| lit(light, surface)).sum();
                 (vec![background.map_or(DVec3::ZERO, seen)], vec![1.0])
             }
         };
@@ -221,17 +223,17 @@ impl RelightMatrices {
     }
 }
 
-/// XYZ of a surface under a light.
-fn xyz_vector(light: &Light, surface: &Spectrum) -> DVec3 {
-    DVec3::from_array(xyz_of(&(light.spectrum() * surface)).0)
+/// XYZ of a surface under a light, to `observer`.
+fn xyz_vector(light: &Light, surface: &Spectrum, observer: Observer) -> DVec3 {
+    DVec3::from_array(observer.xyz_of(&(light.spectrum() * surface)).0)
 }
 
-/// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights where the display adapts, as
-/// somebody sees it who may lack one kind of cone.
+/// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights, as the observer sees it, where the
+/// display adapts, as somebody sees it who may lack one kind of cone.
 #[must_use]
 pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
     let (_, light) = mix.light_at(0);
-    let white = xyz_of(&light);
+    let white = display.observer.xyz_of(&light);
     let adapted = if display.adapt && white.0[1] > 0.0 {
         let relative = Xyz(white.0.map(|component| component / white.0[1]));
         *LINEAR_SRGB_FROM_XYZ * bradford(relative, d65_white())

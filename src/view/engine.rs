@@ -9,6 +9,7 @@ use glam::DVec2;
 use super::load::Loaded;
 use super::probe::Pixel;
 use super::state::State;
+use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Quiet;
@@ -19,7 +20,7 @@ use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
 
 /// How long one dispatch of a march may take, about.
-const DISPATCH: Duration = Duration::from_millis(10);
+pub(super) const DISPATCH: Duration = Duration::from_millis(10);
 /// How long the work of a frame may take, about: with a dispatch and a relight on top it is well under 50 ms.
 const SLICE: Duration = Duration::from_millis(16);
 /// How long a picture may take while a hand moves the camera, about.
@@ -67,6 +68,8 @@ pub struct Engine {
     scene: Box<Scene>,
     /// A plan with another colour model, which is fitted beside the window.
     planning: Option<Planning>,
+    /// The colour model for whoever looks now, which is fitted beside the window.
+    fitting: Option<Fitting>,
     marching: Option<Marching>,
     lit: Option<Lit>,
     /// The light to show it in.
@@ -102,6 +105,13 @@ struct Planning {
     thread: JoinHandle<Result<Planned, PlanError>>,
 }
 
+/// A fit of a colour model's matrices under way.
+#[derive(Debug)]
+struct Fitting {
+    of: Arc<ColourModel>,
+    thread: JoinHandle<Result<ColourModel, ModelError>>,
+}
+
 /// A march under way.
 #[derive(Debug)]
 struct Marching {
@@ -123,14 +133,18 @@ struct Lit {
 }
 
 impl Lit {
-    /// What lights it as `state` asks; `None` before a march has the light positions of that.
+    /// What lights it as `state` asks, to whom its colour model is for; `None` before a march has the light positions of
+    /// that.
     fn matrices(&self, state: &State) -> Option<RelightMatrices> {
         let (scene, count) = (&state.scene, self.accumulators.planned.positions.len());
         // Where parallel rays turn, or other materials show, a light may come to stand where another one does, or no longer:
         // the march that is wanted will have as many positions as the mix.
         (positions(scene).len() == count).then(|| {
-            let background = scene.background.as_ref();
-            RelightMatrices::new(&self.components, count, background, &state.mix(), &scene.display)
+            let (background, mut display) = (scene.background.as_ref(), scene.display.clone());
+            if let Components::Model(model, _) = &self.components {
+                display.observer = model.observer();
+            }
+            RelightMatrices::new(&self.components, count, background, &state.mix(), &display)
         })
     }
 }
@@ -151,6 +165,7 @@ impl Engine {
             wanted: None,
             scene: Box::new(state.scene.clone()),
             planning: None,
+            fitting: None,
             marching: None,
             lit: None,
             state: Box::new(state),
@@ -200,6 +215,7 @@ impl Engine {
 
     fn advance(&mut self, hand_rests: bool) -> Result<bool, EngineError> {
         let begun = Instant::now();
+        self.follow_observer()?;
         let mut shown = self.relight()?;
         while begun.elapsed() < SLICE && self.has_work(hand_rests) {
             if self.marching.is_none() && !self.begin()? {
@@ -223,8 +239,39 @@ impl Engine {
     #[must_use]
     pub fn has_work(&self, hand_rests: bool) -> bool {
         let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level > 1);
-        let wanted = self.wanted.is_some() || self.planning.is_some();
+        let wanted = self.wanted.is_some() || self.planning.is_some() || self.fitting.is_some();
         self.unlit || wanted || self.marching.is_some() || (hand_rests && finer)
+    }
+
+    /// Takes the colour model that was fitted for whoever looks, or begins to fit it; until it is there, the picture is as
+    /// it was seen before. What pixels keep stays.
+    fn follow_observer(&mut self) -> Result<(), EngineError> {
+        if let Some(Fitting { of, thread }) = self.fitting.take_if(|fitting| fitting.thread.is_finished()) {
+            // A panic there has been told of.
+            if let Ok(fitted) = thread.join() {
+                let fitted = Arc::new(fitted.map_err(PlanError::from)?);
+                if self.planned.model.as_ref().is_some_and(|model| Arc::ptr_eq(model, &of)) {
+                    self.planned.model = Some(Arc::clone(&fitted));
+                }
+                if let Some(lit) = &mut self.lit
+                    && let Components::Model(model, _) = &mut lit.components
+                    && Arc::ptr_eq(model, &of)
+                {
+                    *model = Arc::clone(&fitted);
+                    lit.accumulators.planned.model = Some(fitted);
+                    // The same numbers are another picture.
+                    self.pictures += 1;
+                    self.unlit = true;
+                }
+            }
+        }
+        let observer = self.state.scene.display.observer;
+        let stale = self.planned.model.as_ref().filter(|model| model.observer() != observer);
+        if let (Some(of), None) = (stale.map(Arc::clone), &self.fitting) {
+            let model = Arc::clone(&of);
+            self.fitting = Some(Fitting { of, thread: std::thread::spawn(move || model.seen_by(observer)) });
+        }
+        Ok(())
     }
 
     /// Begins the march of what is wanted, or else a finer one of what is shown. Says whether there is one to go on with:
@@ -309,8 +356,10 @@ impl Engine {
                 self.coarse /= 2;
             }
         }
-        let accumulators = march.finish(&self.renderer)?;
+        let mut accumulators = march.finish(&self.renderer)?;
         let relight = self.renderer.relight_display(&accumulators)?;
+        // Its colour model may have been fitted for another observer since.
+        accumulators.planned.model.clone_from(&self.planned.model);
         let components = Components::new(&self.scene, &accumulators.planned);
         self.pictures += 1;
         self.lit = Some(Lit { relight, level, size: self.size, accumulators, components });

@@ -119,8 +119,10 @@ impl Prober {
                 Behind { reflected, ray: Ray::march(&scene, &statistics, which, progress) }
             }));
         }
+        // What the picture is to another observer is on its way.
+        let is_seen = model.as_ref().is_none_or(|model| model.observer() == state.scene.display.observer);
         // Where a light has come to stand elsewhere, the picture that is on its way has places for it.
-        if new && positions(&state.scene).len() == pixel.planned.positions.len() {
+        if new && is_seen && positions(&state.scene).len() == pixel.planned.positions.len() {
             self.relight = engine.counts().relights;
             let exact = || Reflected::new(&pixel.components, state.scene.background.as_ref());
             let reflected = match &model {

@@ -9,6 +9,7 @@ use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
 
+use super::engine::DISPATCH;
 use super::window::{Options, ViewError};
 use crate::render::Renderer;
 use crate::vulkan::{Device, Surface, VulkanError};
@@ -70,5 +71,5 @@ fn device(options: &Options, window: &Arc<Window>) -> Result<(Surface, Arc<Rende
     let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
     let device = Device::open_for_window(&options.device, options.validation, display.as_raw())?;
     let surface = Surface::new(&device, Arc::clone(window))?;
-    Ok((surface, Arc::new(Renderer::new(device))))
+    Ok((surface, Arc::new(Renderer::new(device).with_dispatches_of(DISPATCH))))
 }

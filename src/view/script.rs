@@ -17,6 +17,7 @@ use crate::measure::{Goal, Preset};
 use crate::palette::Target;
 use crate::scene::Interval;
 use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
 
 /// Longer than any script of a person.
@@ -224,6 +225,10 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
                 return Err("sees all, protan, deutan or tritan".to_owned());
             }
             edit(Edit::Deficiency(found))
+        }
+        "observer" => {
+            let found = Observer::ALL.into_iter().find(|one| one.to_string() == text());
+            edit(Edit::Observer(found.ok_or("observer 1931 or 1964")?))
         }
         "crop" => match rest {
             ["off"] => edit(Edit::Crop(None)),

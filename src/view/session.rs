@@ -14,6 +14,7 @@ use super::state::State;
 use crate::output::{OutputError, write_atomically};
 use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
 use crate::spectrum::Spectrum;
+use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
 
 /// Why a session cannot be saved.
@@ -103,6 +104,10 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         let display = table(&mut document, "display")?;
         display.insert("exposure", value(scene.display.exposure));
         display.insert("adapt", value(scene.display.adapt));
+        match scene.display.observer {
+            Observer::Cie1931 => display.remove("observer"),
+            observer => display.insert("observer", value(observer.to_string())),
+        };
         match scene.display.deficiency {
             Some(deficiency) => display.insert("deficiency", value(deficiency.to_string())),
             None => display.remove("deficiency"),

@@ -12,6 +12,7 @@ use crate::number::count;
 use crate::palette::Palette;
 use crate::scene::{Accuracy, Dial, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along};
 use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
 use crate::volume::Statistics;
 
 /// Steps that can be undone.
@@ -68,7 +69,9 @@ pub enum Edit {
     Exposure(f64),
     /// Whether the eye adapts to the white of the lights.
     Adapt(bool),
-    /// Whose eyes it is a preview for.
+    /// Whose eyes make colours of spectra.
+    Observer(Observer),
+    /// Which cones are missing in those whom it is a preview for.
     Deficiency(Option<Deficiency>),
     /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner.
     Crop(Option<[DVec3; 2]>),
@@ -136,6 +139,7 @@ impl Edit {
             | Self::Tour(..)
             | Self::Exposure(_)
             | Self::Adapt(_)
+            | Self::Observer(_)
             | Self::Deficiency(_)
             | Self::Design(_) => Cost::Relight,
             Self::Camera(..)
@@ -363,6 +367,7 @@ impl State {
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
                 }
             }
+            Edit::Observer(observer) => scene.display.observer = observer,
             Edit::Deficiency(deficiency) => scene.display.deficiency = deficiency,
             Edit::Crop(parts) => {
                 scene.crop = parts.map(|parts| crop_from_parts(parts, scene.volume.geometry.dims));
@@ -424,9 +429,12 @@ impl State {
         light.situation = match *edit {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
             Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
-            Edit::Exposure(_) | Edit::Adapt(_) | Edit::Deficiency(_) | Edit::Rename(..) | Edit::Design(_) => {
-                light.situation
-            }
+            Edit::Exposure(_)
+            | Edit::Adapt(_)
+            | Edit::Observer(_)
+            | Edit::Deficiency(_)
+            | Edit::Rename(..)
+            | Edit::Design(_) => light.situation,
             _ if edit.cost() == Cost::March => light.situation,
             _ => None,
         };

@@ -15,6 +15,7 @@
 //! | `version` | 1 with weights, 2 with a colour model, 3 with one and what it was checked on |
 //! | `exposure` | factor on the linear picture; 1 where absent |
 //! | `adapt` | whether the white of the mixed light is adapted to D65 (Bradford); false where absent |
+//! | `observer` | `"1931"` or `"1964"`: whose eyes make colours of spectra, the CIE's 2-degree or 10-degree standard observer; 1931 where absent. A display is made for that of 1931: for that of 1964, X, Y and Z are scaled so that D65 has Y = 1, and adapted from the white of D65 to its white to that of 1931 (Bradford). All XYZ here are those |
 //! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black where absent |
 //! | `[[components]]` | with weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
 //! | `[model]` | with a colour model: see below |
@@ -90,6 +91,7 @@ use super::{BANDS, OutputError};
 use serde::{Deserialize, Serialize};
 
 use crate::model::{ColourModel, ModelKind};
+use crate::spectrum::observer::Observer;
 
 /// The name of the attribute that holds the text.
 const ATTRIBUTE: &str = "relume";
@@ -134,6 +136,8 @@ pub struct Accumulators {
     pub exposure: f64,
     /// Whether the white of the mixed light is adapted to D65.
     pub adapt: bool,
+    /// Whose eyes make colours of spectra.
+    pub observer: Observer,
     /// The light dial; `None` is the regular polygon of the lights.
     pub dial: Option<Dial>,
     /// The numbers, rows from the top: of position p, component c and a pixel at

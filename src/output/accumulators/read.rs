@@ -275,7 +275,7 @@ impl ModelDraft {
             let (spectra, vectors) = next();
             model = model.and_then(|model| model.with_unseen(spectra, vectors, mixed));
         }
-        let model = model.map_err(|error| error.to_string())?;
+        let model = model.map_err(|error| error.to_string())?.with_observer(self.observer);
         Ok(Stored { model, coloured: self.coloured, tolerance: self.tolerance })
     }
 }

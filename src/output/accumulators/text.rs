@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::rules::{check_dimension, check_finite};
 use super::{Accumulators, BANDS, Component, Components, Dial, Light, Position, PositionKind, Stored};
 use crate::model::{ErrorSummary, LightMatrix, ModelKind};
+use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light as LightSpectrum, Spectrum};
 
 /// The version of a file of weights.
@@ -28,6 +29,8 @@ struct Document {
     exposure: f64,
     #[serde(default)]
     adapt: bool,
+    #[serde(default, skip_serializing_if = "is_usual")]
+    observer: Observer,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     background: Option<Vec<f64>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -116,6 +119,12 @@ fn one() -> f64 {
     1.0
 }
 
+/// Whether it is the observer of a file that says nothing about it.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_usual(observer: &Observer) -> bool {
+    *observer == Observer::default()
+}
+
 /// The text of `accumulators`.
 pub(super) fn written(accumulators: &Accumulators) -> Result<String, String> {
     toml::to_string(&Document::from(accumulators)).map_err(|error| error.to_string())
@@ -171,6 +180,7 @@ impl From<&Accumulators> for Document {
             },
             exposure: accumulators.exposure,
             adapt: accumulators.adapt,
+            observer: accumulators.observer,
             background: accumulators.background.map(|background| background.to_vec()),
             model: stored.map(model),
             components: surfaces.iter().map(component).collect(),
@@ -184,6 +194,7 @@ impl From<&Accumulators> for Document {
 /// A colour model without what it was fitted on.
 pub(super) struct ModelDraft {
     pub(super) kind: ModelKind,
+    pub(super) observer: Observer,
     pub(super) coloured: bool,
     /// Whether the file has spectra that were not used in the fit.
     pub(super) has_unseen: bool,
@@ -220,8 +231,11 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
         let spectrum = bands(&format!("the component {:?}", entry.name), entry.spectrum)?;
         Ok(Component { name: entry.name, spectrum })
     };
-    let model =
-        document.model.take().map(|entry| model_draft(entry, &document.lights, version == CHECKED)).transpose()?;
+    let model = document
+        .model
+        .take()
+        .map(|entry| model_draft(entry, document.observer, &document.lights, version == CHECKED))
+        .transpose()?;
     if let Some(light) = document.lights.iter().find(|light| model.is_none() && light.has_matrix()) {
         return Err(format!("the light {:?} has a matrix, and there is no `[model]`", light.name));
     }
@@ -239,7 +253,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
     };
     let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
-    let Document { exposure, adapt, dial, .. } = document;
+    let Document { exposure, adapt, observer, dial, .. } = document;
     let accumulators = Accumulators {
         width: 0,
         height: 0,
@@ -249,6 +263,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
         background,
         exposure,
         adapt,
+        observer,
         dial,
         weights: Vec::new(),
         transmittance: Vec::new(),
@@ -285,7 +300,12 @@ fn position(entry: PositionEntry) -> Result<Position, String> {
 }
 
 /// The model of `entry`, with the matrices of `lights`, of a file that has spectra to check on or has none.
-fn model_draft(entry: ModelEntry, lights: &[LightEntry], has_unseen: bool) -> Result<ModelDraft, String> {
+fn model_draft(
+    entry: ModelEntry,
+    observer: Observer,
+    lights: &[LightEntry],
+    has_unseen: bool,
+) -> Result<ModelDraft, String> {
     check_dimension(entry.projection.len())?;
     check_finite("", "tolerance", &[entry.tolerance])?;
     let dimension = entry.projection.len();
@@ -321,6 +341,7 @@ fn model_draft(entry: ModelEntry, lights: &[LightEntry], has_unseen: bool) -> Re
     let coloured = entry.transmittance == Passing::Coloured;
     Ok(ModelDraft {
         kind: entry.kind,
+        observer,
         coloured,
         has_unseen,
         mixed: entry.mixed,

@@ -12,6 +12,7 @@ use crate::model::ModelKind;
 use crate::palette::PaletteFile;
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
 
 /// Anything the file says, with where it says it.
@@ -260,5 +261,7 @@ pub(super) struct DisplayFile {
     pub(super) exposure: Option<At<f64>>,
     #[serde(default)]
     pub(super) adapt: bool,
+    #[serde(default)]
+    pub(super) observer: Observer,
     pub(super) deficiency: Option<Deficiency>,
 }

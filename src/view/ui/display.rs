@@ -4,6 +4,7 @@ use egui::{ComboBox, Slider, Ui};
 
 use super::controls::panel;
 use crate::spectrum::deficiency::Deficiency;
+use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
 
@@ -26,6 +27,19 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
+        ui.horizontal(|ui| {
+            ui.label("Observer");
+            for observer in Observer::ALL {
+                let (name, help) = match observer {
+                    Observer::Cie1931 => ("2°, 1931", "The CIE's standard observer of 1931: things as small as on a screen. D65 is white."),
+                    Observer::Cie1964 => ("10°, 1964", "The CIE's standard observer of 1964: large surfaces. D65 is white here, too; spectra that look alike to one may differ to the other."),
+                };
+                let button = ui.selectable_label(display.observer == observer, name).on_hover_text(help);
+                if button.clicked() && display.observer != observer {
+                    asked.push(Action::Edit(Edit::Observer(observer)));
+                }
+            }
+        });
         ui.horizontal(|ui| {
             ui.label("Seen by");
             let mut by = display.deficiency;

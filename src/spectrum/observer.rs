@@ -1,0 +1,68 @@
+//! Who looks: the standard observers.
+
+use std::fmt;
+use std::sync::LazyLock;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::colour::{OBSERVER, Xyz, bradford, d65_white};
+use super::{Spectrum, data, standard};
+
+/// CIE 1964 10-degree colour-matching functions x̄₁₀, ȳ₁₀, z̄₁₀ on the grid, as published (CIE 15:2004).
+pub static OBSERVER_1964: [Spectrum; 3] = {
+    let [x, y, z] = data::columns(include_str!("../../data/spectra/cie1964_10deg_cmf_5nm.csv"));
+    [Spectrum::from_samples(x), Spectrum::from_samples(y), Spectrum::from_samples(z)]
+};
+
+/// Whose eyes make colours of spectra. Lights stay as strong as they are: their luminance is that of 1931.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Observer {
+    /// The CIE 1931 2-degree standard observer: small fields, as on a screen. Displays are made for it.
+    #[default]
+    #[serde(rename = "1931")]
+    Cie1931,
+    /// The CIE 1964 10-degree standard observer: large fields.
+    #[serde(rename = "1964")]
+    Cie1964,
+}
+
+impl Observer {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Cie1931, Self::Cie1964];
+
+    /// The three functions whose sums of products with a spectrum are the XYZ that a display shows it as.
+    ///
+    /// Those of 1931 are [`OBSERVER`]. A display is made for these, and its white is D65: the others are scaled so that D65
+    /// has Y = 1 and taken to its white by Bradford, so that it looks white to everybody who looks.
+    pub fn matching(self) -> &'static [Spectrum; 3] {
+        static SHOWN_1964: LazyLock<[Spectrum; 3]> = LazyLock::new(|| {
+            let white = OBSERVER_1964.each_ref().map(|matching| matching.dot(standard::d65().spectrum()));
+            let relative = white.map(|part| part / white[1]);
+            let shown = bradford(Xyz(relative), d65_white()) * white[1].recip();
+            let rows = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| shown.transpose() * axis);
+            rows.map(|row| {
+                let parts = row.to_array().into_iter().zip(&OBSERVER_1964);
+                parts.fold(Spectrum::constant(0.0), |sum, (part, matching)| &sum + &matching.scaled(part))
+            })
+        });
+        match self {
+            Self::Cie1931 => &OBSERVER,
+            Self::Cie1964 => &SHOWN_1964,
+        }
+    }
+
+    /// The colour that a display shows of a spectrum that reaches this eye; D65 at Y = 1 has the white of the display.
+    pub fn xyz_of(self, spectrum: &Spectrum) -> Xyz {
+        Xyz(self.matching().each_ref().map(|matching| matching.dot(spectrum)))
+    }
+}
+
+impl fmt::Display for Observer {
+    fn fmt(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Cie1931 => "1931",
+            Self::Cie1964 => "1964",
+        })
+    }
+}
