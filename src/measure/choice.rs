@@ -219,7 +219,7 @@ pub fn curve(
     const OCTAVES: [i32; 5] = [-8, -4, 0, 4, 8];
     let mut curve = Curve::new(renderer, scene, mix, size, cache, progress)?;
     let settings: Vec<Setting> = std::iter::once(Setting::default())
-        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(voxels(n), dimension, 1.0))))
+        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(quarters(n), dimension, 1.0))))
         .collect();
     let measured: Result<(), ChoiceError> = settings.iter().try_for_each(|setting| curve.point(setting).map(drop));
     curve.keep();
@@ -254,13 +254,18 @@ pub(super) struct Bench<'a> {
     step_length: f64,
 }
 
-/// A step of 2^(n/4) voxels, to three digits.
-fn voxels(n: i32) -> f64 {
-    let exact = 2_f64.powf(f64::from(n) / 4.0);
+/// A step of so many octaves of a voxel, to three digits.
+pub(super) fn voxels(octaves: f64) -> f64 {
+    let exact = octaves.exp2();
     let digit = 10_f64.powf(exact.log10().floor() - 2.0);
     let rounded = (exact / digit).round() * digit;
     // Without the last bits of that product.
     format!("{rounded:.6}").parse().unwrap_or(exact)
+}
+
+/// Step number `n`, in voxels.
+fn quarters(n: i32) -> f64 {
+    voxels(f64::from(n) / 4.0)
 }
 
 /// A step of so many voxels, so many numbers of a colour model where there is one, and such a share of the pixels across.
@@ -403,7 +408,7 @@ impl<'a> Curve<'a> {
         let mut tried: BTreeMap<i32, Tried> = BTreeMap::new();
         let mut next = first;
         loop {
-            let setting = setting(voxels(next), dimension, scale);
+            let setting = setting(quarters(next), dimension, scale);
             let point = self.point(&setting)?;
             tried.insert(next, (setting.clone(), point));
             let keeps = |n: &i32| tried.get(n).is_some_and(|(_, point)| point.error.p95 <= limit);
@@ -481,7 +486,7 @@ impl<'a> Curve<'a> {
         let (mut low, mut high, mut next) = (*STEPS.start(), *STEPS.end(), first);
         let (mut found, mut least, mut tries) = (*STEPS.end(), f64::INFINITY, 0);
         while low <= high {
-            let point = self.point(&setting(voxels(next), dimension, scale))?;
+            let point = self.point(&setting(quarters(next), dimension, scale))?;
             // Where a step is fast enough longer ones are as well, about.
             if point.frame_ms <= limit {
                 (found, least, high) = (next, least.min(point.error.p95), next - 1);

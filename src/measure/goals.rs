@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::choice::{Bench, Choice, ChoiceError, DIMENSIONS, Goal, Pixels, Wanted, choose, setting};
+use super::choice::{Bench, Choice, ChoiceError, DIMENSIONS, Goal, Pixels, Wanted, choose, setting, voxels};
 use super::clock::summary;
 use super::setting::{Knob, Setting, Value};
 use crate::model::random::Random;
@@ -164,7 +164,7 @@ pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) ->
                 bench.error(renderer, &chosen.applied(scene), &planned, chosen.marched_size(SIZE), progress)?.p95;
         }
         for scale in SCALES {
-            let steps = (-3 * PART..=4 * PART).rev().map(|n| 2_f64.powf(f64::from(n) / f64::from(PART)));
+            let steps = (-3 * PART..=4 * PART).rev().map(|n| voxels(f64::from(n) / f64::from(PART)));
             for longer in steps.take_while(|longer| work(*longer, scale) < most) {
                 let tried = setting(longer, k, scale);
                 let marched = tried.marched_size(SIZE);
