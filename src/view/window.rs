@@ -850,8 +850,8 @@ impl Viewer {
         }
         events.set_control_flow(ControlFlow::Wait);
         let Some(screen) = &self.screen else { return };
-        let refines = !self.hand_rests() && self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
-        let waits = if refines { again.min(REST) } else { again };
+        let unfinished = self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
+        let waits = until_next(again, unfinished, self.hand_rests());
         // Frames would take time of what is measured, and a script has nothing to do before that.
         let waits =
             if self.measuring.is_some() { waits.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { waits };
@@ -1003,6 +1003,16 @@ impl Viewer {
 }
 
 /// The picture of `engine` as the kind of file that `path` says.
+/// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
+/// soon as the hand rests: it may have come to rest while a coarse picture was made.
+fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
+    match (unfinished, hand_rests) {
+        (false, _) => again,
+        (true, false) => again.min(REST),
+        (true, true) => Duration::ZERO,
+    }
+}
+
 fn save_picture(path: &Path, engine: &Engine, size: [usize; 2]) -> Result<(), Box<dyn std::error::Error>> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
         write_exr(path, &Picture::new(size[0], size[1], &engine.read_linear()?)?)?;
@@ -1076,5 +1086,18 @@ impl ApplicationHandler<Woken> for Viewer {
         if screen.egui.on_window_event(&screen.window, &event).repaint || matches!(event, WindowEvent::Resized(_)) {
             screen.window.request_redraw();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coarse_picture_that_took_longer_than_the_hand_moved_is_refined() {
+        assert_eq!(until_next(Duration::MAX, true, true), Duration::ZERO, "at once: nothing else would wake it");
+        assert_eq!(until_next(Duration::MAX, true, false), REST, "when the hand rests");
+        assert_eq!(until_next(Duration::MAX, false, true), Duration::MAX, "a finished picture needs no frame");
+        assert_eq!(until_next(REST / 2, true, false), REST / 2, "or when the panels want one");
     }
 }
