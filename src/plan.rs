@@ -356,8 +356,9 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
     for told in planned.unused(scene) {
         tracing::warn!("{told}");
     }
-    for told in planned.amplified(scene) {
-        tracing::warn!("{}", told.trim_end_matches('.'));
+    let amplified = planned.amplified(scene).join(" ");
+    if !amplified.is_empty() {
+        tracing::warn!("{}", amplified.trim_end_matches('.'));
     }
     Ok(planned)
 }

@@ -5,6 +5,7 @@ mod support;
 
 use serde_json::Value;
 
+use support::exr::{Exr, assert_same};
 use support::program::Folder;
 use support::scenes::GLASS;
 
@@ -57,7 +58,7 @@ fn flags_that_mean_nothing_are_refused() {
     let folder = folder().with("v.raw", [7; 64]);
     let folder = folder.with("v.mhd", "NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = v.raw\n");
     folder.refused(2, &["info", "glass.toml", "--k", "3", "--tolerance", "1"], &["--k <N>", "--tolerance <DE>"]);
-    folder.refused(2, &["info", "glass.toml", "--k", "17"], &["--k 17", "from 1 to 16"]);
+    folder.refused(2, &["info", "glass.toml", "--k", "32"], &["--k 32", "from 1 to 31"]);
     folder.refused(2, &["info", "glass.toml", "--tolerance", "0"], &["--tolerance 0", "from 0.001 to 100"]);
     folder.refused(2, &["info", "glass.toml", "--tolerance", "nan"], &["--tolerance NaN"]);
     folder.refused(2, &["info", "glass.toml", "--model", "knots"], &["knots", "sharpened-semigroup"]);
@@ -69,6 +70,27 @@ fn flags_that_mean_nothing_are_refused() {
     folder.done(&["render", "glass.toml", "--size", "8x8", "--accumulators", "acc.exr"]);
     folder.refused(2, &["info", "acc.exr", "--tolerance", "3"], &["--tolerance does nothing here"]);
     folder.refused(2, &["relight", "acc.exr", "-o", "p.png", "--tolerance", "0"], &["--tolerance", "above 0"]);
+}
+
+/// The bands of 10 nm of many a table, and as many of other models: on the device, into a file, and out of it again.
+#[test]
+fn models_of_thirty_one_numbers_are_rendered_stored_and_relit() {
+    let folder = folder();
+    for model in ["nodes", "bands", "sharpened-semigroup"] {
+        let render = ["render", "glass.toml", "--size", "8x8", "--k", "31", "--model", model, "-o", "p.exr"];
+        let json = folder.done(&[&render[..], &["--accumulators", "acc.exr", "--json"]].concat()).json();
+        assert_eq!((&json["plan"]["model"]["k"], &json["plan"]["model"]["kind"]), (&31.into(), &model.into()));
+        folder.done(&["relight", "acc.exr", "-o", "q.exr"]);
+        let [rendered, relit] = ["p.exr", "q.exr"].map(|name| Exr::read(&folder.path(name)).rgba());
+        assert_same(&rendered, &relit, 1e-4);
+        folder.done(&["relight", "acc.exr", "--light", "FL2", "-o", "q.exr"]);
+    }
+    folder.done(&["render", "glass.toml", "--size", "8x8", "--reference", "-o", "r.exr"]);
+    folder.done(&["render", "glass.toml", "--size", "8x8", "--k", "31", "-o", "p.exr"]);
+    let [truth, nodes] = ["r.exr", "p.exr"].map(|name| Exr::read(&folder.path(name)).rgba());
+    assert_same(&truth, &nodes, 2e-3);
+    // What is chosen automatically has 16 at most.
+    folder.refused(1, &["info", "glass.toml", "--tolerance", "0.001"], &["no k up to 16"]);
 }
 
 /// When no k keeps the tolerance, the program says what does, and goes on with what it says.
@@ -159,7 +181,7 @@ fn what_states_an_accuracy_without_use_is_told_so() {
         let relight = [&["relight", "acc.exr", "-o", "p.png"], flags].concat();
         folder.refused(2, &relight, &[flags[0], "is for `relume render`"]);
     }
-    folder.refused(2, &["info", "glass.toml", "--k", "-3"], &["--k -3", "from 1 to 16"]);
+    folder.refused(2, &["info", "glass.toml", "--k", "-3"], &["--k -3", "from 1 to 31"]);
     folder.refused(2, &["info", "glass.toml", "--tolerance", "-1"], &["--tolerance -1", "from 0.001 to 100"]);
     let bench = ["bench", "peer", "peer-k8", "--size", "8x8", "--frames", "1", "--shading", "none"];
     let said = folder.done(&[&bench[..], &["--k", "4", "--accumulate", "spectral"]].concat());

@@ -107,7 +107,7 @@ fn every_range_is_stated_where_it_is_left() {
         ("volume.header_bytes=-1", "a whole number from 0"),
         ("volume.dims=[-1,1,1]", "a whole number from 1"),
         ("transfer.entries=-1", "from 2 to 1048576"),
-        ("accuracy.k=-1", "a whole number from 1 to 16"),
+        ("accuracy.k=-1", "a whole number from 1 to 31"),
         ("materials.flesh.exponent=1.5", "a whole number"),
         ("materials.flesh.exponent=-1", "from 1 to 1024"),
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),

@@ -97,6 +97,18 @@ fn the_papers_table_and_its_ratios_come_from_one_command() {
     assert!(page.contains("1.29") && page.contains("spectra, k = 8") && !page.contains("<script"), "{page}");
 }
 
+/// Absorption amplifies in RGB: that is a property of the plan, whatever number of frames and cases is made by it.
+#[test]
+fn what_would_amplify_is_warned_of_once_a_plan() {
+    let folder = Folder::new();
+    let small = ["--size", "16x16", "--frames", "2", "-D", "volume.dims=[62,58,34]"];
+    let bench = |more: &[&str]| folder.done(&[&["bench", "paper", "paper"], &small[..], more].concat()).err;
+    let said = bench(&[]);
+    let warned: Vec<&str> = said.lines().filter(|line| line.contains("would amplify light")).collect();
+    assert_eq!(warned.len(), 1, "{said}");
+    assert_eq!(bench(&["-q"]), "");
+}
+
 #[test]
 fn cost_is_measured_over_k_positions_pixels_and_voxels() {
     let folder = Folder::new();

@@ -266,6 +266,23 @@ fn bench_measures_colour_models_without_a_device() {
             assert!(row["all"][part].as_f64().unwrap() >= 0.0, "{row}");
         }
     }
+    // COLOUR.md C8: eight nodes against the best RGB, under each group of lights.
+    let beside = json["nodes_beside_rgb"].as_array().unwrap();
+    assert_eq!(
+        beside.iter().map(|row| row["lights"].as_str().unwrap()).collect::<Vec<_>>(),
+        ["smooth", "mixed", "spiky"]
+    );
+    for row in beside {
+        let mean = |model: &str, k: u64| {
+            let is_it = |it: &&Value| it["lights"] == row["lights"] && it["model"] == model && it["k"] == k;
+            let four = |it: &&Value| it["materials"] == 4;
+            json["models"].as_array().unwrap().iter().filter(is_it).find(four).unwrap()["all"]["mean"].as_f64().unwrap()
+        };
+        let rgb = ["rgb-naive", "rgb-prefiltered", "rgb-fitted"].map(|kind| mean(kind, 3));
+        let expected = rgb.into_iter().fold(f64::INFINITY, f64::min) / mean("nodes", 8);
+        let ratio = row["ratio"].as_f64().unwrap();
+        assert!((ratio / expected - 1.0).abs() <= 1e-12 && ratio >= 20.0, "{row}");
+    }
     let tolerances: Vec<_> = json["automatic"].as_array().unwrap().iter().map(|row| &row["tolerance"]).collect();
     assert_eq!(tolerances, [2.0, 1.0, 0.5]);
     assert_eq!(json["automatic_summary"].as_array().unwrap().len(), 3);

@@ -227,6 +227,48 @@ fn ctrl_c_ends_fitting_at_once() {
 }
 
 #[test]
+fn ctrl_c_ends_benchmarks_at_once() {
+    let folder = Folder::new().with("costs.html", OLD);
+    for slow in [
+        &["bench", "peer", "--size", "2000x2000", "-D", "accuracy.step=0.001", "-o", "costs.html"][..],
+        &["bench", "palette", "--frames", "100000"],
+        &["bench", "load", "--frames", "100000"],
+    ] {
+        ends_at_once(&folder, slow, after(2000));
+        let page = std::fs::read(folder.path("costs.html")).unwrap();
+        assert_eq!(page, OLD.as_bytes(), "nothing was finished that a page could show");
+    }
+}
+
+#[test]
+fn ctrl_c_keeps_the_rows_of_a_benchmark_on_a_whole_page() {
+    let folder = Folder::new().with("costs.html", OLD);
+    let small = ["--size", "16x16", "--frames", "300", "-D", "volume.dims=[62,58,34]", "--largest", "64"];
+    let arguments = [&["bench", "scaling", "--json", "-o", "costs.html"], &small[..]].concat();
+    let mut slowest = Vec::new();
+    for _ in 0..5 {
+        let child = start(&folder, &arguments);
+        std::thread::sleep(Duration::from_secs(4));
+        let begun = Instant::now();
+        assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+        let output = child.wait_with_output().unwrap();
+        slowest.push(begun.elapsed().as_secs_f64());
+        assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let rows = json["rows"].as_array().unwrap().len();
+        assert!(json["interrupted"] == true && (1..30).contains(&rows), "{rows} rows");
+        let page = std::fs::read_to_string(folder.path("costs.html")).unwrap();
+        assert!(page.starts_with("<!") && page.trim_end().ends_with("</html>"), "{page}");
+        assert!(page.contains("Interrupted: these are the rows"), "{page}");
+        assert_eq!(folder.names(), ["costs.html", "scene.toml"], "nothing unfinished is left");
+        if slowest.last().is_some_and(|took| *took <= AT_ONCE) {
+            return;
+        }
+    }
+    panic!("it ended only after {slowest:?} s");
+}
+
+#[test]
 fn ctrl_c_ends_marching_at_once_on_the_device_and_on_the_cpu() {
     let folder = Folder::new();
     let step = ["render", "scene.toml", "-o", "p.png", "--size", "2000x2000", "-D", "accuracy.step=0.001"];

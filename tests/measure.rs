@@ -270,7 +270,7 @@ fn what_a_scene_refuses_is_told_and_all_else_is_measured() {
 #[test]
 fn a_sweep_or_a_report_that_cannot_be_is_refused_before_anything_is_read() {
     let folder = Folder::new();
-    folder.refused(2, &["measure", "missing.toml", "--sweep", "k=99"], &["--sweep k=99", "from 1 to 16"]);
+    folder.refused(2, &["measure", "missing.toml", "--sweep", "k=99"], &["--sweep k=99", "from 1 to 31"]);
     folder.refused(2, &["measure", "missing.toml", "-o", "report.pdf"], &[".html, .svg or .png"]);
     folder.refused(2, &["measure", "--csv", "--markdown"], &["cannot be used with"]);
     for other in

@@ -645,8 +645,8 @@ fn a_tolerance_that_nothing_keeps_is_told_with_what_is_kept() {
 #[test]
 fn what_cannot_be_fitted_is_refused_by_name() {
     let refused = |ingredients: &Ingredients, kind, dimension| fit(ingredients, kind, dimension, &Quiet).unwrap_err();
-    for dimension in [0, 17, usize::MAX] {
-        assert!(refused(&grey(), ModelKind::Nodes, dimension).to_string().contains("1 to 16"));
+    for dimension in [0, 32, usize::MAX] {
+        assert!(refused(&grey(), ModelKind::Nodes, dimension).to_string().contains("1 to 31"));
     }
     assert_eq!(refused(&grey(), ModelKind::Rgb, 8), ModelError::NotThree { dimension: 8 });
     for tolerance in [0.0, -1.0, f64::NAN] {

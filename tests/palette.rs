@@ -665,7 +665,7 @@ fn what_is_wrong_with_a_palette_file_is_told_where_it_stands() {
         ("weight = 2", "weight = 1e300", "weight = 1e300; it is a number from 1e-6 to 1000000"),
         ("weight = 2", "wieght = 2", "cells.flesh.lamp: unknown field `wieght`"),
         ("weight = 2", "weight = \"two\"", "cells.flesh.lamp: invalid type: string \"two\", expected a number"),
-        ("version = 1", "version = 1\nmodel = { k = 17 }", "model.k = 17; it is a whole number from 1 to 16"),
+        ("version = 1", "version = 1\nmodel = { k = 32 }", "model.k = 32; it is a whole number from 1 to 31"),
         ("version = 1", "version = 1\nuse = \"x\"", "`use` stands in the [palette] of a scene"),
     ];
     for (from, to, words) in cases {

@@ -16,7 +16,7 @@ pub(crate) struct AccuracyArgs {
     /// a pixel as that takes.
     #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k", allow_negative_numbers = true)]
     tolerance: Option<f64>,
-    /// Let a colour model have N numbers, 1 to 16, whatever ΔE00 it adds.
+    /// Let a colour model have N numbers, 1 to 31, whatever ΔE00 it adds.
     #[arg(long, help_heading = COLOUR, value_name = "N", allow_negative_numbers = true)]
     k: Option<i64>,
     /// Carry spectra by this model where pixels keep no weights of materials. Others than nodes are for comparison.

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use relume::measure::{Choice, Goal, Preset, check, choose};
+use relume::measure::{Choice, Goal, Pixels, Preset, Wanted, check, choose};
 use relume::progress::Progress;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
@@ -23,10 +23,11 @@ pub(crate) struct GoalArgs {
     /// Take the fastest setting whose colours are within this ΔE00 of the truth in 95 of 100 pixels, and say what it came to.
     ///
     /// The total error counts: samples, colour model, tables, rounding and device (--tolerance is the colour model's alone).
-    /// Steps, and the numbers of a colour model, are chosen; what is measured is kept in the user's cache folder.
+    /// Steps, the numbers of a colour model and how many pixels are marched are chosen: a picture of fewer is enlarged to its
+    /// size, and its errors are counted there. What is measured is kept in the user's cache folder.
     #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance)]
     max_error: Option<f64>,
-    /// Take the setting that is closest to the truth of those whose frames, march and relight, take no longer.
+    /// Take the setting that is closest to the truth of those whose frames, march, relight and enlarging, take no longer.
     #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds)]
     budget: Option<f64>,
     /// interactive: 50 ms a frame; balanced: within ΔE00 1; reference: within 0.25.
@@ -76,7 +77,8 @@ pub(crate) fn chosen(
     goal: Goal,
     progress: &dyn Progress,
 ) -> Result<Choice, CliError> {
-    Ok(choose(renderer, scene, mix, size, goal, cache_folder().as_deref(), progress)?)
+    let wanted = Wanted { size, goal, pixels: Pixels::Fewer };
+    Ok(choose(renderer, scene, mix, wanted, cache_folder().as_deref(), progress)?)
 }
 
 /// What became of a choice in the picture `rgba`: a line for people, and the same for programs.

@@ -2,14 +2,6 @@
 
 mod accuracy;
 mod bench;
-mod bench_against;
-mod bench_cases;
-mod bench_costs;
-mod bench_frames;
-mod bench_load;
-mod bench_model;
-mod bench_needs;
-mod bench_palette;
 mod design;
 mod dial;
 mod extremes;

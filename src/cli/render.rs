@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde_json::json;
 
-use relume::measure::{Stopwatch, Timing, peak_mb};
+use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
 use relume::output::write_ready_png;
@@ -97,6 +97,20 @@ struct Wanted {
     bands: bool,
 }
 
+impl Marched {
+    /// Makes what was marched of fewer pixels as large as it is shown.
+    fn enlarge(&mut self, enlargement: &Enlargement) {
+        let clock = Stopwatch::start();
+        if let Some(linear) = &mut self.linear {
+            *linear = enlargement.pixels(linear.as_chunks::<4>().0).concat();
+        }
+        if let Some(accumulation) = &mut self.accumulation {
+            *accumulation = enlargement.accumulation(accumulation);
+        }
+        self.times.push(("enlarge", clock.read()));
+    }
+}
+
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
     for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
@@ -136,6 +150,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
         None => None,
     };
+    let marched_size = choice.as_ref().map_or(args.size, |choice| choice.setting.marched_size(args.size));
+    let enlargement = Enlargement::new(marched_size, args.size);
     let scene = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
@@ -161,18 +177,22 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let loaded = clock.read();
 
-    let ready = |kind: &PictureKind| *kind == PictureKind::Png && args.bits == Bits::Eight && !args.reference;
+    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
+    let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
         display: kinds.iter().any(ready),
         accumulation: args.accumulators.is_some() || args.spectral.is_some() && !args.reference,
         bands: args.spectral.is_some() && args.reference,
     };
-    let marched = if args.reference {
+    let mut marched = if args.reference {
         on_cpu(&scene, &planned, &statistics, &mix, args.size, wanted, progress)?
     } else {
-        on_device(&scene, &planned, &statistics, &mix, args, wanted, progress)?
+        on_device(&scene, &planned, &statistics, &mix, (args, marched_size), wanted, progress)?
     };
+    if !enlargement.is_none() {
+        marched.enlarge(&enlargement);
+    }
 
     let clock = Stopwatch::start();
     for path in &args.output {
@@ -337,13 +357,13 @@ fn on_device(
     planned: &Planned,
     statistics: &Statistics,
     mix: &Mix,
-    args: &Args,
+    (args, size): (&Args, [usize; 2]),
     wanted: Wanted,
     progress: &dyn Progress,
 ) -> Result<Marched, CliError> {
     let clock = Stopwatch::start();
     let renderer = renderer_for(args)?;
-    renderer.check_picture(&planned.plan, args.size, 0)?;
+    renderer.check_picture(&planned.plan, size, 0)?;
     let opened = clock.read();
     let clock = Stopwatch::start();
     let uploaded = renderer.upload(scene, planned, statistics, progress)?;
@@ -352,7 +372,7 @@ fn on_device(
     warn_of_undeclared(uploaded.labels.as_ref());
     let upload = clock.read();
     let clock = Stopwatch::start();
-    let accumulators = renderer.march(scene, planned, &uploaded, args.size, progress)?;
+    let accumulators = renderer.march(scene, planned, &uploaded, size, progress)?;
     let march = clock.read();
     warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
 
@@ -367,6 +387,7 @@ fn on_device(
         storage: uploaded.storage.clone(),
         times: Vec::new(),
         details: json!({
+            "size": size,
             "dispatches": accumulators.dispatches,
             "cells": {"occupied": accumulators.occupied[0], "total": accumulators.occupied[1]},
             "volume_bytes": uploaded.bytes(),

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::ladder::Cause;
+use super::model::ModelRow;
 use super::setting::Knob;
 use super::survey::Measured;
 use super::table::short;
@@ -32,7 +33,7 @@ pub fn cheapest(rows: &[Measured], error: f64) -> Option<&Measured> {
     rows.iter().filter(|row| row.error.delta_e.p95 <= error).min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms))
 }
 
-/// What k = 8 nodes err by, beside the best of RGB: mean ΔE00 by the basis alone.
+/// What k = 8 nodes err by, beside the best of RGB: mean ΔE00 by the colour model alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NodesBesideRgb {
     /// Of eight nodes.
@@ -59,7 +60,20 @@ impl NodesBesideRgb {
             let kind = row.setting.model().filter(|kind| kind.is_rgb())?;
             Some((kind, basis(row)?))
         });
-        let rgb: Vec<(ModelKind, f64)> = rgb.collect();
+        Self::found(nodes, rgb.collect())
+    }
+
+    /// The comparison of mean ΔE00 over all spectra, where `rows` have both, of as many materials each.
+    #[must_use]
+    pub fn of_models<'a>(rows: impl Iterator<Item = &'a ModelRow> + Clone) -> Option<Self> {
+        let rgb = rows.clone().filter(|row| row.model.is_rgb());
+        let materials = rgb.clone().next()?.materials;
+        let mut rows = rows.filter(|row| row.materials == materials);
+        let nodes = rows.find(|row| row.model == ModelKind::Nodes && row.k == 8)?.all.mean;
+        Self::found(nodes, rgb.map(|row| (row.model, row.all.mean)).collect())
+    }
+
+    fn found(nodes: f64, rgb: Vec<(ModelKind, f64)>) -> Option<Self> {
         let &(best, error) = rgb.iter().min_by(|one, two| one.1.total_cmp(&two.1))?;
         Some(Self { nodes, rgb: error, best, of: rgb.into_iter().map(|(kind, _)| kind).collect() })
     }

@@ -5,8 +5,10 @@ mod choice;
 mod clock;
 mod consistency;
 mod difference;
+mod enlarge;
 pub mod extremes;
 mod findings;
+mod goals;
 mod image_error;
 mod ladder;
 mod leaping;
@@ -20,11 +22,13 @@ mod survey;
 mod sweep;
 mod table;
 
-pub use choice::{Choice, ChoiceError, Goal, Point, Preset, Tried, choose, curve};
+pub use choice::{Choice, ChoiceError, Goal, Pixels, Point, Preset, Tried, Wanted, choose, curve};
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
 pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered};
 pub use difference::Difference;
+pub use enlarge::Enlargement;
 pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
+pub use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
 pub use image_error::{ImageError, MeasureError, Spread};
 pub use ladder::{Cause, LadderError, Lattice};
 pub use model::{

@@ -67,9 +67,9 @@ termination = 0
 /// A feature: scenes without and with it, and what it changes about a plan.
 struct Need {
     name: &'static str,
-    without: fn(&mut Scene),
-    with: fn(&mut Scene),
-    planned: fn(&mut ScenePlan),
+    without: Box<dyn Fn(&mut Scene)>,
+    with: Box<dyn Fn(&mut Scene)>,
+    planned: Box<dyn Fn(&mut ScenePlan)>,
 }
 
 /// What a frame takes, counted.
@@ -191,12 +191,16 @@ fn shaded(scene: &mut Scene) {
     }
 }
 
-/// Shaded, with highlights of one exponent.
-fn shining(scene: &mut Scene) {
-    shaded(scene);
+/// With highlights of one exponent.
+fn shine(scene: &mut Scene) {
     for material in &mut scene.materials {
         (material.specular, material.exponent) = (0.3, 12);
     }
+}
+
+fn shining(scene: &mut Scene) {
+    shaded(scene);
+    shine(scene);
 }
 
 /// Carried in the numbers of a colour model.
@@ -226,24 +230,39 @@ fn behind(scene: &mut Scene, reflectance: f64) {
 const TWO_EXPONENTS: Specular = Specular { one_exponent: None, exponent_bits: 4 };
 const ONE_EXPONENT: Specular = Specular { one_exponent: Some(12), exponent_bits: 4 };
 
+/// A feature that changes `planned` about the plan.
+fn need(
+    name: &'static str,
+    without: impl Fn(&mut Scene) + 'static,
+    with: impl Fn(&mut Scene) + 'static,
+    planned: impl Fn(&mut ScenePlan) + 'static,
+) -> Need {
+    Need { name, without: Box::new(without), with: Box::new(with), planned: Box::new(planned) }
+}
+
+/// A choice of the first or the second of two values, in a scene that `base` makes, which its plan has as it is.
+fn choice<T: Copy + 'static>(
+    name: &'static str,
+    base: impl Fn(&mut Scene) + 'static,
+    [without, with]: [T; 2],
+    of_scene: fn(&mut Scene) -> &mut T,
+    of_plan: fn(&mut ScenePlan) -> &mut T,
+) -> Need {
+    let before = move |scene: &mut Scene| {
+        base(scene);
+        *of_scene(scene) = without;
+    };
+    need(name, before, move |scene| *of_scene(scene) = with, move |plan| *of_plan(plan) = with)
+}
+
 fn needs() -> Vec<Need> {
     vec![
-        Need {
-            name: "labels",
-            without: as_it_is,
-            with: |scene| labelled(scene, 9),
-            planned: |plan| plan.labels = true,
-        },
-        Need {
-            name: "a background",
-            without: as_it_is,
-            with: |scene| behind(scene, 0.5),
-            planned: |plan| plan.background = true,
-        },
-        Need {
-            name: "two more materials",
-            without: |scene| scene.accuracy.accumulate = AccumulateAs::Weights,
-            with: |scene| {
+        need("labels", as_it_is, |scene| labelled(scene, 9), |plan| plan.labels = true),
+        need("a background", as_it_is, |scene| behind(scene, 0.5), |plan| plan.background = true),
+        need(
+            "two more materials",
+            |scene| scene.accuracy.accumulate = AccumulateAs::Weights,
+            |scene| {
                 for number in 0..2 {
                     let mut material = scene.materials[0].clone();
                     material.name = format!("more {number}");
@@ -253,124 +272,116 @@ fn needs() -> Vec<Need> {
                     scene.transfer.terms.push(term);
                 }
             },
-            planned: |plan| plan.accumulate = Accumulate::Weights { materials: 5 },
-        },
-        Need {
-            name: "light from a side, shaded",
-            without: as_it_is,
-            with: shaded,
-            planned: |plan| {
-                plan.shading = Some(ShadingTerms { diffuse: true, specular: None });
-                (plan.positions.ambient, plan.positions.directional) = (0, 1);
-            },
-        },
-        Need {
-            name: "a second position of light",
-            without: shaded,
-            with: |scene| light(scene, "second", Placement::Directional(DVec3::X), 1.0),
-            planned: |plan| plan.positions.directional = 2,
-        },
-        Need {
-            name: "a lamp at a point",
-            without: shaded,
-            with: |scene| light(scene, "lamp", Placement::Point(DVec3::new(-50.0, 0.0, 0.0)), 1.0),
-            planned: |plan| plan.positions.point = 1,
-        },
-        Need {
-            name: "light from everywhere beside it",
-            without: shaded,
-            with: |scene| light(scene, "sky", Placement::Ambient, 0.5),
-            planned: |plan| plan.positions.ambient = 1,
-        },
-        Need {
-            name: "highlights",
-            without: shaded,
-            with: |scene| {
-                for material in &mut scene.materials {
-                    (material.specular, material.exponent) = (0.3, 12);
-                }
-            },
-            planned: |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT) }),
-        },
-        Need {
-            name: "highlights of several exponents",
-            without: shining,
-            with: |scene| scene.materials[0].exponent = 9,
-            planned: |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(TWO_EXPONENTS) }),
-        },
-        Need {
-            name: "shares of shading that differ",
-            without: shaded_spectral,
-            with: |scene| scene.materials[0].ambient = 0.7,
-            planned: |plan| {
+            |plan| plan.accumulate = Accumulate::Weights { materials: 5 },
+        ),
+        need("light from a side, shaded", as_it_is, shaded, |plan| {
+            plan.shading = Some(ShadingTerms { diffuse: true, specular: None });
+            (plan.positions.ambient, plan.positions.directional) = (0, 1);
+        }),
+        need(
+            "a second position of light",
+            shaded,
+            |scene| light(scene, "second", Placement::Directional(DVec3::X), 1.0),
+            |plan| plan.positions.directional = 2,
+        ),
+        need(
+            "a lamp at a point",
+            shaded,
+            |scene| light(scene, "lamp", Placement::Point(DVec3::new(-50.0, 0.0, 0.0)), 1.0),
+            |plan| plan.positions.point = 1,
+        ),
+        need(
+            "light from everywhere beside it",
+            shaded,
+            |scene| light(scene, "sky", Placement::Ambient, 0.5),
+            |plan| plan.positions.ambient = 1,
+        ),
+        need("highlights", shaded, shine, |plan| {
+            plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT) })
+        }),
+        need(
+            "highlights of several exponents",
+            shining,
+            |scene| scene.materials[0].exponent = 9,
+            |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(TWO_EXPONENTS) }),
+        ),
+        need(
+            "shares of shading that differ",
+            shaded_spectral,
+            |scene| scene.materials[0].ambient = 0.7,
+            |plan| {
                 if let Accumulate::Spectral { shares, .. } = &mut plan.accumulate {
                     *shares = Shares::Own;
                 }
             },
-        },
-        Need {
-            name: "absorption that colours",
-            without: spectral,
-            with: |scene| {
+        ),
+        need(
+            "absorption that colours",
+            spectral,
+            |scene| {
                 let dye = Spectrum::gaussian(480.0, 40.0, 1.0).and_then(Absorption::new).ok();
                 scene.materials.iter_mut().for_each(|material| material.absorption.clone_from(&dye));
                 for term in &mut scene.transfer.terms {
                     term.absorption = term.opacity.clone();
                 }
             },
-            planned: |plan| plan.transmittance = Transmittance::Coloured,
-        },
-        Need {
-            name: "gradients from values around",
-            without: shaded,
-            with: |scene| scene.accuracy.gradients = Gradients::Central,
-            planned: |plan| plan.gradients = Gradients::Central,
-        },
-        Need {
-            name: "linear tables",
-            without: |scene| scene.transfer.lookup = Lookup::Nearest,
-            with: |scene| scene.transfer.lookup = Lookup::Linear,
-            planned: |plan| plan.lookup = Lookup::Linear,
-        },
-        Need {
-            name: "exact linear interpolation",
-            without: as_it_is,
-            with: |scene| scene.accuracy.interpolation = Interpolation::ExactLinear,
-            planned: |plan| plan.interpolation = Interpolation::ExactLinear,
-        },
-        Need {
-            name: "cubic interpolation",
-            without: as_it_is,
-            with: |scene| scene.accuracy.interpolation = Interpolation::Cubic,
-            planned: |plan| plan.interpolation = Interpolation::Cubic,
-        },
-        Need {
-            name: "voxels in 32 bits",
-            without: |scene| scene.accuracy.volume = VolumeAs::Short,
-            with: |scene| scene.accuracy.volume = VolumeAs::Single,
-            planned: |plan| plan.volume = VolumeAs::Single,
-        },
-        Need {
-            name: "pixels in 32 bits",
-            without: |scene| {
-                scene.accuracy.storage = StoreAs::Half;
-                scene.accuracy.tolerance = 10.0;
-            },
-            with: |scene| scene.accuracy.storage = StoreAs::Single,
-            planned: |plan| plan.storage = StoreAs::Single,
-        },
-        Need {
-            name: "leaping over empty space",
-            without: |scene| scene.accuracy.skipping = false,
-            with: |scene| scene.accuracy.skipping = true,
-            planned: |plan| plan.skipping = true,
-        },
-        Need {
-            name: "the whole in place of a crop",
-            without: |scene| scene.crop = Some([DVec3::splat(10.0), DVec3::splat(30.0)]),
-            with: |scene| scene.crop = None,
-            planned: |_| {},
-        },
+            |plan| plan.transmittance = Transmittance::Coloured,
+        ),
+        choice(
+            "gradients from values around",
+            shaded,
+            [Gradients::Packed, Gradients::Central],
+            |scene| &mut scene.accuracy.gradients,
+            |plan| &mut plan.gradients,
+        ),
+        choice(
+            "linear tables",
+            as_it_is,
+            [Lookup::Nearest, Lookup::Linear],
+            |scene| &mut scene.transfer.lookup,
+            |plan| &mut plan.lookup,
+        ),
+        choice(
+            "exact linear interpolation",
+            as_it_is,
+            [Interpolation::Linear, Interpolation::ExactLinear],
+            |scene| &mut scene.accuracy.interpolation,
+            |plan| &mut plan.interpolation,
+        ),
+        choice(
+            "cubic interpolation",
+            as_it_is,
+            [Interpolation::Linear, Interpolation::Cubic],
+            |scene| &mut scene.accuracy.interpolation,
+            |plan| &mut plan.interpolation,
+        ),
+        choice(
+            "voxels in 32 bits",
+            as_it_is,
+            [VolumeAs::Short, VolumeAs::Single],
+            |scene| &mut scene.accuracy.volume,
+            |plan| &mut plan.volume,
+        ),
+        choice(
+            "pixels in 32 bits",
+            |scene| scene.accuracy.tolerance = 10.0,
+            [StoreAs::Half, StoreAs::Single],
+            |scene| &mut scene.accuracy.storage,
+            |plan| &mut plan.storage,
+        ),
+        choice(
+            "leaping over empty space",
+            as_it_is,
+            [false, true],
+            |scene| &mut scene.accuracy.skipping,
+            |plan| &mut plan.skipping,
+        ),
+        need(
+            "the whole in place of a crop",
+            |scene| scene.crop = Some([DVec3::splat(10.0), DVec3::splat(30.0)]),
+            |scene| scene.crop = None,
+            |_| {},
+        ),
     ]
 }
 

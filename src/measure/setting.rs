@@ -261,6 +261,12 @@ impl Setting {
         }
     }
 
+    /// The pixels across and down that are marched for a picture of `size`.
+    #[must_use]
+    pub fn marched_size(&self, size: [usize; 2]) -> [usize; 2] {
+        size.map(|side| whole((count(side) * self.scale()).round()).max(1))
+    }
+
     /// `scene` as this setting has it.
     #[must_use]
     pub fn applied(&self, scene: &Scene) -> Scene {

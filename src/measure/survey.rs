@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use super::clock::{Stopwatch, Summary, Timing, summary};
 use super::difference::{Difference, delta_e};
+use super::enlarge::Enlargement;
 use super::ladder::{Cause, Ladder, LadderError, Lattice};
 use super::setting::Setting;
-use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Progress;
 use crate::reference::ReferenceError;
@@ -70,6 +70,8 @@ pub struct Times {
     pub relight: Cost,
     /// That from the device.
     pub read_back: Cost,
+    /// The picture enlarged to the size that is shown, on the CPU; `None` where all pixels are marched.
+    pub enlarge: Option<Cost>,
 }
 
 /// A setting, measured.
@@ -83,7 +85,7 @@ pub struct Measured {
     pub components: usize,
     /// Times.
     pub times: Times,
-    /// March and relight on the wall, medians, in ms: what a frame takes.
+    /// March, relight and enlarging on the wall, medians, in ms: what a frame takes.
     pub frame_ms: f64,
     /// Dispatches of a march.
     pub dispatches: usize,
@@ -262,7 +264,7 @@ impl<'a> Survey<'a> {
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
         self.upload(&scene, &planned, progress)?;
-        let size = self.marched_size(setting);
+        let size = setting.marched_size(self.options.size);
         let Some(Resident { uploaded, cost: upload, .. }) = &self.resident else {
             return Err(RenderError::Cancelled.into());
         };
@@ -293,9 +295,9 @@ impl<'a> Survey<'a> {
         climb.to(Cause::Basis, self.ladder.model(&scene, &planned, progress)?);
         climb.to(Cause::Tables, self.ladder.stored::<f64>(&scene, &planned, &table, progress)?);
         climb.to(Cause::Rounding, self.ladder.stored::<f32>(&scene, &planned, &table, progress)?);
-        climb.to(Cause::Device, looked_up(&whole_size, self.options.size, &self.ladder.pixels, self.options.size));
+        climb.to(Cause::Device, looked_up(&whole_size, self.options.size, &self.ladder.pixels));
         if size != self.options.size {
-            climb.to(Cause::Resolution, looked_up(&frames.picture, size, &self.ladder.pixels, self.options.size));
+            climb.to(Cause::Resolution, looked_up(&frames.picture, self.options.size, &self.ladder.pixels));
         }
         let colours = climb.last;
         let plan = &planned.plan;
@@ -307,8 +309,16 @@ impl<'a> Survey<'a> {
                 .as_ref()
                 .map_or_else(|| format!("weights of {} components", plan.components()), |model| model.description()),
             components: plan.components(),
-            frame_ms: frames.march.wall_ms.median + frames.relight.wall_ms.median,
-            times: Times { upload, march: frames.march, relight: frames.relight, read_back: frames.read_back },
+            frame_ms: frames.march.wall_ms.median
+                + frames.relight.wall_ms.median
+                + frames.enlarge.map_or(0.0, |cost| cost.wall_ms.median),
+            times: Times {
+                upload,
+                march: frames.march,
+                relight: frames.relight,
+                read_back: frames.read_back,
+                enlarge: frames.enlarge,
+            },
             dispatches: frames.dispatches,
             pixel_bytes: plan.pixel_bytes(),
             volume_bytes,
@@ -338,16 +348,11 @@ impl<'a> Survey<'a> {
         let planned = plan(&scene, progress)?;
         self.upload(&scene, &planned, progress)?;
         let Some(Resident { uploaded, .. }) = &self.resident else { return Ok(None) };
-        let size = self.marched_size(&row.setting);
+        let size = row.setting.marched_size(self.options.size);
         let marched = picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress)?;
-        let shown = looked_up(&marched, size, &pixels, self.options.size);
+        let shown = looked_up(&Enlargement::new(size, self.options.size).pixels(&marched), self.options.size, &pixels);
         let truth = self.ladder.truth_in(&pixels, progress)?;
         Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth }))
-    }
-
-    /// Pixels that a setting marches.
-    fn marched_size(&self, setting: &Setting) -> [usize; 2] {
-        self.options.size.map(|side| whole((count(side) * setting.scale()).round()).max(1))
     }
 
     /// Puts the volume onto the device as `planned` needs it, unless it is there.
@@ -371,7 +376,7 @@ impl<'a> Survey<'a> {
         Ok(())
     }
 
-    /// Frames of `size`, timed, and the last of them.
+    /// Frames of `size`, timed, and the last of them, as large as it is shown.
     fn frames(
         &self,
         scene: &Scene,
@@ -396,9 +401,20 @@ impl<'a> Survey<'a> {
             let _picture: Vec<[u8; 4]> = relight.read()?;
             read_backs.push((clock.read(), None));
         }
-        let picture = picture(self.renderer, &self.ladder, scene, planned, uploaded, size, progress)?;
+        let mut picture = picture(self.renderer, &self.ladder, scene, planned, uploaded, size, progress)?;
+        let mut enlarge = None;
+        let enlargement = Enlargement::new(size, self.options.size);
+        if !enlargement.is_none() {
+            let (mut enlarged, mut runs) = (Vec::new(), Vec::new());
+            for _ in 0..WARM_UP + self.options.runs {
+                let clock = Stopwatch::start();
+                enlarged = enlargement.pixels(&picture);
+                runs.push((clock.read(), None));
+            }
+            (picture, enlarge) = (enlarged, Some(Cost::of(&runs[WARM_UP..])));
+        }
         let [march, relight, read_back] = [marches, relights, read_backs].map(|runs| Cost::of(&runs[WARM_UP..]));
-        Ok(Frames { march, relight, read_back, dispatches, picture })
+        Ok(Frames { march, relight, read_back, enlarge, dispatches, picture })
     }
 }
 
@@ -407,8 +423,9 @@ struct Frames {
     march: Cost,
     relight: Cost,
     read_back: Cost,
+    enlarge: Option<Cost>,
     dispatches: usize,
-    /// Linear RGBA.
+    /// Linear RGBA, as large as it is shown.
     picture: Vec<[f32; 4]>,
 }
 
@@ -428,28 +445,11 @@ pub(super) fn picture(
     relight.read()
 }
 
-/// XYZ of `pixels` of a picture of `shown`, made of one of `size` by bilinear enlargement.
-pub(super) fn looked_up(
-    picture: &[[f32; 4]],
-    size: [usize; 2],
-    pixels: &[[usize; 2]],
-    shown: [usize; 2],
-) -> Vec<DVec3> {
-    let colour = |x: usize, y: usize| {
+/// XYZ of `pixels` of a picture of `size`.
+pub(super) fn looked_up(picture: &[[f32; 4]], size: [usize; 2], pixels: &[[usize; 2]]) -> Vec<DVec3> {
+    let of_pixel = |[x, y]: &[usize; 2]| {
         let [red, green, blue, _] = picture.get(x + size[0] * y).copied().unwrap_or([f32::NAN; 4]);
-        DVec3::new(red.into(), green.into(), blue.into())
-    };
-    let of_pixel = |pixel: &[usize; 2]| {
-        if size == shown {
-            return *XYZ_FROM_LINEAR_SRGB * colour(pixel[0], pixel[1]);
-        }
-        let place: [f64; 2] = std::array::from_fn(|axis| {
-            ((count(pixel[axis]) + 0.5) * count(size[axis]) / count(shown[axis]) - 0.5).max(0.0)
-        });
-        let before = place.map(whole);
-        let after: [usize; 2] = std::array::from_fn(|axis| (before[axis] + 1).min(size[axis] - 1));
-        let row = |y: usize| colour(before[0], y).lerp(colour(after[0], y), place[0].fract());
-        *XYZ_FROM_LINEAR_SRGB * row(before[1]).lerp(row(after[1]), place[1].fract())
+        *XYZ_FROM_LINEAR_SRGB * DVec3::new(red.into(), green.into(), blue.into())
     };
     pixels.iter().map(of_pixel).collect()
 }
@@ -493,15 +493,5 @@ mod tests {
     fn errors_that_quarter_when_the_step_halves_are_of_second_order() {
         assert_eq!(order(&[4.0, 8.0], &[1.0, 2.0]), Some(2.0));
         assert_eq!(order(&[0.0], &[0.0]), None);
-    }
-
-    #[test]
-    fn a_picture_of_half_the_pixels_is_enlarged_between_their_centres() {
-        let half = [[0.0; 4], [1.0; 4]];
-        let white = *XYZ_FROM_LINEAR_SRGB * DVec3::ONE;
-        let found = looked_up(&half, [2, 1], &[[0, 0], [1, 0], [2, 0], [3, 1]], [4, 2]);
-        for (found, share) in found.iter().zip([0.0, 0.25, 0.75, 1.0]) {
-            assert!((*found - share * white).abs().max_element() <= 1e-12, "{found} is not {share} of white");
-        }
     }
 }

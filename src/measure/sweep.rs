@@ -185,7 +185,7 @@ mod tests {
         for (sweep, words) in [
             ("k", "write KNOB=VALUES"),
             ("size=3", "the knobs are model, k,"),
-            ("k=17", "k is a whole number from 1 to 16, not \"17\""),
+            ("k=32", "k is a whole number from 1 to 31, not \"32\""),
             ("k=3.5", "whole"),
             ("step=4..1", "goes up"),
             ("step=nan", "a number from"),

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::target::Target;
 use super::{
-    ChainClass, Cloud, ColourModel, Ingredients, LARGEST_DIMENSION, LightMatrix, ModelError, ModelKind, Samples, cloud,
-    fixed, nodes, one_band, peercy, sharpened,
+    ChainClass, Cloud, ColourModel, Ingredients, LARGEST_AUTOMATIC_DIMENSION, LARGEST_DIMENSION, LightMatrix,
+    ModelError, ModelKind, Samples, cloud, fixed, nodes, one_band, peercy, sharpened,
 };
 use crate::progress::Progress;
 use crate::spectrum::observer::Observer;
@@ -41,7 +41,7 @@ const VALIDATION_SEED: u64 = 2;
 ///
 /// # Errors
 ///
-/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 16, [`ModelError::NotThree`] for RGB of another dimension than
+/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 31, [`ModelError::NotThree`] for RGB of another dimension than
 /// 3, [`ModelError::Sample`] and [`ModelError::NotFinite`] for spectra that cannot be computed with,
 /// [`ModelError::Cancelled`] when `progress` says so.
 pub fn fit(
@@ -73,7 +73,7 @@ pub fn fit_automatic(
     check_tolerance(tolerance)?;
     let cloud = Cloud::new(ingredients, &FIT, FIT_SEED)?;
     let unseen = unseen(ingredients)?;
-    let dimensions = dimensions(kind, LARGEST_DIMENSION);
+    let dimensions = dimensions(kind, LARGEST_AUTOMATIC_DIMENSION);
     let largest = *dimensions.end();
     let dimension = match least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)? {
         Ok(model) => return Ok(model),
@@ -112,7 +112,7 @@ pub fn fit_narrow(
 ) -> Result<Option<ColourModel>, ModelError> {
     check_tolerance(tolerance)?;
     let (cloud, unseen) = (Cloud::new(ingredients, &FIT, FIT_SEED)?, unseen(ingredients)?);
-    let dimensions = dimensions(kind, largest.min(LARGEST_DIMENSION));
+    let dimensions = dimensions(kind, largest.min(LARGEST_AUTOMATIC_DIMENSION));
     Ok(least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)?.ok())
 }
 

@@ -36,8 +36,12 @@ pub use target::ErrorSummary;
 
 use target::Target;
 
-/// The largest dimension of a model.
-pub const LARGEST_DIMENSION: usize = 16;
+/// The largest dimension of a model: the bands of 10 nm from 400 to 700 nm that spectra are tabulated in, ends included.
+pub const LARGEST_DIMENSION: usize = 31;
+
+/// The largest dimension that [`fit_automatic`] and [`fit_narrow`] take by themselves: what more could gain is below every
+/// tolerance that anyone sees, and each is as dear as the ones before.
+pub const LARGEST_AUTOMATIC_DIMENSION: usize = 16;
 
 /// What the light of a scene can meet on its way: what a model must carry.
 #[derive(Clone, Debug, Default, PartialEq)]

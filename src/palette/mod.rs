@@ -164,7 +164,7 @@ impl Cell {
 /// A colour model of nodes that is settled before the palette is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelTerm {
-    /// How many nodes it has, 1 to 16.
+    /// How many nodes it has, 1 to 31.
     pub dimension: usize,
     /// What ΔE00 between what it shows and the colours themselves is multiplied by.
     pub weight: f64,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::measure::{Choice, ChoiceError, Goal, Point, Tried, choose, curve};
+use crate::measure::{Choice, ChoiceError, Goal, Pixels, Point, Tried, Wanted, choose, curve};
 use crate::progress::Progress;
 use crate::render::Renderer;
 use crate::scene::{Accuracy, Camera, Mix, Scene, Transfer};
@@ -97,7 +97,9 @@ pub fn measure(
     let Some(goal) = goal else {
         return Ok((Curve::new(scene, size, &curve(renderer, scene, mix, size, cache, progress)?), None));
     };
-    let choice = choose(renderer, scene, mix, size, goal, cache, progress)?;
+    // Pictures that are still coming are coarse of themselves.
+    let wanted = Wanted { size, goal, pixels: Pixels::All };
+    let choice = choose(renderer, scene, mix, wanted, cache, progress)?;
     Ok((Curve::new(scene, size, &choice.tried), Some(choice)))
 }
 

@@ -559,7 +559,8 @@ impl Viewer {
         screen.egui.handle_platform_output(&screen.window, output.platform_output);
         self.textures.append(output.textures_delta);
 
-        let background = if self.context.theme() == egui::Theme::Dark { [0.0; 3] } else { [0.15; 3] };
+        let [red, green, blue, _] = self.context.global_style().visuals.panel_fill.to_array();
+        let background = [red, green, blue].map(|part| f32::from(part) / 255.0);
         asked.into_iter().for_each(|action| self.ask(action));
         let plays = self.go_on_tour();
         if !plays && !self.context.input(|input| input.pointer.any_down()) {

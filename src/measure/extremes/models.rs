@@ -8,11 +8,12 @@ use crate::scene::SceneError;
 use crate::spectrum::Spectrum;
 
 pub(super) fn extremes() -> Vec<Extreme> {
-    let mut all: Vec<Extreme> = [1, 2, 3, 16].map(|k| followed("nodes", k)).into();
-    all.push(followed("bands", 16));
+    let mut all: Vec<Extreme> = [1, 2, 3, 16, LARGEST_DIMENSION].map(|k| followed("nodes", k)).into();
+    all.extend([16, LARGEST_DIMENSION].map(|k| followed("bands", k)));
     all.push(followed("rgb", 3));
-    all.push(followed("sharpened-semigroup", 6));
-    all.push(followed("sharpened", 6));
+    for model in ["sharpened-semigroup", "sharpened"] {
+        all.extend([6, LARGEST_DIMENSION].map(|k| followed(model, k)));
+    }
     all.push(unclamped());
     all.push(all_bands());
     all.push(too_many());
@@ -94,7 +95,7 @@ fn all_bands() -> Extreme {
 
 /// More numbers than a model has.
 fn too_many() -> Extreme {
-    let k = 31;
+    let k = LARGEST_DIMENSION + 1;
     let picture = move || slab("nodes", k).picture();
     Extreme::refused(Group::Models, format!("k = {k}"), picture, |error| {
         matches!(error, ExtremeError::Scene(SceneError::Invalid { message, .. })

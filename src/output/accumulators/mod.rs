@@ -41,7 +41,7 @@
 //!
 //! # The numbers of a colour model
 //!
-//! A model has k coefficients, 1 to 16, counted from 0: coefficient i of a spectrum is the sum of its products with
+//! A model has k coefficients, 1 to 31, counted from 0: coefficient i of a spectrum is the sum of its products with
 //! row i of the projection P. The part with the attribute `relume` has the channels
 //!
 //! - `transmittance`, or, where what passes changes its colour on the way, `transmittance_0`, `transmittance_1`, …,

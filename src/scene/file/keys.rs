@@ -245,7 +245,7 @@ pub(super) struct AccuracyFile {
 }
 
 #[derive(Deserialize)]
-#[serde(untagged, expecting = "k is a whole number from 1 to 16, or \"auto\"")]
+#[serde(untagged, expecting = "k is a whole number from 1 to 31, or \"auto\"")]
 pub(super) enum DimensionFile {
     Stated(i64),
     Planned(Auto),

@@ -17,7 +17,7 @@ mod status;
 mod toolbar;
 mod transfer;
 
-use egui::{CentralPanel, Frame, Panel, Rect, ScrollArea, Ui};
+use egui::{CentralPanel, Color32, Frame, Panel, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
@@ -73,10 +73,12 @@ pub fn style(context: &egui::Context) {
 
 /// Shows everything but the picture. What is asked for is added to `asked`; the answer is where the picture belongs.
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
-    Panel::bottom("status").show(ui, |ui| status::show(ui, shown.status));
+    // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
+    let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
+    Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown.status));
     toolbar::keys(ui, shown, asked);
     if shown.panels {
-        Panel::left("panels").resizable(false).exact_size(WIDTH).show(ui, |ui| {
+        Panel::left("panels").frame(frame).resizable(false).exact_size(WIDTH).show(ui, |ui| {
             toolbar::show(ui, shown, asked);
             ui.separator();
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::CliError;
-use super::bench_frames::Row;
+use super::frames::Row;
 
 /// The longest file that is read, in bytes.
 const LONGEST: u64 = 16 << 20;

@@ -6,18 +6,15 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
-use relume::plan::{Accumulate, ScenePlan, plan};
+use relume::plan::{Accumulate, Planned, ScenePlan, plan};
 use relume::progress::Progress;
 use relume::render::{Renderer, Uploaded};
 use relume::scene::{Aim, Mix, Scene, Shading};
 use relume::volume::{Statistics, Volume};
 use relume::vulkan::DeviceKind;
 
-use super::CliError;
-use super::bench::Args;
-use super::bench_cases::{Case, Subject, Varied};
-use super::model::Learnt;
-use super::render::matrices;
+use super::cases::{Case, Subject, Varied};
+use super::{Args, CliError, Learnt, matrices};
 
 /// Frames before those that count.
 const WARM_UP: u32 = 2;
@@ -124,6 +121,8 @@ pub(super) struct Bench<'a> {
     progress: &'a dyn Progress,
     loaded: Option<Loaded>,
     resident: Option<Resident>,
+    /// Plans of that scene, each with what it is the plan of: a colour model is fitted, and warned of, once.
+    plans: Vec<(Scene, Planned)>,
 }
 
 struct Loaded {
@@ -141,7 +140,7 @@ struct Resident {
 
 impl<'a> Bench<'a> {
     pub(super) fn new(args: &'a Args, renderer: &'a Renderer, progress: &'a dyn Progress) -> Self {
-        Self { args, renderer, progress, loaded: None, resident: None }
+        Self { args, renderer, progress, loaded: None, resident: None, plans: Vec::new() }
     }
 
     /// Measures `case`; with `started`, when the program did, what it took to the first picture too.
@@ -150,7 +149,7 @@ impl<'a> Bench<'a> {
         let key = (case.subject, case.side);
         if self.loaded.as_ref().is_none_or(|loaded| loaded.key != key) {
             // The last one makes room first.
-            (self.loaded, self.resident) = (None, None);
+            (self.loaded, self.resident, self.plans) = (None, None, Vec::new());
             let scene = case.scene(self.args, progress)?;
             let statistics = scene.volume.statistics()?;
             self.loaded = Some(Loaded { key, scene, statistics });
@@ -158,7 +157,15 @@ impl<'a> Bench<'a> {
         let Some(Loaded { scene, statistics, .. }) = &self.loaded else { return Err(CliError::Cancelled) };
         let mut scene = scene.clone();
         case.change(&mut scene)?;
-        let planned = plan(&scene, progress)?;
+        let known = self.plans.iter().find_map(|(before, planned)| planned.changed_to(before, &scene));
+        let planned = match known {
+            Some(planned) => planned,
+            None => {
+                let planned = plan(&scene, progress)?;
+                self.plans.push((scene.clone(), planned.clone()));
+                planned
+            }
+        };
         let fits = |it: &Resident| {
             Arc::ptr_eq(&it.volume, &scene.volume)
                 && it.plan.is_stored_as(&planned.plan)

@@ -10,26 +10,26 @@ use relume::measure::Stopwatch;
 use relume::palette;
 use relume::progress::Progress;
 
-use super::bench_frames::Times;
+use super::frames::Times;
 use super::{CliError, Report};
 
 /// Palette files, and scenes with a palette.
 const PALETTES: [(&str, &str); 15] = [
-    ("metamers", include_str!("../../data/palettes/metamers.toml")),
-    ("metamers_two_lights", include_str!("../../data/palettes/metamers_two_lights.toml")),
-    ("metameric_black", include_str!("../../data/palettes/metameric_black.toml")),
-    ("metameric_black_two_lights", include_str!("../../data/palettes/metameric_black_two_lights.toml")),
-    ("xray", include_str!("../../data/palettes/xray.toml")),
-    ("constancy", include_str!("../../data/palettes/constancy.toml")),
-    ("negative", include_str!("../../data/palettes/negative.toml")),
-    ("background", include_str!("../../data/palettes/background.toml")),
-    ("daylight_and_bulb", include_str!("../../data/palettes/daylight_and_bulb.toml")),
-    ("one_light_each", include_str!("../../data/palettes/one_light_each.toml")),
-    ("one_light_each_of_eight", include_str!("../../data/palettes/one_light_each_of_eight.toml")),
-    ("figure 1", include_str!("../../data/figures/fig1.toml")),
-    ("figure 5", include_str!("../../data/figures/fig5.toml")),
-    ("figure 6", include_str!("../../data/figures/fig6.toml")),
-    ("figure 7", include_str!("../../data/figures/fig7.toml")),
+    ("metamers", include_str!("../../../data/palettes/metamers.toml")),
+    ("metamers_two_lights", include_str!("../../../data/palettes/metamers_two_lights.toml")),
+    ("metameric_black", include_str!("../../../data/palettes/metameric_black.toml")),
+    ("metameric_black_two_lights", include_str!("../../../data/palettes/metameric_black_two_lights.toml")),
+    ("xray", include_str!("../../../data/palettes/xray.toml")),
+    ("constancy", include_str!("../../../data/palettes/constancy.toml")),
+    ("negative", include_str!("../../../data/palettes/negative.toml")),
+    ("background", include_str!("../../../data/palettes/background.toml")),
+    ("daylight_and_bulb", include_str!("../../../data/palettes/daylight_and_bulb.toml")),
+    ("one_light_each", include_str!("../../../data/palettes/one_light_each.toml")),
+    ("one_light_each_of_eight", include_str!("../../../data/palettes/one_light_each_of_eight.toml")),
+    ("figure 1", include_str!("../../../data/figures/fig1.toml")),
+    ("figure 5", include_str!("../../../data/figures/fig5.toml")),
+    ("figure 6", include_str!("../../../data/figures/fig6.toml")),
+    ("figure 7", include_str!("../../../data/figures/fig7.toml")),
 ];
 
 /// One palette, measured.

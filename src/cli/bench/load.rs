@@ -15,7 +15,7 @@ use relume::measure::{Stopwatch, Summary, peak_mb};
 use relume::progress::Progress;
 use relume::volume::{self, Phantom, Selection, Volume, VolumeError, Voxels};
 
-use super::bench_frames::Times;
+use super::frames::Times;
 use super::{CliError, Report};
 
 /// Voxels along each side of the volume that is made where none is given.

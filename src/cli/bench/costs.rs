@@ -5,7 +5,7 @@ use serde::Serialize;
 use relume::measure::{CostCurve, CostTable, costs_html};
 use relume::vulkan::{DeviceInfo, DeviceKind};
 
-use super::bench_frames::Row;
+use super::frames::Row;
 
 /// What one thing costs over what another does.
 #[derive(Serialize)]
@@ -31,13 +31,14 @@ pub(super) struct Costs<'a> {
     rows: &'a [Row],
     software: bool,
     device: String,
+    interrupted: bool,
 }
 
 impl<'a> Costs<'a> {
-    pub(super) fn of(rows: &'a [Row], info: &DeviceInfo) -> Self {
+    pub(super) fn of(rows: &'a [Row], info: &DeviceInfo, interrupted: bool) -> Self {
         let software = info.kind == DeviceKind::Software;
         let label = if software { ", a software device: times are this CPU's" } else { "" };
-        Self { rows, software, device: format!("{} ({}){label}", info.name, info.driver) }
+        Self { rows, software, device: format!("{} ({}){label}", info.name, info.driver), interrupted }
     }
 
     /// Which times are compared.
@@ -108,6 +109,9 @@ impl<'a> Costs<'a> {
                 "800×800 of k = 8 are relit {:.0} times a second on the wall (at least 180 are asked for; the paper has 7).",
                 1e3 / wall.median
             ));
+        }
+        if self.interrupted {
+            said.push("Interrupted: these are the rows that were measured before.".to_owned());
         }
         said
     }

@@ -8,8 +8,7 @@ use relume::progress::Progress;
 use relume::scene::{self, AccumulateAs, Definition, Material, Placement, Scene, SceneLight, SceneOptions, Shading};
 use relume::spectrum::{Absorption, Spectrum};
 
-use super::bench::Args;
-use super::{CliError, figures};
+use super::{Args, CliError, figures};
 
 /// Sizes of pictures that whole workloads are measured at.
 const SIZES: [[usize; 2]; 3] = [[400, 400], [800, 800], [1920, 1080]];

@@ -3,28 +3,17 @@
 use serde_json::json;
 
 use relume::measure::{
-    AutomaticRow, AutomaticSummary, HalvedStep, LIGHT_GROUPS, ModelRow, ModelSetting, RelitRow, automatic_dimension,
-    halved_steps, model_row, relit_against_rendered,
+    AutomaticRow, AutomaticSummary, HalvedStep, LIGHT_GROUPS, ModelRow, ModelSetting, NodesBesideRgb, RelitRow,
+    automatic_dimension, halved_steps, model_row, relit_against_rendered,
 };
 use relume::model::{Amplification, ErrorSummary, ModelKind, Order};
 use relume::progress::Progress;
 
-use super::{CliError, Report};
+use super::{CliError, Report, Silent};
 
 const TOLERANCES: [f64; 3] = [2.0, 1.0, 0.5];
 /// More scenes than this move the errors of fixed dimensions no more.
 const MOST_SCENES: usize = 12;
-
-/// Passes on that work should stop, and not how far it is: this table is a thousand fits.
-struct Silent<'a>(&'a dyn Progress);
-
-impl Progress for Silent<'_> {
-    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
-    }
-}
 
 pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliError> {
     let settings: Vec<ModelSetting> = (0..LIGHT_GROUPS.len()).flat_map(settings).collect();
@@ -51,11 +40,20 @@ pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliE
         AutomaticSummary::of(automatic.iter().filter(|row| row.tolerance.total_cmp(tolerance).is_eq()))
     };
     let summaries: Vec<AutomaticSummary> = TOLERANCES.iter().map(of).collect();
+    let beside: Vec<(&str, NodesBesideRgb)> = LIGHT_GROUPS
+        .iter()
+        .filter_map(|&(lights, _)| {
+            Some((lights, NodesBesideRgb::of_models(models.iter().filter(|row| row.lights == lights))?))
+        })
+        .collect();
     let (halved, relit) = (halved_steps(&quiet)?, relit_against_rendered(&quiet)?);
     Ok(Report {
-        text: text(&models, &automatic, &summaries) + &consistency(&halved, &relit),
+        text: text(&models, &beside, &automatic, &summaries) + &consistency(&halved, &relit),
         json: json!({
             "models": models,
+            "nodes_beside_rgb": beside.iter().map(|(lights, found)| {
+                json!({"lights": lights, "nodes": found.nodes, "rgb": found.rgb, "best": found.best, "ratio": found.ratio()})
+            }).collect::<Vec<_>>(),
             "automatic": automatic,
             "automatic_summary": summaries,
             "halved_steps": halved,
@@ -80,7 +78,9 @@ fn settings(lights: usize) -> Vec<ModelSetting> {
         (semigroup, 4, 8, kept),
         (ModelKind::Peercy, 4, 8, held),
         (ModelKind::Bands, 4, 8, held),
-        (ModelKind::Rgb, 4, 3, held),
+        (ModelKind::RgbNaive, 4, 3, held),
+        (ModelKind::RgbPrefiltered, 4, 3, held),
+        (ModelKind::RgbFitted, 4, 3, held),
     ]
     .into_iter()
     .map(|(kind, materials, dimension, amplification)| ModelSetting {
@@ -116,7 +116,15 @@ fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
     text
 }
 
-fn text(models: &[ModelRow], automatic: &[AutomaticRow], summaries: &[AutomaticSummary]) -> String {
+/// How many times smaller the mean error of eight nodes is to be than that of the best RGB (COLOUR.md C8).
+const LEAST_RATIO: f64 = 20.0;
+
+fn text(
+    models: &[ModelRow],
+    beside: &[(&str, NodesBesideRgb)],
+    automatic: &[AutomaticRow],
+    summaries: &[AutomaticSummary],
+) -> String {
     let numbers = |error: &ErrorSummary| format!("{:.3}/{:.2}/{:.2}", error.mean, error.p95, error.max);
     let scenes = models.first().map_or(0, |row| row.scenes);
     let mut text = format!(
@@ -144,6 +152,12 @@ fn text(models: &[ModelRow], automatic: &[AutomaticRow], summaries: &[AutomaticS
             text.push_str(&format!(" {:<18}", numbers(error)));
         }
         text.push_str(&format!("  {:>6.0}  {:>12.1}\n", row.fit_ms, row.new_light_ms));
+    }
+    text.push_str(&format!(
+        "\nEight nodes beside RGB, mean ΔE00 (at least {LEAST_RATIO} times smaller is asked for):\n"
+    ));
+    for (lights, found) in beside {
+        text.push_str(&format!("{lights:<7} {}\n", found.sentence()));
     }
     text.push_str("\nAutomatic k of nodes: what the largest ΔE00 on unseen spectra is, as a share of the tolerance.\n");
     text.push_str("tolerance  scenes  refused  kept   worst/tolerance  median k  largest k\n");

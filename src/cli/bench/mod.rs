@@ -1,5 +1,15 @@
 //! `relume bench`: how long marching, relighting, reading and designing take; how good colour models are.
 
+mod against;
+mod cases;
+mod costs;
+mod frames;
+mod goals;
+mod load;
+mod model;
+mod needs;
+mod palette;
+
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -12,13 +22,15 @@ use relume::progress::Progress;
 use relume::render::Renderer;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
+use against::{Against, Earlier};
+use cases::{Case, Keeping, Subject};
+use frames::{Bench, Row};
+
 use super::accuracy::AccuracyArgs;
-use super::bench_against::{Against, Earlier};
-use super::bench_cases::{self, Case, Keeping, Subject};
-use super::bench_costs;
-use super::bench_frames::{Bench, Row};
+use super::model::Learnt;
+use super::render::matrices;
 use super::scene::{DefineArgs, SelectionArgs, size};
-use super::{CliError, INTERRUPTED, Report, bench_load, bench_model, bench_needs, bench_palette, exit_code, files};
+use super::{CliError, INTERRUPTED, Report, exit_code, figures, files};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -28,6 +40,7 @@ Examples:
   relume bench palette --frames 1                     how exact designed palettes are, and how long they take
   relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
   relume bench needs                                  that a scene pays only for what it uses
+  relume bench goals --scenes 50                      whether --max-error is kept, and what it costs over the least
   relume bench all -o costs.html --json > costs.json  every scene and size, the paper's table, cost against k, lights, …
   relume bench all --against costs.json               the same again: ends with 1 where anything has become dearer
 
@@ -45,11 +58,11 @@ pub(crate) struct Args {
     workloads: Vec<Workload>,
     /// The real frog for the workloads `peer…`, in place of its phantom; what `load` reads.
     #[arg(long, value_name = "FILE")]
-    pub(super) volume: Option<PathBuf>,
+    volume: Option<PathBuf>,
     #[command(flatten)]
-    pub(super) selection: SelectionArgs,
+    selection: SelectionArgs,
     #[command(flatten)]
-    pub(super) accuracy: AccuracyArgs,
+    accuracy: AccuracyArgs,
     /// Pixels across and down; by default 800x800, and of scenes, paper and scaling 400x400, 800x800 and 1920x1080.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[usize; 2]>,
@@ -58,12 +71,12 @@ pub(crate) struct Args {
     largest: u32,
     /// Frames to measure, after two that warm up; how often `load` reads and `palette` solves.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(super) frames: u32,
-    /// Scenes that colour models are measured on.
+    frames: u32,
+    /// Scenes that colour models are measured on, or goals.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
     #[command(flatten)]
-    pub(super) define: DefineArgs,
+    define: DefineArgs,
     /// Only this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
@@ -80,6 +93,17 @@ pub(crate) struct Args {
     /// Report to write: a page (.html) with the paper's table, the curves and all rows.
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
+}
+
+/// Passes on that work should stop, and not how far it is: these tables are many fits and marches.
+struct Silent<'a>(&'a dyn Progress);
+
+impl Progress for Silent<'_> {
+    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
+
+    fn cancelled(&self) -> bool {
+        self.0.cancelled()
+    }
 }
 
 /// A share of so many per cent.
@@ -116,6 +140,9 @@ enum Workload {
     Scaling,
     /// What each feature of a scene costs in samples, dispatches, bytes and instructions, and that scenes without it do not pay.
     Needs,
+    /// Whether pictures of seeded scenes keep their --max-error, and what that costs over the least it could: --scenes 50 take
+    /// some ten minutes on two cores.
+    Goals,
     /// Colour models on seeded scenes: no march, no device.
     Model,
     /// Palettes designed: those of data/palettes and of the figures: no device.
@@ -126,7 +153,7 @@ enum Workload {
 
 impl Workload {
     fn makes_frames(self) -> bool {
-        !matches!(self, Self::Needs | Self::Model | Self::Palette | Self::Load)
+        !matches!(self, Self::Needs | Self::Goals | Self::Model | Self::Palette | Self::Load)
     }
 
     /// What the command line calls it.
@@ -136,7 +163,7 @@ impl Workload {
 
     /// Whether it shows or reads what --volume names.
     fn takes_volume(&self) -> bool {
-        !matches!(self, Self::Default | Self::Scenes | Self::Needs | Self::Model | Self::Palette)
+        !matches!(self, Self::Default | Self::Scenes | Self::Needs | Self::Goals | Self::Model | Self::Palette)
     }
 
     /// Whether it says itself what pixels keep, or has none.
@@ -160,14 +187,14 @@ impl Workload {
             }
             Self::Scenes | Self::Paper | Self::Scaling => {
                 let mut cases = match self {
-                    Self::Scenes => bench_cases::scenes(size),
-                    Self::Paper => bench_cases::paper(size),
-                    _ => bench_cases::scaling(size, largest),
+                    Self::Scenes => cases::scenes(size),
+                    Self::Paper => cases::paper(size),
+                    _ => cases::scaling(size, largest),
                 };
                 cases.iter_mut().for_each(|case| case.unshaded = shading == Some(BenchShading::None));
                 return cases;
             }
-            Self::Needs | Self::Model | Self::Palette | Self::Load => return Vec::new(),
+            Self::Needs | Self::Goals | Self::Model | Self::Palette | Self::Load => return Vec::new(),
             Self::Peer => peer(Keeping::Stated, false),
             Self::PeerFourLights => Case { positions: Some(4), ..peer(Keeping::Stated, false) },
             Self::PeerEightMaterials => peer(Keeping::EightWeights, false),
@@ -186,6 +213,10 @@ impl Workload {
 impl Args {
     /// Whether it makes rows one after the other, which are kept where somebody stops it.
     pub(crate) fn has_rows(&self) -> bool {
+        self.makes_frames() || self.workloads.contains(&Workload::Goals)
+    }
+
+    fn makes_frames(&self) -> bool {
         self.workloads.iter().any(|workload| workload.makes_frames())
     }
 }
@@ -227,7 +258,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     {
         return Err(CliError::Usage(format!("{flag} does nothing here: these workloads have what they show")));
     }
-    let framed = args.has_rows();
+    let framed = args.makes_frames();
     let flags =
         [("--size", args.size.is_some()), ("--against", args.against.is_some()), ("--output", args.output.is_some())];
     for (flag, given) in flags {
@@ -243,22 +274,26 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         files::check_outputs(&[output], &inputs)?;
     }
     let mut reports = Vec::new();
-    if args.workloads.iter().any(|workload| workload.makes_frames()) {
+    if framed {
         reports.push(run_frames(args, progress, started)?);
     }
-    let stopped = reports.iter().any(|report: &Report| report.json["interrupted"] == true);
-    let others = |workload| args.workloads.contains(&workload) && !stopped;
-    if others(Workload::Needs) {
-        reports.push(bench_needs::run(&args.device, progress)?);
+    let others = |workload, reports: &[Report]| {
+        args.workloads.contains(&workload) && reports.iter().all(|report| report.json["interrupted"] != true)
+    };
+    if others(Workload::Needs, &reports) {
+        reports.push(needs::run(&args.device, progress)?);
     }
-    if others(Workload::Model) {
-        reports.push(bench_model::run(args.scenes.into(), progress)?);
+    if others(Workload::Goals, &reports) {
+        reports.push(goals::run(args.scenes, &args.device, progress)?);
     }
-    if others(Workload::Palette) {
-        reports.push(bench_palette::run(args.frames, progress)?);
+    if others(Workload::Model, &reports) {
+        reports.push(model::run(args.scenes.into(), progress)?);
     }
-    if others(Workload::Load) {
-        reports.push(bench_load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
+    if others(Workload::Palette, &reports) {
+        reports.push(palette::run(args.frames, progress)?);
+    }
+    if others(Workload::Load, &reports) {
+        reports.push(load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {
@@ -299,7 +334,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
             Err(error) => return Err(error),
         }
     }
-    let found = bench_costs::Costs::of(&rows, info);
+    let found = costs::Costs::of(&rows, info, interrupted);
     if let Some(output) = &args.output {
         write_atomically(output, |sink| sink.write_all(found.html().as_bytes()))?;
     }
@@ -316,9 +351,6 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         text.push_str(&against.text());
         json["holds"] = against.holds().into();
         json["against"] = json!(against);
-    }
-    if interrupted {
-        text.push_str("\ninterrupted: these are the rows that were measured before\n");
     }
     Ok(Report { text, json })
 }
