@@ -17,7 +17,7 @@ use serde_json::json;
 use support::device::open;
 use support::exr::{Exr, assert_same};
 use support::program::Folder;
-use support::rungs::with_renderer;
+use support::rungs::{Rungs, with_renderer};
 
 const SIZE: [usize; 2] = [64, 56];
 
