@@ -297,7 +297,7 @@ fn needs() -> Vec<Need> {
             |plan| plan.positions.ambient = 1,
         ),
         need("highlights", shaded, shine, |plan| {
-            plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT) })
+            plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(ONE_EXPONENT) });
         }),
         need(
             "highlights of several exponents",
