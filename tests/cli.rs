@@ -450,6 +450,22 @@ fn relighting_saved_accumulators_equals_rendering_under_that_light() {
     assert_eq!(json["frames"][0]["lights"], serde_json::json!([{"name": "A", "position": "day", "weight": 2.0}]));
 }
 
+#[test]
+fn accumulators_are_relit_as_their_scene_is_mixed() {
+    let folder = Folder::new();
+    for mix in
+        ["mix.weights.day=0.3", "mix.off=[\"day\"]", "mix.solo=\"lamp\"", "mix={ by = \"dial\", hand = [0.1, 0.4] }"]
+    {
+        let asked = ["-D", mix, "-D", "display.adapt=true"];
+        folder.done(&[&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"], &asked[..]].concat());
+        let fresh = rendered(&folder, &asked);
+        assert_same(&fresh, &picture(&folder, &["relight", "acc.exr"]), 1e-5);
+        // Lights that are asked for, and the dial, are of the intensities that are stated.
+        let day = rendered(&folder, &[&asked[..], &["--light", "day"]].concat());
+        assert_same(&day, &picture(&folder, &["relight", "acc.exr", "--light", "day"]), 1e-5);
+    }
+}
+
 /// Relighting needs no device, no scene and no volume, and reads what another program wrote by the documentation.
 #[test]
 fn accumulators_that_another_program_wrote_are_relit() {

@@ -182,7 +182,7 @@ fn accumulators_to_damage() {
         height: 3,
         components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: ramp }]),
         positions: vec![Position { name: "key".to_owned(), kind: PositionKind::Point([1.0, 2.0, 3.0]) }],
-        lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, spectrum: ramp }],
+        lights: vec![Light { name: "day".to_owned(), position: 0, weight: 2.0, shown: None, spectrum: ramp }],
         background: None,
         exposure: 1.0,
         adapt: true,
@@ -197,8 +197,9 @@ fn accumulators_to_damage() {
         caption: "at dusk".to_owned(),
         hand,
         off: vec!["day".to_owned()],
+        on: vec!["lamp".to_owned()],
     };
-    let lamp = |name: &str| Light { name: name.to_owned(), position: 0, weight: 1.0, spectrum: [1.0; 81] };
+    let lamp = |name: &str| Light { name: name.to_owned(), position: 0, weight: 1.0, shown: None, spectrum: [1.0; 81] };
     let dial = Accumulators {
         lights: vec![lamp("day"), lamp("lamp")],
         dial: Some(Dial {

@@ -56,6 +56,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> Accumulators {
         name: name.clone(),
         position: 1 - index,
         weight: 0.5,
+        shown: None,
         spectrum: *light.spectrum().samples(),
     };
     Accumulators {

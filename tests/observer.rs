@@ -155,7 +155,7 @@ fn a_picture_for_1964_is_near_its_own_truth_and_the_plan_does_not_ask_who_looks(
 /// The largest difference of two linear pictures.
 fn apart(folder: &Folder, names: [&str; 2]) -> f32 {
     let [one, two] = names.map(|name| Exr::read(&folder.path(name)).rgba());
-    assert_eq!(one.len(), two.len());
+    assert_eq!(one.len(), two.len(), "pictures of one size");
     one.iter().zip(&two).map(|(one, two)| (one - two).abs()).fold(0.0, f32::max)
 }
 

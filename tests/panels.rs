@@ -15,6 +15,7 @@ use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
 use relume::progress::Quiet;
 use relume::scene::{self, Accuracy, Interval, Mix, SceneOptions};
+use relume::spectrum::observer::Observer;
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
@@ -135,7 +136,7 @@ fn all_lights_off_is_a_notice_that_turns_them_on_again() {
 fn nothing_of_the_light_is_asked_for_that_marches() {
     let mut window = wide(document());
     window.run();
-    for label in ["lamp", "keep brightness", "eye adapts to the light", "evening"] {
+    for label in ["lamp", "keep brightness", "eye adapts to the light", "10°", "evening"] {
         window.get_all_by_label(label).next().unwrap().click();
         window.run();
     }
@@ -352,6 +353,7 @@ fn an_edit_costs_what_it_says() {
         Edit::AddInterval(Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
         Edit::RemoveTerm(0),
         Edit::Accuracy(Accuracy { step_length: 0.7, ..document().state().scene.accuracy.clone() }),
+        Edit::Observer(Observer::Cie1964),
         Edit::Design(Step::Offer),
         Edit::Spectra(Arc::new(
             Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
@@ -415,6 +417,55 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
     window.key_press(Key::Escape);
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
+}
+
+#[test]
+fn all_that_the_probe_says_is_seen_in_a_window_of_1280_by_720() {
+    let mut window = wide(document());
+    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
+    window.run();
+    window.run();
+    let last = window.get_by_label_contains("orange: light that still passes").rect();
+    let picture = window.get_by_label("picture").rect();
+    assert!(last.bottom() <= picture.bottom() && last.top() > 300.0, "{last:?} in {picture:?}");
+}
+
+#[test]
+fn a_curve_of_a_material_is_drawn_by_its_handles_and_a_drag_is_one_step_back() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    let samples = |window: &Harness<'_, App>| {
+        let document = window.state().document.as_ref().unwrap();
+        let flesh = document.state().scene.materials.iter().find(|it| it.name == "flesh").unwrap();
+        flesh.reflectance.spectrum().samples().map(f64::to_bits)
+    };
+    let before = samples(&window);
+    assert!(window.query_by_label("flesh at 480 nm").is_none());
+    window.get_by_label("draw flesh").click();
+    window.run();
+    let from = window.get_by_label("flesh at 480 nm").rect().center();
+    let press = |pos, pressed| {
+        let button = PointerButton::Primary;
+        Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE }
+    };
+    let by = |y: f32| Event::PointerMoved(from + Vec2::new(0.0, y));
+    for event in
+        [by(0.0), press(from, true), by(-15.0), by(-400.0), by(-30.0), press(from + Vec2::new(0.0, -30.0), false)]
+    {
+        window.event(event);
+        window.run();
+    }
+    window.state_mut().document.as_mut().unwrap().rest();
+    let drawn = samples(&window);
+    let [was, is] = [before, drawn].map(|samples| f64::from_bits(samples[20]));
+    assert!(is > was + 0.2 && is < 1.0, "{is} from {was}");
+    assert_eq!(drawn[40..], before[40..], "580 nm and longer: what is far stays, wherever the hand was on its way");
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(samples(&window), before);
+    window.get_by_label("draw flesh").click();
+    window.run();
+    assert!(window.query_by_label("flesh at 480 nm").is_none(), "a click more puts the curve away");
 }
 
 #[test]

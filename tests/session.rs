@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use relume::palette::ModelTerm;
 use relume::progress::Quiet;
 use relume::scene::{self, AccumulateAs, Accuracy, Definition, Interval, Scene, SceneOptions};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
-use relume::view::design::{Spectra, Step};
+use relume::view::design::{self, Spectra, Step};
 use relume::view::load::Source;
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
 use support::program::SCENE;
@@ -100,6 +101,11 @@ fn edits() -> Vec<Edit> {
         Edit::Accuracy(accuracy(1.3, None)),
         Edit::Accuracy(accuracy(0.7, Some(5))),
         Edit::Design(Step::Offer),
+        Edit::Design(Step::Open(design::Side::Material, 0, false)),
+        Edit::Design(Step::Open(design::Side::Light, 1, true)),
+        Edit::Design(Step::Bounds(design::Side::Light, 1, [0.0, 4.0])),
+        Edit::Design(Step::Smoothness(design::Side::Material, 1, 0.003)),
+        Edit::Design(Step::Model(Some(ModelTerm { dimension: 6, weight: 0.5 }))),
         Edit::Spectra(Arc::new(Spectra {
             materials: vec![(1, Reflectance::new(Spectrum::from_fn(|nm| nm / 1000.0)).unwrap())],
             ..Spectra::default()
@@ -126,7 +132,12 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         assert_eq!(theirs.scene.display, ours.display, "{edit:?}: {text}");
         assert_eq!(theirs.scene.accuracy, ours.accuracy, "{edit:?}: {text}");
         assert_eq!(theirs.scene.materials, ours.materials, "{edit:?}: {text}");
-        let asked = |state: &State| state.palette.as_ref().map(|palette| palette.cells.clone());
+        let asked = |state: &State| {
+            let palette = state.palette.as_ref()?;
+            let members = palette.materials.iter().chain(&palette.lights);
+            let members = members.map(|it| (it.name.clone(), it.spectrum.is_none(), it.bounds, it.smoothness));
+            Some((palette.cells.clone(), members.collect::<Vec<_>>(), palette.model))
+        };
         assert_eq!(asked(theirs), asked(state), "{edit:?}: {text}");
         assert_eq!(theirs.mix(), state.mix(), "{edit:?}: {text}");
         assert_eq!(theirs.scene.opening_mix(), state.mix(), "{edit:?}: {text}");
@@ -245,6 +256,29 @@ fn a_situation_keeps_its_name_to_itself_and_which_nodes_are_out() {
     assert_eq!(names(&document).len(), 2);
     document.undo();
     assert_eq!(document.state().scene.dial.situations[1].hand, DVec2::new(0.2, 0.1));
+}
+
+#[test]
+fn a_situation_restores_exactly_which_nodes_take_part_whatever_the_dial_had_when_it_was_saved() {
+    let mut document = Document::new(scene());
+    let on = |state: &State| state.scene.dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("all".to_owned()));
+    document.edit(&Edit::NodeOn(1, false));
+    document.edit(&Edit::Keep("one".to_owned()));
+    document.edit(&Edit::Situation(1));
+    assert_eq!(on(document.state()), [true, true]);
+    document.edit(&Edit::NodeOn(0, false));
+    document.edit(&Edit::NodeOn(1, false));
+    let mut opened = Document::new(saved(&document).1);
+    assert_eq!(on(opened.state()), [false, false], "the dial itself has both off now");
+    for (situation, expected) in [(1, [true, true]), (2, [true, false]), (1, [true, true])] {
+        opened.edit(&Edit::Situation(situation));
+        assert_eq!(on(opened.state()), expected);
+        let name = opened.state().scene.dial.situations[situation].name.clone();
+        let (dial, _) = opened.opened().dial.situation(&name).unwrap();
+        assert_eq!(dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>(), expected, "on the command line, too");
+    }
 }
 
 #[test]

@@ -416,6 +416,41 @@ fn another_spectrum_is_relit_where_weights_are_kept_and_marched_where_a_model_is
 }
 
 #[test]
+fn a_file_that_is_dropped_on_the_window_opens_or_is_told_of() {
+    let Some(screen) = Screen::new() else { return };
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nencoding: raw\n\n";
+    let ball: Vec<u8> = header.bytes().chain((0..512_u16).map(|index| (index % 251) as u8)).collect();
+    let folder = folder().with("ball.nrrd", ball).with("nonsense.dat", [7; 99]);
+    std::fs::create_dir(folder.path("empty")).unwrap();
+    let script = "size 320 300\nsettle\npicture first.png\ndrop ball.nrrd\nsettle\npicture volume.png\ndrop nonsense.dat\nsettle\n\
+                  picture kept.png\ndrop empty\nsettle\ndrop dial.toml\nsettle\nnode lamp\npicture scene.png\n";
+    let report = screen.script(&folder, "scene.toml", script);
+    let notices = report["notices"].to_string();
+    assert!(notices.contains("nonsense.dat") && notices.contains("empty"), "{notices}");
+    assert_ne!(bytes(&folder, "first.png"), bytes(&folder, "volume.png"), "the volume alone");
+    assert_eq!(bytes(&folder, "volume.png"), bytes(&folder, "kept.png"), "what was there before stays");
+    folder.done(&["render", "dial.toml", "-o", "lamp.png", "--size", &size(&report), "--light", "lamp"]);
+    assert_eq!(bytes(&folder, "scene.png"), bytes(&folder, "lamp.png"), "the scene, usable as any");
+}
+
+#[test]
+fn lines_about_a_scene_wait_until_it_is_open() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let edits = "node lamp\norbit 20 10\ninterval 0 30 90 5 0.3\nspectrum material flesh = orange\n";
+    let [at_once, settled] = ["", "settle\n"].map(|first| {
+        screen.script(&folder, "dial.toml", &format!("size 320 300\n{first}{edits}settle\npicture shown.png\n"));
+        bytes(&folder, "shown.png")
+    });
+    assert_eq!(at_once, settled);
+    let outcome = {
+        std::fs::write(folder.path("script.txt"), "node lamp\n").unwrap();
+        screen.run(&folder, &["nothing.toml", "--script", "script.txt"])
+    };
+    outcome.assert_refused(1, &["script.txt:1", "nothing is open"]);
+}
+
+#[test]
 fn another_observer_is_a_relight_of_weights_and_of_a_model_and_renders_equal() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder().with("model.toml", format!("{SCENE}{DIAL}[accuracy]\naccumulate = \"spectral\"\nk = 4\n"));

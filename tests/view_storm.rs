@@ -45,6 +45,9 @@ fn folder() -> Folder {
         .with("broken.toml", more.replace("D65", "D99"))
 }
 
+/// Inputs between two looks at the memory.
+const MARK: usize = 1000;
+
 /// Makes up what a hand does, line by line.
 struct Storm {
     random: Random,
@@ -62,6 +65,9 @@ impl Storm {
             format!("release\npanels on\nsize 640 480\nopen scene.toml\nsettle\nsave session {name}\nframes 30\n")
         };
         for input in 0..inputs {
+            if input > 0 && input % MARK == 0 {
+                writeln!(script, "save session mark-{input}.toml").unwrap();
+            }
             if input == inputs / 5 {
                 storm.named = true;
                 script += &rest("early.toml");
@@ -228,9 +234,14 @@ fn storm(seed: u64, inputs: usize) {
     std::fs::write(folder.path("script.txt"), Storm::script(seed, inputs)).unwrap();
     let mut child = start(&screen, &folder, &["scene.toml", "--script", "script.txt"]);
     let mut bytes = [None; 2];
+    let mut mark = MARK;
     for (name, bytes) in ["early.toml", "late.toml"].iter().zip(&mut bytes) {
         let mut over = false;
         wait_until(name, 3600, || {
+            if folder.path(&format!("mark-{mark}.toml")).exists() {
+                println!("after {mark} inputs: {:?} MB", resident(&child).map(|bytes| bytes >> 20));
+                mark += MARK;
+            }
             over = child.try_wait().unwrap().is_some();
             over || folder.path(name).exists()
         });

@@ -88,10 +88,16 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
             Placement::Point(point) => PositionKind::Point(point.to_array()),
         },
     });
-    let lights = Mix::of_scene(scene).0.into_iter().map(|light| FileLight {
-        name: light.name,
+    let (stated, opening) = (Mix::of_scene(scene), scene.opening_mix());
+    let shown = |light: &MixLight| {
+        let found = opening.0.iter().find(|one| (&one.name, one.position) == (&light.name, light.position));
+        Some(found.map_or(0.0, |one| one.weight)).filter(|_| opening != stated)
+    };
+    let lights = stated.0.iter().map(|light| FileLight {
+        name: light.name.clone(),
         position: light.position,
         weight: light.weight,
+        shown: shown(light),
         spectrum: *light.spectrum.spectrum().samples(),
     });
     let nodes = scene.dial.nodes.iter().map(|node| FileNode {
@@ -104,6 +110,7 @@ pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulati
         caption: situation.caption.clone(),
         hand: situation.hand.to_array(),
         off: situation.off.clone(),
+        on: situation.on.clone(),
     });
     let dial = FileDial {
         normalise: scene.dial.normalise,
@@ -142,7 +149,10 @@ fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Compone
 pub(crate) struct Saved {
     pub(crate) components: Components,
     pub(crate) positions: Vec<String>,
+    /// All lights, as strong as they are stated.
     pub(crate) mix: Mix,
+    /// Those that the picture shows, and how strongly.
+    pub(crate) shown: Mix,
     pub(crate) background: Option<Reflectance>,
     pub(crate) display: Display,
     pub(crate) dial: Dial,
@@ -169,17 +179,19 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
         Some(FileDial { normalise, master, nodes, situations }) => {
             let node = |FileNode { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
-            let situation = |FileSituation { name, caption, hand, off }| Situation {
+            let situation = |FileSituation { name, caption, hand, off, on }| Situation {
                 name,
                 caption,
                 hand: DVec2::from_array(hand),
                 off,
+                on,
             };
             let (nodes, situations) = (nodes.into_iter().map(node), situations.into_iter().map(situation));
             Dial { normalise, master, nodes: nodes.collect(), situations: situations.collect() }
         }
     };
     let bad = |error: relume::spectrum::SpectrumError| CliError::Failed(format!("{}: {error}", path.display()));
+    let shown: Vec<Option<f64>> = file.lights.iter().map(|light| light.shown).collect();
     let lights = file.lights.into_iter().map(|light| {
         let spectrum = Light::new(Spectrum::from_samples(light.spectrum)).map_err(bad)?;
         Ok(MixLight { name: light.name, spectrum, weight: light.weight, position: light.position })
@@ -195,10 +207,15 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
             (Components::Model(Arc::new(model), transmittance), tolerance)
         }
     };
+    let mix = Mix(lights.collect::<Result<_, CliError>>()?);
+    let lit = mix.0.iter().zip(shown).filter(|(_, shown)| *shown != Some(0.0));
+    let lit = lit.map(|(light, shown)| MixLight { weight: shown.unwrap_or(light.weight), ..light.clone() });
+    let shown = Mix(lit.collect());
     Ok(Saved {
         components,
         positions: file.positions.into_iter().map(|position| position.name).collect(),
-        mix: Mix(lights.collect::<Result<_, CliError>>()?),
+        mix,
+        shown,
         background: background.transpose()?,
         display: Display { exposure: file.exposure, adapt: file.adapt, observer: file.observer, deficiency: None },
         dial,

@@ -40,8 +40,8 @@ pub(crate) struct Args {
     scene: SceneArgs,
     /// What to measure beside the scene's own setting (repeatable): every knob with every value of the others.
     ///
-    /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, entries, lookup, skipping or scale
-    /// (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole numbers of k from A to B, else A, 2A,
+    /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, volume, gradients, entries, lookup,
+    /// skipping or scale (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole numbers of k from A to B, else A, 2A,
     /// 4A and so on to B (10A, 100A of termination). Without --sweep, every knob is swept by itself.
     #[arg(long, value_name = "KNOB=VALUES,…")]
     sweep: Vec<String>,

@@ -107,6 +107,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let hand = args.dial.hand(saved.dial.clone())?;
     let mixes = match &hand {
         Some(hand) => hand.mixes(&saved.mix),
+        None if args.lights.lights.is_empty() => vec![saved.shown.clone()],
         None => vec![args.lights.mix(saved.mix.clone(), &saved.positions)?],
     };
 

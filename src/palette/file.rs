@@ -373,27 +373,28 @@ impl Solution {
             self.palette.source.replace(['\n', '\r'], " "),
             self.worst()
         );
-        let materials: Vec<&Spectrum> = self.materials.iter().map(|row| row.spectrum()).collect();
-        let lights: Vec<&Spectrum> = self.lights.iter().map(|column| column.spectrum()).collect();
+        let materials: Vec<_> = self.materials.iter().map(|row| Some(row.spectrum())).collect();
+        let lights: Vec<_> = self.lights.iter().map(|column| Some(column.spectrum())).collect();
         head + &self.palette.to_toml(&materials, &lights)
     }
 }
 
 impl Palette {
-    /// The palette as a file in which all spectra are given: these ones, of its rows and of its columns.
+    /// The palette as a file with these spectra of its rows and of its columns; `None` is open.
     #[must_use]
-    pub fn to_toml(&self, materials: &[&Spectrum], lights: &[&Spectrum]) -> String {
+    pub fn to_toml(&self, materials: &[Option<&Spectrum>], lights: &[Option<&Spectrum>]) -> String {
         let palette = self;
         let mut text = "version = 1\n".to_owned();
-        let mut members = |table: &str, key: &str, members: &[Member], spectra: &[&Spectrum]| {
+        let mut members = |table: &str, key: &str, members: &[Member], spectra: &[Option<&Spectrum>]| {
             for (member, spectrum) in members.iter().zip(spectra) {
                 let [low, high] = member.bounds;
+                let spectrum = spectrum
+                    .map_or_else(|| quoted(OPEN), |spectrum| format!("{{ samples = {:?} }}", spectrum.samples()));
                 // Writing to a String cannot fail.
                 write!(
                     text,
-                    "\n[{table}.{}]\n{key} = {{ samples = {:?} }}\nbounds = [{low:?}, {high:?}]\nsmoothness = {:?}\n",
+                    "\n[{table}.{}]\n{key} = {spectrum}\nbounds = [{low:?}, {high:?}]\nsmoothness = {:?}\n",
                     quoted(&member.name),
-                    spectrum.samples(),
                     member.smoothness
                 )
                 .ok();

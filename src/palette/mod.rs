@@ -40,7 +40,7 @@ pub const SMOOTHNESS: f64 = 1e-4;
 /// What bounds may be, of a light in multiples of its mean; a spectrum of 81 samples peaks at 81 times its mean.
 const BOUNDS: RangeInclusive<f64> = -1e3..=1e3;
 /// What a smoothness may be.
-const SMOOTHNESSES: RangeInclusive<f64> = 1e-12..=1e6;
+pub(crate) const SMOOTHNESSES: RangeInclusive<f64> = 1e-12..=1e6;
 /// What the weight of a cell or of a model may be; squares of what lies farther apart drown one another.
 const WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
 
@@ -197,7 +197,7 @@ impl Palette {
     }
 
     /// Refuses what cannot be solved at all; what can be solved badly is told by [`Solution`].
-    fn check(&self) -> Result<(), PaletteError> {
+    pub(crate) fn check(&self) -> Result<(), PaletteError> {
         let wrong = |message: String| Err(PaletteError::Unsolvable { palette: self.source.clone(), message });
         let sides = [
             (&self.materials, "materials", "[materials.NAME]", Kind::Reflectance),

@@ -115,6 +115,9 @@ struct Band {
     end_sample: u32,
 }
 
+/// The tables of a march by their names in the shader.
+type Tables = [(&'static str, Buffer); 4];
+
 /// What a march left on the device.
 #[derive(Debug)]
 pub struct Accumulators {
@@ -430,11 +433,7 @@ impl Renderer {
     }
 
     /// The tables of values and of labels in buffers, by their names in the shader, and where those are.
-    fn tables(
-        &self,
-        values: &TransferTable,
-        labels: &TransferTable,
-    ) -> Result<(TableMemory, [(&'static str, Buffer); 4]), RenderError> {
+    fn tables(&self, values: &TransferTable, labels: &TransferTable) -> Result<(TableMemory, Tables), RenderError> {
         let tables: [(&'static str, &[u8]); 4] = [
             ("table_source", bytemuck::cast_slice(&values.source)),
             ("table_opacity", bytemuck::cast_slice(&values.opacity)),

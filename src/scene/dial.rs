@@ -32,6 +32,8 @@ pub struct Situation {
     pub hand: DVec2,
     /// The lights whose nodes are off, beside those that the dial has off.
     pub off: Vec<String>,
+    /// The lights whose nodes are on, though the dial has them off.
+    pub on: Vec<String>,
 }
 
 /// A light on the dial.
@@ -43,6 +45,14 @@ pub struct DialNode {
     pub place: DVec2,
     /// Whether it takes part; it keeps its place while it does not.
     pub on: bool,
+}
+
+impl Situation {
+    /// Whether the node takes part that the dial has as `stated`.
+    #[must_use]
+    pub fn has_on(&self, stated: &DialNode) -> bool {
+        (stated.on || self.on.contains(&stated.light)) && !self.off.contains(&stated.light)
+    }
 }
 
 impl Dial {
@@ -69,7 +79,7 @@ impl Dial {
         self.nodes.iter_mut().find(|node| node.light == name).ok_or(unknown)
     }
 
-    /// The situation `name`, and the dial with the nodes off that it wants off.
+    /// The situation `name`, and the dial with the nodes on that it has on.
     ///
     /// # Errors
     ///
@@ -84,7 +94,7 @@ impl Dial {
         let situation = found.ok_or_else(unknown)?;
         let mut dial = self.clone();
         for node in &mut dial.nodes {
-            node.on &= !situation.off.contains(&node.light);
+            node.on = situation.has_on(node);
         }
         Ok((dial, situation))
     }

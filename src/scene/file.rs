@@ -27,7 +27,7 @@ use super::{
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
 use crate::number::{count, readable, unsigned};
-use crate::palette::{self, Misplaced};
+use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
@@ -324,7 +324,7 @@ impl Text<'_> {
         let Some(stated) = &file.palette else { return Ok(Vec::new()) };
         let failed = |source| SceneError::Palette { scene: self.name.clone(), source };
         let mut inputs = Vec::new();
-        let palette = match &stated.get_ref().r#use {
+        let mut palette = match &stated.get_ref().r#use {
             Some(other) if stated.get_ref().says_more_than_use() => {
                 return Err(self.invalid(other, "a [palette] has `use`, or says all by itself"));
             }
@@ -342,8 +342,24 @@ impl Text<'_> {
         };
         inputs.extend(palette.inputs.iter().cloned());
         let span = stated.span();
+        let says_row = |row: &&Member| match row.name.as_str() {
+            "background" => file.background.is_some(),
+            name => file.materials.get(name).is_some_and(|material| material.get_ref().reflectance.is_some()),
+        };
+        let says_column =
+            |it: &&Member| file.lights.get(&it.name).is_some_and(|light| light.get_ref().spectrum.is_some());
+        let open_rows = palette.materials.iter().filter(|row| row.spectrum.is_none());
+        let open_columns = palette.lights.iter().filter(|column| column.spectrum.is_none());
+        let is_found = open_rows.clone().all(|row| says_row(&row)) && open_columns.clone().all(|it| says_column(&it));
+        if is_found && open_rows.chain(open_columns).next().is_some() {
+            // What is open has been found already, as in a session.
+            palette.check().map_err(failed)?;
+            palette.materials.iter_mut().chain(&mut palette.lights).for_each(|it| {
+                it.spectrum.get_or_insert_with(|| Spectrum::constant(1.0));
+            });
+        }
         let solution = palette::solve(&palette, progress).map_err(failed)?;
-        for conflict in &solution.conflicts {
+        for conflict in solution.conflicts.iter().filter(|_| !is_found) {
             tracing::warn!("{}: {}", palette.source, conflict.reason);
         }
         let of = |spectrum: &Spectrum| Spanned::new(span.clone(), SpectrumSource::Samples(Box::new(spectrum.clone())));

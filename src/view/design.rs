@@ -2,16 +2,40 @@
 
 use std::sync::Arc;
 
+use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
-use crate::palette::{self, Cell, LAMP, LARGEST, Member, NATURAL, Palette, SMOOTHNESS, Solution, Target};
+use crate::palette::{
+    self, Cell, LAMP, LARGEST, Member, ModelTerm, NATURAL, Palette, SMOOTHNESS, SMOOTHNESSES, Solution, Target,
+};
 use crate::scene::Scene;
 use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
-use crate::spectrum::{Light, Reflectance, Spectrum, standard};
+use crate::spectrum::{BANDS, Light, Reflectance, Spectrum, standard};
 
 /// What it counts to keep a hue, beside looking alike.
 const APART: f64 = 0.2;
 /// The row of the surface behind everything.
-const BACKGROUND: &str = "background";
+pub(super) const BACKGROUND: &str = "background";
+
+/// Handles that a curve is drawn by: every 50 nm from 380 to 780 nm.
+pub const HANDLES: usize = 9;
+/// Samples from one to the next.
+pub const BANDS_PER_HANDLE: usize = (BANDS - 1) / (HANDLES - 1);
+
+/// How much of what the handle at `band` moves by the sample at `at` moves by. Beyond the ends the curve goes on as it ends.
+fn goes_along(at: usize, band: usize) -> f64 {
+    let kernel = |distance: f64| match distance.abs() {
+        t if t < 1.0 => (1.5 * t - 2.5) * t * t + 1.0,
+        t if t < 2.0 => ((2.5 - 0.5 * t) * t - 4.0) * t + 2.0,
+        _ => 0.0,
+    };
+    let distance = (count(at) - count(band)) / count(BANDS_PER_HANDLE);
+    let beyond = match band {
+        0 => kernel(distance + 1.0),
+        band if band == BANDS - 1 => kernel(distance - 1.0),
+        _ => 0.0,
+    };
+    kernel(distance) + beyond
+}
 
 /// A side of the matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -36,6 +60,10 @@ pub enum Step {
     Open(Side, usize, bool),
     /// What the samples of an open spectrum may be; of a light in multiples of its mean.
     Bounds(Side, usize, [f64; 2]),
+    /// What the bends of an open spectrum count beside squares of ΔE00.
+    Smoothness(Side, usize, f64),
+    /// The colour model that is to show the colours, where it is settled before the spectra are.
+    Model(Option<ModelTerm>),
 }
 
 /// Spectra that take the place of the scene's.
@@ -102,16 +130,32 @@ pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look
     Look { achieved, target, difference }
 }
 
-/// `palette` as a text in which all spectra are given, as `scene` has them.
+/// `palette` as a text in which what is open is open, and the other spectra are as `scene` has them.
 #[must_use]
 pub fn text(scene: &Scene, palette: &Palette) -> String {
     let nothing = Spectrum::constant(0.0);
-    let of = |side: Side, members: &[Member]| -> Vec<Spectrum> {
-        let spectrum = |it: &Member| spectrum(scene, side, it).or(it.spectrum.as_ref()).unwrap_or(&nothing).clone();
-        members.iter().map(spectrum).collect()
+    let of = |side: Side, members| -> Vec<Option<Spectrum>> {
+        let spectrum = |it: &Member| match (spectrum(scene, side, it), &it.spectrum) {
+            (Some(_), None) => None,
+            (Some(now), Some(_)) => Some(now.clone()),
+            (None, given) => Some(given.as_ref().unwrap_or(&nothing).clone()),
+        };
+        <[Member]>::iter(members).map(spectrum).collect()
     };
     let (materials, lights) = (of(Side::Material, &palette.materials), of(Side::Light, &palette.lights));
-    palette.to_toml(&materials.iter().collect::<Vec<_>>(), &lights.iter().collect::<Vec<_>>())
+    palette.to_toml(
+        &materials.iter().map(Option::as_ref).collect::<Vec<_>>(),
+        &lights.iter().map(Option::as_ref).collect::<Vec<_>>(),
+    )
+}
+
+/// What is open in `palette` and what it is in `scene`: by side and name.
+pub(super) fn open<'a>(scene: &'a Scene, palette: &'a Palette) -> Vec<(Side, &'a str, &'a Spectrum)> {
+    let of = |side: Side, members: &'a [Member]| {
+        let open = members.iter().filter(|it| it.spectrum.is_none());
+        open.filter_map(move |it| Some((side, it.name.as_str(), spectrum(scene, side, it)?)))
+    };
+    of(Side::Material, &palette.materials).chain(of(Side::Light, &palette.lights)).collect()
 }
 
 impl Side {
@@ -166,6 +210,17 @@ impl Step {
                         *member = wanted;
                     }
                 }
+            }
+            Self::Smoothness(side, index, smoothness) => {
+                if let (Some(member), true) = (side.members(&mut palette).get_mut(index), smoothness.is_finite()) {
+                    member.smoothness = smoothness.clamp(*SMOOTHNESSES.start(), *SMOOTHNESSES.end());
+                }
+            }
+            Self::Model(term) => {
+                palette.model = term.map(|ModelTerm { dimension, weight }| ModelTerm {
+                    dimension: dimension.clamp(1, LARGEST_DIMENSION),
+                    weight: if weight.is_finite() { weight.clamp(1e-6, 1e6) } else { 1.0 },
+                });
             }
         }
         Some(palette)
@@ -292,6 +347,21 @@ impl Spectra {
         Ok(spectra)
     }
 
+    /// The spectrum of material `index` of `scene`, where its handle number `handle` is drawn to `value`: samples near it go
+    /// along as the smooth curve through all handles does (Catmull and Rom 1974), those beyond the next handles but one stay.
+    /// What moves stays between 0 and 1. `was` is the spectrum before it was drawn.
+    #[must_use]
+    pub fn drawn(index: usize, was: &Spectrum, handle: usize, value: f64) -> Self {
+        let band = handle.min(HANDLES - 1) * BANDS_PER_HANDLE;
+        let moved = value.clamp(0.0, 1.0) - was.samples()[band];
+        let spectrum = Spectrum::from_samples(std::array::from_fn(|at| {
+            let (sample, share) = (was.samples()[at], goes_along(at, band));
+            if share == 0.0 { sample } else { moved.mul_add(share, sample).clamp(0.0, 1.0) }
+        }));
+        let materials = Reflectance::new(spectrum).map(|spectrum| (index, spectrum)).into_iter().collect();
+        Self { materials, ..Self::default() }
+    }
+
     /// Puts them in `scene`.
     pub(super) fn put_into(&self, scene: &mut Scene) {
         for (index, reflectance) in &self.materials {
@@ -326,6 +396,33 @@ mod tests {
     }
 
     #[test]
+    fn a_handle_that_is_drawn_takes_its_neighbourhood_along_smoothly_and_nothing_leaves_what_surfaces_reflect() {
+        let drawn = |was: &Spectrum, handle, value| {
+            let spectra = Spectra::drawn(3, was, handle, value);
+            assert_eq!((spectra.materials.len(), spectra.materials[0].0), (1, 3));
+            *spectra.materials[0].1.spectrum().samples()
+        };
+        let grey = Spectrum::constant(0.5);
+        for handle in 0..HANDLES {
+            let samples = drawn(&grey, handle, 0.7);
+            for other in 0..HANDLES {
+                let wanted = if other == handle { 0.7 } else { 0.5 };
+                assert!((samples[other * BANDS_PER_HANDLE] - wanted).abs() <= 1e-15, "{handle}, {other}");
+            }
+            let bends = samples.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).abs());
+            assert!(bends.fold(0.0, f64::max) <= 0.2 * 5.0 / 100.0, "no corner: a second derivative of 5 at most");
+            assert!(
+                drawn(&grey, handle, 9.0).iter().chain(&drawn(&grey, handle, -1.0)).all(|it| (0.0..=1.0).contains(it))
+            );
+        }
+        // All handles by as much: the whole curve, its ends too.
+        let all = (0..HANDLES).fold(grey, |was, handle| Spectrum::from_samples(drawn(&was, handle, 0.7)));
+        assert!(all.samples().iter().all(|sample| (sample - 0.7).abs() <= 1e-12), "{:?}", all.samples());
+        let artificial = Spectrum::from_fn(|nm| if nm < 500.0 { -2.0 } else { 0.5 });
+        assert_eq!(drawn(&artificial, 8, 0.1)[0].to_bits(), (-2.0_f64).to_bits(), "what is far stays");
+    }
+
+    #[test]
     fn what_is_offered_merges_under_one_light_and_parts_under_the_other() {
         let mut scene = scene();
         let palette = Step::Offer.applied(&scene, None).unwrap();
@@ -357,6 +454,10 @@ mod tests {
         assert_eq!(after(Step::Open(Side::Light, 1, true)).lights[1].spectrum, None);
         let bounds = after(Step::Bounds(Side::Material, 0, [-1.0, 2.0])).materials[0].bounds;
         assert_eq!(bounds.map(f64::to_bits), [-1.0, 2.0].map(f64::to_bits));
+        let smooth = after(Step::Smoothness(Side::Light, 1, 1e9)).lights[1].smoothness;
+        assert_eq!(smooth.to_bits(), 1e6_f64.to_bits(), "the largest that a file may say");
+        let term = after(Step::Model(Some(ModelTerm { dimension: 99, weight: 2.0 }))).model;
+        assert_eq!(term, Some(ModelTerm { dimension: 16, weight: 2.0 }));
         let itself = Some(Target::Like { material: 0, light: 0 });
         for step in [
             Step::Target(9, 0, white),
@@ -366,6 +467,8 @@ mod tests {
             Step::Bounds(Side::Light, 0, [2.0, 3.0]),
             Step::Bounds(Side::Material, 0, [1.0, 0.0]),
             Step::Bounds(Side::Material, 0, [f64::NAN, 1.0]),
+            Step::Smoothness(Side::Material, 9, 1.0),
+            Step::Smoothness(Side::Material, 0, f64::NAN),
         ] {
             assert_eq!(after(step.clone()), palette, "{step:?}");
         }

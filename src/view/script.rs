@@ -113,6 +113,29 @@ pub enum Input {
     Scroll(f32),
     /// A key goes down and up, by its name.
     Key(String),
+    /// A file is dropped on the window.
+    Drop(PathBuf),
+}
+
+impl Command {
+    /// Whether it can only be carried out where a scene is open.
+    #[must_use]
+    pub fn is_about_a_scene(&self) -> bool {
+        match self {
+            Self::Interval(..) | Self::Named(..) | Self::Camera(_) | Self::Probe(_) | Self::Spectrum(..) => true,
+            Self::Do(action) => !matches!(
+                action,
+                Action::Open(_)
+                    | Action::SaveWindow(_)
+                    | Action::Panels(_)
+                    | Action::Palette(_)
+                    | Action::Restart
+                    | Action::GiveUp
+                    | Action::Dismiss(_)
+            ),
+            Self::Frames(_) | Self::Settle | Self::Size(_) | Self::Input(_) => false,
+        }
+    }
 }
 
 impl Script {
@@ -304,6 +327,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "press" | "release" => Command::Input(Input::Button(verb == "press")),
         "scroll" => Command::Input(Input::Scroll(numbers::<f32, 1>(verb, rest)?[0])),
         "key" => Command::Input(Input::Key(name()?)),
+        "drop" => Command::Input(Input::Drop(file()?)),
         _ => return Err(format!("{verb:?} is no command of a script")),
     })
 }

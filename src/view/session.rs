@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf, absolute};
 use glam::DVec2;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlError, Value, value};
 
-use super::design;
+use super::design::{self, Side};
 use super::load::Source;
 use super::state::State;
 use crate::output::{OutputError, write_atomically};
@@ -94,8 +94,10 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         transfer(table(&mut document, "transfer")?, scene)?;
     }
     labels(&mut document, scene, opened)?;
-    spectra(&mut document, scene, opened)?;
-    if let Some(palette) = state.palette.as_ref().filter(|_| state.palette != design::stated(opened)) {
+    let palette = state.palette.as_ref().filter(|_| state.palette != design::stated(opened));
+    let open = palette.map_or_else(Vec::new, |palette| design::open(scene, palette));
+    spectra(&mut document, scene, opened, &open)?;
+    if let Some(palette) = palette {
         let text: DocumentMut = design::text(scene, palette).parse().map_err(unreadable)?;
         document.insert("palette", Item::Table(without_places(text.as_table())));
     }
@@ -240,8 +242,14 @@ fn without_places(table: &Table) -> Table {
     copy
 }
 
-/// Spectra that are others now, in samples. What the scene says itself holds whatever its palette designs.
-fn spectra(document: &mut DocumentMut, now: &Scene, then: &Scene) -> Result<(), SessionError> {
+/// Spectra that are others now, in samples, and those that are `open` in the palette. What the scene says itself holds
+/// whatever its palette designs.
+fn spectra(
+    document: &mut DocumentMut,
+    now: &Scene,
+    then: &Scene,
+    open: &[(Side, &str, &Spectrum)],
+) -> Result<(), SessionError> {
     let samples = |spectrum: &Spectrum| {
         let mut table = InlineTable::new();
         table.insert("samples", numbers(*spectrum.samples()).into());
@@ -257,6 +265,12 @@ fn spectra(document: &mut DocumentMut, now: &Scene, then: &Scene) -> Result<(), 
         member.insert(key, samples(spectrum));
         Ok(())
     };
+    for &(side, name, spectrum) in open.iter().filter(|(_, name, _)| *name != design::BACKGROUND) {
+        match side {
+            Side::Material => set("materials", name, "reflectance", spectrum)?,
+            Side::Light => set("lights", name, "spectrum", spectrum)?,
+        }
+    }
     for (new, old) in now.materials.iter().zip(&then.materials).filter(|(new, old)| new.reflectance != old.reflectance)
     {
         set("materials", &old.name, "reflectance", new.reflectance.spectrum())?;
@@ -264,7 +278,8 @@ fn spectra(document: &mut DocumentMut, now: &Scene, then: &Scene) -> Result<(), 
     for (new, old) in now.lights.iter().zip(&then.lights).filter(|(new, old)| new.spectrum != old.spectrum) {
         set("lights", &old.name, "spectrum", new.spectrum.spectrum())?;
     }
-    if let Some(background) = now.background.as_ref().filter(|_| now.background != then.background) {
+    let found = open.iter().any(|(_, name, _)| *name == design::BACKGROUND);
+    if let Some(background) = now.background.as_ref().filter(|_| found || now.background != then.background) {
         document.insert("background", samples(background.spectrum()));
     }
     Ok(())
@@ -353,6 +368,9 @@ fn dial(table: &mut dyn TableLike, dial: &Dial) {
         // A place, even on a node: nodes move.
         row.insert("hand", point(situation.hand).into());
         row.insert("off", names(situation.off.iter().map(String::as_str)).into());
+        if !situation.on.is_empty() {
+            row.insert("on", names(situation.on.iter().map(String::as_str)).into());
+        }
         row
     });
     table.insert("situations", value(situations.collect::<Array>()));

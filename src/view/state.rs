@@ -57,7 +57,7 @@ pub enum Edit {
     ResetDial,
     /// A situation of the dial, by its index.
     Situation(usize),
-    /// The place of the hand and the nodes that are off, from now on a situation of this name; one that has it gives way.
+    /// The place of the hand and which nodes take part, from now on a situation of this name; one that has it gives way.
     Keep(String),
     /// Another name for a situation, by its index; one that is taken is not given.
     Rename(usize, String),
@@ -157,11 +157,11 @@ impl Edit {
     }
 }
 
-/// The nodes that take part in a situation, by its index: those of the scene as it was opened, but for what it has off.
+/// The nodes that take part in a situation, by its index, where the dial has them as the scene was opened with.
 fn take_part(dial: &mut Dial, opened: &Scene, index: usize) {
     let Some(situation) = dial.situations.get(index) else { return };
     for (node, stated) in dial.nodes.iter_mut().zip(&opened.dial.nodes) {
-        node.on = stated.on && !situation.off.contains(&node.light);
+        node.on = situation.has_on(stated);
     }
 }
 
@@ -341,8 +341,10 @@ impl State {
                 }
             }
             Edit::Keep(ref name) => {
-                let off = scene.dial.nodes.iter().filter(|node| !node.on).map(|node| node.light.clone()).collect();
-                let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off };
+                // All of them: which ones the dial itself has off may be another when it is opened again.
+                let (on, off): (Vec<_>, Vec<_>) = scene.dial.nodes.iter().partition(|node| node.on);
+                let [on, off] = [on, off].map(|nodes| nodes.into_iter().map(|node| node.light.clone()).collect());
+                let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off, on };
                 match scene.dial.situations.iter_mut().find(|situation| situation.name == *name) {
                     Some(situation) => *situation = kept(std::mem::take(&mut situation.caption)),
                     None if name.is_empty() => {}

@@ -43,6 +43,8 @@ const PATIENCE: u32 = 120;
 const MOST_LOSSES: u32 = 4;
 /// Least time between two pieces of news of what is measured.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
+/// Why a line of a script cannot be done that is about a scene.
+const NOTHING_OPEN: &str = "nothing is open: what was to be opened cannot be, or nothing was";
 /// Notices that are kept.
 const MOST_NOTICES: usize = 4;
 
@@ -850,8 +852,8 @@ impl Viewer {
         }
         events.set_control_flow(ControlFlow::Wait);
         let Some(screen) = &self.screen else { return };
-        let refines = !self.hand_rests() && self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
-        let waits = if refines { again.min(REST) } else { again };
+        let unfinished = self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
+        let waits = until_next(again, unfinished, self.hand_rests());
         // Frames would take time of what is measured, and a script has nothing to do before that.
         let waits =
             if self.measuring.is_some() { waits.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { waits };
@@ -890,6 +892,8 @@ impl Viewer {
             return Ok(Vec::new());
         }
         let at = self.script.next;
+        // What is opened first is what the first lines are about.
+        let opens = self.document.is_none() && self.loading.is_some();
         let Some(command) = script.command(at).cloned() else {
             if !self.is_saving() {
                 events.exit();
@@ -898,6 +902,7 @@ impl Viewer {
         };
         let inputs = match command {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
+            _ if opens && command.is_about_a_scene() => return Ok(Vec::new()),
             // What is saved is what was asked for before, and not after.
             _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
@@ -914,7 +919,7 @@ impl Viewer {
             }
             Command::Named(about, name) => {
                 let edit = match &self.document {
-                    None => Err("nothing is open".to_owned()),
+                    None => Err(NOTHING_OPEN.to_owned()),
                     Some(document) => about.edit(document.state(), &name),
                 };
                 self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
@@ -922,7 +927,7 @@ impl Viewer {
             }
             Command::Interval(index, [from, to, ramp, opacity]) => {
                 let stated = match &self.document {
-                    None => Err("nothing is open".to_owned()),
+                    None => Err(NOTHING_OPEN.to_owned()),
                     Some(document) => script::interval(document.state(), index),
                 };
                 let stated = stated.map_err(|message| script.wrong(at, message))?;
@@ -931,7 +936,7 @@ impl Viewer {
             }
             Command::Spectrum(side, name, standard) => {
                 let spectra = match &self.document {
-                    None => Err("nothing is open".to_owned()),
+                    None => Err(NOTHING_OPEN.to_owned()),
                     Some(document) => Spectra::standard(&document.state().scene, side, &name, &standard),
                 };
                 let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
@@ -960,7 +965,7 @@ impl Viewer {
             }
             Command::Probe(place) => {
                 if self.document.is_none() && self.loading.is_none() {
-                    return Err(script.wrong(at, "nothing is open".to_owned()).into());
+                    return Err(script.wrong(at, NOTHING_OPEN.to_owned()).into());
                 }
                 self.prober.look(Some(place));
                 if !(self.is_settled() && self.prober.is_done()) {
@@ -969,6 +974,10 @@ impl Viewer {
                 if let (Some(probe), Some(document)) = (self.prober.probe(), &self.document) {
                     self.report.probes.push(probe.json(&document.state().scene));
                 }
+                Vec::new()
+            }
+            Command::Input(Input::Drop(path)) => {
+                self.hear(events, &WindowEvent::DroppedFile(path));
                 Vec::new()
             }
             Command::Input(input) => self.input(&input).map_err(|message| script.wrong(at, message))?,
@@ -998,11 +1007,23 @@ impl Viewer {
                 let event = |pressed| egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
                 vec![event(true), event(false)]
             }
+            // The system tells of it in another way.
+            Input::Drop(_) => Vec::new(),
         })
     }
 }
 
 /// The picture of `engine` as the kind of file that `path` says.
+/// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
+/// soon as the hand rests: it may have come to rest while a coarse picture was made.
+fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
+    match (unfinished, hand_rests) {
+        (false, _) => again,
+        (true, false) => again.min(REST),
+        (true, true) => Duration::ZERO,
+    }
+}
+
 fn save_picture(path: &Path, engine: &Engine, size: [usize; 2]) -> Result<(), Box<dyn std::error::Error>> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
         write_exr(path, &Picture::new(size[0], size[1], &engine.read_linear()?)?)?;
@@ -1054,7 +1075,14 @@ impl ApplicationHandler<Woken> for Viewer {
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _window: WindowId, event: WindowEvent) {
-        match &event {
+        self.hear(events, &event);
+    }
+}
+
+impl Viewer {
+    /// What the system tells of the window.
+    fn hear(&mut self, events: &ActiveEventLoop, event: &WindowEvent) {
+        match event {
             WindowEvent::CloseRequested => {
                 events.exit();
                 return;
@@ -1073,8 +1101,21 @@ impl ApplicationHandler<Woken> for Viewer {
             _ => {}
         }
         let Some(screen) = &mut self.screen else { return };
-        if screen.egui.on_window_event(&screen.window, &event).repaint || matches!(event, WindowEvent::Resized(_)) {
+        if screen.egui.on_window_event(&screen.window, event).repaint || matches!(event, WindowEvent::Resized(_)) {
             screen.window.request_redraw();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coarse_picture_that_took_longer_than_the_hand_moved_is_refined() {
+        assert_eq!(until_next(Duration::MAX, true, true), Duration::ZERO, "at once: nothing else would wake it");
+        assert_eq!(until_next(Duration::MAX, true, false), REST, "when the hand rests");
+        assert_eq!(until_next(Duration::MAX, false, true), Duration::MAX, "a finished picture needs no frame");
+        assert_eq!(until_next(REST / 2, true, false), REST / 2, "or when the panels want one");
     }
 }

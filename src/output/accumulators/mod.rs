@@ -20,8 +20,8 @@
 //! | `[[components]]` | with weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
 //! | `[model]` | with a colour model: see below |
 //! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`: three numbers, for the last two only, the direction towards the light (or the opposite one, where no material is specular: both sides of a surface shine, so the two are one position) or its place, in world units |
-//! | `[[lights]]` | `name`; `position`: the name of one; `weight`: its intensity; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also what is said below |
-//! | `[dial]` | the light dial; where absent, the regular polygon of the lights, which keeps the luminance 1: `normalise`, whether a white surface keeps its luminance, `master`, that luminance, else a factor, and in order the `nodes`, each with `light`, the name of one, `place`, two numbers, and `on`, whether it takes part; `situations`, mixes to come back to, each with `name`, `caption`, `hand`, two numbers, and `off`, names of lights whose nodes are off |
+//! | `[[lights]]` | `name`; `position`: the name of one; `weight`: its intensity; `shown`: the intensity that the picture shows it with, where that is another, 0 for a light that is off; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also what is said below |
+//! | `[dial]` | the light dial; where absent, the regular polygon of the lights, which keeps the luminance 1: `normalise`, whether a white surface keeps its luminance, `master`, that luminance, else a factor, and in order the `nodes`, each with `light`, the name of one, `place`, two numbers, and `on`, whether it takes part; `situations`, mixes to come back to, each with `name`, `caption`, `hand`, two numbers, and `off` and `on`, names of lights whose nodes are off beside those of the dial, and on though the dial has them off |
 //!
 //! Channels are 32-bit or 16-bit float, all values finite; their order does not matter, and there are no others.
 //!
@@ -36,7 +36,8 @@
 //!
 //! **The picture** of such a file has at each pixel and wavelength
 //! Σ_p (Σ_c m(p, c) · reflectance(c)) · light(p) + T · background · Σ_p light(p), where
-//! light(p) is the sum of weight · spectrum over the lights at position p.
+//! light(p) is the sum of weight · spectrum over the lights at position p; its `shown` is taken for the weight of a light that
+//! has one.
 //!
 //! # The numbers of a colour model
 //!
@@ -233,6 +234,8 @@ pub struct Light {
     pub position: usize,
     /// Its intensity.
     pub weight: f64,
+    /// The intensity that the picture shows it with, where that is another; 0 is off.
+    pub shown: Option<f64>,
     /// Relative power, 380–780 nm, such that the perfect reflector has Y = 1 under weight 1.
     pub spectrum: [f64; BANDS],
 }
@@ -266,6 +269,9 @@ pub struct Situation {
     /// The lights whose nodes are off, beside those that are always.
     #[serde(default)]
     pub off: Vec<String>,
+    /// The lights whose nodes are on, though the dial has them off.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub on: Vec<String>,
 }
 
 /// A node of the light dial.

@@ -66,7 +66,7 @@ impl Accumulators {
         }
         for light in &self.lights {
             check_finite("the light ", &light.name, &light.spectrum)?;
-            check_finite("the light ", &light.name, &[light.weight])?;
+            check_finite("the light ", &light.name, &[light.weight, light.shown.unwrap_or_default()])?;
             if light.position >= self.positions.len() {
                 let (name, positions) = (&light.name, self.positions.len());
                 return Err(format!("the light {name:?} is at position {}, and there are {positions}", light.position));

@@ -105,6 +105,8 @@ struct LightEntry {
     name: String,
     position: String,
     weight: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shown: Option<f64>,
     spectrum: Vec<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     matrix: Option<Vec<[f64; 3]>>,
@@ -157,6 +159,7 @@ impl From<&Accumulators> for Document {
                 name: light.name.clone(),
                 position: accumulators.positions[light.position].name.clone(),
                 weight: light.weight,
+                shown: light.shown,
                 spectrum: light.spectrum.to_vec(),
                 matrix: matrix.map(|matrix| matrix.xyz.clone()),
                 error: matrix.map(|matrix| matrix.error),
@@ -249,7 +252,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
                 entry.name, entry.position
             ));
         };
-        Ok(Light { name: entry.name, position, weight: entry.weight, spectrum })
+        Ok(Light { name: entry.name, position, weight: entry.weight, shown: entry.shown, spectrum })
     };
     let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;

@@ -179,6 +179,8 @@ pub(super) struct SituationFile {
     pub(super) hand: At<HandFile>,
     #[serde(default)]
     pub(super) off: Vec<At<String>>,
+    #[serde(default)]
+    pub(super) on: Vec<At<String>>,
 }
 
 /// A node by the name of its light, or a place.

@@ -65,12 +65,13 @@ impl Text<'_> {
                 }
                 HandFile::Place(place) => DVec2::from_array(*place),
             };
-            for name in &stated.off {
+            for name in stated.off.iter().chain(&stated.on) {
                 dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("{key}: {message}")))?;
             }
-            let off = stated.off.iter().map(|name| name.get_ref().clone()).collect();
+            let names = |of: &[At<String>]| of.iter().map(|name| name.get_ref().clone()).collect();
+            let (off, on) = (names(&stated.off), names(&stated.on));
             let (name, caption) = (stated.name.clone(), stated.caption.clone());
-            dial.situations.push(Situation { name, caption, hand, off });
+            dial.situations.push(Situation { name, caption, hand, off, on });
         }
         Ok(dial)
     }

@@ -28,19 +28,6 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
         ui.horizontal(|ui| {
-            ui.label("Observer");
-            for observer in Observer::ALL {
-                let (name, help) = match observer {
-                    Observer::Cie1931 => ("2°, 1931", "The CIE's standard observer of 1931: things as small as on a screen. D65 is white."),
-                    Observer::Cie1964 => ("10°, 1964", "The CIE's standard observer of 1964: large surfaces. D65 is white here, too; spectra that look alike to one may differ to the other."),
-                };
-                let button = ui.selectable_label(display.observer == observer, name).on_hover_text(help);
-                if button.clicked() && display.observer != observer {
-                    asked.push(Action::Edit(Edit::Observer(observer)));
-                }
-            }
-        });
-        ui.horizontal(|ui| {
             ui.label("Seen by");
             let mut by = display.deficiency;
             let named = |by: Option<Deficiency>| by.map_or_else(|| "all cones".to_owned(), |by| by.to_string());
@@ -57,6 +44,22 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             });
             if by != display.deficiency {
                 asked.push(Action::Edit(Edit::Deficiency(by)));
+            }
+            for observer in Observer::ALL {
+                let (name, help) = match observer {
+                    Observer::Cie1931 => {
+                        ("2°", "The CIE's standard observer of 1931, for things as small as on a screen. D65 is white.")
+                    }
+                    Observer::Cie1964 => (
+                        "10°",
+                        "The CIE's standard observer of 1964, for large surfaces. D65 is white to it, too; spectra that look \
+                         alike to one may differ to the other.",
+                    ),
+                };
+                let button = ui.selectable_label(display.observer == observer, name).on_hover_text(help);
+                if button.clicked() && display.observer != observer {
+                    asked.push(Action::Edit(Edit::Observer(observer)));
+                }
             }
         });
     });

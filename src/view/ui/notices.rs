@@ -1,16 +1,17 @@
 //! Notices: what went wrong, and what makes the picture black, over the picture and never instead of it.
 
-use egui::{Color32, Frame, Rect, Ui, UiBuilder, vec2};
+use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
 use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
 
-/// Shows them at the top of the picture.
+/// Shows them at the top right of the picture, before the windows, which open at its left.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
-    let width = rect.width().min(560.0) - 60.0;
-    let at = Rect::from_min_size(rect.min + vec2((rect.width() - width) / 2.0, 8.0), vec2(width, rect.height() - 16.0));
-    ui.scope_builder(UiBuilder::new().max_rect(at), |ui| {
+    let width = (rect.width().min(560.0) - 60.0).max(1.0);
+    let at = rect.right_top() + vec2(-8.0 - width, 8.0);
+    Area::new(Id::new("notices")).order(Order::Foreground).fixed_pos(at).show(ui.ctx(), |ui| {
+        ui.set_max_width(width);
         if let Some(document) = shown.document.filter(|document| !document.state().is_lit()) {
             notice(ui, "No light arrives: the picture is black.", "Turn the lights on", || {
                 asked.extend(lit(document).into_iter().map(Action::Edit));

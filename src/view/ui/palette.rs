@@ -7,7 +7,8 @@ use egui::{
 
 use super::Shown;
 use super::spectrum::{curve, plot};
-use crate::palette::{Member, NATURAL, Palette, Target};
+use crate::model::LARGEST_DIMENSION;
+use crate::palette::{Member, ModelTerm, NATURAL, Palette, Target};
 use crate::scene::Scene;
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
 use crate::view::action::Action;
@@ -49,6 +50,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                         ui.separator();
                         details(ui, &document.state().scene, palette, asked);
                         ui.separator();
+                        model(ui, palette, asked);
                         solve(ui, shown.design, asked);
                     }
                 }
@@ -254,6 +256,37 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
             };
             bounds(ui, "natural", NATURAL, "From 0 to 1, as real surfaces reflect.");
             bounds(ui, "signed", [-1.0, 1.0], "Negative, too: no surface is like that, but more colours can be had.");
+        }
+    });
+    ui.horizontal(|ui| {
+        ui.label("smoothness");
+        // By powers of ten: a millionth is as far from a thousandth as that is from one.
+        let mut power = member.smoothness.log10();
+        let field = DragValue::new(&mut power).speed(0.02).range(-12.0..=6.0).max_decimals(2).prefix("10^");
+        let help = "What bends of the spectrum count beside ΔE00: more is smoother and less exact.";
+        if ui.add(field).on_hover_text(help).changed() {
+            step(asked, Step::Smoothness(side, index, 10.0_f64.powf(power)));
+        }
+    });
+}
+
+/// The colour model that is settled before the spectra are, where there is to be one.
+fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        let mut settled = palette.model.is_some();
+        let help = "Fits a colour model of so many numbers first, and finds spectra whose colours it shows well; the scene has to ask for as many.";
+        let usual = ModelTerm { dimension: 8, weight: 1.0 };
+        if ui.checkbox(&mut settled, "for a colour model").on_hover_text(help).changed() {
+            step(asked, Step::Model(settled.then_some(usual)));
+        }
+        if let Some(mut term) = palette.model {
+            ui.label("of k =");
+            let k = ui.add(DragValue::new(&mut term.dimension).speed(0.05).range(1..=LARGEST_DIMENSION));
+            ui.label("weight");
+            let weight = DragValue::new(&mut term.weight).speed(0.02).range(1e-3..=1e3).max_decimals(3);
+            if ui.add(weight).on_hover_text("What its own ΔE00 counts.").changed() || k.changed() {
+                step(asked, Step::Model(Some(term)));
+            }
         }
     });
 }

@@ -1,5 +1,6 @@
 //! The probe: what the pixel under the crosshair is, over the picture.
 
+use egui::style::ScrollStyle;
 use egui::{Color32, Grid, Key, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, Window, pos2, vec2};
 
 use super::Shown;
@@ -29,12 +30,18 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         .resizable(false)
         .constrain_to(rect)
         .show(ui.ctx(), |ui| {
-            ui.set_width(WIDTH);
-            ScrollArea::vertical().max_height((rect.height() - 56.0).max(80.0)).show(ui, |ui| match probe {
+            // Where not all fits, a bar says so.
+            ui.spacing_mut().scroll = ScrollStyle::solid();
+            let area = ScrollArea::vertical().max_height((rect.height() - 60.0).max(80.0));
+            area.show(ui, |ui| match probe {
                 None => {
+                    ui.set_width(WIDTH);
                     ui.label("The picture is on its way.");
                 }
-                Some(probe) => contents(ui, document, probe),
+                Some(probe) => {
+                    ui.set_width(WIDTH);
+                    contents(ui, document, probe);
+                }
             });
         });
     if !open || ui.input(|input| input.key_pressed(Key::Escape)) {
@@ -156,7 +163,7 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
         |spectrum: &crate::spectrum::Spectrum| spectrum.samples().iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let scaled = spectrum.scaled(most(reflectance) / most(spectrum));
     let scaled = if scaled.is_finite() { scaled } else { spectrum.clone() };
-    plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 104.0)).on_hover_text(
+    plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 84.0)).on_hover_text(
         "What comes back from this pixel at each wavelength. Blue: of light that is alike at all of them, as a share. \
          White or black: of the light that shines now, scaled to the same height.",
     );
@@ -192,7 +199,7 @@ fn shares(ui: &mut Ui, id: &str, shares: &[Share], colour: impl Fn(&str) -> Opti
 }
 
 fn ray(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
-    let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 96.0), Sense::hover());
+    let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 80.0), Sense::hover());
     let rect = frame.shrink2(vec2(0.0, 2.0));
     let visuals = ui.visuals().clone();
     let painter = ui.painter_at(frame);

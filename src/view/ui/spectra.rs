@@ -2,25 +2,80 @@
 
 use std::sync::Arc;
 
-use egui::{ComboBox, RichText, Ui, vec2};
+use egui::{ComboBox, Id, Rect, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, pos2, vec2};
 
 use super::accuracy::Effort;
 use super::controls::panel;
-use super::spectrum::{curve, plot};
+use super::spectrum::{curve, narrow, plot, strip};
+use crate::number::count;
 use crate::scene::Scene;
-use crate::spectrum::{Kind, Spectrum, standard};
+use crate::spectrum::{BANDS, Kind, Spectrum, standard, wavelength_nm};
 use crate::view::action::Action;
-use crate::view::design::{Side, Spectra};
+use crate::view::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
 use crate::view::state::{Cost, Document, Edit};
+
+/// Where egui keeps the name of the material whose curve is drawn.
+const DRAWN: &str = "spectra: drawn";
+
+/// The material whose curve is drawn.
+fn drawn_material(ui: &Ui) -> Option<String> {
+    ui.data(|data| data.get_temp::<Option<String>>(Id::new(DRAWN))).flatten()
+}
+
+/// The spectrum of material `index` as a curve from 0 to 1 with handles that can be drawn up and down.
+fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Vec<Action>) {
+    let (frame, _) = ui.allocate_exact_size(vec2(ui.available_width().min(264.0), 116.0), Sense::hover());
+    let (rect, below) = frame.split_top_bottom_at_y(frame.bottom() - 16.0);
+    ui.painter().rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    let inner = rect.shrink(5.0);
+    let place = |band: usize, sample: f64| {
+        let (x, y) = (narrow(count(band) / count(BANDS - 1)), narrow(sample.clamp(0.0, 1.0)));
+        pos2(inner.left() + x * inner.width(), inner.bottom() - y * inner.height())
+    };
+    let line = now.samples().iter().enumerate().map(|(band, &sample)| place(band, sample)).collect();
+    ui.painter().line(line, Stroke::new(1.5, ui.visuals().strong_text_color()));
+    strip(ui, inner.x_range(), below);
+    let before = Id::new((DRAWN, "before"));
+    for handle in 0..HANDLES {
+        let band = handle * BANDS_PER_HANDLE;
+        let at = place(band, now.samples()[band]);
+        let touch = Rect::from_center_size(at, Vec2::splat(13.0));
+        let response = ui.interact(touch, Id::new((DRAWN, name, handle)), Sense::drag());
+        let nm = wavelength_nm(band);
+        let label = format!("{name} at {nm} nm");
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, &label));
+        if response.drag_started() {
+            ui.data_mut(|data| data.insert_temp(before, now.clone()));
+        }
+        if let (true, Some(pointer)) = (response.dragged(), response.interact_pointer_pos())
+            && let Some(was) = ui.data(|data| data.get_temp::<Spectrum>(before))
+        {
+            let value = f64::from((inner.bottom() - pointer.y) / inner.height());
+            asked.push(Action::Edit(Edit::Spectra(Arc::new(Spectra::drawn(index, &was, handle, value)))));
+        }
+        let held = response.hovered() || response.dragged();
+        ui.painter().circle_filled(at, if held { 5.0 } else { 3.5 }, ui.visuals().selection.bg_fill);
+        ui.painter().circle_stroke(
+            at,
+            if held { 5.0 } else { 3.5 },
+            Stroke::new(1.0, ui.visuals().strong_text_color()),
+        );
+        response
+            .on_hover_text(format!("{nm} nm: {:.3} of the light comes back. Draw it up or down.", now.samples()[band]));
+    }
+}
 
 /// Shows the spectra panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: &mut Vec<Action>) {
     let fitted = effort.planned.is_some_and(|planned| planned.model.is_some());
     panel(ui, "Spectra", if fitted { Cost::March } else { Cost::Relight }, |ui| {
         let (scene, opened) = (&document.state().scene, document.opened());
-        for (now, then) in scene.materials.iter().zip(&opened.materials) {
+        for (index, (now, then)) in scene.materials.iter().zip(&opened.materials).enumerate() {
             let back = (now.reflectance.spectrum(), then.reflectance.spectrum());
             row(ui, scene, opened, Side::Material, &now.name, back, asked);
+            if drawn_material(ui).as_deref() == Some(&now.name) {
+                handles(ui, index, &now.name, back.0, asked);
+            }
         }
         ui.separator();
         for (now, then) in scene.lights.iter().zip(&opened.lights) {
@@ -39,10 +94,22 @@ fn row(
     asked: &mut Vec<Action>,
 ) {
     ui.horizontal(|ui| {
-        curve(ui, now, vec2(56.0, 16.0)).on_hover_ui(|ui| {
+        let small = curve(ui, now, vec2(56.0, 16.0)).on_hover_ui(|ui| {
             ui.label(format!("{name}, from 380 to 780 nm"));
             plot(ui, &[(now, ui.visuals().strong_text_color())], vec2(260.0, 90.0));
+            if side == Side::Material {
+                ui.label(RichText::new("A click shows it as a curve that can be drawn.").small());
+            }
         });
+        if side == Side::Material {
+            let small = small.interact(Sense::click());
+            let label = format!("draw {name}");
+            small.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &label));
+            if small.clicked() {
+                let drawn = drawn_material(ui).filter(|drawn| drawn == name).map_or(Some(name.to_owned()), |_| None);
+                ui.data_mut(|data| data.insert_temp(Id::new(DRAWN), drawn));
+            }
+        }
         ui.label(format!("{name}:"));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let kind = if side == Side::Light { Kind::Light } else { Kind::Reflectance };

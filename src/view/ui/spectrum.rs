@@ -1,7 +1,8 @@
 //! Spectra as small curves, and lights as swatches.
 
 use egui::{
-    Align2, Color32, FontId, Pos2, Rect, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType, pos2,
+    Align2, Color32, FontId, Pos2, Rangef, Rect, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
+    pos2,
 };
 
 use crate::number::count;
@@ -65,15 +66,7 @@ pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> 
             spectrum.samples().iter().enumerate().map(|(band, &sample)| pos2(x(wavelength_nm(band)), y(sample)));
         ui.painter().line(points.collect(), Stroke::new(1.5, *colour));
     }
-    for band in 0..BANDS - 1 {
-        let [from, to] = [band, band + 1].map(|band| x(wavelength_nm(band)));
-        let part = Rect::from_x_y_ranges(from..=to, strip.top() + 1.0..=strip.top() + 4.0);
-        ui.painter().rect_filled(part, 0.0, of_wavelength(band));
-    }
-    for nm in [400.0, 500.0, 600.0, 700.0] {
-        let (at, font) = (pos2(x(nm), strip.bottom()), FontId::proportional(9.0));
-        ui.painter().text(at, Align2::CENTER_BOTTOM, format!("{nm} nm"), font, weak.color);
-    }
+    self::strip(ui, rect.x_range(), strip);
     let most = format!("{high:.2}");
     ui.painter().text(
         rect.left_top() + Vec2::splat(2.0),
@@ -83,6 +76,20 @@ pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> 
         weak.color,
     );
     response
+}
+
+/// The colours of the wavelengths and some of their numbers, under a curve as wide as `across`.
+pub(super) fn strip(ui: &Ui, across: Rangef, rect: Rect) {
+    let x = |nm: f64| across.min + narrow((nm - FIRST_NM) / (LAST_NM - FIRST_NM)) * across.span();
+    for band in 0..BANDS - 1 {
+        let [from, to] = [band, band + 1].map(|band| x(wavelength_nm(band)));
+        let part = Rect::from_x_y_ranges(from..=to, rect.top() + 1.0..=rect.top() + 4.0);
+        ui.painter().rect_filled(part, 0.0, of_wavelength(band));
+    }
+    for nm in [400.0, 500.0, 600.0, 700.0] {
+        let (at, font) = (pos2(x(nm), rect.bottom()), FontId::proportional(9.0));
+        ui.painter().text(at, Align2::CENTER_BOTTOM, format!("{nm} nm"), font, ui.visuals().weak_text_color());
+    }
 }
 
 /// About the colour of light of one wavelength, as a screen can show it.
