@@ -457,7 +457,7 @@ mod tests {
         let smooth = after(Step::Smoothness(Side::Light, 1, 1e9)).lights[1].smoothness;
         assert_eq!(smooth.to_bits(), 1e6_f64.to_bits(), "the largest that a file may say");
         let term = after(Step::Model(Some(ModelTerm { dimension: 99, weight: 2.0 }))).model;
-        assert_eq!(term, Some(ModelTerm { dimension: 16, weight: 2.0 }));
+        assert_eq!(term, Some(ModelTerm { dimension: 31, weight: 2.0 }), "the largest that a file may say");
         let itself = Some(Target::Like { material: 0, light: 0 });
         for step in [
             Step::Target(9, 0, white),
