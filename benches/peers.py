@@ -4,7 +4,7 @@
   benches/peers.py --relume target/release/relume --peers FOLDER --volume frog.mhd > benches/results/NAME.md
 
 FOLDER holds the peer programs (peer_vtk.py, peer_floor.py, peerlib.py); this Python needs what they need, and OpenEXR.
-Every program runs in a process of its own, in turn (A B A B …), three times; medians of CPU ms of all threads.
+Every program runs in a process of its own, in turn (A B A B …), five times; medians of CPU ms of all threads.
 """
 import argparse, json, os, statistics, subprocess, sys, tempfile
 
@@ -12,7 +12,7 @@ arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argpars
 arguments.add_argument("--relume", required=True)
 arguments.add_argument("--peers", required=True)
 arguments.add_argument("--volume", required=True, help="the real frog, 500x470x136")
-arguments.add_argument("--runs", type=int, default=3)
+arguments.add_argument("--runs", type=int, default=5)
 given = arguments.parse_args()
 relume, volume = os.path.abspath(given.relume), os.path.abspath(given.volume)
 environment = dict(os.environ, PEER_VOLUME="frog", FROG_MHD=volume, PEER_SHOTS=tempfile.mkdtemp())
@@ -27,7 +27,7 @@ def peer(program, *flags):
 
 
 def bench(workload, shading):
-    command = [relume, "bench", workload, "--shading", shading, "--json", "--quiet"]
+    command = [relume, "bench", workload, "--shading", shading, "--frames", "9", "--json", "--quiet"]
     command += [] if workload == "default" else ["--volume", volume]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)["rows"][0]
 
