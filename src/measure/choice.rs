@@ -86,7 +86,7 @@ const STEPS: RangeInclusive<i32> = -12..=16;
 /// What a pixel keeps where weights are not exact: whole vectors, which cost what their spare numbers would.
 pub(super) const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
 /// Shares of the pixels across that are marched: half of all pixels less each time.
-const SCALES: [f64; 7] = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
+pub(super) const SCALES: [f64; 7] = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
 /// By how many steps shorter the march of one of them takes as long as that of the one before.
 const STEPS_A_SCALE: i32 = 4;
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::choice::{Bench, Choice, ChoiceError, DIMENSIONS, Goal, Pixels, Wanted, choose, setting, voxels};
+use super::choice::{Bench, Choice, ChoiceError, DIMENSIONS, Goal, Pixels, SCALES, Wanted, choose, setting, voxels};
 use super::clock::summary;
 use super::setting::{Knob, Setting, Value};
 use crate::model::random::Random;
@@ -21,8 +21,6 @@ const PIXELS: usize = SIZE[0] * SIZE[1];
 const SEED: u64 = 77;
 /// The finest part of an octave by which steps are told apart.
 const PART: i32 = 8;
-/// Scales among which the cheapest setting is sought.
-const SCALES: [f64; 4] = [1.0, 0.71, 0.5, 0.35];
 
 /// A scene, and the error that is asked for.
 #[derive(Debug)]
@@ -163,7 +161,8 @@ pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) ->
             measured =
                 bench.error(renderer, &chosen.applied(scene), &planned, chosen.marched_size(SIZE), progress)?.p95;
         }
-        for scale in SCALES {
+        // Not the smallest: so small pictures have few pixels to spare.
+        for &scale in &SCALES[..4] {
             let steps = (-3 * PART..=4 * PART).rev().map(|n| voxels(f64::from(n) / f64::from(PART)));
             for longer in steps.take_while(|longer| work(*longer, scale) < most) {
                 let tried = setting(longer, k, scale);
