@@ -172,16 +172,14 @@ impl<'a> Bench<'a> {
         mut started: Option<Instant>,
         rows: &mut Vec<Row>,
     ) -> Result<(), CliError> {
-        let running: Result<Vec<Running<'_>>, CliError> = cases.iter().map(|case| self.prepare(case)).collect();
-        let mut running = running?;
-        let measured = (0..WARM_UP + self.args.frames).try_for_each(|frame| {
-            running.iter_mut().try_for_each(|one| {
-                let (done, all) = self.frames;
-                self.progress.report(&format!("measuring {}", one.case.workload), done, all);
-                self.frames.0 += 1;
-                one.frame(frame, self, started.take())
-            })
-        });
+        let mut running: Vec<Running<'_>> = Vec::new();
+        for case in cases {
+            let mut one = self.prepare(case)?;
+            one.frame(0, self, started.take())?;
+            running.push(one);
+        }
+        let measured = (1..WARM_UP + self.args.frames)
+            .try_for_each(|frame| running.iter_mut().try_for_each(|one| one.frame(frame, self, None)));
         rows.extend(running.into_iter().filter(|one| !one.marches.is_empty()).map(|one| one.row(self.renderer)));
         measured
     }
@@ -240,8 +238,11 @@ impl<'a> Bench<'a> {
 
 impl Running<'_> {
     /// Marches frame number `frame` and relights it, both on the clock once those that warm up are over.
-    fn frame(&mut self, frame: u32, bench: &Bench<'_>, started: Option<Instant>) -> Result<(), CliError> {
+    fn frame(&mut self, frame: u32, bench: &mut Bench<'_>, started: Option<Instant>) -> Result<(), CliError> {
         let renderer = bench.renderer;
+        let (done, all) = bench.frames;
+        bench.progress.report(&format!("measuring {}", self.case.workload), done, all);
+        bench.frames.0 += 1;
         if let Aim::Orbit { azimuth, .. } = &mut self.scene.camera.aim {
             *azimuth = -20.0 + 8.0 * f64::from(frame);
         }
