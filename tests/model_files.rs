@@ -16,7 +16,7 @@ use relume::output::accumulators::{Components, Light, Position, PositionKind, St
 use relume::output::{Accumulators, BANDS};
 use relume::progress::Quiet;
 use relume::reference;
-use relume::scene::{Mix, SceneOptions, parse};
+use relume::scene::Mix;
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, xyz_of};
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Spectrum, standard};
@@ -24,7 +24,7 @@ use relume::spectrum::{Spectrum, standard};
 use support::exr::Exr;
 use support::program::{Folder, Outcome};
 use support::rungs::Rungs;
-use support::scenes::GLASS;
+use support::scenes::{GLASS, parsed};
 
 const KINDS: [(ModelKind, usize); 5] = [
     (ModelKind::Nodes, 3),
@@ -432,7 +432,7 @@ fn relighting_what_the_reference_marched_equals_the_reference_under_that_light()
         let stated = flags.chunks(2).map(|pair| format!("{} = {:?}\n", &pair[0][2..], pair[1])).collect::<String>();
         let stated = stated.replace("k = \"8\"", "k = 8").replace("k = \"4\"", "k = 4");
         let text = GLASS.replace("[accuracy]", &format!("[accuracy]\n{stated}"));
-        let scene = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let scene = parsed(&text);
         let rungs = Rungs::new(scene, [16, 16]);
         let marched = rungs.march::<f64>(&rungs.exact());
         for name in ["FL11", "E"] {
@@ -460,7 +460,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     }
     // The truth: all bands, in f64.
     let text = GLASS.replace("FL11", "E").replace("D65", "E");
-    let scene = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let scene = parsed(&text);
     let full = Rungs::new(scene, [16, 16]).full_spectrum();
     let marched = full.march::<f64>(&full.exact());
     let power = standard::light("E").unwrap().spectrum().samples()[0];
