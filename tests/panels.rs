@@ -361,6 +361,21 @@ fn an_edit_costs_what_it_says() {
 }
 
 #[test]
+fn steps_back_are_bounded_however_much_is_done() {
+    let mut document = document();
+    for step in 0..1000 {
+        document.edit(&Edit::Exposure(1.0 + f64::from(step)));
+        document.rest();
+    }
+    let mut undone = 0;
+    while document.undo().is_some() {
+        undone += 1;
+    }
+    assert_eq!(undone, 200);
+    assert!(!document.can_undo() && document.can_redo());
+}
+
+#[test]
 fn a_click_on_the_picture_looks_at_the_pixel_there() {
     let mut window = wide(document());
     window.run();
