@@ -22,6 +22,9 @@ pub enum Action {
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
     /// in .png or .exr.
     SavePicture(PathBuf),
+    /// What the picture is made of, once it is as fine as it gets: the file that `relume render --accumulators` would write to
+    /// this name, which ends in .exr.
+    SaveAccumulators(PathBuf),
     /// What is looked at, as a scene file.
     SaveSession(PathBuf),
     /// All pixels of the window, as PNG.

@@ -21,8 +21,8 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let slider = state.light.sliders.get(index);
             let by_slider = state.light.mixing == Mixing::Sliders;
             ui.horizontal(|ui| {
-                swatch(ui, &light.spectrum, share, 16.0)
-                    .on_hover_text("The light's own colour, as bright as it shines.");
+                swatch(ui, &light.spectrum, share, &state.scene.display, 16.0)
+                    .on_hover_text("The light's own colour to whoever looks, as bright as it shines.");
                 let mut on = slider.is_some_and(|slider| slider.on);
                 ui.add_enabled_ui(by_slider, |ui| {
                     let name = RichText::new(&light.name).strong();

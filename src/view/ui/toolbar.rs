@@ -1,4 +1,4 @@
-//! The first line: steps back and forward, the picture to a file, light or dark, panels or none.
+//! The first line: steps back and forward, what can be saved, light or dark, panels or none.
 
 use egui::{Area, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
 
@@ -13,6 +13,8 @@ const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1)
 
 /// Where pictures go that nobody has named.
 pub(super) const PICTURE: &str = "relume.png";
+/// Where accumulators go that nobody has named.
+const ACCUMULATORS: &str = "relume-accumulators.exr";
 /// Where sessions go that nobody has named.
 const SESSION: &str = "relume-session.toml";
 
@@ -50,6 +52,10 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         button(ui, has(crate::view::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
         let help = "Saves the picture as relume.png in this folder (Ctrl+P).";
         button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(PICTURE.into()));
+        let help = "Saves what the rays have left as relume-accumulators.exr in this folder: `relume relight` makes pictures of \
+                    it under any light.";
+        let save = Action::SaveAccumulators(ACCUMULATORS.into());
+        button(ui, shown.document.is_some(), "Accumulators", help, save);
         let help = "Saves all this as relume-session.toml in this folder, a scene file to go on from (Ctrl+S).";
         button(ui, shown.document.is_some(), "Session", help, Action::SaveSession(SESSION.into()));
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));

@@ -331,7 +331,10 @@ fn swatch(ui: &mut Ui, colour: Color32) {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(14.0), Sense::hover());
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
-    response.on_hover_text("The material under the present light.");
+    let [red, green, blue, _] = colour.to_array();
+    let code = format!("#{red:02x}{green:02x}{blue:02x}");
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
+    response.on_hover_text("The material under the present light, to whoever looks.");
 }
 
 /// The material that is chosen now, where it is another one.
