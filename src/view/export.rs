@@ -55,7 +55,7 @@ impl Snapshot {
     }
 
     /// Writes what the march of `scene`, mixed as it opens, has left: the accumulator file of
-    /// [`output::accumulators`](crate::output::accumulators).
+    /// [`output::accumulators`].
     ///
     /// # Errors
     ///
