@@ -22,8 +22,8 @@ use crate::vulkan::{StorageImage, give_back_freed};
 
 /// How long one dispatch of a march may take, about.
 pub(super) const DISPATCH: Duration = Duration::from_millis(10);
-/// How long the work of a frame may take, about: with a dispatch and a relight on top it is well under 50 ms.
-const SLICE: Duration = Duration::from_millis(16);
+/// How long the work of a frame may take, about: with a dispatch, or a relight, and panels on top it is well under 50 ms.
+const SLICE: Duration = Duration::from_millis(12);
 /// How long a picture may take while a hand moves the camera, about.
 const COARSE: Duration = Duration::from_millis(60);
 /// Most pixels of the window, across and down, that a pixel of a coarse picture stands for.
@@ -200,7 +200,7 @@ impl Engine {
         *self.state = state.clone();
     }
 
-    /// Goes on for about 16 ms with what there is to do; `hand_rests` allows pictures finer than the first. Says whether
+    /// Goes on for about 12 ms with what there is to do; `hand_rests` allows pictures finer than the first. Says whether
     /// the picture is another.
     ///
     /// # Errors
@@ -230,7 +230,10 @@ impl Engine {
             }
             if self.marching.as_ref().is_some_and(|marching| marching.march.is_done()) {
                 self.finish()?;
-                shown |= self.relight()?;
+                // Else it is the first thing of the next frame: the last dispatch has used this one up.
+                if begun.elapsed() < SLICE {
+                    shown |= self.relight()?;
+                }
             }
         }
         Ok(shown)
