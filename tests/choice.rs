@@ -6,7 +6,7 @@ mod support;
 use std::time::Duration;
 
 use relume::measure::{
-    Choice, Goal, GoalRow, GoalScene, GoalSummary, Knob, Pixels, Preset, Value, Wanted, choose, goal_row,
+    Choice, Goal, GoalRow, GoalScene, GoalSummary, Knob, Pixels, Preset, Value, Wanted, check, choose, goal_row,
 };
 use relume::plan::plan;
 use relume::progress::Quiet;
@@ -51,6 +51,16 @@ fn what_was_asked_for_is_kept_at_little_more_than_it_must_cost() {
         let found = GoalSummary::of(&rows).unwrap();
         assert!(found.samples <= 1.3, "{found:?}");
     });
+}
+
+/// What absorbs in colour passes shares of light that need not add up to 1 where there is nothing.
+#[test]
+fn pixels_that_show_nothing_are_not_looked_at() {
+    let scene = scene(1015);
+    let empty = vec![0.0; 4 * SIZE[0] * SIZE[1]];
+    let checked = check(&scene, &Mix::of_scene(&scene), SIZE, &empty, &Quiet).unwrap().unwrap();
+    assert!(checked.pixels < SIZE[0] * SIZE[1] / 2, "it has an empty border: {}", checked.pixels);
+    assert!(checked.difference.delta_e.p95 > 1.0, "{checked:?}");
 }
 
 #[test]

@@ -178,11 +178,13 @@ impl<'a> Ladder<'a> {
         pixels: &[[usize; 2]],
         progress: &dyn Progress,
     ) -> Result<Vec<[usize; 2]>, LadderError> {
+        /// Less than this is rounding: shares of what passes are summed band by band, and need not add up to 1.
+        const NOTHING: f64 = 1e-12;
         let found = self.march_exact(self.scene, &plan_full_spectrum(self.scene), pixels, progress)?;
         let shown = pixels
             .iter()
             .zip(&found)
-            .filter(|(_, (colour, opacity))| *opacity > 0.0 || (*colour - self.background).abs().max_element() > 1e-12);
+            .filter(|(_, (colour, opacity))| opacity.max((*colour - self.background).abs().max_element()) > NOTHING);
         Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 
