@@ -264,32 +264,8 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
     }
 }
 
-/// A slab of one value, seen straight on by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps of `α = 1 − (1 − o)^Δs`.
 fn slab_straight_on(step: f64, opacity: f64) -> Rungs {
-    let text = format!(
-        r#"
-        shading = "none"
-        [materials.only]
-        reflectance = "orange"
-        [transfer]
-        opacity_length = 1
-        [[transfer.intervals]]
-        material = "only"
-        range = [100, 200]
-        opacity = {opacity}
-        [lights.day]
-        spectrum = "D65"
-        [camera]
-        projection = "orthographic"
-        height = 4
-        position = [8, 8, -10]
-        target = [8, 8, 0]
-        [accuracy]
-        step = {step}
-        termination = 0
-    "#
-    );
-    Rungs::new(scenes::of(&text, scenes::slab([17, 17, 25], 150)), [8, 8])
+    Rungs::new(scenes::slab_straight_on(step, opacity, ""), [8, 8])
 }
 
 /// A slab's closed form: what N equal steps let pass, and the weight of the material. 24 units thick.

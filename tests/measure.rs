@@ -12,17 +12,13 @@ use relume::measure::{
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{Scene, SceneOptions, load_embedded, parse};
+use relume::scene::{Projection, Scene, SceneOptions, load_embedded};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
-use support::scenes::{self, GLASS};
+use support::scenes::{self, GLASS, glass_straight_on, parsed};
 
 const SIZE: [usize; 2] = [20, 16];
 const OPTIONS: SurveyOptions = SurveyOptions { size: SIZE, pixels: 320, runs: 1 };
-
-fn scene(text: &str) -> Scene {
-    parse("test", text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
-}
 
 fn sweep(sweeps: &[&str]) -> Vec<Setting> {
     settings(&sweeps.iter().map(|&sweep| sweep.to_owned()).collect::<Vec<_>>()).unwrap()
@@ -45,7 +41,7 @@ fn by(row: &Measured, cause: Cause) -> Difference {
 #[test]
 fn the_truth_is_the_full_spectrum_at_an_eighth_of_the_shortest_step_and_leaping_leaves_nothing_out() {
     for text in [SCENE, GLASS] {
-        let scene = scene(text);
+        let scene = parsed(text);
         let mut fine = scene.clone();
         fine.accuracy.step_length /= 16.0;
         fine.accuracy.termination = 0.0;
@@ -68,7 +64,7 @@ fn the_truth_is_the_full_spectrum_at_an_eighth_of_the_shortest_step_and_leaping_
 
 #[test]
 fn errors_are_told_apart_by_their_cause() {
-    let scene = scene(GLASS);
+    let scene = parsed(GLASS);
     let sweeps =
         ["model=nodes,k=3,16", "termination=0.5", "storage=f16", "entries=8", "scale=0.5", "interpolation=nearest"];
     measured(&scene, &sweeps, |_, rows| {
@@ -105,6 +101,19 @@ fn errors_are_told_apart_by_their_cause() {
     });
 }
 
+/// The slab is two units across, and a picture of 20 × 16 pixels is 16 units high: two pixels each way are before it.
+#[test]
+fn only_pixels_that_the_volume_covers_are_looked_at_whatever_is_behind_it() {
+    for background in ["0.9", "0", "\"blue sky\""] {
+        let mut scene = glass_straight_on(background, "step = 1\nk = 8");
+        scene.camera.projection = Projection::Orthographic { height: Some(16.0) };
+        measured(&scene, &[], |survey, _| {
+            let found = survey.pixels();
+            assert_eq!(found, [[9, 7], [10, 7], [9, 8], [10, 8]], "background {background}");
+        });
+    }
+}
+
 /// The trapezoidal rule and sums at midpoints err by Δs² where what is summed is smooth.
 #[test]
 fn the_step_error_of_a_smooth_volume_is_of_second_order() {
@@ -117,7 +126,7 @@ fn the_step_error_of_a_smooth_volume_is_of_second_order() {
 
 #[test]
 fn counts_and_bytes_are_those_of_the_plan() {
-    let scene = scene(GLASS);
+    let scene = parsed(GLASS);
     measured(&scene, &["storage=f16", "k=4", "k=8", "scale=0.5"], |_, rows| {
         let [own, half, four, eight, small] = rows else { panic!("{}", rows.len()) };
         assert_eq!(own.pixel_bytes, 2 * half.pixel_bytes, "coloured light passes in numbers of 16 bits, too");
@@ -136,7 +145,7 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let models = "model=nodes,rgb-naive,rgb-prefiltered,rgb-fitted";
     // Six materials of the program's own scene, in an eighth of its voxels along each axis: RGB can hold two.
     let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
-    for scene in [scene(GLASS), load_embedded(&options, &Quiet).unwrap()] {
+    for scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap()] {
         measured(&scene, &[models], |_, rows| {
             let found = NodesBesideRgb::of(rows).unwrap();
             assert_eq!(found.of.len(), 3, "{found:?}");
@@ -148,7 +157,7 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
 
 #[test]
 fn the_front_has_what_no_other_setting_beats() {
-    measured(&scene(SCENE), &["termination=0,0.01,0.1,0.5"], |_, rows| {
+    measured(&parsed(SCENE), &["termination=0,0.01,0.1,0.5"], |_, rows| {
         let mut rows = rows.to_vec();
         for (row, (time, error)) in rows.iter_mut().zip([(9.0, 1.0), (4.0, 2.0), (5.0, 2.0), (4.0, 3.0), (10.0, 0.5)]) {
             row.frame_ms = time;
@@ -171,7 +180,7 @@ fn the_front_has_what_no_other_setting_beats() {
 #[test]
 fn a_scene_that_shows_nothing_has_no_error_to_measure() {
     let dark = SCENE.replace("opacity = 0.1", "opacity = 0").replace("opacity = 0.9", "opacity = 0");
-    let dark = scene(&dark);
+    let dark = parsed(&dark);
     with_renderer(|renderer| {
         let error = Survey::new(renderer, &dark, &sweep(&["k=3"]), OPTIONS, &Quiet).unwrap_err();
         assert!(matches!(error, SurveyError::Nothing { looked_at: 320, .. }), "{error}");
@@ -187,7 +196,7 @@ fn measuring_stops_where_it_is_asked_to() {
             true
         }
     }
-    let scene = scene(SCENE);
+    let scene = parsed(SCENE);
     with_renderer(|renderer| {
         let settings = sweep(&["k=3"]);
         let error = Survey::new(renderer, &scene, &settings, OPTIONS, &Stop).unwrap_err();

@@ -16,15 +16,15 @@ use relume::output::accumulators::{Components, Light, Position, PositionKind, St
 use relume::output::{Accumulators, BANDS};
 use relume::progress::Quiet;
 use relume::reference;
-use relume::scene::{Mix, SceneOptions, parse};
+use relume::scene::Mix;
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, xyz_of};
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Spectrum, standard};
 
-use support::exr::Exr;
+use support::exr::{Exr, damage};
 use support::program::{Folder, Outcome};
 use support::rungs::Rungs;
-use support::scenes::GLASS;
+use support::scenes::{GLASS, parsed};
 
 const KINDS: [(ModelKind, usize); 5] = [
     (ModelKind::Nodes, 3),
@@ -354,23 +354,7 @@ fn no_damage_to_a_file_of_several_parts_is_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("hand.exr");
     write_by_hand(&path, &small_text().replace("\"nodes\"", "\"bands\""), &with_coefficients(2, 3));
-    let whole = std::fs::read(&path).unwrap();
-    assert!(Accumulators::read(&path).is_ok());
-    for length in 0..whole.len() {
-        std::fs::write(&path, &whole[..length]).unwrap();
-        assert!(Accumulators::read(&path).is_err(), "cut to {length} of {} bytes", whole.len());
-    }
-    // The text is long and harmless: damage what is before and after it, and a little of it.
-    let text = whole.windows(7).position(|bytes| bytes == b"version").unwrap();
-    for at in (0..text + 20).chain(whole.len() - 700..whole.len()) {
-        for bits in [0xff, 0x80, 0x01] {
-            let mut damaged = whole.clone();
-            damaged[at] ^= bits;
-            std::fs::write(&path, &damaged).unwrap();
-            // Some bytes do not matter; what counts is that an answer comes.
-            let _answer = Accumulators::read(&path);
-        }
-    }
+    damage(&path, || Accumulators::read(&path).is_ok());
 }
 
 // ---- files that the program wrote ----
@@ -432,7 +416,7 @@ fn relighting_what_the_reference_marched_equals_the_reference_under_that_light()
         let stated = flags.chunks(2).map(|pair| format!("{} = {:?}\n", &pair[0][2..], pair[1])).collect::<String>();
         let stated = stated.replace("k = \"8\"", "k = 8").replace("k = \"4\"", "k = 4");
         let text = GLASS.replace("[accuracy]", &format!("[accuracy]\n{stated}"));
-        let scene = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let scene = parsed(&text);
         let rungs = Rungs::new(scene, [16, 16]);
         let marched = rungs.march::<f64>(&rungs.exact());
         for name in ["FL11", "E"] {
@@ -460,7 +444,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     }
     // The truth: all bands, in f64.
     let text = GLASS.replace("FL11", "E").replace("D65", "E");
-    let scene = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let scene = parsed(&text);
     let full = Rungs::new(scene, [16, 16]).full_spectrum();
     let marched = full.march::<f64>(&full.exact());
     let power = standard::light("E").unwrap().spectrum().samples()[0];

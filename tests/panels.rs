@@ -22,19 +22,10 @@ use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
 use relume::view::ui::{self, Design, Effort, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
-
-const DIAL: &str = r#"
-[dial.nodes]
-day = [0, 1]
-lamp = [0, -1]
-[[dial.situations]]
-name = "evening"
-hand = "lamp"
-off = ["day"]
-"#;
+use support::program::{DIAL, SCENE};
 
 fn document() -> Document {
-    let text = format!("{}{DIAL}", support::program::SCENE);
+    let text = format!("{SCENE}{DIAL}");
     Document::new(scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
 }
 
@@ -524,7 +515,7 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
 #[test]
 fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
-    let scene = support::program::SCENE.replace("dims =", "phantom_labels = true\ndims =");
+    let scene = SCENE.replace("dims =", "phantom_labels = true\ndims =");
     let text = format!("{scene}{more}");
     let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let stated = opened.labels.as_ref().unwrap().declared.clone();

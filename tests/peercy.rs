@@ -3,66 +3,28 @@
 
 mod support;
 
-use std::path::Path;
-
 use nalgebra::{DMatrix, DVector};
 use relume::model::Matrices;
 use relume::plan::{PlanError, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::reference::Real;
 use relume::render::{Dispatching, RenderError};
-use relume::scene::{Scene, SceneOptions, StoreAs, parse};
+use relume::scene::{Scene, StoreAs};
 use relume::spectrum::{BANDS, Spectrum};
 use relume::tables::Accumulation;
 use support::rungs::{Rungs, with_renderer};
-use support::scenes::{GLASS, SIZE};
-
-fn scene(text: &str) -> Scene {
-    parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
-}
+use support::scenes::{GLASS, SIZE, glass_straight_on, parsed};
 
 /// The glass carried by so many numbers and their matrices; interpolated in f32 on devices, too, so that samples are alike.
 fn glass(k: usize) -> Scene {
     let accuracy = format!("[accuracy]\nmodel = \"peercy\"\nk = {k}\ninterpolation = \"exact_linear\"");
-    scene(&GLASS.replace("[accuracy]", &accuracy))
+    parsed(&GLASS.replace("[accuracy]", &accuracy))
 }
 
 /// A slab of one value before a background, straight on, in 64 steps.
 fn slab(k: usize) -> Rungs {
-    let text = format!(
-        r#"
-        version = 1
-        shading = "none"
-        background = "blue sky"
-        [volume]
-        phantom = "slab"
-        dims = [3, 3, 65]
-        [materials.glass]
-        reflectance = "orange"
-        absorption = {{ gaussian = [{{ centre = 560, sigma = 50, height = 1.0 }}], base = 0.05 }}
-        [transfer]
-        opacity_length = 1
-        [[transfer.intervals]]
-        material = "glass"
-        range = [-1e9, 1e9]
-        opacity = 0.02
-        absorption = 0.04
-        [lights.day]
-        spectrum = "D65"
-        kind = "ambient"
-        [camera]
-        projection = "orthographic"
-        height = 1
-        azimuth = 0
-        elevation = 0
-        [accuracy]
-        step = 1
-        termination = 0
-        model = "peercy"
-        k = {k}
-        "#
-    );
-    Rungs::new(scene(&text), [1, 1])
+    let accuracy = format!("step = 1\nmodel = \"peercy\"\nk = {k}");
+    Rungs::new(glass_straight_on("\"blue sky\"", &accuracy), [1, 1])
 }
 
 fn wide<R: Real>(sums: &Accumulation<R>) -> [Vec<f64>; 2] {

@@ -3,13 +3,11 @@
 
 mod support;
 
-use std::path::Path;
-
 use glam::{DMat3, DVec3};
 use relume::plan::{Planned, ScenePlan};
 use relume::progress::Quiet;
 use relume::reference::march_ray;
-use relume::scene::{Mix, Scene, SceneOptions, StoreAs, parse};
+use relume::scene::{Mix, Scene, StoreAs};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::xyz_of;
 use relume::tables::{Accumulation, Components, Reflected, display_from_xyz};
@@ -57,7 +55,7 @@ fn slab(absorption: f64, accuracy: &str) -> Scene {
         {accuracy}
         "#
     );
-    parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+    scenes::parsed(&text)
 }
 
 /// The only pixel of a picture of `rungs`, as a device with no rounding but that of what it keeps would have it.

@@ -133,33 +133,8 @@ fn the_order_of_materials_is_the_order_of_their_weights_and_nothing_else() {
     }
 }
 
-/// A slab 24 units thick, straight on, its one material as `material` says.
 fn slab(step: f64, material: &str) -> Rungs {
-    let text = format!(
-        r#"
-        shading = "none"
-        [materials.only]
-        reflectance = "orange"
-        {material}
-        [transfer]
-        opacity_length = 1
-        [[transfer.intervals]]
-        material = "only"
-        range = [100, 200]
-        opacity = 0.08
-        [lights.day]
-        spectrum = "D65"
-        [camera]
-        projection = "orthographic"
-        height = 4
-        position = [8, 8, -10]
-        target = [8, 8, 0]
-        [accuracy]
-        step = {step}
-        termination = 0
-    "#
-    );
-    Rungs::new(scenes::of(&text, scenes::slab([17, 17, 25], 150)), [8, 8])
+    Rungs::new(scenes::slab_straight_on(step, 0.08, material), [8, 8])
 }
 
 /// COLOUR.md C13 in grey; coloured, it is in `spectral.rs`.

@@ -17,24 +17,10 @@ use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::load::Source;
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
-use support::program::SCENE;
-
-const MORE: &str = r#"
-[dial.nodes]
-day = [0, 1]
-lamp = [0, -1]
-[[dial.situations]]
-name = "evening"
-hand = "lamp"
-off = ["day"]
-[labels.2]
-name = "gut"
-material = "bone"
-opacity = 0.25
-"#;
+use support::program::{SCENE, labelled};
 
 fn scene() -> Scene {
-    parse(&format!("# a frog\n{}{MORE}", SCENE.replace("dims =", "phantom_labels = true\ndims =")))
+    parse(&format!("# a frog\n{}", labelled()))
 }
 
 fn parse(text: &str) -> Scene {

@@ -3,61 +3,22 @@
 
 mod support;
 
-use std::path::Path;
-
 use glam::DVec3;
 use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::reference::{Real, relight};
-use relume::scene::{AccumulateAs, Scene, SceneLight, SceneOptions, parse};
+use relume::scene::{AccumulateAs, SceneLight, SceneOptions, parse};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::{Spectrum, standard};
 use relume::tables::Accumulation;
 use relume::volume::{Geometry, Volume, Voxels};
 
 use support::rungs::{Rungs, in_xyz, with_renderer};
-use support::scenes::{self, GLASS};
+use support::scenes::{self, GLASS, glass_straight_on, parsed};
 use support::tolerance::{RELIT_ABSOLUTE, RELIT_RELATIVE};
 
-fn scene(text: &str) -> Scene {
-    parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
-}
-
-/// A slab of one value, seen straight on by parallel rays, that scatters and absorbs.
 fn slab(step: f64) -> Rungs {
-    let text = format!(
-        r#"
-        version = 1
-        shading = "none"
-        background = 1
-        [volume]
-        phantom = "slab"
-        dims = [3, 3, 65]
-        [materials.glass]
-        reflectance = "orange"
-        absorption = {{ gaussian = [{{ centre = 560, sigma = 50, height = 1.0 }}], base = 0.05 }}
-        [transfer]
-        opacity_length = 1
-        [[transfer.intervals]]
-        material = "glass"
-        range = [-1e9, 1e9]
-        opacity = 0.02
-        absorption = 0.04
-        [lights.day]
-        spectrum = "D65"
-        kind = "ambient"
-        [camera]
-        projection = "orthographic"
-        height = 1
-        azimuth = 0
-        elevation = 0
-        [accuracy]
-        step = {step}
-        termination = 0
-        k = 8
-        "#
-    );
-    Rungs::new(scene(&text), [1, 1])
+    Rungs::new(glass_straight_on("1", &format!("step = {step}\nk = 8")), [1, 1])
 }
 
 /// What a homogeneous slab of depth L leaves in each number: σ r (1 − e^(−τL))/τ, and e^(−τL).
@@ -195,7 +156,7 @@ fn layers_are_the_chain_that_is_computed_without_this_crate() {
 #[test]
 fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
     let text = GLASS.replace("[accuracy]", "[accuracy]\nk = 8");
-    let rungs = Rungs::new(scene(&text), [40, 40]);
+    let rungs = Rungs::new(parsed(&text), [40, 40]);
     let model = rungs.planned.model.clone().unwrap();
     let light = standard::light("LED-RGB1").unwrap();
     let mut mix = rungs.mix.clone();
@@ -224,7 +185,7 @@ fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
 #[test]
 fn the_device_renders_coloured_glass_as_the_reference() {
     for change in ["k = 3", "k = 8", "tolerance = 0.5", "k = 6\nmodel = \"sharpened\"", "model = \"rgb\"\nk = 3"] {
-        let rungs = Rungs::new(scene(&GLASS.replace("[accuracy]", &format!("[accuracy]\n{change}"))), [40, 40]);
+        let rungs = Rungs::new(parsed(&GLASS.replace("[accuracy]", &format!("[accuracy]\n{change}"))), [40, 40]);
         assert_eq!(rungs.planned.plan.transmittance, Transmittance::Coloured);
         let single = rungs.march::<f32>(&rungs.stored());
         let expected = relight(&single, &rungs.xyz_matrices());
@@ -250,7 +211,7 @@ fn differences(one: &[DVec3], other: &[DVec3]) -> Vec<f64> {
 fn an_automatic_k_keeps_its_tolerance_in_the_picture() {
     for tolerance in [2.0, 1.0, 0.5] {
         let text = GLASS.replace("[accuracy]", &format!("[accuracy]\ntolerance = {tolerance}"));
-        let rungs = Rungs::new(scene(&text), [40, 40]);
+        let rungs = Rungs::new(parsed(&text), [40, 40]);
         let model = rungs.planned.model.as_ref().unwrap();
         let planned: Vec<DVec3> = rungs.lit(&rungs.exact()).into_iter().map(|(colour, _)| colour).collect();
         let worst = differences(&planned, &rungs.truth()).into_iter().fold(0.0, f64::max);
@@ -280,7 +241,7 @@ fn an_automatic_k_keeps_its_tolerance_where_dyes_overlap() {
              height = 1.0 }}], base = 0.01 }}\n"
         ));
     }
-    let rungs = Rungs::new(scene(&text), [32, 32]);
+    let rungs = Rungs::new(parsed(&text), [32, 32]);
     let planned: Vec<DVec3> = rungs.lit(&rungs.exact()).into_iter().map(|(colour, _)| colour).collect();
     let worst = differences(&planned, &rungs.truth()).into_iter().fold(0.0, f64::max);
     assert!(worst <= 1.0, "k = {}: {worst}", rungs.planned.plan.components());
@@ -291,7 +252,7 @@ fn an_automatic_k_keeps_its_tolerance_where_dyes_overlap() {
 fn a_grey_scene_is_the_same_by_weights_and_by_k_numbers() {
     let grey = GLASS.lines().filter(|line| !line.starts_with("absorption")).collect::<Vec<_>>().join("\n");
     let by = |accumulate: AccumulateAs| {
-        let mut scene = scene(&grey);
+        let mut scene = parsed(&grey);
         scene.accuracy.accumulate = accumulate;
         // Materials and white: exact (COLOUR.md C7).
         scene.accuracy.dimension = Some(4);
@@ -314,7 +275,7 @@ fn a_grey_scene_is_the_same_by_weights_and_by_k_numbers() {
 
 #[test]
 fn transmittance_is_grey_as_long_as_the_sum_of_all_absorption_is() {
-    let of = |text: &str| plan(&scene(text), &Quiet).unwrap().plan.transmittance;
+    let of = |text: &str| plan(&parsed(text), &Quiet).unwrap().plan.transmittance;
     assert_eq!(of(GLASS), Transmittance::Coloured);
     assert_eq!(of(&GLASS.replace("absorption = 0.15", "").replace("absorption = 0.2", "")), Transmittance::Grey);
     // What one takes of the red the other takes of the blue, wherever they are.
@@ -332,23 +293,24 @@ fn transmittance_is_grey_as_long_as_the_sum_of_all_absorption_is() {
 
 #[test]
 fn what_cannot_be_planned_is_refused_with_the_reason() {
-    let mut weights = scene(GLASS);
+    let mut weights = parsed(GLASS);
     weights.accuracy.accumulate = AccumulateAs::Weights;
     let refused = plan(&weights, &Quiet).unwrap_err();
     assert!(matches!(&refused, PlanError::NotGrey { materials } if materials == "green, red"), "{refused}");
-    let mut exact = scene(GLASS);
+    let mut exact = parsed(GLASS);
     exact.accuracy.tolerance = 1e-3;
     let refused = plan(&exact, &Quiet).unwrap_err();
     assert!(std::error::Error::source(&refused).unwrap().to_string().contains("no k up to 16"), "{refused:?}");
     let text = GLASS.replace("material = \"red\"", "material = \"shiny\"");
-    let refused = parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap_err().to_string();
+    let refused =
+        parse("test", &text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap_err().to_string();
     assert!(refused.contains("the material shiny absorbs nothing"), "{refused}");
 }
 
 #[test]
 fn a_plan_is_told_in_words_of_light_and_pixels() {
     let told = |text: &str| {
-        let scene = scene(text);
+        let scene = parsed(text);
         plan(&scene, &Quiet).unwrap().explain(&scene).join("\n")
     };
     let coloured = told(&GLASS.replace("[accuracy]", "[accuracy]\nk = 8"));

@@ -10,26 +10,12 @@ use std::time::{Duration, Instant};
 
 use relume::model::random::Random;
 use serde_json::Value;
-use support::program::{Folder, Outcome, SCENE};
+use support::program::{Folder, Outcome, SCENE, labelled};
 use support::screen::Screen;
-
-const MORE: &str = r#"
-[dial.nodes]
-day = [0, 1]
-lamp = [0, -1]
-[[dial.situations]]
-name = "evening"
-hand = "lamp"
-off = ["day"]
-[labels.1]
-name = "gut"
-material = "bone"
-opacity = 0.25
-"#;
 
 /// Scenes with the same names in them, a volume alone, and what cannot be opened.
 fn folder() -> Folder {
-    let more = format!("{}{MORE}", SCENE.replace("dims =", "phantom_labels = true\ndims ="));
+    let more = labelled();
     let absorbing =
         "reflectance = \"white 9.5\"\nabsorption = { gaussian = [{ centre = 620, sigma = 40, height = 1 }] }";
     let stained = more.replace("reflectance = \"white 9.5\"", absorbing);

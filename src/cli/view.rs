@@ -56,10 +56,13 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         cache: super::goal::cache_folder(),
     })?;
     let [median, _, longest] = report.frame_ms;
-    let text = format!(
+    let mut text = format!(
         "{} frames, {} marches, {} relights; a frame took {median:.1} ms, the longest {longest:.0} ms\n",
         report.frames, report.counts.marches, report.counts.relights
     );
+    if report.relit_ms[0] > 0.0 {
+        text.push_str(&format!("frames in which nothing but the light changed took {:.1} ms\n", report.relit_ms[0]));
+    }
     let json = serde_json::to_value(&report).map_err(|error| CliError::Failed(error.to_string()))?;
     Ok(Report { text, json })
 }

@@ -99,6 +99,8 @@ pub struct Report {
     pub finest_ms: Vec<f64>,
     /// Frames by how long they took, the longest of them last: median, 95th of a hundred, longest.
     pub frame_ms: [f64; 3],
+    /// The same of frames that showed another light and marched nothing.
+    pub relit_ms: [f64; 3],
     /// The longest call into the engine.
     pub longest_step_ms: f64,
     /// How often the device was lost, and opened again.
@@ -211,6 +213,8 @@ struct Viewer {
     to_capture: Option<PathBuf>,
     script: Position,
     drawn: Vec<f64>,
+    /// Those of frames that showed another light and marched nothing.
+    relit: Vec<f64>,
     report: Report,
     /// Counts of engines that are gone.
     before: Counts,
@@ -265,6 +269,7 @@ impl Viewer {
             to_capture: None,
             script: Position::default(),
             drawn: Vec::new(),
+            relit: Vec::new(),
             report: Report::default(),
             before: Counts::default(),
             failed: None,
@@ -285,9 +290,8 @@ impl Viewer {
         self.report.counts = self.counts();
         self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
         self.report.notices = std::mem::take(&mut self.notices);
-        self.drawn.sort_by(f64::total_cmp);
-        let at = |part: f64| self.drawn.get(whole(part * count(self.drawn.len().saturating_sub(1)))).copied();
-        self.report.frame_ms = [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default());
+        self.report.frame_ms = spread(&mut self.drawn);
+        self.report.relit_ms = spread(&mut self.relit);
         if let Some(screen) = &self.screen {
             self.report.validation.extend(screen.renderer.device().validation_messages());
         }
@@ -512,7 +516,7 @@ impl Viewer {
 
     /// One frame. Says when the next one is due: at once, later, or when something happens.
     fn draw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
-        let begun = Instant::now();
+        let (begun, before) = (Instant::now(), self.counts());
         if let Some(screen) = &mut self.screen {
             screen.surface.wait()?;
         }
@@ -606,7 +610,11 @@ impl Viewer {
             _ => {}
         }
         self.report.frames += 1;
-        self.drawn.push(1000.0 * begun.elapsed().as_secs_f64());
+        let (took, now) = (1000.0 * begun.elapsed().as_secs_f64(), self.counts());
+        self.drawn.push(took);
+        if now.relights > before.relights && now.dispatches == before.dispatches {
+            self.relit.push(took);
+        }
         self.next(events, again, stepped);
         Ok(())
     }
@@ -1013,7 +1021,13 @@ impl Viewer {
     }
 }
 
-/// The picture of `engine` as the kind of file that `path` says.
+/// Median, 95th of a hundred and longest of times; zeros of none.
+fn spread(times: &mut [f64]) -> [f64; 3] {
+    times.sort_by(f64::total_cmp);
+    let at = |part: f64| times.get(whole(part * count(times.len().saturating_sub(1)))).copied();
+    [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default())
+}
+
 /// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
 /// soon as the hand rests: it may have come to rest while a coarse picture was made.
 fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
@@ -1024,6 +1038,7 @@ fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
     }
 }
 
+/// The picture of `engine` as the kind of file that `path` says.
 fn save_picture(path: &Path, engine: &Engine, size: [usize; 2]) -> Result<(), Box<dyn std::error::Error>> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
         write_exr(path, &Picture::new(size[0], size[1], &engine.read_linear()?)?)?;

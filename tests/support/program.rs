@@ -30,6 +30,23 @@ kind = "ambient"
 intensity = 0.5
 "#;
 
+/// A dial for [`SCENE`], with a situation in which a node is off.
+pub const DIAL: &str = r#"
+[dial.nodes]
+day = [0, 1]
+lamp = [0, -1]
+[[dial.situations]]
+name = "evening"
+hand = "lamp"
+off = ["day"]
+"#;
+
+/// [`SCENE`] with a label and [`DIAL`].
+pub fn labelled() -> String {
+    let labels = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
+    format!("{}{DIAL}{labels}", SCENE.replace("dims =", "phantom_labels = true\ndims ="))
+}
+
 /// A folder that holds `scene.toml`, and that the program runs in.
 pub struct Folder(TempDir);
 

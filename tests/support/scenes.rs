@@ -155,14 +155,83 @@ const MORE: &str = r#"
     position = [40, -5, 10]
 "#;
 
+/// The scene that `text` describes.
+pub fn parsed(text: &str) -> Scene {
+    parse("the test's scene", text, Path::new(""), &SceneOptions::default(), &Quiet)
+        .unwrap_or_else(|error| panic!("{error:?}\n{text}"))
+}
+
 /// The scene that `text` describes, with `volume` in it.
 pub fn of(text: &str, volume: Volume) -> Scene {
     // The file's own volume is replaced; it has these dimensions, because a crop box is checked against them.
     let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = {:?}\n", volume.geometry.dims);
-    let mut scene = parse("the test's scene", &text, Path::new(""), &SceneOptions::default(), &Quiet)
-        .unwrap_or_else(|error| panic!("{error:?}\n{text}"));
-    scene.volume = Arc::new(volume);
-    scene
+    Scene { volume: Arc::new(volume), ..parsed(&text) }
+}
+
+/// A slab of one value, 24 units thick, seen straight on by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps of
+/// `α = 1 − (1 − o)^Δs`. Its one material is what `material` says beside a colour.
+pub fn slab_straight_on(step: f64, opacity: f64, material: &str) -> Scene {
+    let text = format!(
+        r#"
+        shading = "none"
+        [materials.only]
+        reflectance = "orange"
+        {material}
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "only"
+        range = [100, 200]
+        opacity = {opacity}
+        [lights.day]
+        spectrum = "D65"
+        [camera]
+        projection = "orthographic"
+        height = 4
+        position = [8, 8, -10]
+        target = [8, 8, 0]
+        [accuracy]
+        step = {step}
+        termination = 0
+    "#
+    );
+    of(&text, slab([17, 17, 25], 150))
+}
+
+/// A slab of one value, 64 units thick, that scatters and absorbs, before a `background`, seen straight on by parallel rays;
+/// `accuracy` says how.
+pub fn glass_straight_on(background: &str, accuracy: &str) -> Scene {
+    parsed(&format!(
+        r#"
+        version = 1
+        shading = "none"
+        background = {background}
+        [volume]
+        phantom = "slab"
+        dims = [3, 3, 65]
+        [materials.glass]
+        reflectance = "orange"
+        absorption = {{ gaussian = [{{ centre = 560, sigma = 50, height = 1.0 }}], base = 0.05 }}
+        [transfer]
+        opacity_length = 1
+        [[transfer.intervals]]
+        material = "glass"
+        range = [-1e9, 1e9]
+        opacity = 0.02
+        absorption = 0.04
+        [lights.day]
+        spectrum = "D65"
+        kind = "ambient"
+        [camera]
+        projection = "orthographic"
+        height = 1
+        azimuth = 0
+        elevation = 0
+        [accuracy]
+        termination = 0
+        {accuracy}
+        "#
+    ))
 }
 
 /// A volume of `value(x, y, z)`, every axis from −1 to 1, in 16 bits; spacing 1.

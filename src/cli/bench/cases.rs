@@ -130,6 +130,11 @@ impl Case {
         })
     }
 
+    /// Whether it and the `next` are measured in turn: what a ratio is made of, where one volume has both.
+    pub(super) fn is_beside(&self, next: &Self) -> bool {
+        self.workload == next.workload && (self.subject, self.side) == (next.subject, next.side)
+    }
+
     /// Whether it shows the volume of the command line, where there is one.
     fn is_of_a_volume(&self) -> bool {
         self.subject == Subject::Peer && self.side.is_none()

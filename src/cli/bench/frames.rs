@@ -1,5 +1,6 @@
 //! Frames of scenes on a device, timed and counted.
 
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -10,6 +11,7 @@ use relume::plan::{Accumulate, Planned, ScenePlan, plan};
 use relume::progress::Progress;
 use relume::render::{Renderer, Uploaded};
 use relume::scene::{Aim, Mix, Scene, Shading};
+use relume::tables::RelightMatrices;
 use relume::volume::{Statistics, Volume};
 use relume::vulkan::DeviceKind;
 
@@ -18,7 +20,7 @@ use super::{Args, CliError, Learnt, matrices};
 
 /// Frames before those that count.
 const WARM_UP: u32 = 2;
-/// Relights that count, at least.
+/// Relights that count, at least, over all frames.
 const RELIGHTS: u32 = 11;
 
 /// One setting, measured.
@@ -114,15 +116,18 @@ impl Times {
     }
 }
 
-/// A device, and what is held for the next case.
+/// A device, and what is held for the next cases.
 pub(super) struct Bench<'a> {
     args: &'a Args,
     renderer: &'a Renderer,
     progress: &'a dyn Progress,
     loaded: Option<Loaded>,
-    resident: Option<Resident>,
+    /// Volumes on the device, of that scene.
+    resident: Vec<Rc<Resident>>,
     /// Plans of that scene, each with what it is the plan of: a colour model is fitted, and warned of, once.
     plans: Vec<(Scene, Planned)>,
+    /// Frames that were marched, of all there are to march.
+    frames: (u64, u64),
 }
 
 struct Loaded {
@@ -138,18 +143,54 @@ struct Resident {
     uploaded: Uploaded,
 }
 
+/// A case that is ready, and what was measured of it so far.
+struct Running<'a> {
+    case: &'a Case,
+    scene: Scene,
+    planned: Planned,
+    resident: Rc<Resident>,
+    matrices: RelightMatrices,
+    marches: Vec<(Timing, Option<Duration>)>,
+    relights: Vec<(Timing, Option<Duration>)>,
+    counts: Counts,
+    startup_ms: Option<Summary>,
+}
+
 impl<'a> Bench<'a> {
-    pub(super) fn new(args: &'a Args, renderer: &'a Renderer, progress: &'a dyn Progress) -> Self {
-        Self { args, renderer, progress, loaded: None, resident: None, plans: Vec::new() }
+    /// What measures so many `cases` in all.
+    pub(super) fn new(args: &'a Args, renderer: &'a Renderer, progress: &'a dyn Progress, cases: usize) -> Self {
+        let frames = (0, cases as u64 * u64::from(WARM_UP + args.frames));
+        Self { args, renderer, progress, loaded: None, resident: Vec::new(), plans: Vec::new(), frames }
     }
 
-    /// Measures `case`; with `started`, when the program did, what it took to the first picture too.
-    pub(super) fn row(&mut self, case: &Case, started: Option<Instant>) -> Result<Row, CliError> {
+    /// Measures `cases`, a frame of each in turn: what else the machine does is then in all of them alike. With `started`, when
+    /// the program did, the first one says what it took to the first picture. Where this fails, `rows` has what was measured
+    /// before.
+    pub(super) fn measure(
+        &mut self,
+        cases: &[Case],
+        mut started: Option<Instant>,
+        rows: &mut Vec<Row>,
+    ) -> Result<(), CliError> {
+        let mut running: Vec<Running<'_>> = Vec::new();
+        for case in cases {
+            let mut one = self.prepare(case)?;
+            one.frame(0, self, started.take())?;
+            running.push(one);
+        }
+        let measured = (1..WARM_UP + self.args.frames)
+            .try_for_each(|frame| running.iter_mut().try_for_each(|one| one.frame(frame, self, None)));
+        rows.extend(running.into_iter().filter(|one| !one.marches.is_empty()).map(|one| one.row(self.renderer)));
+        measured
+    }
+
+    /// Loads, plans and brings to the device what `case` shows.
+    fn prepare<'c>(&mut self, case: &'c Case) -> Result<Running<'c>, CliError> {
         let (renderer, progress) = (self.renderer, self.progress);
         let key = (case.subject, case.side);
         if self.loaded.as_ref().is_none_or(|loaded| loaded.key != key) {
             // The last one makes room first.
-            (self.loaded, self.resident, self.plans) = (None, None, Vec::new());
+            (self.loaded, self.resident, self.plans) = (None, Vec::new(), Vec::new());
             let scene = case.scene(self.args, progress)?;
             let statistics = scene.volume.statistics()?;
             self.loaded = Some(Loaded { key, scene, statistics });
@@ -166,62 +207,79 @@ impl<'a> Bench<'a> {
                 planned
             }
         };
-        let fits = |it: &Resident| {
+        let fits = |it: &&Rc<Resident>| {
             Arc::ptr_eq(&it.volume, &scene.volume)
                 && it.plan.is_stored_as(&planned.plan)
                 && (it.plan.interpolation, it.plan.labels) == (planned.plan.interpolation, planned.plan.labels)
         };
-        if !self.resident.as_ref().is_some_and(fits) {
-            self.resident = None;
-            let uploaded = renderer.upload(&scene, &planned, statistics, progress)?;
-            let (volume, plan) = (Arc::clone(&scene.volume), planned.plan.clone());
-            self.resident = Some(Resident { volume, plan, uploaded });
-        }
-        let Some(Resident { uploaded, .. }) = &self.resident else { return Err(CliError::Cancelled) };
-        let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
-        let (mut marches, mut relights) = (Vec::new(), Vec::new());
-        let (mut startup_ms, mut marched) = (None, None);
-        for frame in 0..WARM_UP + self.args.frames {
-            if let Aim::Orbit { azimuth, .. } = &mut scene.camera.aim {
-                *azimuth = -20.0 + 8.0 * f64::from(frame);
+        let resident = match self.resident.iter().find(fits) {
+            Some(resident) => Rc::clone(resident),
+            None => {
+                let uploaded = renderer.upload(&scene, &planned, statistics, progress)?;
+                let (volume, plan) = (Arc::clone(&scene.volume), planned.plan.clone());
+                let resident = Rc::new(Resident { volume, plan, uploaded });
+                self.resident.push(Rc::clone(&resident));
+                resident
             }
-            let clock = Stopwatch::start();
-            let accumulators = renderer.march(&scene, &planned, uploaded, case.size, progress)?;
-            let march = (clock.read(), accumulators.device_time);
-            if frame == 0 {
-                let relight = renderer.relight_display(&accumulators)?;
-                relight.run(&matrices)?;
-                startup_ms = started.and_then(|started| summary(&[started.elapsed().as_secs_f64() * 1e3]));
-            }
-            if frame >= WARM_UP {
-                marches.push(march);
-            }
-            marched = Some(accumulators);
-        }
-        let Some(accumulators) = &marched else { return Err(CliError::Cancelled) };
-        let relight = renderer.relight_display(accumulators)?;
-        let before = (renderer.device().dispatches(), renderer.marches());
-        let runs = WARM_UP + self.args.frames.max(RELIGHTS);
-        for frame in 0..runs {
-            let clock = Stopwatch::start();
-            let took = relight.run(&matrices)?;
-            if frame >= WARM_UP {
-                relights.push((clock.read(), took));
-            }
-        }
+        };
         let counts = Counts {
             pixel_bytes: planned.plan.pixel_bytes(),
-            volume_bytes: uploaded.bytes(),
-            march_dispatches: accumulators.dispatches,
-            relight_dispatches: (renderer.device().dispatches() - before.0) / u64::from(runs),
-            relight_marches: renderer.marches() - before.1,
-            relight_bytes: relight.bytes(),
+            volume_bytes: resident.uploaded.bytes(),
+            march_dispatches: 0,
+            relight_dispatches: 0,
+            relight_marches: 0,
+            relight_bytes: 0,
         };
+        let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
+        let (marches, relights) = (Vec::new(), Vec::new());
+        Ok(Running { case, scene, planned, resident, matrices, marches, relights, counts, startup_ms: None })
+    }
+}
+
+impl Running<'_> {
+    /// Marches frame number `frame` and relights it, both on the clock once those that warm up are over.
+    fn frame(&mut self, frame: u32, bench: &mut Bench<'_>, started: Option<Instant>) -> Result<(), CliError> {
+        let renderer = bench.renderer;
+        let (done, all) = bench.frames;
+        bench.progress.report(&format!("measuring {}", self.case.workload), done, all);
+        bench.frames.0 += 1;
+        if let Aim::Orbit { azimuth, .. } = &mut self.scene.camera.aim {
+            *azimuth = -20.0 + 8.0 * f64::from(frame);
+        }
+        let uploaded = &self.resident.uploaded;
+        let clock = Stopwatch::start();
+        let accumulators = renderer.march(&self.scene, &self.planned, uploaded, self.case.size, bench.progress)?;
+        let march = (clock.read(), accumulators.device_time);
+        let relight = renderer.relight_display(&accumulators)?;
+        relight.run(&self.matrices)?;
+        if let Some(started) = started {
+            self.startup_ms = summary(&[started.elapsed().as_secs_f64() * 1e3]);
+        }
+        if frame < WARM_UP {
+            return Ok(());
+        }
+        self.marches.push(march);
+        let before = (renderer.device().dispatches(), renderer.marches());
+        let runs = RELIGHTS.div_ceil(bench.args.frames);
+        for _ in 0..runs {
+            let clock = Stopwatch::start();
+            let took = relight.run(&self.matrices)?;
+            self.relights.push((clock.read(), took));
+        }
+        self.counts.march_dispatches = accumulators.dispatches;
+        self.counts.relight_dispatches = (renderer.device().dispatches() - before.0) / u64::from(runs);
+        self.counts.relight_marches += renderer.marches() - before.1;
+        self.counts.relight_bytes = relight.bytes();
+        Ok(())
+    }
+
+    fn row(self, renderer: &Renderer) -> Row {
+        let Self { case, scene, planned, marches, relights, counts, startup_ms, .. } = self;
         let info = renderer.device().info();
         let shading = if scene.shading == Shading::None { "none" } else { "diffuse" };
         let varied = case.varied.map_or_else(String::new, |Varied { name, value }| format!(" {name}={value}"));
         let [width, height] = case.size;
-        Ok(Row {
+        Row {
             id: format!("{} {}{varied} {shading} {width}x{height}", case.workload, case.line),
             workload: case.workload.clone(),
             line: case.line,
@@ -244,6 +302,6 @@ impl<'a> Bench<'a> {
             counts,
             startup_ms,
             peak_mb: peak_mb(),
-        })
+        }
     }
 }

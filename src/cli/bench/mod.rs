@@ -320,13 +320,12 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     let earlier = args.against.as_deref().map(|path| Earlier::read(path, &device)).transpose()?;
     let cases = args.workloads.iter().flat_map(|workload| workload.cases(args.size, args.largest, args.shading));
     let cases: Vec<Case> = cases.collect();
-    let mut bench = Bench::new(args, &renderer, progress);
+    let mut bench = Bench::new(args, &renderer, progress, cases.len());
     let (mut rows, mut interrupted): (Vec<Row>, bool) = (Vec::new(), false);
     let mut started = Some(started);
-    for (done, case) in cases.iter().enumerate() {
-        progress.report(&format!("measuring {}", case.workload), done as u64, cases.len() as u64);
-        match bench.row(case, started.take()) {
-            Ok(row) => rows.push(row),
+    for together in cases.chunk_by(Case::is_beside) {
+        match bench.measure(together, started.take(), &mut rows) {
+            Ok(()) => {}
             // What is finished is kept.
             Err(error) if exit_code(&error) == INTERRUPTED && !rows.is_empty() => {
                 interrupted = true;
