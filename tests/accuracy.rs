@@ -60,7 +60,7 @@ fn flags_that_mean_nothing_are_refused() {
     folder.refused(2, &["info", "glass.toml", "--k", "3", "--tolerance", "1"], &["--k <N>", "--tolerance <DE>"]);
     folder.refused(2, &["info", "glass.toml", "--k", "32"], &["--k 32", "from 1 to 31"]);
     folder.refused(2, &["info", "glass.toml", "--tolerance", "0"], &["--tolerance 0", "from 0.001 to 100"]);
-    folder.refused(2, &["info", "glass.toml", "--tolerance", "nan"], &["--tolerance NaN"]);
+    folder.refused(2, &["info", "glass.toml", "--tolerance", "nan"], &["--tolerance nan", "from 0.001 to 100"]);
     folder.refused(2, &["info", "glass.toml", "--model", "knots"], &["knots", "sharpened-semigroup"]);
     folder.refused(2, &["info", "glass.toml", "-D", "accuracy.k=few"], &["-D accuracy.k=few", "\"auto\""]);
     folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not exact"]);

@@ -3,16 +3,18 @@
 
 mod support;
 
+use std::path::Path;
 use std::time::Duration;
 
 use relume::measure::{
-    Choice, Goal, GoalRow, GoalScene, GoalSummary, Knob, Pixels, Preset, Value, Wanted, choose, goal_row,
+    Choice, Goal, GoalRow, GoalScene, GoalSummary, Knob, Pixels, Preset, Value, Wanted, check, choose, goal_row,
 };
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
 use relume::view::effort;
+use relume::vulkan::Format;
 use serde_json::json;
 use support::device::open;
 use support::exr::{Exr, assert_same};
@@ -45,12 +47,22 @@ fn what_was_asked_for_is_kept_at_little_more_than_it_must_cost() {
     with_renderer(|renderer| {
         let rows: Vec<GoalRow> = (0..SCENES).filter_map(|seed| row(renderer, seed)).collect();
         assert!(rows.len() * 2 > 6, "most scenes show something");
-        assert!(rows.iter().filter(|row| !row.kept()).count() <= 1, "{rows:?}");
+        assert!(rows.iter().filter(|row| row.error() > 1.0).count() <= 1, "{rows:?}");
         // Times of so small pictures say little beside other programs; samples are as many whatever else there is.
-        assert!(rows.iter().all(|row| row.cost() >= 1.0 && row.samples >= 1.0), "{rows:?}");
+        assert!(rows.iter().all(|row| row.time() >= 1.0 && row.samples >= 1.0), "{rows:?}");
         let found = GoalSummary::of(&rows).unwrap();
-        assert!(found.samples <= 1.3, "{found:?}");
+        assert!(found.samples.max <= 1.3, "{found:?}");
     });
+}
+
+/// What absorbs in colour passes shares of light that need not add up to 1 where there is nothing.
+#[test]
+fn pixels_that_show_nothing_are_not_looked_at() {
+    let scene = scene(1015);
+    let empty = vec![0.0; 4 * SIZE[0] * SIZE[1]];
+    let checked = check(&scene, &Mix::of_scene(&scene), SIZE, &empty, &Quiet).unwrap().unwrap();
+    assert!(checked.pixels < SIZE[0] * SIZE[1] / 2, "it has an empty border: {}", checked.pixels);
+    assert!(checked.difference.delta_e.p95 > 1.0, "{checked:?}");
 }
 
 #[test]
@@ -88,22 +100,23 @@ fn a_budget_takes_the_shortest_step_that_fits() {
 fn every_setting() -> impl Iterator<Item = (f64, f64, String)> {
     let scales = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
     let of = move |n: i32| {
-        let step: f64 = format!("{:.2e}", 2_f64.powf(f64::from(n) / 4.0)).parse().unwrap();
+        let step: f64 = format!("{:.2e}", 2_f64.powf(f64::from(n) / 8.0)).parse().unwrap();
         let named = move |scale| {
             (step, scale, format!("step={step}") + &if scale < 1.0 { format!(" scale={scale}") } else { String::new() })
         };
         scales.into_iter().map(named)
     };
-    (-12..=16).flat_map(of)
+    (-24..=32).flat_map(of)
 }
 
 /// Puts times and errors, by step and scale, in the place of those that the only file in `folder` has.
-fn believe(folder: &std::path::Path, frame_ms: impl Fn(f64, f64) -> f64, error: impl Fn(f64, f64) -> f64) {
+fn believe(folder: &Path, frame_ms: impl Fn(f64, f64) -> f64, error: impl Fn(f64, f64) -> f64) {
     let path = std::fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
     let mut file: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     for (step, scale, name) in every_setting() {
         let error = error(step, scale);
-        let point = json!({"frame_ms": frame_ms(step, scale), "error": {"mean": error, "p95": error, "max": error}});
+        let (ms, error_of) = (frame_ms(step, scale), json!({"mean": error, "p95": error, "max": error}));
+        let point = json!({"frame_ms": ms, "cpu_ms": ms, "frames": 9, "error": error_of, "at_most": error});
         file["points"][name] = point;
     }
     std::fs::write(path, file.to_string()).unwrap();
@@ -123,7 +136,7 @@ fn the_search_finds_the_best_of_all_settings() {
             let frame_ms = |step: f64, scale: f64| 100.0 * scale * scale / step + overhead;
             let error = |step: f64, scale: f64| 0.3 * step.powf(1.7) + edges * (1.0 / scale - 1.0);
             believe(folder.path(), frame_ms, error);
-            // A choice uses up 0.92 of what is asked for.
+            // A choice uses up 0.92 of a time, and 0.97 of an error.
             for asked in [5.0, 12.0, 40.0, 90.0, 300.0, 1e4] {
                 let best = every_setting()
                     .filter(|&(step, scale, _)| frame_ms(step, scale) <= 0.92 * asked)
@@ -134,7 +147,7 @@ fn the_search_finds_the_best_of_all_settings() {
             }
             for asked in [0.1, 0.5, 2.0, 10.0] {
                 let best = every_setting()
-                    .filter(|&(step, scale, _)| error(step, scale) <= 0.92 * asked)
+                    .filter(|&(step, scale, _)| error(step, scale) <= 0.97 * asked)
                     .min_by(|one, two| frame_ms(one.0, one.1).total_cmp(&frame_ms(two.0, two.1)));
                 let choice = found(wanted(Goal::MaxError(asked))).unwrap();
                 assert_eq!(choice.setting.to_string(), best.unwrap().2, "within {asked}, {edges}, {overhead}");
@@ -145,6 +158,26 @@ fn the_search_finds_the_best_of_all_settings() {
             let choice = found(Wanted { pixels: Pixels::All, ..wanted(goal) }).unwrap();
             assert_eq!(choice.setting.get(Knob::Scale), None, "{}", choice.why);
         }
+    });
+}
+
+/// Where a device cannot hold a picture at its full size, fewer pixels are marched, and enlarged.
+#[test]
+fn a_picture_that_the_device_cannot_hold_is_made_of_fewer_pixels() {
+    let scene = scene(0);
+    let mix = Mix::of_scene(&scene);
+    with_renderer(|renderer| {
+        let [widest, _] = renderer.device().limits().max_extent_2d(Format::Rgba32Float);
+        let size = [usize::try_from(widest).unwrap() + 16, 8];
+        let choose = |goal, pixels| choose(renderer, &scene, &mix, Wanted { size, goal, pixels }, None, &Quiet);
+        for goal in [Goal::Budget(1e9), Goal::MaxError(100.0)] {
+            let choice = choose(goal, Pixels::Fewer).unwrap();
+            assert!(choice.setting.scale() <= 0.71, "{}", choice.why);
+            let all = choose(goal, Pixels::All).unwrap_err();
+            assert!(all.to_string().contains("is too large for"), "{all}");
+        }
+        let none = choose(Goal::MaxError(1e-9), Pixels::Fewer).unwrap_err();
+        assert!(none.to_string().contains("comes nearest"), "{none}");
     });
 }
 
@@ -170,6 +203,19 @@ fn enlarged(small: &[f32], x: usize, y: usize) -> f32 {
 }
 
 #[test]
+fn goals_say_whether_the_bars_are_held() {
+    let outcome = Folder::new().run(&["bench", "goals", "--scenes", "1", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
+    let [row] = &json["goals"].as_array().unwrap()[..] else { panic!("scene 0 shows something: {json}") };
+    assert!(row["chosen"]["p95"].as_f64().unwrap() <= row["asked"].as_f64().unwrap(), "{row}");
+    assert_eq!(json["goals_summary"]["kept"], 1);
+    // Time is as it comes; what is missed is said, and told to who called.
+    let missed = json["missed"].as_array().unwrap();
+    assert_eq!(json["holds"], missed.is_empty());
+    assert_eq!(outcome.code, Some(i32::from(!missed.is_empty())), "{missed:?}");
+}
+
+#[test]
 fn a_picture_of_fewer_pixels_has_the_size_that_was_asked_for_in_every_file() {
     let folder = Folder::new();
     let cache = folder.path("cache");
@@ -182,7 +228,7 @@ fn a_picture_of_fewer_pixels_has_the_size_that_was_asked_for_in_every_file() {
     assert_eq!(first.code, Some(0), "{}", first.err);
     // Fast enough are, for each number of pixels, steps of 4, 2, 1 and a half: the errors are 4, 2.4, 2 and 2.4.
     believe(&cache.join("relume"), |step, scale| 1000.0 * scale * scale / step, |step, scale| step + 1.0 / scale - 1.0);
-    let files = ["--accumulators", "a.exr", "--spectral", "s.exr", "--budget", "300"];
+    let files = ["--accumulators", "a.exr", "--spectral", "s.exr", "--budget", "280"];
     let json = run(&[&render[..], &files, &["--json"]].concat()).json();
     let choice = &json["choice"];
     assert_eq!((&choice["setting"]["step"], &choice["setting"]["scale"]), (&1.0.into(), &0.5.into()), "{choice}");
@@ -228,7 +274,7 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     assert!(choice["measured"]["difference"]["p95"].as_f64().unwrap() <= 4.0, "{choice}");
     let second = run(&["--max-error", "4"]);
     assert!(second.out.contains("asked 4, measured "), "{}", second.out);
-    assert!(second.out.contains("is the fastest of the settings tried"), "{}", second.out);
+    assert!(second.out.contains("is the cheapest of the settings tried"), "{}", second.out);
     assert_eq!(run(&["--max-error", "4", "--json"]).json()["choice"]["from_cache"], true);
     let preset = run(&["--preset", "balanced", "--json"]);
     assert_eq!(preset.json()["choice"]["asked_error"], 1.0);

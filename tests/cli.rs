@@ -179,6 +179,10 @@ fn info_of_a_scene_says_what_is_shown_and_what_it_takes() {
     assert_eq!(stored(&plain), [Value::from("r16unorm"), Value::from(32 * 30 * 18 * 2)]);
     assert_eq!(json["volume"]["dims"], serde_json::json!([32, 30, 18]));
     let ball = folder.with("ball.toml", "version = 1\n[volume]\nphantom = \"shells\"\ndims = [3, 3, 3]\n");
+    for (dims, amount) in [("3,3,3", "108 bytes"), ("20,20,20", "32.0 kB")] {
+        let text = ball.done(&["info", "ball.toml", "-D", &format!("volume.dims=[{dims}]")]).out;
+        assert!(text.contains(&format!("the volume takes {amount};")), "{text}");
+    }
     let text = ball.done(&["info", "ball.toml", "--voxel", "1,1,1"]).out;
     assert!(text.contains("values     ") && text.contains("1,1,1 is 1"), "{text}");
     assert_eq!(json["labels"], Value::Null);

@@ -487,7 +487,8 @@ fn a_preset_asks_to_measure_and_a_point_of_the_curve_is_taken_by_a_click() {
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Measure(Some(Goal::Budget(50.0)))));
     let scene = document().state().scene.clone();
-    let point = |frame_ms: f64, p95: f64| Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } };
+    let error = |p95: f64| ErrorSummary { mean: p95, p95, max: p95 };
+    let point = |frame_ms: f64, p95: f64| Point { frame_ms, error: error(p95), ..Point::default() };
     let mut finer = scene.clone();
     finer.accuracy.step_length = 0.5;
     let mut curve = Curve::new(&scene, [4, 4], &[(Setting::default(), point(2.0, 3.0))]);

@@ -43,7 +43,8 @@ impl AccuracyArgs {
         if let Some(k) = self.k.map(|k| k.to_string()) {
             define("--k", &k, format!("accuracy.k={k}"));
         }
-        if let Some(tolerance) = self.tolerance.map(|tolerance| tolerance.to_string()) {
+        // TOML writes `nan`; anything else that is no number would be a string.
+        if let Some(tolerance) = self.tolerance.map(|tolerance| tolerance.to_string().to_lowercase()) {
             define("--tolerance", &tolerance, format!("accuracy.tolerance={tolerance}"));
             define("--tolerance", &tolerance, "accuracy.k=auto".to_owned());
         }

@@ -100,7 +100,8 @@ mod tests {
         let cache = folder.path().join("made/when/needed");
         let scene =
             load_embedded(&SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() }, &Quiet).unwrap();
-        let point = Point { frame_ms: 2.5, error: ErrorSummary { mean: 0.1, p95: 0.2, max: 0.3 } };
+        let error = ErrorSummary { mean: 0.1, p95: 0.2, max: 0.3 };
+        let point = Point { frame_ms: 2.5, cpu_ms: 4.5, frames: 3, error, at_most: 0.25 };
         let (setting, mix) = (Setting::default(), Mix::of_scene(&scene));
         let mut known = Known::of(Some(&cache), &scene, &mix, "device", [3, 4]);
         assert_eq!(known.get(&setting), None);

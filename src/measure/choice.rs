@@ -6,21 +6,19 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::bench::Bench;
 use super::cache::Known;
-use super::clock::{Stopwatch, summary};
-use super::difference::delta_e;
-use super::enlarge::Enlargement;
-use super::ladder::{FINER, Ladder, LadderError};
-use super::sample::drawn;
+use super::clock::Timing;
+use super::ladder::LadderError;
 use super::setting::{Knob, Setting, Value};
-use super::survey::{looked_up, picture};
 use super::table::short;
 use crate::model::ErrorSummary;
 use crate::number::{count, nearest};
-use crate::plan::{PlanError, Planned, plan};
+use crate::plan::{PlanError, plan};
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer, Uploaded};
+use crate::render::{RenderError, Renderer};
 use crate::scene::{Mix, Scene};
+use crate::vulkan::DeviceKind;
 
 /// What is asked of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,26 +75,36 @@ impl Preset {
 /// Pixels that the choice looks at.
 const PIXELS: usize = 2048;
 const SEED: u64 = 41;
-/// Runs of a march that are timed, and the one before.
-const RUNS: usize = 5;
-/// The share of a goal that a choice uses up: other pixels, and other times, differ a little.
-const MARGIN: f64 = 0.92;
-/// Steps are 2^(n/4) voxels, for n in this range: between an eighth and 16.
-const STEPS: RangeInclusive<i32> = -12..=16;
+/// Frames that are timed of a setting that is chosen from others by its time.
+const FRAMES: usize = 5;
+/// The share of a time that a choice uses up: other times differ a little.
+const SHARE_OF_TIME: f64 = 0.92;
+/// The share of an error: the truth that it is told from is a little off itself.
+const SHARE_OF_ERROR: f64 = 0.97;
+/// Parts of an octave by which steps differ.
+const PARTS: i32 = 8;
+/// Steps are 2^(n/8) voxels, for n in this range: between an eighth and 16.
+const STEPS: RangeInclusive<i32> = -3 * PARTS..=4 * PARTS;
 /// What a pixel keeps where weights are not exact: whole vectors, which cost what their spare numbers would.
 pub(super) const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
 /// Shares of the pixels across that are marched: half of all pixels less each time.
 pub(super) const SCALES: [f64; 7] = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
 /// By how many steps shorter the march of one of them takes as long as that of the one before.
-const STEPS_A_SCALE: i32 = 4;
+const STEPS_A_SCALE: i32 = PARTS;
 
 /// What was measured of a setting.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
     /// March and relight (and enlarging) on the wall, the median, in ms.
     pub frame_ms: f64,
-    /// ΔE00 from the truth: the mean, p95 and the largest.
+    /// The same of all threads of this process on a CPU.
+    pub cpu_ms: f64,
+    /// Over so many frames.
+    pub frames: usize,
+    /// ΔE00 from the truth in the pixels that were looked at: the mean, p95 and the largest.
     pub error: ErrorSummary,
+    /// ΔE00 that 95 of 100 of all pixels keep, which is said wrongly once in a hundred times.
+    pub at_most: f64,
 }
 
 /// A setting that was chosen, and why.
@@ -122,6 +130,7 @@ pub type Tried = (Setting, Point);
 struct Kept {
     n: i32,
     dimension: Option<usize>,
+    scale: f64,
     setting: Setting,
     point: Point,
     /// The next longer step, which does not.
@@ -170,6 +179,11 @@ impl ChoiceError {
             _ => false,
         }
     }
+
+    /// Whether the device holds a picture of fewer pixels.
+    fn is_too_large(&self) -> bool {
+        matches!(self, Self::Render(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }))
+    }
 }
 
 /// The setting of `scene` under `mix` that makes the picture that is `wanted` on the device of `renderer`.
@@ -216,12 +230,13 @@ pub fn curve(
     cache: Option<&Path>,
     progress: &dyn Progress,
 ) -> Result<Vec<Tried>, ChoiceError> {
-    const OCTAVES: [i32; 5] = [-8, -4, 0, 4, 8];
+    const OCTAVES: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
     let mut curve = Curve::new(renderer, scene, mix, size, cache, progress)?;
     let settings: Vec<Setting> = std::iter::once(Setting::default())
-        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(quarters(n), dimension, 1.0))))
+        .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(voxels(n), dimension, 1.0))))
         .collect();
-    let measured: Result<(), ChoiceError> = settings.iter().try_for_each(|setting| curve.point(setting).map(drop));
+    let measured: Result<(), ChoiceError> =
+        settings.iter().try_for_each(|setting| curve.point(setting, FRAMES).map(drop));
     curve.keep();
     measured.map(|()| curve.tried)
 }
@@ -242,16 +257,8 @@ struct Curve<'a> {
     /// Those of [`SCALES`] that may be chosen, 1 first.
     scales: &'static [f64],
     bench: Option<Bench<'a>>,
-}
-
-/// What measuring needs, made when it is first needed.
-pub(super) struct Bench<'a> {
-    ladder: Ladder<'a>,
-    uploaded: Uploaded,
-    size: [usize; 2],
-    truth: Vec<glam::DVec3>,
-    /// Of the truth, in world units.
-    step_length: f64,
+    /// The truth is made for no shorter steps than this, in world units.
+    finest: f64,
 }
 
 /// A step of so many octaves of a voxel, to three digits.
@@ -264,8 +271,8 @@ pub(super) fn voxels(octaves: f64) -> f64 {
 }
 
 /// Step number `n`, in voxels.
-fn quarters(n: i32) -> f64 {
-    voxels(f64::from(n) / 4.0)
+fn step(n: i32) -> f64 {
+    voxels(f64::from(n) / f64::from(PARTS))
 }
 
 /// A step of so many voxels, so many numbers of a colour model where there is one, and such a share of the pixels across.
@@ -275,6 +282,15 @@ pub(super) fn setting(step: f64, dimension: Option<usize>, scale: f64) -> Settin
         setting = setting.with(Knob::K, Value::Number(count(k)));
     }
     if scale < 1.0 { setting.with(Knob::Scale, Value::Number(scale)) } else { setting }
+}
+
+/// Whether errors do not go with the step any more, but are of something else.
+fn is_level(tried: &BTreeMap<i32, Tried>) -> bool {
+    /// An error of the step that is left over after an octave of it is smaller than that.
+    const LEFT: f64 = 0.8;
+    let Some((shortest, (_, least))) = tried.first_key_value() else { return false };
+    let mut longer = tried.range(shortest + PARTS..);
+    longer.next().is_some_and(|(_, (_, point))| least.at_most > LEFT * point.at_most)
 }
 
 impl<'a> Curve<'a> {
@@ -307,57 +323,164 @@ impl<'a> Curve<'a> {
             dimensions,
             scales: &SCALES[..1],
             bench: None,
+            finest: 0.0,
         })
     }
 
-    /// What `setting` takes and errs by.
-    fn point(&mut self, setting: &Setting) -> Result<Point, ChoiceError> {
-        let point = self.known_or_measured(setting)?;
-        if !self.tried.iter().any(|(tried, _)| tried == setting) {
-            self.tried.push((setting.clone(), point));
-        }
+    /// What `setting` takes, over so many `frames` at least, and errs by.
+    fn point(&mut self, setting: &Setting, frames: usize) -> Result<Point, ChoiceError> {
+        let point = self.known_or_measured(setting, frames)?;
+        self.try_out(setting, point);
         Ok(point)
     }
 
-    fn known_or_measured(&mut self, setting: &Setting) -> Result<Point, ChoiceError> {
-        if let Some(point) = self.known.get(setting) {
+    fn try_out(&mut self, setting: &Setting, point: Point) {
+        match self.tried.iter_mut().find(|(tried, _)| tried == setting) {
+            Some((_, known)) => *known = point,
+            None => self.tried.push((setting.clone(), point)),
+        }
+    }
+
+    fn known_or_measured(&mut self, setting: &Setting, frames: usize) -> Result<Point, ChoiceError> {
+        let known = self.known.get(setting);
+        if let Some(point) = known.filter(|point| point.frames >= frames) {
             return Ok(point);
         }
         self.progress.report(&format!("trying {setting}"), self.measured as u64, self.measured as u64 + 4);
-        let scene = setting.applied(self.scene);
-        let planned = plan(&scene, self.progress)?;
-        let mut bench = match self.bench.take() {
-            Some(bench) => bench,
+        let progress = self.progress;
+        let finest = self.finest;
+        let bench = self.bench()?;
+        let ready = bench.ready(setting, progress)?;
+        let point = match known {
+            Some(point) => point,
             None => {
-                let drawn = (PIXELS, SEED);
-                Bench::new(self.renderer, self.scene, self.mix, &planned, self.size, drawn, self.progress)?
+                bench.check(&ready)?;
+                bench.truth_for(ready.step_length().max(finest), progress)?;
+                let errors = bench.errors(&ready, progress)?;
+                Point { error: errors.of_sample, at_most: errors.at_most, ..Point::default() }
             }
         };
-        let marched = setting.marched_size(self.size);
-        let error = bench.error(self.renderer, &scene, &planned, marched, self.progress)?;
-        let frame_ms = bench.time(self.renderer, &scene, &planned, marched, self.progress)?;
-        self.bench = Some(bench);
-        let point = Point { frame_ms, error };
-        self.measured += 1;
-        self.known.insert(setting, point);
-        Ok(point)
+        let timed = bench.times(&[ready], frames, progress)?;
+        Ok(self.keep_times(setting, point, timed.first().copied().unwrap_or_default(), frames))
     }
 
-    /// The fastest setting whose p95 is at most `asked`.
+    fn bench(&mut self) -> Result<&mut Bench<'a>, ChoiceError> {
+        let bench = match self.bench.take() {
+            Some(bench) => bench,
+            None => Bench::new(self.renderer, self.scene, self.mix, self.size, (PIXELS, SEED), self.progress)?,
+        };
+        Ok(self.bench.insert(bench))
+    }
+
+    fn keep_times(&mut self, setting: &Setting, point: Point, times: Timing, frames: usize) -> Point {
+        let point = Point { frame_ms: times.wall_ms, cpu_ms: times.cpu_ms, frames, ..point };
+        self.measured += 1;
+        self.known.insert(setting, point);
+        point
+    }
+
+    /// Step number `n` in world units.
+    fn world(&self, n: i32) -> f64 {
+        step(n) * self.scene.volume.geometry.spacing.min_element()
+    }
+
+    /// What is compared where less is better: other programs disturb the CPU time of a software device least.
+    fn cost(&self, point: &Point) -> f64 {
+        let software = self.renderer.device().info().kind == DeviceKind::Software;
+        if software { point.cpu_ms } else { point.frame_ms }
+    }
+
+    /// The cheapest of `kept`. Those that may be are timed again, over more frames, and by turns.
+    fn cheapest(&mut self, mut kept: Vec<Kept>) -> Result<Option<Kept>, ChoiceError> {
+        /// What takes so many times longer in one frame than another does so in more.
+        const CLEARLY: f64 = 1.5;
+        let least = kept.iter().map(|kept| self.cost(&kept.point)).fold(f64::INFINITY, f64::min);
+        kept.retain(|kept| self.cost(&kept.point) <= CLEARLY * least);
+        let progress = self.progress;
+        let mut again: Vec<&mut Kept> = kept.iter_mut().filter(|kept| kept.point.frames < FRAMES).collect();
+        if !again.is_empty() {
+            let bench = self.bench()?;
+            let ready: Result<Vec<_>, _> = again.iter().map(|kept| bench.ready(&kept.setting, progress)).collect();
+            let times = bench.times(&ready?, FRAMES, progress)?;
+            for (kept, times) in again.iter_mut().zip(times) {
+                kept.point = self.keep_times(&kept.setting, kept.point, times, FRAMES);
+                self.try_out(&kept.setting, kept.point);
+            }
+        }
+        Ok(kept.into_iter().min_by(|one, two| self.cost(&one.point).total_cmp(&self.cost(&two.point))))
+    }
+
+    /// The cheapest setting that keeps `asked` in 95 of 100 pixels.
     fn within_error(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
-        let limit = MARGIN * asked;
-        let mut best: Option<Kept> = None;
-        let mut nearest: Option<Tried> = None;
-        for dimension in self.dimensions.clone() {
-            match self.longest_step(limit, dimension, 1.0, STEPS, 0)? {
-                Ok(kept) => {
-                    let slower = best.as_ref().is_some_and(|best| kept.point.frame_ms >= best.point.frame_ms);
-                    // More numbers take longer: where that shows, they are not tried further.
-                    if slower {
-                        break;
-                    }
-                    best = Some(kept);
+        let limit = SHARE_OF_ERROR * asked;
+        let (mut best, mut nearest, mut too_large): (Option<Kept>, Option<Tried>, _) = (None, None, None);
+        for &scale in self.scales {
+            match self.longest_steps(limit, scale, best.as_ref()) {
+                Ok(Ok(kept)) => best = self.cheapest(best.into_iter().chain(kept).collect())?,
+                Ok(Err(broken)) => {
+                    nearest = broken;
+                    break;
                 }
+                // Fewer pixels may do.
+                Err(error) if error.is_too_large() => too_large = Some(error),
+                Err(error) => return Err(error),
+            }
+            if let Some(best) = &best {
+                if best.scale.total_cmp(&scale).is_ne() {
+                    break;
+                }
+                // Whatever else is tried: beside the error that is allowed, that of the truth stays as small.
+                self.finest = self.world(best.n);
+            }
+        }
+        let Some(best) = best else {
+            return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| ChoiceError::None {
+                asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
+                nearest: nearest.map_or_else(String::new, |(setting, point)| {
+                    format!("{setting} comes nearest, with {}; allow more, or take --reference", short(point.error.p95))
+                }),
+            }));
+        };
+        let Kept { setting, point, broken, .. } = best;
+        let beyond = broken.map_or_else(String::new, |(beyond, broken)| {
+            format!("; {beyond} is off by {} in {} ms", short(broken.error.p95), short(broken.frame_ms))
+        });
+        let why = format!(
+            "{setting} is the cheapest of the settings tried whose ΔE00 is within {asked} in 95 of 100 pixels, with some to spare: {} in {} ms{beyond}",
+            short(point.error.p95),
+            short(point.frame_ms)
+        );
+        Ok(self.chosen(setting, point, why))
+    }
+
+    /// Of the settings of `scale`, and of each number of a colour model that may pay, the one with the longest step that keeps
+    /// `limit`; where `best` does with more pixels, of those of its numbers that take fewer samples. Where none keeps it, the one
+    /// that comes nearest.
+    fn longest_steps(
+        &mut self,
+        limit: f64,
+        scale: f64,
+        best: Option<&Kept>,
+    ) -> Result<Result<Vec<Kept>, Option<Tried>>, ChoiceError> {
+        let dimensions = best.map_or_else(|| self.dimensions.clone(), |best| vec![best.dimension]);
+        let (mut kept, mut nearest): (Vec<Kept>, Option<Tried>) = (Vec::new(), None);
+        for dimension in dimensions {
+            let (steps, first) = match (kept.last(), best) {
+                // More numbers take longer: they pay where they allow longer steps.
+                (Some(shorter), _) => (shorter.n + 1..=*STEPS.end(), shorter.n + 1),
+                // Steps that are shorter by more than pixels are fewer save nothing.
+                (None, Some(best)) => {
+                    let shortest = (best.n - STEPS_A_SCALE + 1).max(*STEPS.start());
+                    (shortest..=best.n, shortest)
+                }
+                (None, None) => (STEPS, 0),
+            };
+            if steps.is_empty() {
+                break;
+            }
+            match self.longest_step(limit, dimension, scale, steps, first)? {
+                Ok(longer) => kept.push(longer),
+                Err(_) if !kept.is_empty() => break,
                 Err(broken) => {
                     if nearest.as_ref().is_none_or(|(_, nearest)| broken.1.error.p95 < nearest.error.p95) {
                         nearest = Some(broken);
@@ -365,36 +488,11 @@ impl<'a> Curve<'a> {
                 }
             }
         }
-        let Some(mut best) = best else {
-            return Err(ChoiceError::None {
-                asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
-                nearest: nearest.map_or_else(String::new, |(setting, point)| {
-                    format!("{setting} comes nearest, with {}; allow more, or take --reference", short(point.error.p95))
-                }),
-            });
-        };
-        for &scale in self.scales.iter().skip(1) {
-            // Steps that are shorter by more than pixels are fewer save nothing.
-            let shortest = (best.n - STEPS_A_SCALE + 1).max(*STEPS.start());
-            match self.longest_step(limit, best.dimension, scale, shortest..=best.n, shortest)? {
-                Ok(kept) if kept.point.frame_ms < best.point.frame_ms => best = kept,
-                _ => break,
-            }
-        }
-        let Kept { setting, point, broken, .. } = best;
-        let beyond = broken.map_or_else(String::new, |(beyond, broken)| {
-            format!("; {beyond} is off by {} in {} ms", short(broken.error.p95), short(broken.frame_ms))
-        });
-        let why = format!(
-            "{setting} is the fastest of the settings tried whose ΔE00 is within {asked} in 95 of 100 pixels, with some to spare: {} in {} ms{beyond}",
-            short(point.error.p95),
-            short(point.frame_ms)
-        );
-        Ok(self.chosen(setting, point, why))
+        Ok(if kept.is_empty() { Err(nearest) } else { Ok(kept) })
     }
 
-    /// Of the settings of `dimension` and `scale` with one of `steps`: the one with the longest whose p95 is at most `limit`;
-    /// where none keeps it, that which comes nearest. The search begins at step `first`.
+    /// Of the settings of `dimension` and `scale` with one of `steps`: the one with the longest that keeps `limit`; where none
+    /// does, that which comes nearest. The search begins at step `first`.
     fn longest_step(
         &mut self,
         limit: f64,
@@ -408,35 +506,45 @@ impl<'a> Curve<'a> {
         let mut tried: BTreeMap<i32, Tried> = BTreeMap::new();
         let mut next = first;
         loop {
-            let setting = setting(quarters(next), dimension, scale);
-            let point = self.point(&setting)?;
+            let setting = setting(step(next), dimension, scale);
+            let point = self.point(&setting, 1)?;
             tried.insert(next, (setting.clone(), point));
-            let keeps = |n: &i32| tried.get(n).is_some_and(|(_, point)| point.error.p95 <= limit);
+            let keeps = |n: &i32| tried.get(n).is_some_and(|(_, point)| point.at_most <= limit);
             let kept = tried.keys().copied().filter(keeps).max();
             let broken = tried.keys().copied().find(|n| !keeps(n) && kept.is_none_or(|kept| *n > kept));
             let low = kept.map_or(*steps.start(), |kept| kept + 1);
             let high = broken.map_or(*steps.end(), |broken| broken - 1);
-            if low > high {
+            // What errs by its colour model keeps no step; the most numbers, and weights, are tried to the end.
+            let more_are_left = dimension.is_some_and(|k| k < DIMENSIONS[DIMENSIONS.len() - 1]);
+            let done = low > high || kept.is_none() && more_are_left && is_level(&tried);
+            if done {
                 let broken = broken.and_then(|n| tried.get(&n).cloned());
                 // Where none keeps it, the last that was tried is the shortest.
                 return Ok(match kept.and_then(|n| Some((n, tried.remove(&n)?))) {
-                    Some((n, (setting, point))) => Ok(Kept { n, dimension, setting, point, broken }),
+                    Some((n, (setting, point))) => Ok(Kept { n, dimension, scale, setting, point, broken }),
                     None => Err((setting, point)),
                 });
             }
-            let further = 4.0 * (limit / point.error.p95.max(1e-9)).log2() / ORDER;
-            next = (next + nearest(further.clamp(-40.0, 40.0))).clamp(low, high);
+            let further = f64::from(PARTS) * (limit / point.at_most.max(1e-9)).log2() / ORDER;
+            next = (next + nearest(further.clamp(-80.0, 80.0))).clamp(low, high);
         }
     }
 
     /// The setting with the least p95 that takes at most `asked` ms.
     fn within_time(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
-        let limit = MARGIN * asked;
-        let mut least = f64::INFINITY;
+        let limit = SHARE_OF_TIME * asked;
+        let (mut least, mut too_large) = (f64::INFINITY, None);
         for dimension in self.dimensions.clone() {
             let (mut of_dimension, mut first) = (f64::INFINITY, 0);
             for &scale in self.scales {
-                let (n, p95) = self.shortest_step(limit, dimension, scale, first)?;
+                let (n, p95) = match self.shortest_step(limit, dimension, scale, first) {
+                    // Fewer pixels may do.
+                    Err(error) if error.is_too_large() => {
+                        too_large = Some(error);
+                        continue;
+                    }
+                    found => found?,
+                };
                 // Where fewer pixels cost more than shorter steps gain, fewer still do so, too.
                 if of_dimension.is_finite() && p95 >= of_dimension {
                     break;
@@ -464,12 +572,12 @@ impl<'a> Curve<'a> {
             return Ok(self.chosen(setting, point, why));
         }
         let fastest = self.tried.iter().min_by(|one, two| one.1.frame_ms.total_cmp(&two.1.frame_ms));
-        Err(ChoiceError::None {
+        Err(too_large.filter(|_| fastest.is_none()).unwrap_or_else(|| ChoiceError::None {
             asked: format!("{asked} ms a frame"),
             nearest: fastest.map_or_else(String::new, |(setting, point)| {
                 format!("{setting} takes {} ms; take a smaller --size, or more time", short(point.frame_ms))
             }),
-        })
+        }))
     }
 
     /// Of the settings of `dimension` and `scale`: the shortest step that takes at most `limit` ms, and the least p95 of those
@@ -486,7 +594,7 @@ impl<'a> Curve<'a> {
         let (mut low, mut high, mut next) = (*STEPS.start(), *STEPS.end(), first);
         let (mut found, mut least, mut tries) = (*STEPS.end(), f64::INFINITY, 0);
         while low <= high {
-            let point = self.point(&setting(quarters(next), dimension, scale))?;
+            let point = self.point(&setting(step(next), dimension, scale), FRAMES)?;
             // Where a step is fast enough longer ones are as well, about.
             if point.frame_ms <= limit {
                 (found, least, high) = (next, least.min(point.error.p95), next - 1);
@@ -495,7 +603,7 @@ impl<'a> Curve<'a> {
             }
             tries += 1;
             // Time goes about with 1/Δs.
-            let further = nearest((4.0 * (point.frame_ms / limit).log2()).clamp(-40.0, 40.0));
+            let further = nearest((f64::from(PARTS) * (point.frame_ms / limit).log2()).clamp(-80.0, 80.0));
             next = if tries < POINTED { next + further } else { i32::midpoint(low, high) }.clamp(low, high.max(low));
         }
         Ok((found, least))
@@ -516,79 +624,5 @@ impl<'a> Curve<'a> {
         {
             tracing::warn!("what was measured is not kept: {error}");
         }
-    }
-}
-
-impl<'a> Bench<'a> {
-    /// For pictures of `size` of `scene`, whose errors are those of so many pixels, drawn by a seed.
-    pub(super) fn new(
-        renderer: &Renderer,
-        scene: &'a Scene,
-        mix: &Mix,
-        planned: &Planned,
-        size: [usize; 2],
-        (most, seed): (usize, u64),
-        progress: &dyn Progress,
-    ) -> Result<Self, ChoiceError> {
-        let ladder = drawn(scene, mix, size, most, seed, progress)?;
-        if ladder.pixels.is_empty() {
-            return Err(ChoiceError::Nothing { source_name: scene.source.clone() });
-        }
-        let uploaded = renderer.upload(scene, planned, ladder.statistics(), progress)?;
-        Ok(Self { ladder, uploaded, size, truth: Vec::new(), step_length: f64::INFINITY })
-    }
-
-    /// Makes the truth that pictures with steps of such a length are measured against.
-    pub(super) fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), ChoiceError> {
-        // A truth of a quarter of the step leaves a sixteenth of an error of second order; one is made for several steps.
-        if self.step_length > step_length / 4.0 {
-            self.ladder.finest = step_length;
-            self.truth = self.ladder.truth_in(&self.ladder.pixels, progress)?;
-            self.step_length = step_length / FINER;
-        }
-        Ok(())
-    }
-
-    /// How far a picture of `scene` is from the truth of which so many pixels are `marched`.
-    pub(super) fn error(
-        &mut self,
-        renderer: &Renderer,
-        scene: &Scene,
-        planned: &Planned,
-        marched: [usize; 2],
-        progress: &dyn Progress,
-    ) -> Result<ErrorSummary, ChoiceError> {
-        self.truth_for(scene.accuracy.step_length, progress)?;
-        let shown = picture(renderer, &self.ladder, scene, planned, &self.uploaded, marched, progress)?;
-        let shown = looked_up(&Enlargement::new(marched, self.size).pixels(&shown), self.size, &self.ladder.pixels);
-        Ok(ErrorSummary::of(&delta_e(&shown, &self.truth)))
-    }
-
-    /// What a frame of it takes on the wall, the median, in ms.
-    pub(super) fn time(
-        &self,
-        renderer: &Renderer,
-        scene: &Scene,
-        planned: &Planned,
-        marched: [usize; 2],
-        progress: &dyn Progress,
-    ) -> Result<f64, ChoiceError> {
-        let matrices = self.ladder.shown(scene, planned);
-        let enlargement = Enlargement::new(marched, self.size);
-        let blank = vec![[0.0; 4]; marched[0] * marched[1]];
-        let mut times = Vec::new();
-        for run in 0..=RUNS {
-            let clock = Stopwatch::start();
-            let accumulators = renderer.march(scene, planned, &self.uploaded, marched, progress)?;
-            let relight = renderer.relight_display(&accumulators)?;
-            relight.run(&matrices)?;
-            if !enlargement.is_none() {
-                std::hint::black_box(enlargement.pixels(&blank));
-            }
-            if run > 0 {
-                times.push(clock.read().wall_ms);
-            }
-        }
-        Ok(summary(&times).map_or(f64::NAN, |times| times.median))
     }
 }

@@ -1,5 +1,6 @@
 //! What a result costs and how far it is from the truth.
 
+mod bench;
 mod cache;
 mod choice;
 mod clock;
@@ -28,7 +29,7 @@ pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered
 pub use difference::Difference;
 pub use enlarge::Enlargement;
 pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
-pub use goals::{GoalRow, GoalScene, GoalSummary, goal_row};
+pub use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, Ratios, goal_row};
 pub use image_error::{ImageError, MeasureError, Spread};
 pub use ladder::{Cause, LadderError, Lattice};
 pub use model::{

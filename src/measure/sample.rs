@@ -5,11 +5,20 @@ use glam::DVec3;
 use super::difference::Difference;
 use super::ladder::{Ladder, LadderError};
 use crate::model::random::Random;
+use crate::number::{count, whole};
 use crate::progress::Progress;
 use crate::scene::{Mix, Scene};
 
 /// Pixels that are looked at in each round of drawing.
 const ROUND: usize = 4096;
+
+/// Pixels drawn among those that show anything.
+pub(super) struct Drawn<'a> {
+    /// The ladder of those that were drawn.
+    pub(super) ladder: Ladder<'a>,
+    /// About how many there are in the whole picture.
+    pub(super) showing: usize,
+}
 
 /// A ladder of up to `most` of the pixels of a picture of `size` under `mix` that show anything, drawn by `seed`; all of them where
 /// there are fewer.
@@ -20,9 +29,10 @@ pub(super) fn drawn<'a>(
     most: usize,
     seed: u64,
     progress: &dyn Progress,
-) -> Result<Ladder<'a>, LadderError> {
+) -> Result<Drawn<'a>, LadderError> {
     let mut random = Random::new(seed);
-    let mut left: Vec<[usize; 2]> = (0..size[0] * size[1]).map(|i| [i % size[0], i / size[0]]).collect();
+    let pixels = size[0] * size[1];
+    let mut left: Vec<[usize; 2]> = (0..pixels).map(|i| [i % size[0], i / size[0]]).collect();
     let mut found: Vec<[usize; 2]> = Vec::new();
     let mut ladder = Ladder::new(scene, mix.clone(), size, &[], scene.accuracy.step_length, progress)?;
     while found.len() < most && !left.is_empty() {
@@ -30,9 +40,26 @@ pub(super) fn drawn<'a>(
             (0..ROUND.min(left.len())).map(|_| left.swap_remove(random.index(left.len()))).collect();
         found.extend(ladder.showing(&round, progress)?);
     }
+    let showing = whole(count(found.len()) * count(pixels) / count(pixels - left.len()).max(1.0));
     found.truncate(most);
     ladder.pixels = found;
-    Ok(ladder)
+    Ok(Drawn { ladder, showing })
+}
+
+/// What 95 of 100 of `all` pixels keep, of which those with `errors` were drawn at random: more than their own p95, so that it
+/// holds for 99 of 100 such draws, whatever the errors are like; their own where these are all.
+///
+/// The errors that are larger than the p95 of all are drawn as often as a hypergeometric number says, here taken for a normal one.
+pub(super) fn p95_of_all(errors: &[f64], all: usize) -> f64 {
+    /// So many standard deviations are exceeded once in a hundred times.
+    const DEVIATIONS: f64 = 2.326;
+    let mut sorted: Vec<f64> = errors.iter().map(|&error| if error.is_nan() { f64::INFINITY } else { error }).collect();
+    sorted.sort_by(f64::total_cmp);
+    let drawn = count(sorted.len());
+    let left = (1.0 - drawn / count(all)).max(0.0);
+    let deviation = (drawn * 0.95 * 0.05 * left).sqrt();
+    let rank = whole(0.95f64.mul_add(drawn, DEVIATIONS * deviation).ceil()).clamp(1, sorted.len().max(1));
+    sorted.get(rank - 1).copied().unwrap_or_default()
 }
 
 /// How far linear RGBA of a picture of `size` under `mix` is from the truth, whose steps are an eighth of those of `scene`, in 4096
@@ -52,7 +79,7 @@ pub fn check(
     const PIXELS: usize = 4096;
     /// Other pixels than a choice is made by.
     const SEED: u64 = 77;
-    let ladder = drawn(scene, mix, size, PIXELS, SEED, progress)?;
+    let Drawn { ladder, .. } = drawn(scene, mix, size, PIXELS, SEED, progress)?;
     let truth = ladder.truth_in(&ladder.pixels, progress)?;
     let shown: Vec<DVec3> = ladder
         .pixels
@@ -84,5 +111,35 @@ impl Checked {
         let asked = asked.map_or_else(String::new, |asked| format!("asked {asked}, "));
         let pixels = self.pixels;
         format!("{asked}measured {:.2}: p95 of ΔE00 over {pixels} random pixels; at most {:.2}", error.p95, error.max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_pixels_keep_what_they_keep_and_a_draw_says_a_little_more() {
+        let errors: Vec<f64> = (1..=2000).map(f64::from).collect();
+        assert_eq!(p95_of_all(&errors, 2000).total_cmp(&1900.0), std::cmp::Ordering::Equal);
+        // 2.326·√(2000·0.95·0.05) = 22.67, and of one half of all √½ of that.
+        assert_eq!(p95_of_all(&errors, usize::MAX).total_cmp(&1923.0), std::cmp::Ordering::Equal);
+        assert_eq!(p95_of_all(&errors, 4000).total_cmp(&1917.0), std::cmp::Ordering::Equal);
+        assert!(p95_of_all(&[1.0, f64::NAN], 2).is_infinite());
+        assert_eq!(p95_of_all(&[], 0).total_cmp(&0.0), std::cmp::Ordering::Equal);
+    }
+
+    /// Of draws from errors whose p95 is known.
+    #[test]
+    fn in_99_of_100_draws_95_of_100_keep_what_it_says() {
+        let (mut random, all) = (Random::new(5), 6000);
+        let (mut short, draws) = (0, 2000);
+        for _ in 0..draws {
+            let mut left: Vec<usize> = (1..=all).collect();
+            let drawn: Vec<f64> = (0..500).map(|_| count(left.swap_remove(random.index(left.len())))).collect();
+            short += usize::from(p95_of_all(&drawn, all) < 0.95 * count(all));
+        }
+        // Twenty are expected; three standard deviations more are 34.
+        assert!(short <= 34, "{short} of {draws}");
     }
 }

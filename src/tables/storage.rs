@@ -187,8 +187,13 @@ impl Storage {
         } else {
             "loses nothing".into()
         };
-        let megabytes = count(usize::try_from(self.bytes(dims)).unwrap_or(usize::MAX)) / 1e6;
-        format!("For the device, the volume takes {megabytes:.1} MB{gradients}; storing it so {moves}.")
+        let bytes = count(usize::try_from(self.bytes(dims)).unwrap_or(usize::MAX));
+        let amount = match bytes {
+            ..1e3 => format!("{bytes} bytes"),
+            ..1e5 => format!("{:.1} kB", bytes / 1e3),
+            _ => format!("{:.1} MB", bytes / 1e6),
+        };
+        format!("For the device, the volume takes {amount}{gradients}; storing it so {moves}.")
     }
 
     /// Bytes of the whole texture.

@@ -71,7 +71,7 @@ impl Curve {
     pub fn is_on_the_front(&self, index: usize) -> bool {
         let Some(Measured { point, .. }) = self.settings.get(index) else { return false };
         let better = |other: &Measured| {
-            let Point { frame_ms, error } = other.point;
+            let Point { frame_ms, error, .. } = other.point;
             let (faster, nearer) = (frame_ms <= point.frame_ms, error.p95 <= point.error.p95);
             faster && nearer && (frame_ms < point.frame_ms || error.p95 < point.error.p95)
         };
@@ -112,7 +112,7 @@ mod tests {
     use crate::scene::{SceneError, SceneOptions, load_embedded};
 
     fn point(frame_ms: f64, p95: f64) -> Point {
-        Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 } }
+        Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 }, ..Point::default() }
     }
 
     #[test]
