@@ -590,3 +590,109 @@ fn situations_are_kept_renamed_and_forgotten() {
     assert_eq!(names(&window), ["evening"]);
     assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Forget(1)))));
 }
+
+/// A press and a release of the first button.
+fn click_at(window: &mut Harness<'_, App>, pos: Pos2) {
+    window.event(Event::PointerMoved(pos));
+    window.run();
+    for pressed in [true, false] {
+        let button = PointerButton::Primary;
+        window.event(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    }
+}
+
+/// What a hand types into the field that is called `label`.
+fn type_into(window: &mut Harness<'_, App>, label: &str, text: &str) {
+    window.get_by_label(label).click();
+    window.run();
+    for letter in text.chars() {
+        window.event(Event::Text(letter.to_string()));
+        window.run();
+        // As the window does where no button is held.
+        window.state_mut().document.as_mut().unwrap().rest();
+    }
+}
+
+#[test]
+fn the_bar_of_the_panels_lies_over_no_control() {
+    let mut window = wide(document());
+    window.run();
+    let solo = window.get_all_by_label("solo").next().unwrap().rect();
+    click_at(&mut window, Pos2::new(solo.right() - 1.0, solo.center().y));
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Solo(Some(0)))));
+}
+
+#[test]
+fn a_typed_number_holds_once_enter_is_pressed_and_is_one_step_back() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    type_into(&mut window, "interval 0: to", "85");
+    assert_eq!(intervals(&window), before, "not yet");
+    window.key_press(Key::Enter);
+    window.run();
+    assert_eq!(intervals(&window)[0], Interval { range: [before[0].range[0], 85.0], ..before[0] });
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
+}
+
+#[test]
+fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits() {
+    let mut document = document();
+    let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+    document.edit(&Edit::Interval(0, Interval { opacity: 0.123_456_7, ..stated }));
+    let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(document));
+    window.run();
+    type_into(&mut window, "interval 0: opacity", "");
+    window.key_press(Key::Enter);
+    window.run();
+    assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
+}
+
+#[test]
+fn an_end_of_an_interval_that_is_typed_past_the_other_stops_there() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    type_into(&mut window, "interval 0: from", "9999");
+    window.key_press(Key::Enter);
+    window.run();
+    assert_eq!(intervals(&window)[0].range, [before[0].range[1]; 2]);
+}
+
+#[test]
+fn plus_goes_nearer_with_shift_and_without() {
+    let mut window = wide(document());
+    window.run();
+    for (modifiers, key) in
+        [(Modifiers::SHIFT, Key::Plus), (Modifiers::SHIFT, Key::Equals), (Modifiers::NONE, Key::Equals)]
+    {
+        window.state_mut().asked.clear();
+        window.key_press_modifiers(modifiers, key);
+        window.run();
+        let asked = &window.state().asked;
+        assert!(matches!(asked[..], [Action::Edit(Edit::Camera(Move::Dolly(nearer), _))] if nearer > 1.0), "{asked:?}");
+    }
+}
+
+#[test]
+fn the_probe_opens_beside_the_pixel_that_was_clicked() {
+    for part in [0.05, 0.5, 0.95] {
+        let mut window = wide(document());
+        window.state_mut().probe = Some((DVec2::new(part, 0.3), Some(probed())));
+        window.run();
+        window.run();
+        let picture = window.get_by_label("picture").rect();
+        let at = picture.left() + picture.width() * narrow(part);
+        let left = window.get_by_label("Under each light").rect().left();
+        let (left, right) = (left - 12.0, left + 300.0);
+        assert!(at < left || at > right, "{at} from {left} to {right}");
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "parts of a window")]
+fn narrow(number: f64) -> f32 {
+    number as f32
+}

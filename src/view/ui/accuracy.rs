@@ -1,10 +1,8 @@
 //! The accuracy panel: what is computed, how far from the truth it is, and settings by what they were measured to take.
 
-use egui::{
-    Button, Color32, DragValue, Grid, Id, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
-};
+use egui::{Button, Color32, Grid, Id, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2};
 
-use super::controls::panel;
+use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
@@ -52,8 +50,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         ui.horizontal(|ui| {
             ui.label("Step");
             let [shortest, longest] = STEPS;
-            let drag = DragValue::new(&mut step).speed(0.02).range(shortest..=longest).max_decimals(3).suffix(" voxels");
-            let dragged = ui.add(drag);
+            let dragged =
+                number(ui, &mut step, 3, |drag| drag.speed(0.02).range(shortest..=longest).suffix(" voxels"));
             dragged.widget_info(|| WidgetInfo::slider(true, step, "step"));
             let help = "How far apart the volume is looked at along a ray. Half the step takes about twice the time, and errs by a fourth.";
             if dragged.on_hover_text(help).changed() {
@@ -120,16 +118,15 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     let mut row = |ui: &mut Ui, label: &str, usual: f64, suffix: &str, help: &str, goal: fn(f64) -> Goal| {
         ui.horizontal(|ui| {
             let id = Id::new(("goal", label));
-            let mut number = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
+            let mut wanted = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
             ui.label(label).on_hover_text(help);
-            let drag = DragValue::new(&mut number).speed(0.01 * usual).range(0.01..=1e5).max_decimals(2).suffix(suffix);
-            if ui.add(drag).changed() {
-                ui.data_mut(|data| data.insert_temp(id, number));
+            if number(ui, &mut wanted, 2, |drag| drag.speed(0.01 * usual).range(0.01..=1e5).suffix(suffix)).changed() {
+                ui.data_mut(|data| data.insert_temp(id, wanted));
             }
             let button = ui.add(Button::new("Choose").small());
             button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("choose by {label}")));
             if button.on_hover_text("Measures settings until one does this, and takes it.").clicked() {
-                asked.push(Action::Measure(Some(goal(number))));
+                asked.push(Action::Measure(Some(goal(wanted))));
             }
         });
     };

@@ -1,8 +1,8 @@
 //! The display panel: how colours reach the screen.
 
-use egui::{ComboBox, Slider, Ui};
+use egui::{ComboBox, Ui};
 
-use super::controls::panel;
+use super::controls::{panel, slider};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
@@ -16,8 +16,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         ui.horizontal(|ui| {
             ui.label("Exposure");
             ui.spacing_mut().slider_width = ui.available_width() - 76.0;
-            let slider = Slider::new(&mut exposure, 0.05..=20.0).logarithmic(true);
-            let slider = ui.add(slider.clamping(egui::SliderClamping::Never).max_decimals(2));
+            let slider = slider(ui, &mut exposure, 0.05..=20.0, 2, |slider| slider.logarithmic(true));
             if slider.on_hover_text("What all colours are multiplied by before they are shown.").changed() {
                 asked.push(Action::Edit(Edit::Exposure(exposure)));
             }

@@ -1,11 +1,12 @@
 //! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
 
 use egui::{
-    Button, Color32, ComboBox, DragValue, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind,
-    Ui, WidgetInfo, WidgetType, Window, vec2,
+    Button, Color32, ComboBox, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui,
+    WidgetInfo, WidgetType, Window, vec2,
 };
 
 use super::Shown;
+use super::controls::number;
 use super::spectrum::{curve, plot};
 use crate::model::LARGEST_DIMENSION;
 use crate::palette::{Member, ModelTerm, NATURAL, Palette, Target};
@@ -216,7 +217,7 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
         if let Some(cell) = found {
             let mut weight = cell.weight;
             ui.label("weight").on_hover_text("How much its ΔE00 counts beside others.");
-            if ui.add(DragValue::new(&mut weight).speed(0.02).range(1e-3..=1e3).max_decimals(3)).changed() {
+            if number(ui, &mut weight, 3, |drag| drag.speed(0.02).range(1e-3..=1e3)).changed() {
                 step(asked, Step::Weight(row, column, weight));
             }
         }
@@ -241,9 +242,9 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
         let [mut low, mut high] = member.bounds;
         let unit = if side == Side::Light { "times its mean" } else { "of what falls on it" };
         ui.label("from");
-        let lower = ui.add(DragValue::new(&mut low).speed(0.02).range(-1e3..=1e3).max_decimals(3));
+        let lower = number(ui, &mut low, 3, |drag| drag.speed(0.02).range(-1e3..=1e3));
         ui.label("to");
-        let upper = ui.add(DragValue::new(&mut high).speed(0.02).range(-1e3..=1e3).max_decimals(3));
+        let upper = number(ui, &mut high, 3, |drag| drag.speed(0.02).range(-1e3..=1e3));
         ui.label(RichText::new(unit).small());
         if lower.changed() || upper.changed() {
             step(asked, Step::Bounds(side, index, [low, high]));
@@ -262,9 +263,9 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
         ui.label("smoothness");
         // By powers of ten: a millionth is as far from a thousandth as that is from one.
         let mut power = member.smoothness.log10();
-        let field = DragValue::new(&mut power).speed(0.02).range(-12.0..=6.0).max_decimals(2).prefix("10^");
+        let field = number(ui, &mut power, 2, |drag| drag.speed(0.02).range(-12.0..=6.0).prefix("10^"));
         let help = "What bends of the spectrum count beside ΔE00: more is smoother and less exact.";
-        if ui.add(field).on_hover_text(help).changed() {
+        if field.on_hover_text(help).changed() {
             step(asked, Step::Smoothness(side, index, 10.0_f64.powf(power)));
         }
     });
@@ -281,10 +282,10 @@ fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
         }
         if let Some(mut term) = palette.model {
             ui.label("of k =");
-            let k = ui.add(DragValue::new(&mut term.dimension).speed(0.05).range(1..=LARGEST_DIMENSION));
+            let k = number(ui, &mut term.dimension, 0, |drag| drag.speed(0.05).range(1..=LARGEST_DIMENSION));
             ui.label("weight");
-            let weight = DragValue::new(&mut term.weight).speed(0.02).range(1e-3..=1e3).max_decimals(3);
-            if ui.add(weight).on_hover_text("What its own ΔE00 counts.").changed() || k.changed() {
+            let weight = number(ui, &mut term.weight, 3, |drag| drag.speed(0.02).range(1e-3..=1e3));
+            if weight.on_hover_text("What its own ΔE00 counts.").changed() || k.changed() {
                 step(asked, Step::Model(Some(term)));
             }
         }

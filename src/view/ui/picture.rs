@@ -99,7 +99,10 @@ fn keys(ui: &Ui, go: &mut impl FnMut(Move)) {
         go(Move::Pan { right: -0.05 * right, up: -0.05 * up });
     }
     let times = |key| presses(key, Modifiers::NONE);
-    let nearer = times(Key::Plus) + times(Key::Equals) + times(Key::PageUp) - times(Key::Minus) - times(Key::PageDown);
+    // Where `+` is on a keyboard, and whether it takes Shift, is the keyboard's own.
+    let anyhow = |key| presses(key, Modifiers::NONE) + presses(key, Modifiers::SHIFT);
+    let nearer =
+        anyhow(Key::Plus) + anyhow(Key::Equals) + times(Key::PageUp) - times(Key::Minus) - times(Key::PageDown);
     if nearer != 0.0 {
         go(Move::Dolly(NEARER.powf(nearer)));
     }

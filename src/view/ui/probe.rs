@@ -22,10 +22,12 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         ui.painter().circle_stroke(at, 6.0, Stroke::new(width, colour));
     }
     let mut open = true;
-    let corner = rect.right_top() + vec2(-WIDTH - 30.0, 8.0);
+    // It opens beside what is looked at; where it is, and where it was put, it stays.
+    let right = (rect.right() - WIDTH - 30.0).max(rect.left());
+    let left = if at.x + 20.0 > right { rect.left() + 8.0 } else { right };
     Window::new("Probe")
         .open(&mut open)
-        .default_pos(pos2(corner.x.max(rect.left()), corner.y))
+        .default_pos(pos2(left, rect.top() + 8.0))
         .default_size([WIDTH, (rect.height() - 20.0).max(80.0)])
         .resizable(false)
         .constrain_to(rect)

@@ -3,12 +3,12 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Color32, ComboBox, DragValue, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
-    WidgetType, pos2, vec2,
+    Color32, ComboBox, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
+    pos2, vec2,
 };
 use glam::DVec3;
 
-use super::controls::panel;
+use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::number::{count, whole};
 use crate::scene::{Interval, Material, Scene, Term, positions};
@@ -297,21 +297,23 @@ fn row(
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().interact_size.x = 46.0;
-        let number = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
-            let drag = DragValue::new(value).speed(speed).range(range);
-            let dragged = ui.add(drag.max_decimals(4)).on_hover_text(help);
+        let field = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
+            let dragged = number(ui, value, 4, |drag| drag.speed(speed).range(range)).on_hover_text(help);
             let value = *value;
             dragged.widget_info(|| WidgetInfo::slider(true, value, format!("interval {index}: {name}")));
             if dragged.has_focus() || dragged.dragged() {
                 choose(ui, index);
             }
         };
-        let [low, high] = &mut now.range;
-        number(ui, low, span / 500.0, f64::MIN..=f64::MAX, "from", "The value from which it shows fully.");
+        // One end stops at the other, as where it is dragged.
+        let [low, high] = interval.range;
+        let help = "The value from which it shows fully; at most the next one.";
+        field(ui, &mut now.range[0], span / 500.0, f64::MIN..=high, "from", help);
         ui.label("to");
-        number(ui, high, span / 500.0, f64::MIN..=f64::MAX, "to", "The value up to which it shows fully.");
+        let help = "The value up to which it shows fully; at least the one before.";
+        field(ui, &mut now.range[1], span / 500.0, low..=f64::MAX, "to", help);
         ui.label("±");
-        number(
+        field(
             ui,
             &mut now.ramp,
             span / 1000.0,
@@ -320,7 +322,7 @@ fn row(
             "Over so many values it falls to nothing on either side.",
         );
         ui.label("α");
-        number(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "What one opacity length of it hides, 0 to 1.");
+        field(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "What one opacity length of it hides, 0 to 1.");
     });
     if now != interval {
         asked.push(Action::Edit(Edit::Interval(index, now)));
@@ -359,8 +361,8 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
                 asked.push(Action::Edit(Edit::Label(index, material, entry.opacity)));
             }
             let mut opacity = entry.opacity;
-            let drag = DragValue::new(&mut opacity).speed(0.002).range(0.0..=1.0).max_decimals(4);
-            let dragged = ui.add(drag).on_hover_text("What one opacity length of it hides, 0 to 1.");
+            let dragged = number(ui, &mut opacity, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
+                .on_hover_text("What one opacity length of it hides, 0 to 1.");
             dragged.widget_info(|| WidgetInfo::slider(true, opacity, format!("{}: opacity", entry.name)));
             if dragged.changed() {
                 asked.push(Action::Edit(Edit::Label(index, entry.material, opacity)));
