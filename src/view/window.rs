@@ -29,10 +29,11 @@ use super::ui::{self, Design, Effort, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
 use crate::output::{OutputError, Picture, numbered, write_exr, write_ready_png};
-use crate::palette::{self, PaletteError, Solution};
+use crate::palette::{self, Conflict, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::scene::Interval;
+use crate::volume::VolumeError;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 
 /// How long after its last movement a hand rests.
@@ -202,9 +203,13 @@ struct Viewer {
     /// What was measured, and what is being measured.
     curve: Option<Curve>,
     measuring: Option<Job<Chosen>>,
+    /// What the setting that was chosen last came to.
+    chosen: Option<String>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
     solving: Option<Job<Result<Solution, PaletteError>>>,
+    /// What excluded itself in what was solved last.
+    conflicts: Vec<Conflict>,
     /// The last edit that marches.
     moved: Instant,
     /// Pictures to save once they are finest.
@@ -262,8 +267,10 @@ impl Viewer {
             prober: Prober::default(),
             curve: None,
             measuring: None,
+            chosen: None,
             editing: false,
             solving: None,
+            conflicts: Vec::new(),
             moved: begun,
             to_save: Vec::new(),
             to_capture: None,
@@ -388,7 +395,13 @@ impl Viewer {
             Ok(loaded) => loaded,
             // The next frame notices it too, and starts again.
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
-            Err(error) => return self.tell(&error),
+            Err(error) => {
+                self.tell(&error);
+                if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
+                    notice.push_str("; a window cannot be told: start `relume view` with the file and that");
+                }
+                return;
+            }
         };
         self.before = self.counts();
         if !again {
@@ -399,9 +412,10 @@ impl Viewer {
             }
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
-            self.curve = None;
+            (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);
+        self.conflicts.clear();
         // Pictures are counted anew.
         let looked_at = self.prober.place().filter(|_| again);
         self.prober.look(None);
@@ -465,15 +479,21 @@ impl Viewer {
                 self.show_again(cost);
             }
             Action::Open(path) => self.open(Source::of(&path)),
-            Action::SavePicture(path) => self.to_save.push(path),
-            Action::SaveSession(path) => self.save_session(&path),
+            Action::OpenBuiltIn => self.open(Source::default()),
+            Action::SavePicture(path) => {
+                let is_taken = |path: &Path| self.to_save.iter().any(|known| known == path);
+                self.to_save.push(path.unwrap_or_else(|| free("relume.png", is_taken)));
+            }
+            Action::SaveSession(path) => {
+                self.save_session(&path.unwrap_or_else(|| free("relume-session.toml", |_| false)))
+            }
             Action::SaveWindow(path) => self.to_capture = Some(path),
             Action::Restart => {
                 self.lost.times = 1;
                 self.restore();
             }
             Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
-            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path, frames)),
+            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path.unwrap_or_else(free_tour), frames)),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
@@ -539,6 +559,7 @@ impl Viewer {
                 .as_ref()
                 .zip(self.document.as_ref())
                 .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
+            chosen: self.chosen.as_deref(),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
         let solving = self.solving.as_ref().map(Job::progress);
@@ -554,7 +575,7 @@ impl Viewer {
             plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
             effort,
-            design: Design { shown: self.editing, running: solving },
+            design: Design { shown: self.editing, running: solving, conflicts: &self.conflicts },
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
@@ -711,10 +732,9 @@ impl Viewer {
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
                     self.ask(Action::Edit(Edit::Accuracy(accuracy)));
+                    self.chosen = Some(format!("Chosen, {}: {}.", choice.setting, choice.why));
                     if self.is_scripted() {
                         self.report.choices.push(choice);
-                    } else {
-                        self.note(format!("{}.", choice.why));
                     }
                 }
             }
@@ -729,6 +749,7 @@ impl Viewer {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
         };
+        self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
         self.solving = Some(Job::start(wake, move |progress| palette::solve(&palette, progress)));
@@ -745,14 +766,9 @@ impl Viewer {
                 let spectra = Spectra::of(&document.state().scene, &solution);
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
-                if let Some(conflict) = solution.conflicts.first() {
-                    let ways = conflict.ways_out.iter().map(|way| format!(" {way}.")).collect::<String>();
-                    let more = match solution.conflicts.len() - 1 {
-                        0 => String::new(),
-                        more => format!(" So it is with {more} more sets of cells."),
-                    };
-                    self.note(format!("{}.{ways}{more}", conflict.reason.trim_end_matches('.')));
-                }
+                // The editor tells why, and offers ways out.
+                self.editing |= !solution.conflicts.is_empty();
+                self.conflicts = solution.conflicts;
             }
         }
         true
@@ -766,7 +782,7 @@ impl Viewer {
         match session::save(path, &self.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
             Ok(()) if self.is_scripted() => {}
-            Ok(()) => self.note(format!("The session is {}.", path.display())),
+            Ok(()) => self.note(format!("The session is {}.", whole_path(path))),
         }
     }
 
@@ -788,7 +804,7 @@ impl Viewer {
             match saved {
                 Err(error) => self.tell(&*error),
                 Ok(()) if self.is_scripted() => {}
-                Ok(()) => self.note(format!("The picture is {}.", path.display())),
+                Ok(()) => self.note(format!("The picture is {}.", whole_path(path))),
             }
         }
     }
@@ -830,7 +846,9 @@ impl Viewer {
             match failed {
                 Some(error) => self.tell(&*error),
                 None if self.is_scripted() => {}
-                None => self.note(format!("The pictures of the tour are there, the last of them {}.", path.display())),
+                None => {
+                    self.note(format!("The pictures of the tour are there, the last of them {}.", whole_path(&path)))
+                }
             }
         }
     }
@@ -841,6 +859,12 @@ impl Viewer {
             device: self.report.device.clone(),
             size: self.report.size,
             marching: engine.and_then(Engine::progress),
+            beside: match (&self.measuring, &self.solving, &self.loading) {
+                (_, _, Some(_)) => Some("opening"),
+                (Some(_), _, None) => Some("measuring"),
+                (None, Some(_), None) => Some("solving"),
+                (None, None, None) => None,
+            },
             finest: engine.is_some_and(Engine::is_finest),
             counts: self.counts(),
             frame_ms: self.drawn.last().copied().unwrap_or_default(),
@@ -1028,6 +1052,13 @@ fn spread(times: &mut [f64]) -> [f64; 3] {
     [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default())
 }
 
+/// Whether the file holds several volumes, and nobody has said which.
+fn chooses(error: &LoadError) -> bool {
+    let mut causes = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
+    causes.any(|error| matches!(error.downcast_ref(), Some(VolumeError::Choose { .. })))
+        || matches!(error, LoadError::Volume(VolumeError::Choose { .. }))
+}
+
 /// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
 /// soon as the hand rests: it may have come to rest while a coarse picture was made.
 fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
@@ -1036,6 +1067,24 @@ fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
         (true, false) => again.min(REST),
         (true, true) => Duration::ZERO,
     }
+}
+
+/// The first of the numbered names after `name` that no file has, and that is not `taken` either.
+fn free(name: &str, taken: impl Fn(&Path) -> bool) -> PathBuf {
+    let names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
+    names.into_iter().find(|path| !path.exists() && !taken(path)).unwrap_or_else(|| name.into())
+}
+
+/// A name of a tour whose first picture is not there.
+fn free_tour() -> PathBuf {
+    let further = (2..=u16::MAX).map(|number| format!("relume-tour-{number}.png").into());
+    let mut names = std::iter::once(PathBuf::from("relume-tour.png")).chain(further);
+    names.find(|name| !numbered(name, 1).exists()).unwrap_or_else(|| "relume-tour.png".into())
+}
+
+/// Where `path` is, to somebody who does not know what folder this is.
+fn whole_path(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
 
 /// The picture of `engine` as the kind of file that `path` says.

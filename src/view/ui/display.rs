@@ -29,8 +29,13 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         ui.horizontal(|ui| {
             ui.label("Seen by");
             let mut by = display.deficiency;
-            let named = |by: Option<Deficiency>| by.map_or_else(|| "all cones".to_owned(), |by| by.to_string());
-            ComboBox::from_id_salt("seen by").selected_text(named(by)).show_ui(ui, |ui| {
+            let named = |by: Option<Deficiency>| match by {
+                None => "all cones",
+                Some(Deficiency::Protan) => "protan (red-blind)",
+                Some(Deficiency::Deutan) => "deutan (green-blind)",
+                Some(Deficiency::Tritan) => "tritan (blue-blind)",
+            };
+            ComboBox::from_id_salt("seen by").width(0.0).selected_text(named(by)).show_ui(ui, |ui| {
                 ui.selectable_value(&mut by, None, named(None)).on_hover_text("As most people see it.");
                 for one in Deficiency::ALL {
                     let help = match one {
@@ -47,10 +52,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             for observer in Observer::ALL {
                 let (name, help) = match observer {
                     Observer::Cie1931 => {
-                        ("2°", "The CIE's standard observer of 1931, for things as small as on a screen. D65 is white.")
+                        ("2° (1931)", "The CIE's standard observer of 1931, for things as small as on a screen. D65 is white.")
                     }
                     Observer::Cie1964 => (
-                        "10°",
+                        "10° (1964)",
                         "The CIE's standard observer of 1964, for large surfaces. D65 is white to it, too; spectra that look \
                          alike to one may differ to the other.",
                     ),

@@ -21,13 +21,19 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let stated = state.light.sliders.get(index);
             let by_slider = state.light.mixing == Mixing::Sliders;
             ui.horizontal(|ui| {
-                swatch(ui, &light.spectrum, share, 16.0)
-                    .on_hover_text("The light's own colour, as bright as it shines.");
+                swatch(ui, &light.spectrum, 1.0, 16.0).on_hover_text("The light's own colour, at its brightest.");
                 let mut on = stated.is_some_and(|slider| slider.on);
                 ui.add_enabled_ui(by_slider, |ui| {
                     let name = RichText::new(&light.name).strong();
                     on |= !by_slider;
-                    if ui.checkbox(&mut on, name).on_hover_text("Switches this light on and off.").changed() {
+                    if ui
+                        .checkbox(&mut on, name)
+                        .on_hover_text("Switches this light on and off.")
+                        .on_disabled_hover_text(
+                            "The dial mixes now, without switches: move a slider, or press solo, to take over.",
+                        )
+                        .changed()
+                    {
                         asked.push(Action::Edit(Edit::On(index, on)));
                     }
                 });
@@ -56,14 +62,17 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let (mut normalise, mut master) = state.master();
         ui.horizontal(|ui| {
             ui.label("Master").on_hover_text("All lights together.");
-            let dragged = number(ui, &mut master, 3, |drag| drag.speed(0.01).range(0.0..=BRIGHTEST))
-                .on_hover_text("Drag, or type a number.");
+            let dragged = number(ui, &mut master, 3, |drag| drag.speed(0.01).range(0.0..=BRIGHTEST)).on_hover_text("Drag, or type a number.");
             name(&dragged, "master", master);
             if dragged.changed() {
                 asked.push(Action::Edit(Edit::Master(master)));
             }
             let keep = ui.checkbox(&mut normalise, "keep brightness");
-            if keep.on_hover_text("A white surface keeps its brightness, whatever is mixed.").changed() {
+            let help = match state.light.mixing {
+                Mixing::Sliders => "A white surface keeps its brightness, whatever the sliders mix. The dial has a switch of its own.",
+                Mixing::Dial => "A white surface keeps its brightness wherever the hand is. This is the dial's; the sliders have their own.",
+            };
+            if keep.on_hover_text(help).changed() {
                 asked.push(Action::Edit(Edit::Normalise(normalise)));
             }
         });

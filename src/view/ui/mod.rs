@@ -88,11 +88,11 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
                 if let Some(document) = shown.document {
                     lights::show(ui, document, asked);
                     dial::show(ui, document, asked);
+                    situations::show(ui, document, shown.plays, asked);
+                    transfer::show(ui, document, asked);
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
-                    situations::show(ui, document, shown.plays, asked);
                     crop::show(ui, document, asked);
-                    transfer::show(ui, document, asked);
                     spectra::show(ui, document, shown.effort, asked);
                     accuracy::show(ui, document, shown.effort, asked);
                 }

@@ -2,14 +2,14 @@
 
 use egui::{
     Button, Color32, ComboBox, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui,
-    WidgetInfo, WidgetType, Window, vec2,
+    WidgetInfo, WidgetType, Window, pos2, vec2,
 };
 
 use super::Shown;
 use super::controls::number;
 use super::spectrum::{curve, plot};
 use crate::model::LARGEST_DIMENSION;
-use crate::palette::{Member, ModelTerm, NATURAL, Palette, Target};
+use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
 use crate::scene::Scene;
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
 use crate::view::action::Action;
@@ -23,6 +23,8 @@ pub struct Design<'a> {
     pub shown: bool,
     /// How far solving is (0 to 1, where known), and what is done.
     pub running: Option<(Option<f32>, &'a str)>,
+    /// What excluded itself in what was solved last.
+    pub conflicts: &'a [Conflict],
 }
 
 /// What the details below the matrix are of.
@@ -53,6 +55,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                         ui.separator();
                         model(ui, palette, asked);
                         solve(ui, shown.design, asked);
+                        conflicts(ui, palette, shown.design, asked);
                     }
                 }
             });
@@ -141,6 +144,14 @@ fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize
     let ground = ui.visuals().extreme_bg_color;
     for (half, colour) in [(left, target), (right, achieved)] {
         ui.painter().rect_filled(half, 0.0, colour.map_or(ground, screen));
+    }
+    if target.is_none() {
+        // Hatched: nothing is asked, not even black.
+        let (painter, step) = (ui.painter().with_clip_rect(left), left.width() / 4.0);
+        for line in (0_u8..8).map(|line| left.left() + f32::from(line) * step) {
+            let ends = [pos2(line, left.top()), pos2(line - left.height(), left.bottom())];
+            painter.line_segment(ends, Stroke::new(1.0, ui.visuals().weak_text_color()));
+        }
     }
     let is_chosen = chosen(ui) == Some(Chosen::Cell(row, column));
     let (width, colour) =
@@ -312,4 +323,48 @@ fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
             });
         }
     }
+}
+
+/// What cannot be had, why, and what may help: each by itself, and solved anew at once.
+fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Action>) {
+    for conflict in design.conflicts.iter().filter(|_| design.running.is_none()) {
+        ui.separator();
+        ui.label(format!("Not all of this can be had: {}.", conflict.reason.trim_end_matches('.')));
+        let steps: Vec<_> = conflict.ways_out.iter().filter_map(|way| Some((way, changed(palette, way)?))).collect();
+        if steps.is_empty() {
+            ui.label(RichText::new("No single change is known that may help.").small().weak());
+            continue;
+        }
+        ui.label(
+            RichText::new("One of these may help; each solves it anew, and a step back undoes it:").small().weak(),
+        );
+        ui.horizontal_wrapped(|ui| {
+            for (way, change) in steps {
+                if ui.button(capital(&way.to_string())).clicked() {
+                    step(asked, change);
+                    asked.push(Action::Solve);
+                }
+            }
+        });
+    }
+}
+
+/// The step that goes this way out, where `palette` still has what it is about.
+fn changed(palette: &Palette, way: &WayOut) -> Option<Step> {
+    let index = |members: &[Member], name: &str| members.iter().position(|member| member.name == name);
+    match way {
+        WayOut::Free { material, light } => {
+            Some(Step::Target(index(&palette.materials, material)?, index(&palette.lights, light)?, None))
+        }
+        WayOut::Bounds { material, bounds } => {
+            Some(Step::Bounds(Side::Material, index(&palette.materials, material)?, *bounds))
+        }
+        WayOut::Open { light } => Some(Step::Open(Side::Light, index(&palette.lights, light)?, true)),
+    }
+}
+
+/// A clause as the beginning of a sentence.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

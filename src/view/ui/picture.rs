@@ -37,7 +37,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
         return;
     }
     if shown.document.is_none() {
-        empty(ui, rect);
+        empty(ui, rect, asked);
         return;
     }
     let hand = ui.interact(rect, ui.id().with("picture"), Sense::click_and_drag());
@@ -137,10 +137,15 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
         });
         ui.horizontal_wrapped(|ui| {
             let parallel = matches!(document.state().scene.camera.projection, Projection::Orthographic { .. });
-            let (name, other) =
-                if parallel { ("Orthographic", "perspective") } else { ("Perspective", "parallel rays") };
-            if ui.button(name).on_hover_text(format!("Changes to {other} (key P).")).clicked() {
-                go(Move::Projection);
+            let kinds = [
+                ("Perspective", false, "What is farther is smaller (key P changes)."),
+                ("Parallel rays", true, "Orthographic: what is farther is as large (key P changes)."),
+            ];
+            for (name, is_it, help) in kinds {
+                let kind = ui.selectable_label(parallel == is_it, name).on_hover_text(help);
+                if kind.clicked() && parallel != is_it {
+                    go(Move::Projection);
+                }
             }
             if ui.button("Reset").on_hover_text("The camera of the scene (key R).").clicked() {
                 go(Move::Reset);
@@ -150,7 +155,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
     });
 }
 
-fn empty(ui: &Ui, rect: Rect) {
+fn empty(ui: &mut Ui, rect: Rect, asked: &mut Vec<Action>) {
     let text = "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti) on this window,\nor start `relume view FILE`.";
     let size = narrow(f64::from(rect.width()) / 24.0).clamp(10.0, 18.0);
     ui.painter().text(
@@ -160,4 +165,9 @@ fn empty(ui: &Ui, rect: Rect) {
         FontId::proportional(size),
         ui.visuals().text_color(),
     );
+    let below = rect.center() + vec2(0.0, 4.5 * size);
+    let place = Rect::from_center_size(below, vec2(220.0, 26.0).min(rect.size()));
+    if place.is_positive() && ui.put(place, egui::Button::new("Open the built-in scene")).clicked() {
+        asked.push(Action::OpenBuiltIn);
+    }
 }
