@@ -22,7 +22,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
-    ("output", &["input", "model", "spectrum", "progress"]),
+    ("output", &["tables", "plan", "scene", "input", "model", "spectrum", "progress"]),
     (
         "measure",
         &[

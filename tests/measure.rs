@@ -12,10 +12,10 @@ use relume::measure::{
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{Scene, SceneOptions, load_embedded};
+use relume::scene::{Projection, Scene, SceneOptions, load_embedded};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
-use support::scenes::{self, GLASS, parsed};
+use support::scenes::{self, GLASS, glass_straight_on, parsed};
 
 const SIZE: [usize; 2] = [20, 16];
 const OPTIONS: SurveyOptions = SurveyOptions { size: SIZE, pixels: 320, runs: 1 };
@@ -99,6 +99,19 @@ fn errors_are_told_apart_by_their_cause() {
             }
         }
     });
+}
+
+/// The slab is two units across, and a picture of 20 × 16 pixels is 16 units high: two pixels each way are before it.
+#[test]
+fn only_pixels_that_the_volume_covers_are_looked_at_whatever_is_behind_it() {
+    for background in ["0.9", "0", "\"blue sky\""] {
+        let mut scene = glass_straight_on(background, "step = 1\nk = 8");
+        scene.camera.projection = Projection::Orthographic { height: Some(16.0) };
+        measured(&scene, &[], |survey, _| {
+            let found = survey.pixels();
+            assert_eq!(found, [[9, 7], [10, 7], [9, 8], [10, 8]], "background {background}");
+        });
+    }
 }
 
 /// The trapezoidal rule and sums at midpoints err by Δs² where what is summed is smooth.

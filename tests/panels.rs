@@ -10,13 +10,15 @@ use std::sync::Arc;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
 use relume::palette::{Conflict, WayOut};
 use relume::progress::Quiet;
 use relume::scene::{self, Accuracy, Interval, Mix, Projection, SceneOptions};
-use relume::spectrum::observer::Observer;
+use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, bradford, d65_white, display_code, linear_srgb_from_xyz};
+use relume::spectrum::observer::{OBSERVER_1964, Observer};
+use relume::spectrum::{Spectrum, standard};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
@@ -362,6 +364,21 @@ fn an_edit_costs_what_it_says() {
 }
 
 #[test]
+fn steps_back_are_bounded_however_much_is_done() {
+    let mut document = document();
+    for step in 0..1000 {
+        document.edit(&Edit::Exposure(1.0 + f64::from(step)));
+        document.rest();
+    }
+    let mut undone = 0;
+    while document.undo().is_some() {
+        undone += 1;
+    }
+    assert_eq!(undone, 200);
+    assert!(!document.can_undo() && document.can_redo());
+}
+
+#[test]
 fn a_click_on_the_picture_looks_at_the_pixel_there() {
     let mut window = wide(document());
     window.run();
@@ -515,6 +532,40 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
 }
 
 #[test]
+fn swatches_are_as_whoever_looks_sees_them_and_a_palette_says_for_whom_it_is() {
+    let mut window = wide(document());
+    window.run();
+    window.get_all_by_label("Palette").next().unwrap().click();
+    window.run();
+    window.get_by_label("Design a palette").click_accesskit();
+    let scene = document().state().scene.clone();
+    for (observer, table) in [(Observer::Cie1931, &OBSERVER), (Observer::Cie1964, &OBSERVER_1964)] {
+        window.state_mut().document.as_mut().unwrap().edit(&Edit::Observer(observer));
+        window.run();
+        // By the table as it is published, with daylight white on the screen.
+        let raw = |spectrum: &Spectrum| DVec3::from(table.each_ref().map(|matching| matching.dot(spectrum)));
+        let white = raw(standard::d65().spectrum());
+        let linear = |spectrum: &Spectrum| -> DVec3 {
+            let shown = bradford(Xyz((white / white.y).to_array()), d65_white()) * raw(spectrum) / white.y;
+            linear_srgb_from_xyz(Xyz(shown.to_array())).0.into()
+        };
+        let light = |spectrum: &Spectrum| linear(spectrum).max(DVec3::ZERO) / linear(spectrum).max_element();
+        let lights: Vec<DVec3> = scene.lights.iter().map(|it| light(it.spectrum.spectrum())).collect();
+        let material = |reflectance: &Spectrum| -> DVec3 {
+            let under = scene.lights.iter().map(|it| it.intensity * linear(&(it.spectrum.spectrum() * reflectance)));
+            under.sum()
+        };
+        let materials = scene.materials.iter().map(|it| material(it.reflectance.spectrum()));
+        for colour in lights.into_iter().chain(materials) {
+            let code = display_code(LinearSrgb(colour.to_array()));
+            assert!(window.query_all_by_label(&code).next().is_some(), "{observer}: there is no swatch of {code}");
+        }
+        let told = window.query_all_by_label_contains("palettes are designed").count();
+        assert_eq!(told, usize::from(observer == Observer::Cie1964), "{observer}");
+    }
+}
+
+#[test]
 fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
     let scene = SCENE.replace("dims =", "phantom_labels = true\ndims =");
@@ -540,7 +591,7 @@ fn a_side_of_the_crop_box_is_dragged_on_the_picture() {
     window.get_by_label("crop").click();
     window.run();
     let crop = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().crop();
-    assert_eq!(crop(&window), Some([glam::DVec3::ZERO, glam::DVec3::ONE]));
+    assert_eq!(crop(&window), Some([DVec3::ZERO, DVec3::ONE]));
     let at = window.get_by_label("crop box: x to").rect().center();
     let across = window.get_by_label("crop box: x from").rect().center() - at;
     let to = at + 0.4 * across;
@@ -555,7 +606,7 @@ fn a_side_of_the_crop_box_is_dragged_on_the_picture() {
     }
     let [low, high] = crop(&window).unwrap();
     assert!((high.x - 0.6).abs() < 0.02, "{high}");
-    assert_eq!((low, high.y, high.z), (glam::DVec3::ZERO, 1.0, 1.0), "the other sides stay");
+    assert_eq!((low, high.y, high.z), (DVec3::ZERO, 1.0, 1.0), "the other sides stay");
     window.get_by_label("Undo").click();
     window.run();
     window.get_by_label("Reset crop").click();
@@ -624,6 +675,12 @@ fn the_bar_of_the_panels_lies_over_no_control() {
     let solo = window.get_all_by_label("solo").next().unwrap().rect();
     click_at(&mut window, Pos2::new(solo.right() - 1.0, solo.center().y));
     assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Solo(Some(0)))));
+    // What is wider than the panel would push the bar out of sight: it lies within the margin of 8 points.
+    for label in ["10° (1964)", "Top", "remove interval 0", "Measure the curve"] {
+        if let Some(control) = window.query_by_label(label) {
+            assert!(control.rect().right() <= 300.0 - 8.0 - 10.0 + 0.5, "{label}: {:?}", control.rect());
+        }
+    }
 }
 
 #[test]

@@ -591,7 +591,7 @@ fn assert_opens_as_it_was_saved_in(folder: &Folder, session: &str, saved: &str, 
 fn what_a_hand_saves_has_a_name_of_its_own_each_time() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder().with("relume-0002.png", "kept");
-    let find = "size 1280 800\nsettle\npointer 84 20\nframes 2\npress\nrelease\nsettle\npress\nrelease\nsettle\n";
+    let find = "size 1280 800\nsettle\npointer 126 18\nframes 2\npress\nrelease\nsettle\npress\nrelease\nsettle\n";
     screen.script(&folder, "dial.toml", find);
     let names = folder.names();
     assert!(
@@ -599,4 +599,23 @@ fn what_a_hand_saves_has_a_name_of_its_own_each_time() {
         "{names:?}"
     );
     assert_eq!(bytes(&folder, "relume-0002.png"), b"kept");
+}
+
+#[test]
+fn accumulators_are_saved_as_render_writes_them_of_the_session() {
+    let Some(screen) = Screen::new() else { return };
+    let model = format!("{SCENE}{DIAL}[accuracy]\naccumulate = \"spectral\"\nk = 4\n");
+    let folder = folder().with("model.toml", model);
+    let script = "size 320 300\nsettle\norbit 20 10\ninterval 0 40 95 4 0.2\nlight lamp 0.8\noff day\nobserver 1964\nsettle\n\
+                  accumulators saved.exr\nlight lamp 0.1\nsave session later.toml\nlight lamp 0.8\nsave session saved.toml\n\
+                  accumulators saved.png\n";
+    for scene in ["dial.toml", "model.toml"] {
+        let report = screen.script(&folder, scene, script);
+        let refused = report["notices"].to_string();
+        assert!(refused.contains("saved.png will be OpenEXR"), "{scene}: {refused}");
+        let of = ["render", "saved.toml", "--accumulators", "rendered.exr", "--size", &size(&report)];
+        folder.done(&of);
+        assert!(bytes(&folder, "saved.exr") == bytes(&folder, "rendered.exr"), "{scene}: as the session says");
+        assert!(folder.names().iter().all(|name| name != "saved.png"), "{scene}");
+    }
 }

@@ -9,13 +9,12 @@ use rayon::prelude::*;
 use serde_json::Value;
 
 use relume::output::accumulators::{
-    Component, Components as FileComponents, Dial as FileDial, Light as FileLight, Node as FileNode,
-    Position as FilePosition, PositionKind, Situation as FileSituation, Stored,
+    Components as FileComponents, Dial as FileDial, Node as FileNode, Situation as FileSituation, Stored,
 };
 use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable, write_exr, write_png};
-use relume::plan::{Planned, Transmittance};
+use relume::plan::Transmittance;
 use relume::reference;
-use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Placement, Scene, Situation};
+use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Situation};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
 use relume::tables::{Accumulation, Components, Reflected, RelightMatrices};
 
@@ -67,82 +66,6 @@ pub(crate) fn write_linear(path: &Path, size: [usize; 2], rgba: &[f32], bits: Bi
 #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
 pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
-}
-
-/// The accumulator file of a march of `scene`.
-pub(crate) fn to_file(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> File {
-    let components = match Components::new(scene, planned) {
-        Components::Surfaces(surfaces) => FileComponents::Surfaces(named(scene, planned, &surfaces)),
-        Components::Model(model, transmittance) => FileComponents::Model(Stored {
-            model: Arc::unwrap_or_clone(model),
-            coloured: transmittance == Transmittance::Coloured,
-            tolerance: scene.accuracy.tolerance,
-        }),
-    };
-    let positions = planned.positions.iter().map(|position| FilePosition {
-        name: position.name.clone(),
-        kind: match position.placement {
-            Placement::Ambient => PositionKind::Ambient,
-            Placement::Headlight => PositionKind::Headlight,
-            Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
-            Placement::Point(point) => PositionKind::Point(point.to_array()),
-        },
-    });
-    let (stated, opening) = (Mix::of_scene(scene), scene.opening_mix());
-    let shown = |light: &MixLight| {
-        let found = opening.0.iter().find(|one| (&one.name, one.position) == (&light.name, light.position));
-        Some(found.map_or(0.0, |one| one.weight)).filter(|_| opening != stated)
-    };
-    let lights = stated.0.iter().map(|light| FileLight {
-        name: light.name.clone(),
-        position: light.position,
-        weight: light.weight,
-        shown: shown(light),
-        spectrum: *light.spectrum.spectrum().samples(),
-    });
-    let nodes = scene.dial.nodes.iter().map(|node| FileNode {
-        light: node.light.clone(),
-        place: node.place.to_array(),
-        on: node.on,
-    });
-    let situations = scene.dial.situations.iter().map(|situation| FileSituation {
-        name: situation.name.clone(),
-        caption: situation.caption.clone(),
-        hand: situation.hand.to_array(),
-        off: situation.off.clone(),
-        on: situation.on.clone(),
-    });
-    let dial = FileDial {
-        normalise: scene.dial.normalise,
-        master: scene.dial.master,
-        nodes: nodes.collect(),
-        situations: situations.collect(),
-    };
-    File {
-        width: accumulation.size[0],
-        height: accumulation.size[1],
-        components,
-        positions: positions.collect(),
-        lights: lights.collect(),
-        background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
-        exposure: scene.display.exposure,
-        adapt: scene.display.adapt,
-        observer: scene.display.observer,
-        dial: Some(dial),
-        weights: accumulation.weights,
-        transmittance: accumulation.transmittance,
-    }
-}
-
-/// The materials in use and white, as a file names them.
-fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Component> {
-    let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
-    // White has a name of its own, whatever the materials are called.
-    let names: Vec<String> = names.collect();
-    let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
-    let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();
-    let named = surfaces.iter().zip(names.into_iter().chain([white]));
-    named.map(|(spectrum, name)| Component { name, spectrum: *spectrum.samples() }).collect()
 }
 
 /// An accumulator file, ready to be relit.

@@ -197,10 +197,15 @@ fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> 
         Some(own) if !outcome.interrupted => survey.close_up(own, progress)?,
         _ => None,
     };
+    let again_ms = match outcome.rows.first() {
+        Some(own) if !outcome.interrupted => Some(survey.time_again(&own.setting, progress)?),
+        _ => None,
+    };
     let findings = Findings {
         rows: &outcome.rows,
         refused: &outcome.refused,
         close_up: close_up.as_ref(),
+        again_ms,
         interrupted: outcome.interrupted,
     };
     Ok(html(survey, &findings)?)

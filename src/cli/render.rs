@@ -8,7 +8,7 @@ use serde_json::json;
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
-use relume::output::write_ready_png;
+use relume::output::{Accumulators, write_ready_png};
 use relume::plan::{Planned, Transmittance, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -171,7 +171,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             )));
         }
         let pixels = Accumulation { size: args.size, weights: Vec::new(), transmittance: Vec::new() };
-        files::to_file(&scene, &planned, pixels).check_header().map_err(|error| {
+        Accumulators::of_march(&scene, &planned, pixels).check_header().map_err(|error| {
             CliError::Failed(format!("--accumulators {}: {error}; rename a light or a material", path.display()))
         })?;
     }
@@ -216,7 +216,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        files::to_file(&scene, &planned, accumulation).write(path)?;
+        Accumulators::of_march(&scene, &planned, accumulation).write(path)?;
     }
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {

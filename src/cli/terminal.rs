@@ -54,8 +54,10 @@ impl Terminal {
         let ours = |most: LevelFilter| {
             filter_fn(move |it: &Metadata<'_>| *it.level() <= most && it.target().starts_with("relume"))
         };
-        let printed =
-            tracing_subscriber::fmt::layer().with_writer(io::stderr).event_format(Plain).with_filter(ours(shown));
+        let printed = tracing_subscriber::fmt::layer()
+            .with_writer(io::stderr)
+            .event_format(Plain::default())
+            .with_filter(ours(shown));
         let warnings = Warnings::default();
         let kept = warnings.clone().with_filter(ours(LevelFilter::WARN));
         let subscriber = tracing_subscriber::registry().with(printed).with(kept);
@@ -153,7 +155,7 @@ impl Progress for Terminal {
     }
 }
 
-/// Keeps what is warned of, for `--json`.
+/// Keeps what is warned of, once each, for `--json`.
 #[derive(Clone, Debug, Default)]
 struct Warnings(Arc<Mutex<Vec<String>>>);
 
@@ -161,7 +163,10 @@ impl<S: tracing::Subscriber> Layer<S> for Warnings {
     fn on_event(&self, event: &tracing::Event<'_>, _: Context<'_, S>) {
         let mut message = Message::default();
         event.record(&mut message);
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(message.0);
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !kept.contains(&message.0) {
+            kept.push(message.0);
+        }
     }
 }
 
@@ -177,8 +182,9 @@ impl Visit for Message {
     }
 }
 
-/// `warning: what is wrong`, as errors are printed.
-struct Plain;
+/// `warning: what is wrong`, as errors are printed; the same one once, however many settings it is true of.
+#[derive(Default)]
+struct Plain(Mutex<Vec<String>>);
 
 impl<S, N> FormatEvent<S, N> for Plain
 where
@@ -196,9 +202,15 @@ where
             tracing::Level::WARN => "warning",
             _ => "note",
         };
-        write!(writer, "{level}: ")?;
-        context.field_format().format_fields(writer.by_ref(), event)?;
-        writeln!(writer)
+        let mut text = format!("{level}: ");
+        context.field_format().format_fields(Writer::new(&mut text), event)?;
+        let mut told = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.contains(&text) {
+            return Ok(());
+        }
+        writeln!(writer, "{text}")?;
+        told.push(text);
+        Ok(())
     }
 }
 

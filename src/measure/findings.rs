@@ -7,7 +7,7 @@ use super::model::ModelRow;
 use super::setting::Knob;
 use super::survey::Measured;
 use super::table::short;
-use crate::model::ModelKind;
+use crate::model::{ErrorSummary, ModelKind};
 
 /// What times and errors may differ by and still count as equal: measuring again makes as much.
 const ALIKE: f64 = 1.05;
@@ -50,17 +50,11 @@ impl NodesBesideRgb {
     /// The comparison, where `rows` have both.
     #[must_use]
     pub fn of(rows: &[Measured]) -> Option<Self> {
-        let basis = |row: &Measured| {
-            row.causes.iter().find(|(cause, _)| *cause == Cause::Basis).map(|(_, difference)| difference.delta_e.mean)
-        };
-        let only_model = |row: &&Measured| row.setting.knobs().all(|(knob, _)| matches!(knob, Knob::Model | Knob::K));
-        let is_eight = |row: &&Measured| row.setting.model() == Some(ModelKind::Nodes) && row.components == 8;
-        let nodes = rows.iter().filter(only_model).find(is_eight).and_then(basis)?;
-        let rgb = rows.iter().filter(only_model).filter_map(|row| {
-            let kind = row.setting.model().filter(|kind| kind.is_rgb())?;
-            Some((kind, basis(row)?))
-        });
-        Self::found(nodes, rgb.collect())
+        let basis = |row: &Measured| Some(by_model(row)?.mean);
+        let nodes = carried(rows, |kind, components| kind == ModelKind::Nodes && components == 8).next();
+        let rgb = carried(rows, |kind, _| kind.is_rgb());
+        let rgb = rgb.filter_map(|row| Some((row.setting.model()?, basis(row)?)));
+        Self::found(nodes.and_then(basis)?, rgb.collect())
     }
 
     /// The comparison of mean ΔE00 over all spectra, where `rows` have both, of as many materials each.
@@ -84,28 +78,6 @@ impl NodesBesideRgb {
         self.rgb / self.nodes
     }
 
-    /// What eight numbers buy over three, for people who look at pictures.
-    #[must_use]
-    pub fn bought(&self) -> String {
-        /// Below this nobody sees anything.
-        const SEEN: f64 = 0.5;
-        let Self { nodes, rgb, best, of } = self;
-        let seen = |error: f64| if error < SEEN { "which nobody sees" } else { "which can be seen" };
-        let only = if of.len() > 1 { format!(", the best of {} kinds", of.len()) } else { String::new() };
-        let ratio = match self.ratio() {
-            ratio if *nodes < 1e-3 => format!("more than {} times", short((self.rgb / 1e-3).min(ratio).floor())),
-            ratio => format!("{} times", short(ratio)),
-        };
-        format!(
-            "What k = 8 buys: carrying spectra in eight numbers moves colours by ΔE00 {} on average, {}; in red, green and blue \
-             ({best}{only}) by {}, {}: {ratio} as much.",
-            short(*nodes),
-            seen(*nodes),
-            short(*rgb),
-            seen(*rgb)
-        )
-    }
-
     /// In a sentence.
     #[must_use]
     pub fn sentence(&self) -> String {
@@ -122,6 +94,30 @@ impl NodesBesideRgb {
             short(*rgb)
         )
     }
+}
+
+/// The rows that differ from the scene's own in nothing but a colour model that they name, of kinds and numbers that `are_asked_for`.
+pub(super) fn carried(
+    rows: &[Measured],
+    are_asked_for: impl Fn(ModelKind, usize) -> bool,
+) -> impl Iterator<Item = &Measured> {
+    let only_model = |row: &&Measured| row.setting.knobs().all(|(knob, _)| matches!(knob, Knob::Model | Knob::K));
+    let is_asked_for =
+        move |row: &&Measured| row.setting.model().is_some_and(|kind| are_asked_for(kind, row.components));
+    rows.iter().filter(only_model).filter(is_asked_for)
+}
+
+/// What a row errs by for its colour model alone.
+pub(super) fn by_model(row: &Measured) -> Option<ErrorSummary> {
+    row.causes.iter().find(|(cause, _)| *cause == Cause::Basis).map(|(_, difference)| difference.delta_e)
+}
+
+/// How many times longer the slowest run of a march took than the fastest, in the middle of all rows: what other programs did.
+pub(super) fn scatter(rows: &[Measured]) -> f64 {
+    let mut ratios: Vec<f64> =
+        rows.iter().map(|row| row.times.march.wall_ms.max / row.times.march.wall_ms.min).collect();
+    ratios.sort_by(f64::total_cmp);
+    ratios.get(ratios.len() / 2).copied().unwrap_or(1.0)
 }
 
 /// The cause that most of a row's error is by.

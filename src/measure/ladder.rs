@@ -103,6 +103,8 @@ impl Lattice {
     }
 }
 
+/// What rounding leaves of nothing, in XYZ of at most about 1 and in opacities.
+const ROUNDING: f64 = 1e-12;
 /// How many times shorter the steps of the truth are than the shortest that is measured.
 pub(super) const FINER: f64 = 8.0;
 
@@ -179,10 +181,11 @@ impl<'a> Ladder<'a> {
         progress: &dyn Progress,
     ) -> Result<Vec<[usize; 2]>, LadderError> {
         let found = self.march_exact(self.scene, &plan_full_spectrum(self.scene), pixels, progress)?;
-        let shown = pixels
-            .iter()
-            .zip(&found)
-            .filter(|(_, (colour, opacity))| *opacity > 0.0 || (*colour - self.background).abs().max_element() > 1e-12);
+        // The shares of 81 bands in all light sum up to 1 as nearly as rounding lets them.
+        let shows = |(colour, opacity): &(DVec3, f64)| {
+            *opacity > ROUNDING || (*colour - self.background).abs().max_element() > ROUNDING
+        };
+        let shown = pixels.iter().zip(&found).filter(|(_, found)| shows(found));
         Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 

@@ -118,8 +118,8 @@ struct Band {
 /// The tables of a march by their names in the shader.
 type Tables = [(&'static str, Buffer); 4];
 
-/// What a march left on the device.
-#[derive(Debug)]
+/// What a march left on the device. Clones are the same images.
+#[derive(Clone, Debug)]
 pub struct Accumulators {
     /// The plan it followed.
     pub planned: Planned,

@@ -24,6 +24,9 @@ pub enum Action {
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
     /// in .png or .exr; `None` is a numbered name in this folder that is free.
     SavePicture(Option<PathBuf>),
+    /// What the picture is made of, once it is as fine as it gets: the file that `relume render --accumulators` would write to
+    /// this name, which ends in .exr; `None` as above.
+    SaveAccumulators(Option<PathBuf>),
     /// What is looked at, as a scene file; `None` as above.
     SaveSession(Option<PathBuf>),
     /// All pixels of the window, as PNG.

@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use glam::DVec2;
 
-use super::load::Loaded;
+use super::export::Snapshot;
+use super::load::{Loaded, warm_up};
 use super::probe::Pixel;
 use super::state::State;
 use crate::model::{ColourModel, ModelError};
@@ -17,7 +18,7 @@ use crate::render::{Accumulators, March, Relight, RenderError, Renderer, Speed, 
 use crate::scene::{Material, Scene, positions};
 use crate::tables::{Components, RelightMatrices};
 use crate::volume::Statistics;
-use crate::vulkan::StorageImage;
+use crate::vulkan::{StorageImage, give_back_freed};
 
 /// How long one dispatch of a march may take, about.
 pub(super) const DISPATCH: Duration = Duration::from_millis(10);
@@ -58,7 +59,7 @@ pub struct Counts {
 pub struct Engine {
     renderer: Arc<Renderer>,
     planned: Planned,
-    uploaded: Uploaded,
+    uploaded: Arc<Uploaded>,
     statistics: Statistics,
     /// Pixels of the finest picture.
     size: [usize; 2],
@@ -66,7 +67,7 @@ pub struct Engine {
     wanted: Option<Box<Scene>>,
     /// The scene of the march under way and of those that refine it; `planned` is its plan.
     scene: Box<Scene>,
-    /// A plan with another colour model, which is fitted beside the window.
+    /// Another plan, which is made ready beside the window: its colour model, its pipelines, the volume as it needs it.
     planning: Option<Planning>,
     /// The colour model for whoever looks now, which is fitted beside the window.
     fitting: Option<Fitting>,
@@ -102,7 +103,7 @@ pub struct Latency {
 #[derive(Debug)]
 struct Planning {
     scene: Box<Scene>,
-    thread: JoinHandle<Result<Planned, PlanError>>,
+    thread: JoinHandle<Result<(Planned, Arc<Uploaded>), EngineError>>,
 }
 
 /// A fit of a colour model's matrices under way.
@@ -285,23 +286,22 @@ impl Engine {
             }
             // A panic there has been told of.
             if let Ok(planned) = planning.thread.join() {
-                let planned = planned?;
+                let (planned, uploaded) = planned?;
                 if self.only_relights(&planned, &planning.scene) {
                     self.show_as(planned, planning.scene);
                 } else {
-                    self.adopt(planned, planning.scene)?;
+                    self.uploaded = uploaded;
+                    self.adopt(planned, planning.scene);
                     level = Some(self.coarse);
                 }
             }
         }
         if let Some(scene) = self.wanted.take() {
             let Some(planned) = self.planned.changed_to(&self.scene, &scene) else {
-                let planned = scene.clone();
-                let thread = std::thread::spawn(move || plan(&planned, &Quiet));
-                self.planning = Some(Planning { scene, thread });
+                self.plan(scene);
                 return Ok(false);
             };
-            self.adopt(planned, scene)?;
+            self.adopt(planned, scene);
             level = Some(self.coarse);
         }
         let Some(level) = level else { return Ok(false) };
@@ -333,16 +333,30 @@ impl Engine {
         (self.planned, self.scene) = (planned, scene);
     }
 
-    /// From now on marches `scene` as `planned`; the volume stays on the device where it is stored as that needs it.
-    fn adopt(&mut self, planned: Planned, scene: Box<Scene>) -> Result<(), RenderError> {
-        if !planned.plan.is_stored_as(&self.planned.plan) {
-            self.uploaded = self.renderer.upload(&scene, &planned, &self.statistics, &Quiet)?;
-        }
+    /// Begins to plan `scene`, and to make ready on the device what the plan runs there.
+    fn plan(&mut self, scene: Box<Scene>) {
+        let (renderer, uploaded) = (Arc::clone(&self.renderer), Arc::clone(&self.uploaded));
+        let (before, planned, statistics) = (self.planned.plan.clone(), scene.clone(), self.statistics.clone());
+        let thread = std::thread::spawn(move || {
+            let made = ready(&renderer, &planned, &before, uploaded, &statistics);
+            give_back_freed();
+            made
+        });
+        self.planning = Some(Planning { scene, thread });
+    }
+
+    /// Waits for the plan under way: the end of the program is no time to be at work on the device.
+    pub fn end(mut self) {
+        // A panic there has been told of.
+        self.planning.take().map(|planning| planning.thread.join()).transpose().ok();
+    }
+
+    /// From now on marches `scene` as `planned`, with the volume as that needs it.
+    fn adopt(&mut self, planned: Planned, scene: Box<Scene>) {
         if planned.plan != self.planned.plan {
             self.speed = (planned.plan.clone(), Speed::unknown(DISPATCH));
         }
         (self.planned, self.scene) = (planned, scene);
-        Ok(())
     }
 
     /// Shows what the march has left.
@@ -388,27 +402,12 @@ impl Engine {
         self.lit.as_ref().map(|lit| lit.relight.picture())
     }
 
-    /// The picture's pixels, RGBA, rows from the top; none before the first.
-    ///
-    /// # Errors
-    ///
-    /// [`RenderError::Vulkan`].
-    pub fn read(&self) -> Result<Vec<u8>, RenderError> {
-        let pixels: Vec<[u8; 4]> = self.lit.as_ref().map_or_else(|| Ok(Vec::new()), |lit| lit.relight.read())?;
-        Ok(pixels.into_flattened())
-    }
-
-    /// Linear sRGB and opacity of its pixels, rows from the top; none before the first.
-    ///
-    /// # Errors
-    ///
-    /// [`RenderError`].
-    pub fn read_linear(&self) -> Result<Vec<f32>, RenderError> {
-        let lit = self.lit.as_ref().and_then(|lit| Some((lit, lit.matrices(&self.state)?)));
-        let Some((lit, matrices)) = lit else { return Ok(Vec::new()) };
-        let relight = self.renderer.relight_linear(&lit.accumulators)?;
-        relight.run(&matrices)?;
-        relight.read()
+    /// What the picture is made of; none before the first.
+    #[must_use]
+    pub fn snapshot(&self) -> Option<Snapshot> {
+        let lit = self.lit.as_ref()?;
+        let (renderer, accumulators) = (Arc::clone(&self.renderer), lit.accumulators.clone());
+        Some(Snapshot { renderer, accumulators, matrices: lit.matrices(&self.state)? })
     }
 
     /// Whether the picture is the finest one of what was asked for, or the last one that could be made.
@@ -484,6 +483,27 @@ impl Engine {
     pub fn renderer(&self) -> &Arc<Renderer> {
         &self.renderer
     }
+}
+
+/// The plan of `scene`; where it is another than `before`, all that it runs has run once. The volume that is `uploaded` stays
+/// where it is stored as the plan needs it.
+fn ready(
+    renderer: &Renderer,
+    scene: &Scene,
+    before: &ScenePlan,
+    uploaded: Arc<Uploaded>,
+    statistics: &Statistics,
+) -> Result<(Planned, Arc<Uploaded>), EngineError> {
+    let planned = plan(scene, &Quiet)?;
+    let uploaded = if planned.plan.is_stored_as(before) {
+        uploaded
+    } else {
+        Arc::new(renderer.upload(scene, &planned, statistics, &Quiet)?)
+    };
+    if planned.plan != *before {
+        warm_up(renderer, scene, &planned, &uploaded)?;
+    }
+    Ok((planned, uploaded))
 }
 
 /// Whether two states of one scene differ in their spectra and in how they are shown, at most.

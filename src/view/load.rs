@@ -10,7 +10,9 @@ use crate::plan::{PlanError, Planned, plan};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, Speed, Uploaded};
 use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
+use crate::tables::{Components, RelightMatrices};
 use crate::volume::{Statistics, VolumeError, has_header, is_volume};
+use crate::vulkan::give_back_freed;
 
 /// The scene around a volume that has none.
 const AROUND: &str = include_str!("../../data/scenes/volume.toml");
@@ -52,7 +54,7 @@ pub struct Loaded {
     /// What it needs.
     pub planned: Planned,
     /// Its volume on the device.
-    pub uploaded: Uploaded,
+    pub uploaded: Arc<Uploaded>,
     /// What the volume's values are like.
     pub statistics: Statistics,
     /// What it was read from.
@@ -77,7 +79,12 @@ impl Loading {
     ) -> Self {
         let listener = Arc::new(Listener::new(progressed));
         let heard = Arc::clone(&listener);
-        let thread = std::thread::spawn(move || loaded(load(&*heard)));
+        let thread = std::thread::spawn(move || {
+            let result = load(&*heard);
+            // Reading and planning take many times what they leave.
+            give_back_freed();
+            loaded(result);
+        });
         Self { name, listener, thread: Some(thread) }
     }
 
@@ -179,25 +186,33 @@ impl Loaded {
         progress: &dyn Progress,
     ) -> Result<Self, LoadError> {
         let planned = plan(&scene, progress)?;
-        let uploaded = renderer.upload(&scene, &planned, &statistics, progress)?;
-        // Software devices compile a shader when it first runs, which is not to be while a hand waits.
-        let mut march = renderer.begin_march(&scene, &planned, &uploaded, [8, 8], Speed::default())?;
-        while !march.is_done() {
-            march.step(&renderer)?;
-        }
-        let relight = renderer.relight_display(&march.finish(&renderer)?)?;
-        let components = crate::tables::Components::new(&scene, &planned);
-        let mix = scene.opening_mix();
-        let background = scene.background.as_ref();
-        relight.run(&crate::tables::RelightMatrices::new(
-            &components,
-            planned.positions.len(),
-            background,
-            &mix,
-            &scene.display,
-        ))?;
+        let uploaded = Arc::new(renderer.upload(&scene, &planned, &statistics, progress)?);
+        warm_up(&renderer, &scene, &planned, &uploaded)?;
         Ok(Self { renderer, scene, planned, uploaded, statistics, source })
     }
+}
+
+/// Pixels across and down of a picture that nobody sees. Lavapipe compiles anew where a side becomes a power of two, or no
+/// longer is one, and few are.
+const UNSEEN: [usize; 2] = [9, 7];
+
+/// Runs everything once that pictures of `scene` run on the device: what compiles shaders as they first run, or before, is not
+/// to do so while a hand waits.
+pub(super) fn warm_up(
+    renderer: &Renderer,
+    scene: &Scene,
+    planned: &Planned,
+    uploaded: &Uploaded,
+) -> Result<(), RenderError> {
+    let mut march = renderer.begin_march(scene, planned, uploaded, UNSEEN, Speed::default())?;
+    while !march.is_done() {
+        march.step(renderer)?;
+    }
+    let relight = renderer.relight_display(&march.finish(renderer)?)?;
+    let (components, background) = (Components::new(scene, planned), scene.background.as_ref());
+    let mix = scene.opening_mix();
+    relight.run(&RelightMatrices::new(&components, planned.positions.len(), background, &mix, &scene.display))?;
+    Ok(())
 }
 
 /// Whether `path` is a headerless volume whose layout is given.

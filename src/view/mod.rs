@@ -8,6 +8,7 @@ pub mod camera;
 pub mod design;
 pub mod effort;
 pub mod engine;
+pub mod export;
 pub mod job;
 pub mod load;
 pub mod presets;

@@ -313,6 +313,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "open" => Command::Do(Action::Open(file()?)),
         "window" => Command::Do(Action::SaveWindow(file()?)),
         "picture" => Command::Do(Action::SavePicture(Some(file()?))),
+        "accumulators" => Command::Do(Action::SaveAccumulators(Some(file()?))),
         "save" => match rest {
             ["session", file @ ..] if !file.is_empty() => Command::Do(Action::SaveSession(Some(file.join(" ").into()))),
             _ => return Err("save session FILE".to_owned()),

@@ -17,6 +17,7 @@ use super::action::Action;
 use super::design::Spectra;
 use super::effort::{self, Curve, Measured};
 use super::engine::{Counts, Engine, EngineError};
+use super::export::{ExportError, write_rgba};
 use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
 use super::prober::{Prober, StepError};
@@ -28,11 +29,11 @@ use super::tour::Tour;
 use super::ui::{self, Design, Effort, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
-use crate::output::{OutputError, Picture, numbered, write_exr, write_ready_png};
+use crate::output::numbered;
 use crate::palette::{self, Conflict, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
-use crate::scene::Interval;
+use crate::scene::{Interval, Scene};
 use crate::volume::VolumeError;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 
@@ -104,6 +105,8 @@ pub struct Report {
     pub relit_ms: [f64; 3],
     /// The longest call into the engine.
     pub longest_step_ms: f64,
+    /// The longest that nobody was heard after the first picture was there: from a frame's begin to its end.
+    pub stall_ms: f64,
     /// How often the device was lost, and opened again.
     pub losses: u64,
     /// What went wrong.
@@ -212,8 +215,12 @@ struct Viewer {
     conflicts: Vec<Conflict>,
     /// The last edit that marches.
     moved: Instant,
-    /// Pictures to save once they are finest.
-    to_save: Vec<PathBuf>,
+    /// What to save once the picture is finest.
+    to_save: Vec<Export>,
+    /// Files that are being written.
+    writing: Vec<Writing>,
+    /// Names that were given to files, which may not be there yet.
+    named: Vec<PathBuf>,
     /// Where the window's pixels of this frame go.
     to_capture: Option<PathBuf>,
     script: Position,
@@ -224,6 +231,18 @@ struct Viewer {
     /// Counts of engines that are gone.
     before: Counts,
     failed: Option<ViewError>,
+}
+
+/// What of a picture is to be saved, and where.
+enum Export {
+    Picture(PathBuf),
+    Accumulators(PathBuf),
+}
+
+/// A file that is being written, and what is said of it once it is there.
+struct Writing {
+    job: Job<Result<(), ExportError>>,
+    there: Option<String>,
 }
 
 /// What became of the device.
@@ -273,6 +292,8 @@ impl Viewer {
             conflicts: Vec::new(),
             moved: begun,
             to_save: Vec::new(),
+            writing: Vec::new(),
+            named: Vec::new(),
             to_capture: None,
             script: Position::default(),
             drawn: Vec::new(),
@@ -284,17 +305,21 @@ impl Viewer {
     }
 
     fn end(mut self) -> Result<Report, ViewError> {
+        self.report.counts = self.counts();
         self.prober.end();
         if let Some(measuring) = self.measuring.take() {
             measuring.end();
         }
+        for writing in std::mem::take(&mut self.writing) {
+            writing.job.end();
+        }
         self.give_up();
         // The end of the program is no time to be at work on the device.
+        self.engine.take().into_iter().for_each(Engine::end);
         self.given_up.drain(..).for_each(Loading::end);
         if let Some(failed) = self.failed.take() {
             return Err(failed);
         }
-        self.report.counts = self.counts();
         self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
         self.report.notices = std::mem::take(&mut self.notices);
         self.report.frame_ms = spread(&mut self.drawn);
@@ -481,11 +506,16 @@ impl Viewer {
             Action::Open(path) => self.open(Source::of(&path)),
             Action::OpenBuiltIn => self.open(Source::default()),
             Action::SavePicture(path) => {
-                let is_taken = |path: &Path| self.to_save.iter().any(|known| known == path);
-                self.to_save.push(path.unwrap_or_else(|| free("relume.png", is_taken)));
+                let path = path.unwrap_or_else(|| self.free("relume.png"));
+                self.to_save.push(Export::Picture(path));
+            }
+            Action::SaveAccumulators(path) => {
+                let path = path.unwrap_or_else(|| self.free("relume-accumulators.exr"));
+                self.to_save.push(Export::Accumulators(path));
             }
             Action::SaveSession(path) => {
-                self.save_session(&path.unwrap_or_else(|| free("relume-session.toml", |_| false)))
+                let path = path.unwrap_or_else(|| self.free("relume-session.toml"));
+                self.save_session(&path);
             }
             Action::SaveWindow(path) => self.to_capture = Some(path),
             Action::Restart => {
@@ -508,6 +538,14 @@ impl Viewer {
         }
     }
 
+    /// The first of the numbered names after `name` that no file has or will have.
+    fn free(&mut self, name: &str) -> PathBuf {
+        let mut names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
+        let free = names.find(|path| !path.exists() && !self.named.contains(path)).unwrap_or_else(|| name.into());
+        self.named.push(free.clone());
+        free
+    }
+
     fn show_again(&mut self, cost: Option<Cost>) {
         let (Some(document), Some(engine), Some(cost)) = (&self.document, &mut self.engine, cost) else { return };
         let state = document.state();
@@ -528,7 +566,13 @@ impl Viewer {
 
     /// One frame; a device that is lost in it is opened anew.
     fn frame(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
-        match self.draw(events) {
+        let (begun, shown) = (Instant::now(), self.report.first_picture_ms.is_some());
+        let drawn = self.draw(events);
+        if shown {
+            let took = 1000.0 * begun.elapsed().as_secs_f64();
+            self.report.stall_ms = self.report.stall_ms.max(took);
+        }
+        match drawn {
             Err(ViewError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => self.recover(lost),
             drawn => drawn,
         }
@@ -593,8 +637,9 @@ impl Viewer {
         }
         self.fit(place, output.pixels_per_point);
         let stepped = self.step()? | self.probe()? | self.measured() | self.solved() | self.tour.is_some();
+        let failed = !self.written();
+        self.save_tour(failed);
         self.save_pictures();
-        self.save_tour();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
         let capture = self.to_capture.take();
@@ -786,11 +831,12 @@ impl Viewer {
         }
     }
 
+    /// Begins to write what is to be saved of a picture that is finest.
     fn save_pictures(&mut self) {
         if self.to_save.is_empty() || self.loading.is_some() {
             return;
         }
-        let Some(engine) = &self.engine else {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else {
             self.to_save.clear();
             self.note("There is no picture to save: nothing is open.".to_owned());
             return;
@@ -798,15 +844,48 @@ impl Viewer {
         if !engine.is_finest() {
             return;
         }
-        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
-        let saved: Vec<_> = self.to_save.iter().map(|path| save_picture(path, engine, size)).collect();
-        for (path, saved) in std::mem::take(&mut self.to_save).iter().zip(saved) {
-            match saved {
-                Err(error) => self.tell(&*error),
-                Ok(()) if self.is_scripted() => {}
-                Ok(()) => self.note(format!("The picture is {}.", whole_path(path))),
+        let state = document.state();
+        for export in std::mem::take(&mut self.to_save) {
+            let Some(snapshot) = engine.snapshot() else { continue };
+            match export {
+                Export::Picture(path) => {
+                    let there = format!("The picture is {}.", whole_path(&path));
+                    self.writing.push(self.write(Some(there), move || snapshot.write_picture(&path)));
+                }
+                Export::Accumulators(path) => {
+                    let there = format!("The accumulators are {}.", whole_path(&path));
+                    let scene = Scene { light: state.light.clone(), ..state.scene.clone() };
+                    self.writing.push(self.write(Some(there), move || snapshot.write_accumulators(&scene, &path)));
+                }
             }
         }
+    }
+
+    /// Does `write` beside the window.
+    fn write(
+        &self,
+        there: Option<String>,
+        write: impl FnOnce() -> Result<(), ExportError> + Send + 'static,
+    ) -> Writing {
+        let proxy = self.proxy.clone();
+        let wake = move || drop(proxy.send_event(Woken::Progress));
+        Writing { job: Job::start(wake, move |_| write()), there }
+    }
+
+    /// Says what became of files that were being written. Whether all could be.
+    fn written(&mut self) -> bool {
+        let (mut all, scripted) = (true, self.is_scripted());
+        for mut writing in std::mem::take(&mut self.writing) {
+            match (writing.job.take(), writing.there) {
+                (None, there) => self.writing.push(Writing { job: writing.job, there }),
+                (Some(Err(error)), _) => {
+                    self.tell(&error);
+                    all = false;
+                }
+                (Some(Ok(())), there) => there.into_iter().filter(|_| !scripted).for_each(|there| self.note(there)),
+            }
+        }
+        all
     }
 
     /// Shows where a tour is now. Says whether one is played: all of it is one step back.
@@ -826,31 +905,31 @@ impl Viewer {
         plays
     }
 
-    /// Saves the picture of a tour that is there, and shows what was there before once all are saved.
-    fn save_tour(&mut self) {
-        let Some(Tour::Saving { frames, saved, .. }) = &mut self.tour else { return };
-        let Some(engine) = self.engine.as_ref().filter(|engine| engine.is_finest()) else { return };
-        *saved += 1;
-        let (last, saved) = (saved == frames, *saved);
-        let size = engine.picture().map_or([0; 2], |picture| picture.extent().map(|side| side as usize));
-        let path = match &self.tour {
-            Some(Tour::Saving { path, .. }) => numbered(path, saved),
-            _ => return,
-        };
-        let failed = save_picture(&path, engine, size).err();
-        if last || failed.is_some() {
+    /// Saves the picture of a tour that is there, and shows what was there before once all are saved, or one `failed`.
+    fn save_tour(&mut self, failed: bool) {
+        let Some(Tour::Saving { path, frames, saved }) = &mut self.tour else { return };
+        if !self.writing.is_empty() {
+            return;
+        }
+        if failed || saved == frames {
+            let there = format!(
+                "The pictures of the tour are there, the last of them {}.",
+                whole_path(&numbered(path, *saved))
+            );
             self.tour = None;
             if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
                 engine.light(document.state());
             }
-            match failed {
-                Some(error) => self.tell(&*error),
-                None if self.is_scripted() => {}
-                None => {
-                    self.note(format!("The pictures of the tour are there, the last of them {}.", whole_path(&path)))
-                }
+            if !failed && !self.is_scripted() {
+                self.note(there);
             }
+            return;
         }
+        let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
+        let Some(snapshot) = snapshot else { return };
+        *saved += 1;
+        let path = numbered(path, *saved);
+        self.writing.push(self.write(None, move || snapshot.write_picture(&path)));
     }
 
     fn status(&self) -> Status {
@@ -913,7 +992,9 @@ impl Viewer {
 
     /// Whether pictures are still to be saved of what was asked for.
     fn is_saving(&self) -> bool {
-        !self.to_save.is_empty() || self.to_capture.is_some() || matches!(self.tour, Some(Tour::Saving { .. }))
+        !(self.to_save.is_empty() && self.writing.is_empty())
+            || self.to_capture.is_some()
+            || matches!(self.tour, Some(Tour::Saving { .. }))
     }
 
     /// The next command of the script; what a hand does is answered.
@@ -1069,12 +1150,6 @@ fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
     }
 }
 
-/// The first of the numbered names after `name` that no file has, and that is not `taken` either.
-fn free(name: &str, taken: impl Fn(&Path) -> bool) -> PathBuf {
-    let names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
-    names.into_iter().find(|path| !path.exists() && !taken(path)).unwrap_or_else(|| name.into())
-}
-
 /// A name of a tour whose first picture is not there.
 fn free_tour() -> PathBuf {
     let further = (2..=u16::MAX).map(|number| format!("relume-tour-{number}.png").into());
@@ -1085,22 +1160,6 @@ fn free_tour() -> PathBuf {
 /// Where `path` is, to somebody who does not know what folder this is.
 fn whole_path(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
-}
-
-/// The picture of `engine` as the kind of file that `path` says.
-fn save_picture(path: &Path, engine: &Engine, size: [usize; 2]) -> Result<(), Box<dyn std::error::Error>> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr")) {
-        write_exr(path, &Picture::new(size[0], size[1], &engine.read_linear()?)?)?;
-    } else {
-        write_rgba(path, size, &engine.read()?)?;
-    }
-    Ok(())
-}
-
-/// A PNG of RGBA pixels, without their opacity.
-fn write_rgba(path: &Path, size: [usize; 2], pixels: &[u8]) -> Result<(), OutputError> {
-    let rgb: Vec<u8> = pixels.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    write_ready_png(path, size[0], size[1], &rgb)
 }
 
 impl ApplicationHandler<Woken> for Viewer {

@@ -62,6 +62,20 @@ impl Memory {
     }
 }
 
+/// Gives memory that was freed back to the system, where the system's allocator does not do that by itself: of glibc, every
+/// thread has a heap of its own, which keeps what it once had. A software device makes its shaders there, too.
+pub fn give_back_freed() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        unsafe extern "C" {
+            /// `malloc_trim(3)`.
+            fn malloc_trim(keep: usize) -> std::ffi::c_int;
+        }
+        // SAFETY: glibc's own function of this signature, which locks what it looks at and moves nothing that is in use.
+        unsafe { malloc_trim(0) };
+    }
+}
+
 impl Drop for Memory {
     fn drop(&mut self) {
         let allocation = std::mem::take(&mut self.allocation);

@@ -37,6 +37,7 @@ pub use image::{Image3d, StorageImage};
 pub use info::{DeviceChoice, DeviceInfo, DeviceKind, devices};
 pub use instance::Validation;
 pub use limits::Limits;
+pub use memory::give_back_freed;
 pub use pipeline::ComputePipeline;
 pub use record::Recorder;
 pub use resources::{BindingKind, Resource, ResourceSet};

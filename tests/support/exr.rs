@@ -44,3 +44,24 @@ pub fn assert_same(one: &[f32], other: &[f32], relative: f32) {
         assert!((a - b).abs() <= relative * a.abs().max(b.abs()) + 1e-6, "{a} against {b}");
     }
 }
+
+/// Cuts the accumulator file at `path` at every length, and damages it everywhere but in the middle of its text, which is long
+/// and harmless: `read`, which says whether it was read, refuses what is cut and has an answer to the rest.
+pub fn damage(path: &Path, read: impl Fn() -> bool) {
+    let whole = std::fs::read(path).unwrap();
+    assert!(read(), "before");
+    for length in 0..whole.len() {
+        std::fs::write(path, &whole[..length]).unwrap();
+        assert!(!read(), "cut to {length} of {} bytes", whole.len());
+    }
+    let text = whole.windows(7).position(|bytes| bytes == b"version").unwrap();
+    for at in (0..text + 20).chain(whole.len() - 700..whole.len()) {
+        for bits in [0xff, 0x80, 0x01] {
+            let mut damaged = whole.clone();
+            damaged[at] ^= bits;
+            std::fs::write(path, &damaged).unwrap();
+            // Some bytes do not matter; what counts is that an answer comes.
+            let _answer = read();
+        }
+    }
+}

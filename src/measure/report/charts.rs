@@ -69,7 +69,7 @@ pub(super) fn trade(rows: &[Measured]) -> Drawing {
     if let Some(own) = rows.iter().find(|row| row.setting.knobs().next().is_none()) {
         let [x, y] = place(own);
         drawing.circle([x, y], 9.0, "own", &told(own));
-        drawing.small([x + 2.0, y + 24.0], "end", "the scene's own");
+        drawing.small([x - 13.0, y + 4.0], "end", "the scene's own");
     }
     drawing
 }
@@ -125,7 +125,7 @@ pub(super) fn curve(rows: &[Measured], knob: Knob) -> Option<Drawing> {
         drawing.line([left, up.at(value)], [right, up.at(value)], "grid");
         drawing.small([left - 6.0, up.at(value) + 4.0], "end", &tick(value));
     }
-    let legend = moved(knob).map_or_else(String::new, |cause| format!("; rings: by {} alone", cause.name()));
+    let legend = moved(knob).map_or_else(String::new, |cause| format!("; open circles: by {} alone", cause.name()));
     drawing.small([right, 31.0], "end", &format!("ΔE00, p95{legend}"));
     drawing.line([left, up.at(p95(own))], [right, up.at(p95(own))], "level");
     let places: Vec<f64> = middles(found.len(), left, right - left).collect();
@@ -164,19 +164,25 @@ pub(super) fn curve(rows: &[Measured], knob: Knob) -> Option<Drawing> {
     Some(drawing)
 }
 
+/// The next of 1, 2, 4 and 8 times a power of ten, whose quarters are short to write.
+fn round_up(value: f64) -> f64 {
+    let power = 10_f64.powf(value.log10().floor());
+    [1.0, 2.0, 4.0, 8.0, 10.0].map(|factor| factor * power).into_iter().find(|it| *it >= value).unwrap_or(value)
+}
+
 /// Mean ΔE00 by cause, a bar a setting; long ones are cut.
 pub(super) fn causes(rows: &[Measured]) -> Drawing {
     const WIDTH: f64 = 860.0;
     const LINE: f64 = 20.0;
     let rows = &rows[..rows.len().min(MOST_BARS)];
-    let (left, right, top) = (250.0, WIDTH - 70.0, 56.0);
+    let (left, right, top) = (250.0, WIDTH - 70.0, 72.0);
     let mut drawing = Drawing::new(WIDTH, count(rows.len()).mul_add(LINE, top + 16.0));
     let sum = |row: &Measured| row.causes.iter().map(|(_, error)| error.delta_e.mean).sum::<f64>();
     let mut sums: Vec<f64> = rows.iter().map(sum).filter(|sum| sum.is_finite()).collect();
     sums.sort_by(f64::total_cmp);
     // A few large ones must not hide all others.
     let middle = sums.get(sums.len() / 2).copied().unwrap_or(1.0);
-    let most = sums.last().copied().unwrap_or(1.0).min(4.0 * middle).max(LEAST);
+    let most = round_up(sums.last().copied().unwrap_or(1.0).min(4.0 * middle).max(LEAST));
     let mut x = 20.0;
     for (cause, colour) in Cause::ALL.into_iter().zip(PARTS) {
         let is_there =
@@ -187,7 +193,12 @@ pub(super) fn causes(rows: &[Measured]) -> Drawing {
             x += 26.0 + 5.6 * count(cause.name().len());
         }
     }
-    drawing.small([left, 42.0], "start", "mean ΔE00 from rung to rung");
+    drawing.small([left, 42.0], "start", "ΔE00 on average: the sum of the parts; → is longer than the axis");
+    for part in [0.0, 0.25, 0.5, 0.75, 1.0] {
+        let at = (right - left).mul_add(part, left);
+        drawing.line([at, top - 4.0], [at, count(rows.len()).mul_add(LINE, top)], "grid");
+        drawing.small([at, top - 8.0], "middle", &short(part * most));
+    }
     for (i, row) in rows.iter().enumerate() {
         let y = count(i).mul_add(LINE, top);
         drawing.text([left - 10.0, y + 12.0], "ink", "end", &row.setting.to_string());

@@ -12,7 +12,7 @@ pub(super) const PARTS: [&str; 8] =
 const LIGHT: &str = "svg{font-family:'DejaVu Sans',Helvetica,Arial,sans-serif;font-size:12px}\
     .paper{fill:#ffffff}.ink{fill:#1c1c1c}.soft{fill:#5f6368}.grid{stroke:#e3e3e3}.axis{stroke:#9a9a9a}\
     .accent{fill:#0b62c4}.front{fill:none;stroke:#0b62c4;stroke-width:2}.dot{fill:#b4b8bd}.own{fill:none;stroke:#1c1c1c;stroke-width:1.6}\
-    .curve{fill:none;stroke:#0b62c4;stroke-width:1.8}.ring{fill:none;stroke:#0b62c4;stroke-opacity:.55}.faint{fill:none;stroke:#0b62c4;stroke-opacity:.3}.time{fill:#b4b8bd}.level{stroke:#9a9a9a;stroke-dasharray:4 3}";
+    .curve{fill:none;stroke:#0b62c4;stroke-width:1.8}.ring{fill:none;stroke:#0b62c4;stroke-opacity:.55}.faint{fill:none;stroke:#0b62c4;stroke-opacity:.3}.time{fill:#b4b8bd}.level{stroke:#9a9a9a;stroke-dasharray:4 3}.soft{paint-order:stroke;stroke:#ffffff;stroke-width:3px;stroke-linejoin:round}";
 
 /// SVG as it grows.
 pub(super) struct Drawing {

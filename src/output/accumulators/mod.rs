@@ -80,6 +80,7 @@
 //! is the sum of weight · W over the lights at position p; and of the background the sum over p and i of
 //! T(i) · (P background)(i) · W(p, i), or, where T is one number, T times its exact XYZ under all lights.
 
+mod march;
 mod read;
 mod rules;
 mod text;

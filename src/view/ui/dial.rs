@@ -141,7 +141,7 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
         }
         if let Some(light) = state.scene.lights.iter().find(|light| light.name == node.light) {
             let rect = Rect::from_center_size(place, Vec2::splat(2.0 * NODE));
-            paint_swatch(ui, &light.spectrum, if node.on { 1.0 } else { 0.15 }, rect);
+            paint_swatch(ui, &light.spectrum, if node.on { 1.0 } else { 0.15 }, &state.scene.display, rect);
         }
         if touched.hovered() || touched.has_focus() {
             ui.painter().circle_stroke(place, 1.6 * NODE, Stroke::new(1.0, colour));

@@ -26,7 +26,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.label("Seen by");
             let mut by = display.deficiency;
             let named = |by: Option<Deficiency>| match by {

@@ -10,8 +10,9 @@ use super::controls::number;
 use super::spectrum::{curve, plot};
 use crate::model::LARGEST_DIMENSION;
 use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
-use crate::scene::Scene;
+use crate::scene::{Display, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
+use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
 use crate::view::design::{Look, Side, Step, look, spectrum};
 use crate::view::state::Edit;
@@ -50,6 +51,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                     None => offer(ui, asked),
                     Some(palette) => {
                         matrix(ui, &document.state().scene, palette, asked);
+                        for_whom(ui, &document.state().scene.display);
                         ui.separator();
                         details(ui, &document.state().scene, palette, asked);
                         ui.separator();
@@ -108,6 +110,15 @@ fn matrix(ui: &mut Ui, scene: &Scene, palette: &Palette, asked: &mut Vec<Action>
             ui.end_row();
         }
     });
+}
+
+/// Says whose colours these are, where somebody else looks at the picture.
+fn for_whom(ui: &mut Ui, display: &Display) {
+    if display.observer != Observer::default() || display.deficiency.is_some() {
+        let text =
+            "Whoever looks at the picture: palettes are designed, and shown here, for the 2° observer with all cones.";
+        ui.label(RichText::new(text).small());
+    }
 }
 
 /// The head of a row or a column.

@@ -6,23 +6,26 @@ use egui::{
 };
 
 use crate::number::count;
-use crate::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz, xyz_of};
+use crate::scene::Display;
+use crate::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Light, Spectrum, wavelength_nm};
 
-/// The colour of a light that shines `share` times as strongly as stated, and its name to screen readers.
-pub(super) fn swatch(ui: &mut Ui, light: &Light, share: f64, side: f32) -> Response {
+/// The colour of a light that shines `share` times as strongly as stated, to whoever looks at `display`, and its name to
+/// screen readers.
+pub(super) fn swatch(ui: &mut Ui, light: &Light, share: f64, display: &Display, side: f32) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
-    let code = paint_swatch(ui, light, share, rect);
+    let code = paint_swatch(ui, light, share, display, rect);
     response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
     response
 }
 
 /// Paints it in `rect`, and says its colour.
-pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, rect: Rect) -> String {
-    let LinearSrgb(linear) = linear_srgb_from_xyz(xyz_of(light.spectrum()));
+pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, display: &Display, rect: Rect) -> String {
+    let LinearSrgb(linear) = linear_srgb_from_xyz(display.observer.xyz_of(light.spectrum()));
     // Full strength is the brightest that its colour can be on a screen.
     let brightest = linear.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    let code = display_code(LinearSrgb(linear.map(|part| part.max(0.0) / brightest * share.clamp(0.0, 1.0))));
+    let own = LinearSrgb(linear.map(|part| part.max(0.0) / brightest * share.clamp(0.0, 1.0)));
+    let code = display_code(display.deficiency.map_or(own, |deficiency| deficiency.seen(own)));
     let colour = Color32::from_hex(&code).unwrap_or(Color32::BLACK);
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);

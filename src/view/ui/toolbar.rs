@@ -1,4 +1,4 @@
-//! The first line: steps back and forward, the picture to a file, light or dark, panels or none.
+//! The first line: steps back and forward, what can be saved, light or dark, panels or none.
 
 use egui::{Area, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
 
@@ -45,6 +45,9 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         button(ui, has(crate::view::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
         let help = "Saves the picture as relume-0001.png, or the next number that is free, in the folder that relume was started in (Ctrl+P).";
         button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(None));
+        let help = "Saves what the rays have left as relume-accumulators-0001.exr, or the next number that is free: `relume relight` \
+                    makes pictures of it under any light.";
+        button(ui, shown.document.is_some(), "Accumulators", help, Action::SaveAccumulators(None));
         let help = "Saves all this as relume-session-0001.toml, or the next number that is free: a scene file to go on from (Ctrl+S).";
         button(ui, shown.document.is_some(), "Session", help, Action::SaveSession(None));
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));

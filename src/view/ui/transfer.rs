@@ -364,10 +364,13 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(14.0), Sense::hover());
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
+    let [red, green, blue, _] = colour.to_array();
+    let code = format!("#{red:02x}{green:02x}{blue:02x}");
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
     let help = if material.is_some_and(|material| material.absorption.is_some()) {
-        "What the material scatters back under the present light. It absorbs, too, which colours what is seen through it: that curve is in Spectra."
+        "What the material scatters back under the present light, to whoever looks. It absorbs, too, which colours what is seen through it: that curve is in Spectra."
     } else {
-        "The material under the present light."
+        "The material under the present light, to whoever looks."
     };
     response.on_hover_text(help);
 }

@@ -1,0 +1,88 @@
+//! The file of what a march of a scene has left.
+
+use std::sync::Arc;
+
+use super::{Accumulators, Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored};
+use crate::plan::{Planned, Transmittance};
+use crate::scene::{Mix, MixLight, Placement, Scene};
+use crate::spectrum::Spectrum;
+use crate::tables::{self, Accumulation};
+
+impl Accumulators {
+    /// What a march of `scene` by its plan has left in every pixel, with all that it takes to light it.
+    #[must_use]
+    pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> Self {
+        let components = match tables::Components::new(scene, planned) {
+            tables::Components::Surfaces(surfaces) => Components::Surfaces(named(scene, planned, &surfaces)),
+            tables::Components::Model(model, transmittance) => Components::Model(Stored {
+                model: Arc::unwrap_or_clone(model),
+                coloured: transmittance == Transmittance::Coloured,
+                tolerance: scene.accuracy.tolerance,
+            }),
+        };
+        let positions = planned.positions.iter().map(|position| Position {
+            name: position.name.clone(),
+            kind: match position.placement {
+                Placement::Ambient => PositionKind::Ambient,
+                Placement::Headlight => PositionKind::Headlight,
+                Placement::Directional(direction) => PositionKind::Directional(direction.to_array()),
+                Placement::Point(point) => PositionKind::Point(point.to_array()),
+            },
+        });
+        let (stated, opening) = (Mix::of_scene(scene), scene.opening_mix());
+        let shown = |light: &MixLight| {
+            let found = opening.0.iter().find(|one| (&one.name, one.position) == (&light.name, light.position));
+            Some(found.map_or(0.0, |one| one.weight)).filter(|_| opening != stated)
+        };
+        let lights = stated.0.iter().map(|light| Light {
+            name: light.name.clone(),
+            position: light.position,
+            weight: light.weight,
+            shown: shown(light),
+            spectrum: *light.spectrum.spectrum().samples(),
+        });
+        let nodes = scene.dial.nodes.iter().map(|node| Node {
+            light: node.light.clone(),
+            place: node.place.to_array(),
+            on: node.on,
+        });
+        let situations = scene.dial.situations.iter().map(|situation| Situation {
+            name: situation.name.clone(),
+            caption: situation.caption.clone(),
+            hand: situation.hand.to_array(),
+            off: situation.off.clone(),
+            on: situation.on.clone(),
+        });
+        let dial = Dial {
+            normalise: scene.dial.normalise,
+            master: scene.dial.master,
+            nodes: nodes.collect(),
+            situations: situations.collect(),
+        };
+        Self {
+            width: accumulation.size[0],
+            height: accumulation.size[1],
+            components,
+            positions: positions.collect(),
+            lights: lights.collect(),
+            background: scene.background.as_ref().map(|surface| *surface.spectrum().samples()),
+            exposure: scene.display.exposure,
+            adapt: scene.display.adapt,
+            observer: scene.display.observer,
+            dial: Some(dial),
+            weights: accumulation.weights,
+            transmittance: accumulation.transmittance,
+        }
+    }
+}
+
+/// The materials in use and white, as a file names them.
+fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Component> {
+    let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
+    // White has a name of its own, whatever the materials are called.
+    let names: Vec<String> = names.collect();
+    let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
+    let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();
+    let named = surfaces.iter().zip(names.into_iter().chain([white]));
+    named.map(|(spectrum, name)| Component { name, spectrum: *spectrum.samples() }).collect()
+}

@@ -1,0 +1,88 @@
+//! Pictures and accumulators on their way to files, beside the window.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::output::{self, OutputError, Picture, write_exr, write_ready_png};
+use crate::plan::Transmittance;
+use crate::render::{Accumulators, RenderError, Renderer};
+use crate::scene::Scene;
+use crate::tables::RelightMatrices;
+
+/// Why a picture, or what it is made of, could not be saved.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExportError {
+    /// The device.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The file.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// Full matrices.
+    #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
+    Matrix,
+    /// The name.
+    #[error("{0} will be OpenEXR; end its name in .exr")]
+    Name(String),
+}
+
+/// What a picture is made of. What the window goes on with changes nothing of it.
+#[derive(Debug)]
+pub struct Snapshot {
+    pub(super) renderer: Arc<Renderer>,
+    pub(super) accumulators: Accumulators,
+    pub(super) matrices: RelightMatrices,
+}
+
+impl Snapshot {
+    /// Writes the picture to `path`: linear OpenEXR where that ends in .exr, otherwise the PNG that is shown.
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError`]; then `path` is what it was.
+    pub fn write_picture(&self, path: &Path) -> Result<(), ExportError> {
+        let [width, height] = self.accumulators.size;
+        if is_exr(path) {
+            let relight = self.renderer.relight_linear(&self.accumulators)?;
+            relight.run(&self.matrices)?;
+            return Ok(write_exr(path, &Picture::new(width, height, &relight.read::<f32>()?)?)?);
+        }
+        let relight = self.renderer.relight_display(&self.accumulators)?;
+        relight.run(&self.matrices)?;
+        let pixels: Vec<[u8; 4]> = relight.read()?;
+        Ok(write_rgba(path, [width, height], pixels.as_flattened())?)
+    }
+
+    /// Writes what the march of `scene`, mixed as it opens, has left: the accumulator file of
+    /// [`output::accumulators`](crate::output::accumulators).
+    ///
+    /// # Errors
+    ///
+    /// [`ExportError`]; then `path` is what it was.
+    pub fn write_accumulators(&self, scene: &Scene, path: &Path) -> Result<(), ExportError> {
+        let planned = &self.accumulators.planned;
+        if planned.plan.transmittance == Transmittance::Mixed {
+            return Err(ExportError::Matrix);
+        }
+        if !is_exr(path) {
+            return Err(ExportError::Name(path.display().to_string()));
+        }
+        let accumulation = self.renderer.read(&self.accumulators)?;
+        Ok(output::Accumulators::of_march(scene, planned, accumulation).write(path)?)
+    }
+}
+
+fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"))
+}
+
+/// Writes a PNG of RGBA pixels, without their opacity.
+///
+/// # Errors
+///
+/// [`OutputError`].
+pub fn write_rgba(path: &Path, size: [usize; 2], pixels: &[u8]) -> Result<(), OutputError> {
+    let rgb: Vec<u8> = pixels.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    write_ready_png(path, size[0], size[1], &rgb)
+}
