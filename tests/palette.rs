@@ -203,7 +203,8 @@ fn every_conflict_is_told() {
     let cores: Vec<_> = solution.conflicts.iter().map(|conflict| conflict.cells.clone()).collect();
     assert_eq!(cores, [[(0, 0), (0, 1)], [(1, 0), (1, 1)]]);
     for (conflict, name) in solution.conflicts.iter().zip(["one", "two"]) {
-        assert!(conflict.ways_out.contains(&format!("let {name} under A be free")), "{:?}", conflict.ways_out);
+        let free = format!("let {name} under A be free");
+        assert!(conflict.ways_out.iter().any(|way| way.to_string() == free), "{:?}", conflict.ways_out);
     }
     // What one material is to look like counts for each that is to look as it.
     let cells = [(0, 0, grey), (1, 0, like(0, 0)), (1, 1, like(0, 0)), (2, 0, like(0, 0)), (2, 1, like(0, 0))];
@@ -256,7 +257,7 @@ fn no_surface_is_a_metameric_black_in_daylight() {
     assert!(conflict.least > 0.5 && conflict.reached >= conflict.least);
     assert!(conflict.reason.contains("D65 has power at every wavelength"), "{}", conflict.reason);
     for way in ["let smoke under D65 be free", "give smoke the bounds [-1.0, 1.0]", "leave the light D65 open"] {
-        assert!(conflict.ways_out.iter().any(|said| said.contains(way)), "{way}: {:?}", conflict.ways_out);
+        assert!(conflict.ways_out.iter().any(|said| said.to_string().contains(way)), "{way}: {:?}", conflict.ways_out);
     }
 }
 

@@ -13,8 +13,9 @@ use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
+use relume::palette::{Conflict, WayOut};
 use relume::progress::Quiet;
-use relume::scene::{self, Accuracy, Interval, Mix, SceneOptions};
+use relume::scene::{self, Accuracy, Interval, Mix, Projection, SceneOptions};
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, bradford, d65_white, display_code, linear_srgb_from_xyz};
 use relume::spectrum::observer::{OBSERVER_1964, Observer};
 use relume::spectrum::{Spectrum, standard};
@@ -39,6 +40,7 @@ struct App {
     probe: Option<(DVec2, Option<Probe>)>,
     curve: Option<Curve>,
     design: bool,
+    conflicts: Vec<Conflict>,
 }
 
 impl App {
@@ -50,6 +52,7 @@ impl App {
             probe: None,
             curve: None,
             design: false,
+            conflicts: Vec::new(),
         };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
@@ -64,7 +67,7 @@ impl App {
             stopped: false,
             plays: false,
             panels: app.panels,
-            design: Design { shown: app.design, running: None },
+            design: Design { shown: app.design, running: None, conflicts: &app.conflicts },
             effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,
@@ -127,9 +130,9 @@ fn all_lights_off_is_a_notice_that_turns_them_on_again() {
 
 #[test]
 fn nothing_of_the_light_is_asked_for_that_marches() {
-    let mut window = wide(document());
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.run();
-    for label in ["lamp", "keep brightness", "eye adapts to the light", "10°", "evening"] {
+    for label in ["lamp", "keep brightness", "eye adapts to the light", "10° (1964)", "evening"] {
         window.get_all_by_label(label).next().unwrap().click();
         window.run();
     }
@@ -641,4 +644,295 @@ fn situations_are_kept_renamed_and_forgotten() {
     window.run();
     assert_eq!(names(&window), ["evening"]);
     assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Forget(1)))));
+}
+
+/// A press and a release of the first button.
+fn click_at(window: &mut Harness<'_, App>, pos: Pos2) {
+    window.event(Event::PointerMoved(pos));
+    window.run();
+    for pressed in [true, false] {
+        let button = PointerButton::Primary;
+        window.event(Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE });
+        window.run();
+    }
+}
+
+/// What a hand types into the field that is called `label`.
+fn type_into(window: &mut Harness<'_, App>, label: &str, text: &str) {
+    window.get_by_label(label).click();
+    window.run();
+    for letter in text.chars() {
+        window.event(Event::Text(letter.to_string()));
+        window.run();
+        // As the window does where no button is held.
+        window.state_mut().document.as_mut().unwrap().rest();
+    }
+}
+
+#[test]
+fn the_bar_of_the_panels_lies_over_no_control() {
+    let document = document();
+    let statistics = document.opened().volume.statistics().unwrap();
+    let mut window = wide(document.with_statistics(statistics));
+    window.run();
+    let solo = window.get_all_by_label("solo").next().unwrap().rect();
+    click_at(&mut window, Pos2::new(solo.right() - 1.0, solo.center().y));
+    assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Solo(Some(0)))));
+    // What is wider than the panel would push the bar out of sight: of its 300 points, margins, the panels' indent and the bar
+    // leave 255.
+    let left = window.get_by_label("light dial").rect().left();
+    for label in ["light dial", "10° (1964)", "Top", "Forget", "remove interval 0", "Measure the curve"] {
+        let control = window.get_by_label(label).rect();
+        assert!(control.right() <= left + 256.0, "{label}: {control:?} from {left}");
+    }
+}
+
+#[test]
+fn a_typed_number_holds_once_enter_is_pressed_and_is_one_step_back() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    type_into(&mut window, "interval 0: to", "85");
+    assert_eq!(intervals(&window), before, "not yet");
+    window.key_press(Key::Enter);
+    window.run();
+    assert_eq!(intervals(&window)[0], Interval { range: [before[0].range[0], 85.0], ..before[0] });
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
+}
+
+#[test]
+fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits() {
+    let mut document = document();
+    let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+    document.edit(&Edit::Interval(0, Interval { opacity: 0.123_456_7, ..stated }));
+    let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(document));
+    window.run();
+    type_into(&mut window, "interval 0: opacity", "");
+    window.key_press(Key::Enter);
+    window.run();
+    assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
+}
+
+#[test]
+fn an_end_of_an_interval_that_is_typed_past_the_other_stops_there() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    type_into(&mut window, "interval 0: from", "9999");
+    window.key_press(Key::Enter);
+    window.run();
+    let stopped = Interval { range: [before[0].range[1]; 2], ..before[0] };
+    assert_eq!(intervals(&window)[0], stopped);
+}
+
+#[test]
+fn plus_goes_nearer_with_shift_and_without() {
+    let mut window = wide(document());
+    window.run();
+    for (modifiers, key) in
+        [(Modifiers::SHIFT, Key::Plus), (Modifiers::SHIFT, Key::Equals), (Modifiers::NONE, Key::Equals)]
+    {
+        window.state_mut().asked.clear();
+        window.key_press_modifiers(modifiers, key);
+        window.run();
+        let asked = &window.state().asked;
+        assert!(matches!(asked[..], [Action::Edit(Edit::Camera(Move::Dolly(nearer), _))] if nearer > 1.0), "{asked:?}");
+    }
+}
+
+#[test]
+fn the_probe_opens_beside_the_pixel_that_was_clicked() {
+    for part in [0.05, 0.5, 0.95] {
+        let mut window = wide(document());
+        window.state_mut().probe = Some((DVec2::new(part, 0.3), Some(probed())));
+        window.run();
+        window.run();
+        let picture = window.get_by_label("picture").rect();
+        let at = picture.left() + picture.width() * narrow(part);
+        let left = window.get_by_label("Under each light").rect().left();
+        let (left, right) = (left - 12.0, left + 300.0);
+        assert!(at < left || at > right, "{at} from {left} to {right}");
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "parts of a window")]
+fn narrow(number: f64) -> f32 {
+    number as f32
+}
+
+#[test]
+fn the_lights_that_are_turned_on_again_shine_on_the_dial_too() {
+    let mut document = document();
+    for light in 0..2 {
+        document.edit(&Edit::NodeOn(light, false));
+        document.edit(&Edit::On(light, false));
+    }
+    document.edit(&Edit::Hand(DVec2::ZERO));
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    let document = window.state_mut().document.as_mut().unwrap();
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.2)));
+    assert!(document.state().is_lit());
+}
+
+#[test]
+fn a_node_that_is_moved_moves_no_other() {
+    let mut window = wide(document());
+    window.run();
+    let places = |window: &Harness<'_, App>| {
+        ["day on the dial", "lamp on the dial"].map(|label| window.get_by_label(label).rect().center())
+    };
+    let [day, lamp] = places(&window);
+    let button = |window: &mut Harness<'_, App>, pos: Pos2, pressed: bool| {
+        let (button, modifiers) = (PointerButton::Primary, Modifiers::SHIFT);
+        window.event_modifiers(Event::PointerButton { pos, button, pressed, modifiers }, modifiers);
+        window.run();
+    };
+    let to = |window: &mut Harness<'_, App>, place: Pos2| {
+        window.event_modifiers(Event::PointerMoved(place), Modifiers::SHIFT);
+        window.run();
+    };
+    to(&mut window, lamp);
+    button(&mut window, lamp, true);
+    let end = lamp + Vec2::new(40.0, -60.0);
+    to(&mut window, lamp + Vec2::new(20.0, -30.0));
+    to(&mut window, end);
+    window.run();
+    let [day_now, lamp_now] = places(&window);
+    assert!((day_now - day).length() < 0.5, "{day_now:?} was at {day:?}");
+    assert!((lamp_now - end).length() < 0.5, "{lamp_now:?} is to be under the hand at {end:?}");
+    button(&mut window, end, false);
+}
+
+#[test]
+fn who_decides_is_said_in_a_line_and_the_panels_below_stay_where_they_are() {
+    let mut document = document();
+    document.edit(&Edit::Mix(Mixing::Sliders));
+    let top = |document: Document, line: &str| {
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+        window.run();
+        assert!(window.query_by_label(line).is_some(), "{line}");
+        window.get_by_label("Transfer function").rect().top()
+    };
+    let by_sliders = top(document.clone(), "The sliders mix: click the dial to let it.");
+    document.edit(&Edit::Hand(DVec2::ZERO));
+    let by_dial = top(document, "The dial mixes: move a slider to take over.");
+    assert!((by_sliders - by_dial).abs() < 0.5, "{by_sliders} and {by_dial}");
+}
+
+#[test]
+fn the_transfer_function_comes_right_after_the_lights_and_the_camera_says_which_rays_it_has() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    let panels = ["Lights", "Light dial", "Light situations", "Transfer function", "Display", "Camera", "Accuracy"];
+    let tops = panels.map(|panel| window.get_all_by_label(panel).next().unwrap().rect().top());
+    assert!(tops.is_sorted(), "{tops:?}");
+    let is_parallel = |window: &Harness<'_, App>| {
+        let document = window.state().document.as_ref().unwrap();
+        matches!(document.state().scene.camera.projection, Projection::Orthographic { .. })
+    };
+    for (choice, parallel) in
+        [("Perspective", false), ("Parallel rays", true), ("Parallel rays", true), ("Perspective", false)]
+    {
+        window.get_by_label(choice).click();
+        window.run();
+        assert_eq!(is_parallel(&window), parallel, "{choice}");
+    }
+}
+
+#[test]
+fn a_name_that_is_taken_is_said_to_be_replaced() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_role(egui::accesskit::Role::TextInput).focus();
+    window.run();
+    window.event(Event::Text("evening".to_owned()));
+    window.run();
+    window.get_by_label("Replace").click();
+    window.run();
+    let document = window.state().document.as_ref().unwrap();
+    let situations = &document.state().scene.dial.situations;
+    assert_eq!((situations.len(), situations[0].hand), (1, DVec2::new(0.2, 0.1)));
+}
+
+#[test]
+fn an_empty_window_offers_the_scene_of_the_program() {
+    let mut window = App::open(Vec2::new(1280.0, 720.0), None);
+    window.run();
+    window.get_by_label("Open the built-in scene").click();
+    window.run();
+    assert_eq!(window.state().asked, [Action::OpenBuiltIn]);
+}
+
+#[test]
+fn what_an_interval_absorbs_is_a_number_where_its_material_absorbs() {
+    let text = SCENE.replace(
+        "[materials.flesh]",
+        "[materials.flesh]\nabsorption = { gaussian = [{ centre = 527, sigma = 17, height = 1.0 }], base = 0.02 }",
+    );
+    assert_ne!(text, SCENE);
+    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let shown = opened.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
+    let of_flesh = shown.map(|material| opened.materials[material].name == "flesh").collect::<Vec<_>>();
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+    window.run();
+    for (index, absorbs) in of_flesh.iter().enumerate() {
+        let label = format!("interval {index}: absorption");
+        let field = window.query_by_label(&label);
+        assert_eq!(field.is_some(), *absorbs, "{index}");
+    }
+    let index = of_flesh.iter().position(|it| *it).unwrap();
+    type_into(&mut window, &format!("interval {index}: absorption"), "0.75");
+    window.key_press(Key::Enter);
+    window.run();
+    assert!((intervals(&window)[index].absorption - 0.75).abs() < 1e-12, "{:?}", intervals(&window));
+    assert!(window.query_all_by_label("absorbs").count() >= 2, "beside the interval, and in the spectra");
+}
+
+#[test]
+fn what_the_probe_says_of_materials_are_parts_of_a_whole() {
+    let probe = probed();
+    let seen = probe.seen.iter().sum::<f64>() + probe.transmittance;
+    assert!((seen - 1.0).abs() < 0.01, "the pixel: {seen}");
+    let light = probe.shares.iter().map(|share| share.light).sum::<f64>();
+    assert!((light - 1.0).abs() < 1e-9, "its light: {light}");
+    let mut window = wide(document());
+    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probe)));
+    window.run();
+    for label in ["of the pixel", "blue: reflected, as a share"] {
+        assert!(window.query_by_label(label).is_some(), "{label}");
+    }
+    assert!(window.query_all_by_label("of its light").count() >= 1);
+}
+
+#[test]
+fn a_way_out_of_what_cannot_be_had_is_a_button_that_changes_it_and_solves_again() {
+    let mut document = document();
+    document.edit(&Edit::Design(Step::Offer));
+    document.rest();
+    let mut window = wide(document);
+    window.state_mut().design = true;
+    let open = WayOut::Open { light: "lamp".to_owned() };
+    let gone = WayOut::Open { light: "moon".to_owned() };
+    window.state_mut().conflicts = vec![Conflict {
+        cells: vec![(0, 0)],
+        part: vec![(0, 0)],
+        least: 1.0,
+        reached: 1.0,
+        reason: "flesh cannot be black".to_owned(),
+        ways_out: vec![open, gone],
+    }];
+    window.run();
+    assert!(window.query_by_label("Not all of this can be had: flesh cannot be black.").is_some());
+    assert!(window.query_by_label("Leave the light moon open").is_none(), "there is no such light any more");
+    window.get_by_label("Leave the light lamp open").click_accesskit();
+    window.run();
+    let asked = &window.state().asked;
+    assert!(matches!(asked[..], [Action::Edit(Edit::Design(Step::Open(_, 1, true))), Action::Solve]), "{asked:?}");
 }

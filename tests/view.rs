@@ -529,6 +529,79 @@ settle
 }
 
 #[test]
+fn a_file_that_is_no_scene_is_told_of_as_info_does() {
+    let mut nifti = vec![0; 400];
+    nifti[..4].copy_from_slice(&348_i32.to_le_bytes());
+    nifti[344..348].copy_from_slice(b"n+1\0");
+    let folder = folder().with("head.nii", &nifti).with("head", nifti);
+    for name in ["head.nii", "head"] {
+        folder.refused(1, &["info", name], &["this is a NIfTI file"]);
+        folder.refused(1, &["render", name, "-o", "head.png"], &["this is a NIfTI file", "NRRD"]);
+    }
+    let Some(screen) = Screen::new() else { return };
+    let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop head.nii\nsettle\n");
+    assert!(report["notices"][0].as_str().unwrap().contains("this is a NIfTI file"), "{}", report["notices"]);
+}
+
+#[test]
+fn a_drop_of_a_file_of_several_volumes_says_how_the_viewer_is_started_with_one() {
+    let Some(screen) = Screen::new() else { return };
+    let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nencoding: raw\n\n";
+    let steps: Vec<u8> = header.bytes().chain(0..128).collect();
+    let folder = folder().with("steps.nrrd", steps);
+    let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop steps.nrrd\nsettle\n");
+    let notice = report["notices"][0].as_str().unwrap();
+    assert!(notice.contains("steps.nrrd") && notice.contains("start `relume view`"), "{notice}");
+}
+
+#[test]
+fn a_light_of_intensity_0_is_off_as_the_scene_opens_and_there_to_be_turned_on() {
+    let folder = folder()
+        .with("dark.toml", format!("{SCENE}{DIAL}").replace("intensity = 0.5", "intensity = 0"))
+        .with("one.toml", format!("{SCENE}{DIAL}").replace("intensity = 0.5", "intensity = 1"));
+    let render = |scene: &str, picture: &str, more: &[&str]| {
+        folder.done(&[&["render", scene, "-o", picture, "--size", "40x30"], more].concat());
+        bytes(&folder, picture)
+    };
+    let dark = render("dark.toml", "dark.png", &[]);
+    assert_eq!(dark, render("one.toml", "day.png", &["--light", "day"]), "the other light alone");
+    let lamp = render("one.toml", "lamp.png", &["--light", "lamp"]);
+    assert_eq!(render("dark.toml", "asked.png", &["--light", "lamp"]), lamp, "it is there to be asked for");
+    let on = ["-D", "mix.on=[\"lamp\"]"];
+    assert_eq!(render("dark.toml", "on.png", &on), render("one.toml", "both.png", &[]), "and to be turned on");
+    let Some(screen) = Screen::new() else { return };
+    let script = "size 320 300\nsettle\npicture off.png\non lamp\npicture on.png\nsave session on.toml\nnode lamp\npicture node.png\n";
+    let report = screen.script(&folder, "dark.toml", script);
+    assert_opens_as_it_was_saved_in(&folder, "on.toml", "on.png", &size(&report));
+    let rendered = |more: &[&str]| {
+        folder.done(&[&["render", "dark.toml", "-o", "rendered.png", "--size", &size(&report)], more].concat());
+        bytes(&folder, "rendered.png")
+    };
+    assert_eq!(bytes(&folder, "off.png"), rendered(&[]));
+    assert_eq!(bytes(&folder, "node.png"), rendered(&["--light", "lamp"]));
+}
+
+/// `render` makes of `session` the picture that was `saved`.
+fn assert_opens_as_it_was_saved_in(folder: &Folder, session: &str, saved: &str, size: &str) {
+    folder.done(&["render", session, "-o", "again.png", "--size", size]);
+    assert_eq!(bytes(folder, saved), bytes(folder, "again.png"), "{session} rendered");
+}
+
+#[test]
+fn what_a_hand_saves_has_a_name_of_its_own_each_time() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder().with("relume-0002.png", "kept");
+    let find = "size 1280 800\nsettle\npointer 126 18\nframes 2\npress\nrelease\nsettle\npress\nrelease\nsettle\n";
+    screen.script(&folder, "dial.toml", find);
+    let names = folder.names();
+    assert!(
+        names.contains(&"relume-0001.png".to_owned()) && names.contains(&"relume-0003.png".to_owned()),
+        "{names:?}"
+    );
+    assert_eq!(bytes(&folder, "relume-0002.png"), b"kept");
+}
+
+#[test]
 fn accumulators_are_saved_as_render_writes_them_of_the_session() {
     let Some(screen) = Screen::new() else { return };
     let model = format!("{SCENE}{DIAL}[accuracy]\naccumulate = \"spectral\"\nk = 4\n");

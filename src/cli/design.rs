@@ -252,7 +252,7 @@ fn json(solution: &Solution) -> Value {
             "least": conflict.least,
             "reached": conflict.reached,
             "reason": conflict.reason,
-            "ways_out": conflict.ways_out,
+            "ways_out": conflict.ways_out.iter().map(ToString::to_string).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
         "dark_merges": solution.dark_merges.iter().map(|merge| json!({
             "cell": name(merge.cell.0, merge.cell.1),

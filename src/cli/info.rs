@@ -118,6 +118,12 @@ fn is_scene(path: &Path) -> bool {
     toml && !table().is_some_and(of_voxels)
 }
 
+/// Whether the slider of this light is on as the scene opens.
+fn is_on(scene: &Scene, name: &str) -> bool {
+    let mut lights = scene.lights.iter().zip(&scene.light.sliders);
+    lights.any(|(light, slider)| light.name == name && slider.on)
+}
+
 fn of_devices() -> Result<Report, CliError> {
     let all = devices()?;
     let mut text = String::new();
@@ -318,7 +324,8 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
                 Placement::Directional(direction) => format!("from the direction {}", list(direction)),
                 Placement::Point(point) => format!("from {}", list(point)),
             };
-            format!("{} ({place}, intensity {})", light.name, light.intensity)
+            let off = if is_on(scene, &light.name) { "" } else { ", off as it opens" };
+            format!("{} ({place}, intensity {}{off})", light.name, light.intensity)
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
@@ -361,7 +368,8 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
                     Placement::Point(point) => ("point", Some(point)),
                 };
                 let place = place.map(|place| place.to_array());
-                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity})
+                let on = is_on(scene, &light.name);
+                json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity, "on": on})
             })
             .collect::<Vec<_>>(),
         "situations": situations,

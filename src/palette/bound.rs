@@ -4,6 +4,8 @@
 //! light it is relaxed: what a material sends back, a product of two unknowns, is an unknown of its own, held between
 //! the planes that such products lie between (McCormick 1976). What the relaxed problem cannot do, no spectra can.
 
+use std::fmt;
+
 use glam::DVec3;
 
 use super::program::Program;
@@ -34,7 +36,44 @@ pub struct Conflict {
     pub reason: String,
     /// What may make the cells possible, each by itself, with the part's other conflicts left aside: the same convex
     /// problem does not exclude it.
-    pub ways_out: Vec<String>,
+    pub ways_out: Vec<WayOut>,
+}
+
+/// A change of one thing that may make possible what excludes itself. In words it is a clause: "let a under b be free".
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum WayOut {
+    /// Nothing is asked of a cell.
+    Free {
+        /// Its row, by name.
+        material: String,
+        /// Its column, by name.
+        light: String,
+    },
+    /// The spectrum of a material may be artificial.
+    Bounds {
+        /// The material, by name.
+        material: String,
+        /// What its samples may be.
+        bounds: [f64; 2],
+    },
+    /// The spectrum of a light is found.
+    Open {
+        /// The light, by name.
+        light: String,
+    },
+}
+
+impl fmt::Display for WayOut {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Free { material, light } => write!(formatter, "let {material} under {light} be free"),
+            Self::Bounds { material, bounds } => {
+                write!(formatter, "give {material} the bounds {bounds:?}: an artificial spectrum")
+            }
+            Self::Open { light } => write!(formatter, "leave the light {light} open"),
+        }
+    }
 }
 
 /// Everything that excludes itself, as far as convex problems show.
@@ -254,12 +293,16 @@ impl Relaxed<'_> {
     }
 
     /// Changes of one thing after which `part` is not shown to be impossible any more.
-    fn ways_out(&self, palette: &Palette, part: &[Cell], core: &[Cell]) -> Result<Vec<String>, PaletteError> {
+    fn ways_out(&self, palette: &Palette, part: &[Cell], core: &[Cell]) -> Result<Vec<WayOut>, PaletteError> {
         let mut ways = Vec::new();
         for freed in core {
             let others: Vec<Cell> = part.iter().filter(|cell| Place::of(cell) != Place::of(freed)).copied().collect();
             if self.is_possible(palette, &others)? {
-                ways.push(format!("let {} be free", palette.name(Place::of(freed))));
+                let Place { material, light } = Place::of(freed);
+                ways.push(WayOut::Free {
+                    material: palette.materials[material].name.clone(),
+                    light: palette.lights[light].name.clone(),
+                });
             }
         }
         let mut rows: Vec<usize> = core.iter().flat_map(Place::both).map(|place| place.material).collect();
@@ -273,10 +316,7 @@ impl Relaxed<'_> {
                 let bounds = [wider[0].min(low), wider[1].max(high)];
                 changed.materials[row].bounds = bounds;
                 if is_wider && self.is_possible(&changed, part)? {
-                    ways.push(format!(
-                        "give {} the bounds {bounds:?}: an artificial spectrum",
-                        palette.materials[row].name
-                    ));
+                    ways.push(WayOut::Bounds { material: palette.materials[row].name.clone(), bounds });
                     break;
                 }
             }
@@ -289,7 +329,7 @@ impl Relaxed<'_> {
             changed.lights[column].spectrum = None;
             changed.lights[column].bounds = LAMP;
             if self.is_possible(&changed, part)? {
-                ways.push(format!("leave the light {} open", palette.lights[column].name));
+                ways.push(WayOut::Open { light: palette.lights[column].name.clone() });
             }
         }
         Ok(ways)

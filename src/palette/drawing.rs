@@ -174,7 +174,10 @@ impl Solution {
             lines.push(format!("Cannot be had exactly: {}.", conflict.reason));
             lines.push(match conflict.ways_out.as_slice() {
                 [] => "No single change is known that may make it possible.".to_owned(),
-                ways => format!("What may make it possible: {}.", ways.join("; or ")),
+                ways => {
+                    let ways: Vec<String> = ways.iter().map(ToString::to_string).collect();
+                    format!("What may make it possible: {}.", ways.join("; or "))
+                }
             });
             // All conflicts of a part have its bound.
             if self.conflicts.get(index + 1).is_none_or(|next| next.part != conflict.part) {

@@ -17,7 +17,7 @@ mod step;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
-pub use bound::Conflict;
+pub use bound::{Conflict, WayOut};
 pub use contrast::Contrast;
 pub use error::PaletteError;
 pub(crate) use file::{Misplaced, PaletteFile};

@@ -5,7 +5,7 @@ mod media;
 mod view;
 mod volumes;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::num::NonZeroUsize;
 use std::ops::RangeInclusive;
@@ -68,6 +68,9 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     };
     if volume::is_volume(path, &[]) {
         return Err(volume());
+    }
+    if let Some(refusal) = volume::refusal(path) {
+        return Err(SceneError::NoScene(refusal));
     }
     let file = input::open(path).map_err(read)?;
     let length = file.metadata().map_err(read)?.len();
@@ -404,9 +407,9 @@ impl Text<'_> {
             }
         };
         let background = background.filter(|surface| surface.spectrum().samples().iter().any(|&sample| sample != 0.0));
-        let lights = self.lights(&file.lights, base)?;
+        let (lights, dark) = self.lights(&file.lights, base)?;
         let dial = self.dial(&file.dial, &lights)?;
-        let light = self.mix(&file.mix, &lights)?;
+        let light = self.mix(&file.mix, &lights, &dark)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;

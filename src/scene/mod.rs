@@ -331,6 +331,9 @@ pub enum SceneError {
         /// Why.
         source: VolumeError,
     },
+    /// The file is no scene and no volume that is read.
+    #[error(transparent)]
+    NoScene(VolumeError),
     /// No volume is named, neither in the scene nor beside it.
     #[error("{scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
     NoVolume {

@@ -19,14 +19,16 @@ pub enum Action {
     Redo,
     /// Another scene or volume.
     Open(PathBuf),
+    /// The scene that is part of the program.
+    OpenBuiltIn,
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
-    /// in .png or .exr.
-    SavePicture(PathBuf),
+    /// in .png or .exr; `None` is a numbered name in this folder that is free.
+    SavePicture(Option<PathBuf>),
     /// What the picture is made of, once it is as fine as it gets: the file that `relume render --accumulators` would write to
-    /// this name, which ends in .exr.
-    SaveAccumulators(PathBuf),
-    /// What is looked at, as a scene file.
-    SaveSession(PathBuf),
+    /// this name, which ends in .exr; `None` as above.
+    SaveAccumulators(Option<PathBuf>),
+    /// What is looked at, as a scene file; `None` as above.
+    SaveSession(Option<PathBuf>),
     /// All pixels of the window, as PNG.
     SaveWindow(PathBuf),
     /// A pixel to look at, in parts of the picture from the top left; or none.
@@ -35,8 +37,8 @@ pub enum Action {
     Panels(bool),
     /// The hand from situation to situation in so many seconds; `None` stops it where it is.
     Tour(Option<f64>),
-    /// So many pictures of that way, as NAME-0001.png and so on.
-    SaveTour(PathBuf, u16),
+    /// So many pictures of that way, as NAME-0001.png and so on; `None` is a name in this folder that is free.
+    SaveTour(Option<PathBuf>, u16),
     /// The scene on the device again, after that was lost more than once.
     Restart,
     /// Settings are measured: a curve of them, or those that it takes to find the one that does what is asked, which is then

@@ -11,7 +11,7 @@ use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, Speed, Uploaded};
 use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
 use crate::tables::{Components, RelightMatrices};
-use crate::volume::{Statistics, VolumeError, is_volume};
+use crate::volume::{Statistics, VolumeError, has_header, is_volume};
 use crate::vulkan::give_back_freed;
 
 /// The scene around a volume that has none.
@@ -136,7 +136,7 @@ impl Source {
     /// The volume that it is, where it is no scene.
     #[must_use]
     pub fn bare_volume(&self) -> Option<&Path> {
-        self.path.as_deref().filter(|path| is_volume(path, &[]) || is_raw(path, &self.options))
+        self.path.as_deref().filter(|path| is_volume(path, &[]) || has_header(path) || is_raw(path, &self.options))
     }
 
     /// Reads the scene. A volume without one gets a transfer function made from its histogram.

@@ -218,7 +218,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "forget" => Command::Named(About::Forget, name()?),
         "tour" => match rest {
             [file @ .., frames] if !file.is_empty() => {
-                Command::Do(Action::SaveTour(file.join(" ").into(), numbers::<u16, 1>(verb, &[frames])?[0]))
+                Command::Do(Action::SaveTour(Some(file.join(" ").into()), numbers::<u16, 1>(verb, &[frames])?[0]))
             }
             _ => Command::Do(Action::Tour(Some(numbers::<f64, 1>(verb, rest)?[0]))),
         },
@@ -312,10 +312,10 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "restart" => Command::Do(Action::Restart),
         "open" => Command::Do(Action::Open(file()?)),
         "window" => Command::Do(Action::SaveWindow(file()?)),
-        "picture" => Command::Do(Action::SavePicture(file()?)),
-        "accumulators" => Command::Do(Action::SaveAccumulators(file()?)),
+        "picture" => Command::Do(Action::SavePicture(Some(file()?))),
+        "accumulators" => Command::Do(Action::SaveAccumulators(Some(file()?))),
         "save" => match rest {
-            ["session", file @ ..] if !file.is_empty() => Command::Do(Action::SaveSession(file.join(" ").into())),
+            ["session", file @ ..] if !file.is_empty() => Command::Do(Action::SaveSession(Some(file.join(" ").into()))),
             _ => return Err("save session FILE".to_owned()),
         },
         "panels" => Command::Do(Action::Panels(switch(verb, rest)?)),

@@ -2,6 +2,7 @@
 //!
 //! `relume render` makes the picture of it that the window shows, and `relume view` goes on from there.
 
+use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf, absolute};
 
@@ -128,10 +129,11 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         dial(table(&mut document, "dial")?, &scene.dial);
     }
     document.remove("mix");
+    let dark = dark(&document);
     // Which situation it was is not looked at: only what it looks like.
     let light = LightState { situation: None, ..state.light.clone() };
-    if light != LightState::stated(scene.lights.len()) {
-        document.insert("mix", Item::Table(mix(&light, scene)));
+    if light != LightState::stated(scene.lights.len()) || !dark.is_empty() {
+        document.insert("mix", Item::Table(mix(&light, scene, &dark)));
     }
     Ok(document.to_string())
 }
@@ -380,7 +382,20 @@ fn point(place: DVec2) -> Array {
     numbers(place.to_array())
 }
 
-fn mix(light: &LightState, scene: &Scene) -> Table {
+/// The lights of which the text says the intensity 0.
+fn dark(document: &DocumentMut) -> BTreeSet<String> {
+    let lights = document.get("lights").and_then(Item::as_table_like);
+    let is_dark = |light: &Item| {
+        let intensity = light.as_table_like().and_then(|light| light.get("intensity"));
+        #[expect(clippy::cast_precision_loss, reason = "whether it is 0")]
+        let intensity = intensity.and_then(|it| it.as_float().or(it.as_integer().map(|it| it as f64)));
+        intensity == Some(0.0)
+    };
+    let dark = lights.into_iter().flat_map(TableLike::iter).filter(|(_, light)| is_dark(light));
+    dark.map(|(name, _)| name.to_owned()).collect()
+}
+
+fn mix(light: &LightState, scene: &Scene, dark: &BTreeSet<String>) -> Table {
     let mut table = Table::new();
     let of_lights = || scene.lights.iter().map(|light| light.name.as_str()).zip(&light.sliders);
     table.insert("by", value(if light.mixing == Mixing::Dial { "dial" } else { "sliders" }));
@@ -388,6 +403,8 @@ fn mix(light: &LightState, scene: &Scene) -> Table {
     let weights = of_lights().map(|(name, slider)| (name, Value::from(slider.weight)));
     table.insert("weights", value(weights.collect::<InlineTable>()));
     table.insert("off", value(names(of_lights().filter(|(_, slider)| !slider.on).map(|(name, _)| name))));
+    let lit = of_lights().filter(|(name, slider)| slider.on && dark.contains(*name)).map(|(name, _)| name);
+    table.insert("on", value(names(lit)));
     if let Some(solo) = light.solo.and_then(|solo| scene.lights.get(solo)) {
         table.insert("solo", value(&solo.name));
     }

@@ -30,10 +30,11 @@ use super::ui::{self, Design, Effort, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
 use crate::output::numbered;
-use crate::palette::{self, PaletteError, Solution};
+use crate::palette::{self, Conflict, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Interval, Scene};
+use crate::volume::VolumeError;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 
 /// How long after its last movement a hand rests.
@@ -205,15 +206,21 @@ struct Viewer {
     /// What was measured, and what is being measured.
     curve: Option<Curve>,
     measuring: Option<Job<Chosen>>,
+    /// What the setting that was chosen last came to.
+    chosen: Option<String>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
     solving: Option<Job<Result<Solution, PaletteError>>>,
+    /// What excluded itself in what was solved last.
+    conflicts: Vec<Conflict>,
     /// The last edit that marches.
     moved: Instant,
     /// What to save once the picture is finest.
     to_save: Vec<Export>,
     /// Files that are being written.
     writing: Vec<Writing>,
+    /// Names that were given to files, which may not be there yet.
+    named: Vec<PathBuf>,
     /// Where the window's pixels of this frame go.
     to_capture: Option<PathBuf>,
     script: Position,
@@ -279,11 +286,14 @@ impl Viewer {
             prober: Prober::default(),
             curve: None,
             measuring: None,
+            chosen: None,
             editing: false,
             solving: None,
+            conflicts: Vec::new(),
             moved: begun,
             to_save: Vec::new(),
             writing: Vec::new(),
+            named: Vec::new(),
             to_capture: None,
             script: Position::default(),
             drawn: Vec::new(),
@@ -410,7 +420,13 @@ impl Viewer {
             Ok(loaded) => loaded,
             // The next frame notices it too, and starts again.
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
-            Err(error) => return self.tell(&error),
+            Err(error) => {
+                self.tell(&error);
+                if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
+                    notice.push_str("; a window cannot be told: start `relume view` with the file and that");
+                }
+                return;
+            }
         };
         self.before = self.counts();
         if !again {
@@ -421,9 +437,10 @@ impl Viewer {
             }
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
-            self.curve = None;
+            (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);
+        self.conflicts.clear();
         // Pictures are counted anew.
         let looked_at = self.prober.place().filter(|_| again);
         self.prober.look(None);
@@ -487,16 +504,26 @@ impl Viewer {
                 self.show_again(cost);
             }
             Action::Open(path) => self.open(Source::of(&path)),
-            Action::SavePicture(path) => self.to_save.push(Export::Picture(path)),
-            Action::SaveAccumulators(path) => self.to_save.push(Export::Accumulators(path)),
-            Action::SaveSession(path) => self.save_session(&path),
+            Action::OpenBuiltIn => self.open(Source::default()),
+            Action::SavePicture(path) => {
+                let path = path.unwrap_or_else(|| self.free("relume.png"));
+                self.to_save.push(Export::Picture(path));
+            }
+            Action::SaveAccumulators(path) => {
+                let path = path.unwrap_or_else(|| self.free("relume-accumulators.exr"));
+                self.to_save.push(Export::Accumulators(path));
+            }
+            Action::SaveSession(path) => {
+                let path = path.unwrap_or_else(|| self.free("relume-session.toml"));
+                self.save_session(&path);
+            }
             Action::SaveWindow(path) => self.to_capture = Some(path),
             Action::Restart => {
                 self.lost.times = 1;
                 self.restore();
             }
             Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
-            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path, frames)),
+            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path.unwrap_or_else(free_tour), frames)),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
@@ -509,6 +536,14 @@ impl Viewer {
                 }
             }
         }
+    }
+
+    /// The first of the numbered names after `name` that no file has or will have.
+    fn free(&mut self, name: &str) -> PathBuf {
+        let mut names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
+        let free = names.find(|path| !path.exists() && !self.named.contains(path)).unwrap_or_else(|| name.into());
+        self.named.push(free.clone());
+        free
     }
 
     fn show_again(&mut self, cost: Option<Cost>) {
@@ -568,6 +603,7 @@ impl Viewer {
                 .as_ref()
                 .zip(self.document.as_ref())
                 .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
+            chosen: self.chosen.as_deref(),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
         let solving = self.solving.as_ref().map(Job::progress);
@@ -583,7 +619,7 @@ impl Viewer {
             plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
             effort,
-            design: Design { shown: self.editing, running: solving },
+            design: Design { shown: self.editing, running: solving, conflicts: &self.conflicts },
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
@@ -741,10 +777,9 @@ impl Viewer {
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
                     self.ask(Action::Edit(Edit::Accuracy(accuracy)));
+                    self.chosen = Some(format!("Chosen, {}: {}.", choice.setting, choice.why));
                     if self.is_scripted() {
                         self.report.choices.push(choice);
-                    } else {
-                        self.note(format!("{}.", choice.why));
                     }
                 }
             }
@@ -759,6 +794,7 @@ impl Viewer {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
         };
+        self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
         self.solving = Some(Job::start(wake, move |progress| palette::solve(&palette, progress)));
@@ -775,14 +811,9 @@ impl Viewer {
                 let spectra = Spectra::of(&document.state().scene, &solution);
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
-                if let Some(conflict) = solution.conflicts.first() {
-                    let ways = conflict.ways_out.iter().map(|way| format!(" {way}.")).collect::<String>();
-                    let more = match solution.conflicts.len() - 1 {
-                        0 => String::new(),
-                        more => format!(" So it is with {more} more sets of cells."),
-                    };
-                    self.note(format!("{}.{ways}{more}", conflict.reason.trim_end_matches('.')));
-                }
+                // The editor tells why, and offers ways out.
+                self.editing |= !solution.conflicts.is_empty();
+                self.conflicts = solution.conflicts;
             }
         }
         true
@@ -796,7 +827,7 @@ impl Viewer {
         match session::save(path, &self.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
             Ok(()) if self.is_scripted() => {}
-            Ok(()) => self.note(format!("The session is {}.", path.display())),
+            Ok(()) => self.note(format!("The session is {}.", whole_path(path))),
         }
     }
 
@@ -818,11 +849,11 @@ impl Viewer {
             let Some(snapshot) = engine.snapshot() else { continue };
             match export {
                 Export::Picture(path) => {
-                    let there = format!("The picture is {}.", path.display());
+                    let there = format!("The picture is {}.", whole_path(&path));
                     self.writing.push(self.write(Some(there), move || snapshot.write_picture(&path)));
                 }
                 Export::Accumulators(path) => {
-                    let there = format!("The accumulators are {}.", path.display());
+                    let there = format!("The accumulators are {}.", whole_path(&path));
                     let scene = Scene { light: state.light.clone(), ..state.scene.clone() };
                     self.writing.push(self.write(Some(there), move || snapshot.write_accumulators(&scene, &path)));
                 }
@@ -881,8 +912,10 @@ impl Viewer {
             return;
         }
         if failed || saved == frames {
-            let there =
-                format!("The pictures of the tour are there, the last of them {}.", numbered(path, *saved).display());
+            let there = format!(
+                "The pictures of the tour are there, the last of them {}.",
+                whole_path(&numbered(path, *saved))
+            );
             self.tour = None;
             if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
                 engine.light(document.state());
@@ -905,6 +938,12 @@ impl Viewer {
             device: self.report.device.clone(),
             size: self.report.size,
             marching: engine.and_then(Engine::progress),
+            beside: match (&self.measuring, &self.solving, &self.loading) {
+                (_, _, Some(_)) => Some("opening"),
+                (Some(_), _, None) => Some("measuring"),
+                (None, Some(_), None) => Some("solving"),
+                (None, None, None) => None,
+            },
             finest: engine.is_some_and(Engine::is_finest),
             counts: self.counts(),
             frame_ms: self.drawn.last().copied().unwrap_or_default(),
@@ -1094,6 +1133,13 @@ fn spread(times: &mut [f64]) -> [f64; 3] {
     [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default())
 }
 
+/// Whether the file holds several volumes, and nobody has said which.
+fn chooses(error: &LoadError) -> bool {
+    let mut causes = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
+    causes.any(|error| matches!(error.downcast_ref(), Some(VolumeError::Choose { .. })))
+        || matches!(error, LoadError::Volume(VolumeError::Choose { .. }))
+}
+
 /// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
 /// soon as the hand rests: it may have come to rest while a coarse picture was made.
 fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
@@ -1102,6 +1148,18 @@ fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
         (true, false) => again.min(REST),
         (true, true) => Duration::ZERO,
     }
+}
+
+/// A name of a tour whose first picture is not there.
+fn free_tour() -> PathBuf {
+    let further = (2..=u16::MAX).map(|number| format!("relume-tour-{number}.png").into());
+    let mut names = std::iter::once(PathBuf::from("relume-tour.png")).chain(further);
+    names.find(|name| !numbered(name, 1).exists()).unwrap_or_else(|| "relume-tour.png".into())
+}
+
+/// Where `path` is, to somebody who does not know what folder this is.
+fn whole_path(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
 
 impl ApplicationHandler<Woken> for Viewer {

@@ -203,7 +203,7 @@ pub enum VolumeError {
         limit: u64,
     },
     /// Compressed data are damaged.
-    #[error("{}: damaged {encoding} data; only the first {decoded} bytes of voxels are known to be sound", path.display())]
+    #[error("{}: damaged {encoding} data; {}", path.display(), sound(*decoded))]
     Inflate {
         /// The file of voxels.
         path: PathBuf,
@@ -301,4 +301,12 @@ pub enum VolumeError {
         /// The file.
         source_name: String,
     },
+}
+
+/// What of damaged data can be trusted.
+fn sound(decoded: u64) -> String {
+    match decoded {
+        0 => "no voxel can be read of it".to_owned(),
+        decoded => format!("only the first {decoded} bytes of voxels are known to be sound"),
+    }
 }

@@ -23,7 +23,7 @@ const FOREIGN: [Foreign; 19] = [
     Foreign { name: "a VTK legacy file", extensions: &["vtk"], recognises: |b| b.starts_with(b"# vtk DataFile") },
     Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
     Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
-    Foreign { name: "an MRC file", extensions: &["mrc", "ccp4"], recognises: |b| b.get(208..211) == Some(b"MAP") },
+    Foreign { name: "an MRC file", extensions: &["mrc", "ccp4"], recognises: is_mrc },
     Foreign { name: "a NumPy array", extensions: &["npy"], recognises: |b| b.starts_with(b"\x93NUMPY") },
     Foreign {
         name: "a Vaa3D raw file",
@@ -67,6 +67,11 @@ pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
     format!("unknown volume format{named}{text} (headerless voxels of any name are read with --dims and --type)")
 }
 
+/// Whether a file that begins so is of a format that is not read.
+pub(super) fn is_known(beginning: &[u8]) -> bool {
+    name(beginning).is_some()
+}
+
 fn name(beginning: &[u8]) -> Option<&'static str> {
     FOREIGN.iter().find(|foreign| (foreign.recognises)(beginning)).map(|foreign| foreign.name)
 }
@@ -92,6 +97,11 @@ fn is_dicom(beginning: &[u8]) -> bool {
 /// The magic words of versions 1 and 2 (`nifti1.h`, `nifti2.h`).
 fn is_nifti(beginning: &[u8]) -> bool {
     matches!(beginning.get(344..348), Some(b"n+1\0" | b"ni1\0")) || matches!(beginning.get(4..7), Some(b"n+2" | b"ni2"))
+}
+
+/// The word in the header, which no text has for one.
+fn is_mrc(beginning: &[u8]) -> bool {
+    beginning.get(208..211) == Some(b"MAP") && !is_text(beginning)
 }
 
 /// The length of the header, 348 bytes, in either byte order. Its successor has a magic word too.

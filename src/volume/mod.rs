@@ -21,7 +21,7 @@ mod vti;
 
 pub use error::VolumeError;
 pub use geometry::Geometry;
-pub(crate) use open::is_volume;
+pub(crate) use open::{has_header, is_volume, refusal};
 pub use open::{open, open_by, open_raw, packed_blocks};
 pub use phantom::Phantom;
 

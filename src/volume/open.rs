@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
+use crate::input;
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -90,8 +91,15 @@ pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
     FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
 }
 
+/// The refusal of a file or folder that is something else by its beginning, as [`open`] says it.
+pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
+    let beginning = || input::read(path, BEGINNING).ok();
+    let what = || beginning().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
+    foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what))
+}
+
 /// Whether the file `path` says itself how its voxels lie.
-fn has_header(path: &Path) -> bool {
+pub(crate) fn has_header(path: &Path) -> bool {
     let mut beginning = Vec::new();
     let read = stream::open(path).ok().and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning).ok());
     read.is_some() && FORMATS.iter().any(|format| (format.recognises)(&beginning))

@@ -164,6 +164,8 @@ pub(super) struct MixFile {
     pub(super) weights: BTreeMap<String, At<f64>>,
     #[serde(default)]
     pub(super) off: Vec<At<String>>,
+    #[serde(default)]
+    pub(super) on: Vec<At<String>>,
     pub(super) solo: Option<At<String>>,
     #[serde(default)]
     pub(super) normalise: bool,

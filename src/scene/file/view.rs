@@ -3,12 +3,15 @@
 use super::*;
 
 impl Text<'_> {
+    /// The lights, and the names of those that are dark: whose intensity is 0. They are there at intensity 1, for sliders,
+    /// the dial and `--light`, and are switched off as the scene opens.
     pub(super) fn lights(
         &self,
         files: &BTreeMap<String, At<LightFile>>,
         base: &Path,
-    ) -> Result<Vec<SceneLight>, SceneError> {
-        files
+    ) -> Result<(Vec<SceneLight>, BTreeSet<String>), SceneError> {
+        let mut dark = BTreeSet::new();
+        let lights = files
             .iter()
             .map(|(name, stated)| {
                 let file = stated.get_ref();
@@ -16,6 +19,12 @@ impl Text<'_> {
                 let spectrum = self.spectrum(format!("lights.{name}.spectrum"), source, |source| source.light(base))?;
                 warn_below_zero(&format!("lights.{name}.spectrum"), &spectrum);
                 let intensity = self.optional(&format!("lights.{name}.intensity"), file.intensity.as_ref(), &INTENSITY, 1.0)?;
+                let intensity = if intensity == 0.0 {
+                    dark.insert(name.clone());
+                    1.0
+                } else {
+                    intensity
+                };
                 let placement = match (file.kind, &file.direction, &file.position) {
                     (LightKind::Ambient, None, None) => Placement::Ambient,
                     (LightKind::Headlight, None, None) => Placement::Headlight,
@@ -32,7 +41,8 @@ impl Text<'_> {
                 };
                 Ok(SceneLight { name: name.clone(), spectrum, intensity, placement })
             })
-            .collect()
+            .collect::<Result<_, _>>()?;
+        Ok((lights, dark))
     }
 
     /// The regular polygon of `lights`, changed by what the file says.
@@ -76,8 +86,13 @@ impl Text<'_> {
         Ok(dial)
     }
 
-    /// How the scene mixes its `lights` as it opens.
-    pub(super) fn mix(&self, file: &MixFile, lights: &[SceneLight]) -> Result<LightState, SceneError> {
+    /// How the scene mixes its `lights`, of which some are `dark`, as it opens.
+    pub(super) fn mix(
+        &self,
+        file: &MixFile,
+        lights: &[SceneLight],
+        dark: &BTreeSet<String>,
+    ) -> Result<LightState, SceneError> {
         let names = || lights.iter().map(|light| light.name.as_str()).collect::<Vec<_>>().join(", ");
         let index = |name: &str| {
             let found = lights.iter().position(|light| light.name == name);
@@ -92,8 +107,14 @@ impl Text<'_> {
             let light = index(name).map_err(|message| self.invalid(weight, format!("mix.weights: {message}")))?;
             state.sliders[light].weight = self.number(&format!("mix.weights.{name}"), weight, &INTENSITY)?;
         }
+        for (slider, light) in state.sliders.iter_mut().zip(lights) {
+            slider.on = !dark.contains(&light.name);
+        }
         for name in &file.off {
             state.sliders[named("off", name)?].on = false;
+        }
+        for name in &file.on {
+            state.sliders[named("on", name)?].on = true;
         }
         state.solo = file.solo.as_ref().map(|name| named("solo", name)).transpose()?;
         if let Some(hand) = &file.hand {

@@ -1,10 +1,11 @@
 //! The accuracy panel: what is computed, how far from the truth it is, and settings by what they were measured to take.
 
 use egui::{
-    Button, Color32, DragValue, Grid, Id, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
+    Align2, Button, Color32, FontId, Grid, Id, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2,
+    vec2,
 };
 
-use super::controls::panel;
+use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
@@ -20,6 +21,8 @@ pub struct Effort<'a> {
     pub planned: Option<&'a Planned>,
     /// What was measured, and whether it is of the view that is shown.
     pub curve: Option<(&'a Curve, bool)>,
+    /// What the setting that was chosen last came to.
+    pub chosen: Option<&'a str>,
     /// How far measuring is (0 to 1, where known), and what is measured.
     pub running: Option<(Option<f32>, &'a str)>,
 }
@@ -52,8 +55,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         ui.horizontal(|ui| {
             ui.label("Step");
             let [shortest, longest] = STEPS;
-            let drag = DragValue::new(&mut step).speed(0.02).range(shortest..=longest).max_decimals(3).suffix(" voxels");
-            let dragged = ui.add(drag);
+            let dragged =
+                number(ui, &mut step, 3, |drag| drag.speed(0.02).range(shortest..=longest).suffix(" voxels"));
             dragged.widget_info(|| WidgetInfo::slider(true, step, "step"));
             let help = "How far apart the volume is looked at along a ray. Half the step takes about twice the time, and errs by a fourth.";
             if dragged.on_hover_text(help).changed() {
@@ -71,6 +74,9 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             }
             None => choose(ui, asked),
         }
+        if let Some(chosen) = effort.chosen {
+            ui.label(RichText::new(chosen).small());
+        }
         if let Some((curve, is_of_this)) = effort.curve {
             plot(ui, &scene.accuracy, curve, asked);
             if !is_of_this {
@@ -83,8 +89,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
 /// How far colours are off by what carries them.
 fn colours(ui: &mut Ui, planned: &Planned) {
     let Some(model) = &planned.model else {
-        ui.label(RichText::new("Colours are exact under every light.").small())
-            .on_hover_text("A pixel keeps how much it shows of each material; nothing of a spectrum is left out.");
+        ui.label(RichText::new("Another light is exact; errors are of the march, by its steps.").small()).on_hover_text(
+            "A pixel keeps how much it shows of each material, and nothing of a spectrum is left out. What is measured below is \
+             how far the march is from one of very short steps.",
+        );
         return;
     };
     let text = format!("{} numbers stand for a spectrum. Colours are off by ΔE00:", planned.plan.components());
@@ -120,16 +128,15 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     let mut row = |ui: &mut Ui, label: &str, usual: f64, suffix: &str, help: &str, goal: fn(f64) -> Goal| {
         ui.horizontal(|ui| {
             let id = Id::new(("goal", label));
-            let mut number = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
+            let mut wanted = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
             ui.label(label).on_hover_text(help);
-            let drag = DragValue::new(&mut number).speed(0.01 * usual).range(0.01..=1e5).max_decimals(2).suffix(suffix);
-            if ui.add(drag).changed() {
-                ui.data_mut(|data| data.insert_temp(id, number));
+            if number(ui, &mut wanted, 2, |drag| drag.speed(0.01 * usual).range(0.01..=1e5).suffix(suffix)).changed() {
+                ui.data_mut(|data| data.insert_temp(id, wanted));
             }
             let button = ui.add(Button::new("Choose").small());
             button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("choose by {label}")));
             if button.on_hover_text("Measures settings until one does this, and takes it.").clicked() {
-                asked.push(Action::Measure(Some(goal(number))));
+                asked.push(Action::Measure(Some(goal(wanted))));
             }
         });
     };
@@ -160,9 +167,10 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
 
 /// Time against error, both on log scales; a click takes a setting.
 fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
-    let (frame, whole) = ui.allocate_exact_size(vec2(ui.available_width(), 120.0), Sense::hover());
+    let (frame, whole) = ui.allocate_exact_size(vec2(ui.available_width(), 134.0), Sense::hover());
     whole.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "time against error"));
-    let rect = frame.shrink(10.0);
+    // Room for the numbers of the axes.
+    let rect = egui::Rect::from_min_max(frame.min + vec2(34.0, 10.0), frame.max - vec2(12.0, 24.0));
     let visuals = ui.visuals().clone();
     ui.painter().rect_filled(frame, 2.0, visuals.extreme_bg_color);
     let of = |part: fn(&Measured) -> f64| {
@@ -178,8 +186,10 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     let front: Vec<_> = curve.settings.iter().enumerate().filter(|(index, _)| curve.is_on_the_front(*index)).collect();
     let line = front.iter().map(|(_, it)| at(it)).collect();
     ui.painter().line(line, Stroke::new(1.0, visuals.weak_text_color()));
+    // One setting can have been measured by two names.
+    let here = curve.settings.iter().position(|it| it.accuracy == *now);
     for (index, it) in curve.settings.iter().enumerate() {
-        let (place, is_now) = (at(it), it.accuracy == *now);
+        let (place, is_now) = (at(it), here == Some(index));
         let on_front = front.iter().any(|(known, _)| *known == index);
         let touched = ui.interact(
             egui::Rect::from_center_size(place, vec2(12.0, 12.0)),
@@ -211,8 +221,13 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
         (numbers().fold(f64::INFINITY, f64::min), numbers().fold(0.0, f64::max))
     };
     let ((fast, slow), (near, far)) = (ends(|it| it.point.frame_ms), ends(|it| it.point.error.p95));
-    let text = format!(
-        "right: slower, {fast:.1} to {slow:.1} ms; up: farther from the truth, ΔE00 {near:.2} to {far:.2}; ring: now"
-    );
-    ui.label(RichText::new(text).small().weak());
+    let say = |place: egui::Pos2, align: Align2, text: String| {
+        ui.painter().text(place, align, text, FontId::proportional(9.0), visuals.weak_text_color());
+    };
+    say(rect.left_top() - vec2(8.0, 0.0), Align2::RIGHT_CENTER, format!("{far:.2}"));
+    say(rect.left_bottom() - vec2(8.0, 0.0), Align2::RIGHT_CENTER, format!("{near:.2}"));
+    say(rect.left_center() - vec2(8.0, 0.0), Align2::RIGHT_CENTER, "ΔE00".to_owned());
+    say(rect.left_bottom() + vec2(0.0, 9.0), Align2::LEFT_TOP, format!("{fast:.1} ms"));
+    say(rect.right_bottom() + vec2(0.0, 9.0), Align2::RIGHT_TOP, format!("{slow:.1} ms a frame"));
+    ui.label(RichText::new("right: slower; up: farther from the truth; ring: now").small().weak());
 }

@@ -1,7 +1,12 @@
 //! What several panels are made of.
 
-use egui::{CollapsingHeader, Color32, RichText, Sense, Ui, Vec2};
+use std::ops::RangeInclusive;
 
+use egui::emath::Numeric;
+use egui::response::Flags;
+use egui::{CollapsingHeader, Color32, DragValue, Response, RichText, Sense, Slider, SliderClamping, Ui, Vec2};
+
+use crate::number::count;
 use crate::view::state::Cost;
 
 /// A panel that can be folded, with what its controls cost. The same words everywhere, so that they are learnt once.
@@ -16,6 +21,45 @@ pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&
         contents(ui);
     });
     ui.add_space(4.0);
+}
+
+/// A number that is dragged, or typed: what is typed holds, as one step, once Enter or another place is pressed. It is shown
+/// to so many `decimals`; `with` says the rest of it.
+pub(super) fn number<N: Numeric>(
+    ui: &mut Ui,
+    value: &mut N,
+    decimals: usize,
+    with: impl FnOnce(DragValue<'_>) -> DragValue<'_>,
+) -> Response {
+    let before = *value;
+    let response = ui.add(with(DragValue::new(value).update_while_editing(false).max_decimals(decimals)));
+    typed(response, before, value, decimals)
+}
+
+/// A slider with such a number beside it.
+pub(super) fn slider(
+    ui: &mut Ui,
+    value: &mut f64,
+    range: RangeInclusive<f64>,
+    decimals: usize,
+    with: impl FnOnce(Slider<'_>) -> Slider<'_>,
+) -> Response {
+    let before = *value;
+    let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(decimals);
+    let response = ui.add(with(slider).update_while_editing(false));
+    typed(response, before, value, decimals)
+}
+
+/// A field that is left as it was has changed nothing, though it shows fewer digits than there are.
+fn typed<N: Numeric>(mut response: Response, before: N, value: &mut N, decimals: usize) -> Response {
+    let (was, is) = (before.to_f64(), value.to_f64());
+    // What egui takes for the same when it chooses how many digits it shows.
+    let shown = 0.5 * 0.1_f64.powf(count(decimals)) + 16.0 * f64::from(f32::EPSILON) * was.abs();
+    if response.lost_focus() && (is - was).abs() <= shown {
+        *value = before;
+        response.flags.remove(Flags::CHANGED);
+    }
+    response
 }
 
 fn word(cost: Cost) -> &'static str {

@@ -1,10 +1,10 @@
 //! The crop box: which part of the volume is shown, in numbers and by handles on the picture.
 
-use egui::{DragValue, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
+use egui::{Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
 use glam::DVec3;
 
 use super::Shown;
-use super::controls::panel;
+use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::scene::View;
 use crate::view::action::Action;
@@ -56,9 +56,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 for (end, word) in ["from", "to"].into_iter().enumerate() {
                     ui.label(word);
                     let value = &mut next[end][axis];
-                    let drag = DragValue::new(value).speed(0.002).range(0.0..=1.0).max_decimals(4);
-                    let dragged =
-                        ui.add(drag).on_hover_text("As a part of the volume, 0 to 1. Drag, or type a number.");
+                    let dragged = number(ui, value, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
+                        .on_hover_text("As a part of the volume, 0 to 1. Drag, or type a number.");
                     let value = *value;
                     dragged.widget_info(|| WidgetInfo::slider(true, value, format!("crop {name}: {word}")));
                 }

@@ -31,7 +31,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let side = ui.available_width().min(210.0);
         let (rect, hand) = ui.allocate_exact_size(vec2(ui.available_width(), side), Sense::click_and_drag());
         hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, "light dial"));
-        let map = Map::new(dial, rect);
+        let map = held(ui, dial, rect);
         ui.painter().rect_filled(rect, 4.0, ui.visuals().extreme_bg_color);
         nodes(ui, document, &map, asked);
         move_hand(ui, document, &map, &hand, asked);
@@ -40,9 +40,15 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             "Drag the hand between the lights: the nearer, the stronger. Click a node for that light alone. \
              Right-click a node to leave it out, drag it with Shift to move it.",
         );
-        if document.state().light.mixing == Mixing::Sliders {
-            ui.label(RichText::new("The sliders decide now; click into the dial to let it mix.").small().weak());
-        }
+        // A line in both cases, so that nothing below moves from under the hand.
+        let (now, help) = match document.state().light.mixing {
+            Mixing::Sliders => ("The sliders mix: click the dial to let it.", "The nodes and the hand wait."),
+            Mixing::Dial => (
+                "The dial mixes: move a slider to take over.",
+                "While it mixes, master and keep brightness are the dial's own, and it has no use for the lights' switches.",
+            ),
+        };
+        ui.label(RichText::new(now).small().weak()).on_hover_text(help);
         ui.horizontal_wrapped(|ui| {
             if document.opened().dial.nodes != dial.nodes && ui.button("Reset nodes").clicked() {
                 asked.push(Action::Edit(Edit::ResetDial));
@@ -60,6 +66,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 }
 
 /// From the dial's plane to the screen and back.
+#[derive(Clone, Copy)]
 struct Map {
     centre: DVec2,
     middle: Pos2,
@@ -85,6 +92,15 @@ impl Map {
         let from_middle = place - self.middle;
         self.centre + DVec2::new(f64::from(from_middle.x), -f64::from(from_middle.y)) / self.scale
     }
+}
+
+/// The map of the dial, which stays as it is while a button is held: a node that is moved must not move the others.
+fn held(ui: &Ui, dial: &Dial, rect: Rect) -> Map {
+    let (id, now) = (ui.id().with("map"), Map::new(dial, rect));
+    let before = ui.data(|data| data.get_temp::<Map>(id)).filter(|_| ui.input(|input| input.pointer.any_down()));
+    let map = before.map_or(now, |before| Map { middle: now.middle, ..before });
+    ui.data_mut(|data| data.insert_temp(id, map));
+    map
 }
 
 /// Where the nodes of `dial` are, were it shown in `rect`.

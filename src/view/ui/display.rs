@@ -1,8 +1,8 @@
 //! The display panel: how colours reach the screen.
 
-use egui::{ComboBox, Slider, Ui};
+use egui::{ComboBox, Ui};
 
-use super::controls::panel;
+use super::controls::{panel, slider};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
@@ -16,8 +16,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         ui.horizontal(|ui| {
             ui.label("Exposure");
             ui.spacing_mut().slider_width = ui.available_width() - 76.0;
-            let slider = Slider::new(&mut exposure, 0.05..=20.0).logarithmic(true);
-            let slider = ui.add(slider.clamping(egui::SliderClamping::Never).max_decimals(2));
+            let slider = slider(ui, &mut exposure, 0.05..=20.0, 2, |slider| slider.logarithmic(true));
             if slider.on_hover_text("What all colours are multiplied by before they are shown.").changed() {
                 asked.push(Action::Edit(Edit::Exposure(exposure)));
             }
@@ -27,11 +26,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.label("Seen by");
             let mut by = display.deficiency;
-            let named = |by: Option<Deficiency>| by.map_or_else(|| "all cones".to_owned(), |by| by.to_string());
-            ComboBox::from_id_salt("seen by").selected_text(named(by)).show_ui(ui, |ui| {
+            let named = |by: Option<Deficiency>| match by {
+                None => "all cones",
+                Some(Deficiency::Protan) => "protan (red-blind)",
+                Some(Deficiency::Deutan) => "deutan (green-blind)",
+                Some(Deficiency::Tritan) => "tritan (blue-blind)",
+            };
+            ComboBox::from_id_salt("seen by").width(0.0).selected_text(named(by)).show_ui(ui, |ui| {
                 ui.selectable_value(&mut by, None, named(None)).on_hover_text("As most people see it.");
                 for one in Deficiency::ALL {
                     let help = match one {
@@ -48,10 +52,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             for observer in Observer::ALL {
                 let (name, help) = match observer {
                     Observer::Cie1931 => {
-                        ("2°", "The CIE's standard observer of 1931, for things as small as on a screen. D65 is white.")
+                        ("2° (1931)", "The CIE's standard observer of 1931, for things as small as on a screen. D65 is white.")
                     }
                     Observer::Cie1964 => (
-                        "10°",
+                        "10° (1964)",
                         "The CIE's standard observer of 1964, for large surfaces. D65 is white to it, too; spectra that look \
                          alike to one may differ to the other.",
                     ),

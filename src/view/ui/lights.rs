@@ -1,8 +1,8 @@
 //! The light panel: a slider, a switch, a swatch and a spectrum for each light.
 
-use egui::{DragValue, RichText, Slider, Ui, Vec2};
+use egui::{RichText, Ui, Vec2};
 
-use super::controls::panel;
+use super::controls::{number, panel, slider};
 use super::spectrum::{curve, swatch};
 use crate::scene::Mixing;
 use crate::view::action::Action;
@@ -18,16 +18,23 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         }
         for (index, light) in state.scene.lights.iter().enumerate() {
             let share = shares.get(index).copied().unwrap_or(0.0);
-            let slider = state.light.sliders.get(index);
+            let stated = state.light.sliders.get(index);
             let by_slider = state.light.mixing == Mixing::Sliders;
             ui.horizontal(|ui| {
-                swatch(ui, &light.spectrum, share, &state.scene.display, 16.0)
-                    .on_hover_text("The light's own colour to whoever looks, as bright as it shines.");
-                let mut on = slider.is_some_and(|slider| slider.on);
+                swatch(ui, &light.spectrum, 1.0, &state.scene.display, 16.0)
+                    .on_hover_text("The light's own colour to whoever looks, at its brightest.");
+                let mut on = stated.is_some_and(|slider| slider.on);
                 ui.add_enabled_ui(by_slider, |ui| {
                     let name = RichText::new(&light.name).strong();
                     on |= !by_slider;
-                    if ui.checkbox(&mut on, name).on_hover_text("Switches this light on and off.").changed() {
+                    if ui
+                        .checkbox(&mut on, name)
+                        .on_hover_text("Switches this light on and off.")
+                        .on_disabled_hover_text(
+                            "The dial mixes now, without switches: move a slider, or press solo, to take over.",
+                        )
+                        .changed()
+                    {
                         asked.push(Action::Edit(Edit::On(index, on)));
                     }
                 });
@@ -44,10 +51,10 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 });
             });
             // What the dial gives a light is shown, and taken over by whoever moves the slider.
-            let mut weight = if by_slider { slider.map_or(0.0, |slider| slider.weight) } else { share };
+            let mut weight = if by_slider { stated.map_or(0.0, |slider| slider.weight) } else { share };
             ui.spacing_mut().slider_width = ui.available_width() - 62.0;
-            let moved = Slider::new(&mut weight, 0.0..=2.0).clamping(egui::SliderClamping::Never).fixed_decimals(2);
-            let moved = ui.add(moved).on_hover_text("How strongly it shines, as a multiple of what the scene states.");
+            let moved = slider(ui, &mut weight, 0.0..=2.0, 2, |slider| slider.fixed_decimals(2))
+                .on_hover_text("How strongly it shines, as a multiple of what the scene states.");
             name(&moved, &format!("{}: strength", light.name), weight);
             if moved.changed() {
                 asked.push(Action::Edit(Edit::Weight(index, weight)));
@@ -56,14 +63,17 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let (mut normalise, mut master) = state.master();
         ui.horizontal(|ui| {
             ui.label("Master").on_hover_text("All lights together.");
-            let drag = DragValue::new(&mut master).speed(0.01).range(0.0..=BRIGHTEST).max_decimals(3);
-            let dragged = ui.add(drag).on_hover_text("Drag, or type a number.");
+            let dragged = number(ui, &mut master, 3, |drag| drag.speed(0.01).range(0.0..=BRIGHTEST)).on_hover_text("Drag, or type a number.");
             name(&dragged, "master", master);
             if dragged.changed() {
                 asked.push(Action::Edit(Edit::Master(master)));
             }
             let keep = ui.checkbox(&mut normalise, "keep brightness");
-            if keep.on_hover_text("A white surface keeps its brightness, whatever is mixed.").changed() {
+            let help = match state.light.mixing {
+                Mixing::Sliders => "A white surface keeps its brightness, whatever the sliders mix. The dial has a switch of its own.",
+                Mixing::Dial => "A white surface keeps its brightness wherever the hand is. This is the dial's; the sliders have their own.",
+            };
+            if keep.on_hover_text(help).changed() {
                 asked.push(Action::Edit(Edit::Normalise(normalise)));
             }
         });

@@ -17,6 +17,7 @@ mod status;
 mod toolbar;
 mod transfer;
 
+use egui::style::ScrollStyle;
 use egui::{CentralPanel, Color32, Frame, Panel, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
@@ -34,7 +35,7 @@ use super::state::Document;
 /// Narrower windows open with the picture alone.
 pub const ROOM_FOR_PANELS: f32 = 560.0;
 /// Width of the panels in points.
-const WIDTH: f32 = 290.0;
+const WIDTH: f32 = 300.0;
 
 /// What the panels show.
 #[derive(Debug)]
@@ -81,15 +82,17 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         Panel::left("panels").frame(frame).resizable(false).exact_size(WIDTH).show(ui, |ui| {
             toolbar::show(ui, shown, asked);
             ui.separator();
+            // Beside the controls: a bar over them takes what is meant for them.
+            ui.spacing_mut().scroll = ScrollStyle::solid();
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                 if let Some(document) = shown.document {
                     lights::show(ui, document, asked);
                     dial::show(ui, document, asked);
+                    situations::show(ui, document, shown.plays, asked);
+                    transfer::show(ui, document, asked);
                     display::show(ui, document, asked);
                     picture::controls(ui, document, shown.aspect, asked);
-                    situations::show(ui, document, shown.plays, asked);
                     crop::show(ui, document, asked);
-                    transfer::show(ui, document, asked);
                     spectra::show(ui, document, shown.effort, asked);
                     accuracy::show(ui, document, shown.effort, asked);
                 }

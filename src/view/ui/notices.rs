@@ -35,6 +35,8 @@ fn lit(document: &Document) -> Vec<Edit> {
     edits.extend((0..count).map(|light| Edit::On(light, true)));
     edits.extend((0..count).map(|light| Edit::Weight(light, 1.0)));
     edits.push(Edit::Master(1.0));
+    // And the dial's, which would be as dark when it is clicked.
+    edits.extend((0..state.scene.dial.nodes.len()).map(|node| Edit::NodeOn(node, true)));
     if state.scene.display.exposure <= 0.0 {
         edits.push(Edit::Exposure(1.0));
     }

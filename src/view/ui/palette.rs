@@ -1,14 +1,15 @@
 //! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
 
 use egui::{
-    Button, Color32, ComboBox, DragValue, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind,
-    Ui, WidgetInfo, WidgetType, Window, vec2,
+    Button, Color32, ComboBox, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui,
+    WidgetInfo, WidgetType, Window, pos2, vec2,
 };
 
 use super::Shown;
+use super::controls::number;
 use super::spectrum::{curve, plot};
 use crate::model::LARGEST_DIMENSION;
-use crate::palette::{Member, ModelTerm, NATURAL, Palette, Target};
+use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
 use crate::scene::{Display, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::observer::Observer;
@@ -23,6 +24,8 @@ pub struct Design<'a> {
     pub shown: bool,
     /// How far solving is (0 to 1, where known), and what is done.
     pub running: Option<(Option<f32>, &'a str)>,
+    /// What excluded itself in what was solved last.
+    pub conflicts: &'a [Conflict],
 }
 
 /// What the details below the matrix are of.
@@ -54,6 +57,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                         ui.separator();
                         model(ui, palette, asked);
                         solve(ui, shown.design, asked);
+                        conflicts(ui, palette, shown.design, asked);
                     }
                 }
             });
@@ -152,6 +156,14 @@ fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize
     for (half, colour) in [(left, target), (right, achieved)] {
         ui.painter().rect_filled(half, 0.0, colour.map_or(ground, screen));
     }
+    if target.is_none() {
+        // Hatched: nothing is asked, not even black.
+        let (painter, step) = (ui.painter().with_clip_rect(left), left.width() / 4.0);
+        for line in (0_u8..8).map(|line| left.left() + f32::from(line) * step) {
+            let ends = [pos2(line, left.top()), pos2(line - left.height(), left.bottom())];
+            painter.line_segment(ends, Stroke::new(1.0, ui.visuals().weak_text_color()));
+        }
+    }
     let is_chosen = chosen(ui) == Some(Chosen::Cell(row, column));
     let (width, colour) =
         if is_chosen { (2.0, ui.visuals().strong_text_color()) } else { (1.0, ui.visuals().weak_text_color()) };
@@ -227,7 +239,7 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
         if let Some(cell) = found {
             let mut weight = cell.weight;
             ui.label("weight").on_hover_text("How much its ΔE00 counts beside others.");
-            if ui.add(DragValue::new(&mut weight).speed(0.02).range(1e-3..=1e3).max_decimals(3)).changed() {
+            if number(ui, &mut weight, 3, |drag| drag.speed(0.02).range(1e-3..=1e3)).changed() {
                 step(asked, Step::Weight(row, column, weight));
             }
         }
@@ -252,9 +264,9 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
         let [mut low, mut high] = member.bounds;
         let unit = if side == Side::Light { "times its mean" } else { "of what falls on it" };
         ui.label("from");
-        let lower = ui.add(DragValue::new(&mut low).speed(0.02).range(-1e3..=1e3).max_decimals(3));
+        let lower = number(ui, &mut low, 3, |drag| drag.speed(0.02).range(-1e3..=1e3));
         ui.label("to");
-        let upper = ui.add(DragValue::new(&mut high).speed(0.02).range(-1e3..=1e3).max_decimals(3));
+        let upper = number(ui, &mut high, 3, |drag| drag.speed(0.02).range(-1e3..=1e3));
         ui.label(RichText::new(unit).small());
         if lower.changed() || upper.changed() {
             step(asked, Step::Bounds(side, index, [low, high]));
@@ -273,9 +285,9 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
         ui.label("smoothness");
         // By powers of ten: a millionth is as far from a thousandth as that is from one.
         let mut power = member.smoothness.log10();
-        let field = DragValue::new(&mut power).speed(0.02).range(-12.0..=6.0).max_decimals(2).prefix("10^");
+        let field = number(ui, &mut power, 2, |drag| drag.speed(0.02).range(-12.0..=6.0).prefix("10^"));
         let help = "What bends of the spectrum count beside ΔE00: more is smoother and less exact.";
-        if ui.add(field).on_hover_text(help).changed() {
+        if field.on_hover_text(help).changed() {
             step(asked, Step::Smoothness(side, index, 10.0_f64.powf(power)));
         }
     });
@@ -292,10 +304,10 @@ fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
         }
         if let Some(mut term) = palette.model {
             ui.label("of k =");
-            let k = ui.add(DragValue::new(&mut term.dimension).speed(0.05).range(1..=LARGEST_DIMENSION));
+            let k = number(ui, &mut term.dimension, 0, |drag| drag.speed(0.05).range(1..=LARGEST_DIMENSION));
             ui.label("weight");
-            let weight = DragValue::new(&mut term.weight).speed(0.02).range(1e-3..=1e3).max_decimals(3);
-            if ui.add(weight).on_hover_text("What its own ΔE00 counts.").changed() || k.changed() {
+            let weight = number(ui, &mut term.weight, 3, |drag| drag.speed(0.02).range(1e-3..=1e3));
+            if weight.on_hover_text("What its own ΔE00 counts.").changed() || k.changed() {
                 step(asked, Step::Model(Some(term)));
             }
         }
@@ -322,4 +334,48 @@ fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
             });
         }
     }
+}
+
+/// What cannot be had, why, and what may help: each by itself, and solved anew at once.
+fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Action>) {
+    for conflict in design.conflicts.iter().filter(|_| design.running.is_none()) {
+        ui.separator();
+        ui.label(format!("Not all of this can be had: {}.", conflict.reason.trim_end_matches('.')));
+        let steps: Vec<_> = conflict.ways_out.iter().filter_map(|way| Some((way, changed(palette, way)?))).collect();
+        if steps.is_empty() {
+            ui.label(RichText::new("No single change is known that may help.").small().weak());
+            continue;
+        }
+        ui.label(
+            RichText::new("One of these may help; each solves it anew, and a step back undoes it:").small().weak(),
+        );
+        ui.horizontal_wrapped(|ui| {
+            for (way, change) in steps {
+                if ui.button(capital(&way.to_string())).clicked() {
+                    step(asked, change);
+                    asked.push(Action::Solve);
+                }
+            }
+        });
+    }
+}
+
+/// The step that goes this way out, where `palette` still has what it is about.
+fn changed(palette: &Palette, way: &WayOut) -> Option<Step> {
+    let index = |members: &[Member], name: &str| members.iter().position(|member| member.name == name);
+    match way {
+        WayOut::Free { material, light } => {
+            Some(Step::Target(index(&palette.materials, material)?, index(&palette.lights, light)?, None))
+        }
+        WayOut::Bounds { material, bounds } => {
+            Some(Step::Bounds(Side::Material, index(&palette.materials, material)?, *bounds))
+        }
+        WayOut::Open { light } => Some(Step::Open(Side::Light, index(&palette.lights, light)?, true)),
+    }
+}
+
+/// A clause as the beginning of a sentence.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

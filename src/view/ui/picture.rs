@@ -37,7 +37,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
         return;
     }
     if shown.document.is_none() {
-        empty(ui, rect);
+        empty(ui, rect, asked);
         return;
     }
     let hand = ui.interact(rect, ui.id().with("picture"), Sense::click_and_drag());
@@ -99,7 +99,10 @@ fn keys(ui: &Ui, go: &mut impl FnMut(Move)) {
         go(Move::Pan { right: -0.05 * right, up: -0.05 * up });
     }
     let times = |key| presses(key, Modifiers::NONE);
-    let nearer = times(Key::Plus) + times(Key::Equals) + times(Key::PageUp) - times(Key::Minus) - times(Key::PageDown);
+    // Where `+` is on a keyboard, and whether it takes Shift, is the keyboard's own.
+    let anyhow = |key| presses(key, Modifiers::NONE) + presses(key, Modifiers::SHIFT);
+    let nearer =
+        anyhow(Key::Plus) + anyhow(Key::Equals) + times(Key::PageUp) - times(Key::Minus) - times(Key::PageDown);
     if nearer != 0.0 {
         go(Move::Dolly(NEARER.powf(nearer)));
     }
@@ -134,10 +137,15 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
         });
         ui.horizontal_wrapped(|ui| {
             let parallel = matches!(document.state().scene.camera.projection, Projection::Orthographic { .. });
-            let (name, other) =
-                if parallel { ("Orthographic", "perspective") } else { ("Perspective", "parallel rays") };
-            if ui.button(name).on_hover_text(format!("Changes to {other} (key P).")).clicked() {
-                go(Move::Projection);
+            let kinds = [
+                ("Perspective", false, "What is farther is smaller (key P changes)."),
+                ("Parallel rays", true, "Orthographic: what is farther is as large (key P changes)."),
+            ];
+            for (name, is_it, help) in kinds {
+                let kind = ui.selectable_label(parallel == is_it, name).on_hover_text(help);
+                if kind.clicked() && parallel != is_it {
+                    go(Move::Projection);
+                }
             }
             if ui.button("Reset").on_hover_text("The camera of the scene (key R).").clicked() {
                 go(Move::Reset);
@@ -147,7 +155,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
     });
 }
 
-fn empty(ui: &Ui, rect: Rect) {
+fn empty(ui: &mut Ui, rect: Rect, asked: &mut Vec<Action>) {
     let text = "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti) on this window,\nor start `relume view FILE`.";
     let size = narrow(f64::from(rect.width()) / 24.0).clamp(10.0, 18.0);
     ui.painter().text(
@@ -157,4 +165,9 @@ fn empty(ui: &Ui, rect: Rect) {
         FontId::proportional(size),
         ui.visuals().text_color(),
     );
+    let below = rect.center() + vec2(0.0, 4.5 * size);
+    let place = Rect::from_center_size(below, vec2(220.0, 26.0).min(rect.size()));
+    if place.is_positive() && ui.put(place, egui::Button::new("Open the built-in scene")).clicked() {
+        asked.push(Action::OpenBuiltIn);
+    }
 }

@@ -22,10 +22,12 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         ui.painter().circle_stroke(at, 6.0, Stroke::new(width, colour));
     }
     let mut open = true;
-    let corner = rect.right_top() + vec2(-WIDTH - 30.0, 8.0);
+    // It opens beside what is looked at; where it is, and where it was put, it stays.
+    let right = (rect.right() - WIDTH - 30.0).max(rect.left());
+    let left = if at.x + 20.0 > right { rect.left() + 8.0 } else { right };
     Window::new("Probe")
         .open(&mut open)
-        .default_pos(pos2(corner.x.max(rect.left()), corner.y))
+        .default_pos(pos2(left, rect.top() + 8.0))
         .default_size([WIDTH, (rect.height() - 20.0).max(80.0)])
         .resizable(false)
         .constrain_to(rect)
@@ -89,9 +91,14 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         section(
             ui,
             "What it shows",
-            "How much of each material is seen, times its shade, and its part in the brightness of the pixel as it is lit now.",
+            "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. Each column adds up to 100 %.",
         );
-        shares(ui, "shares", &probe.shares, of);
+        let materials = &document.state().scene.materials;
+        let seen = |name: &str| match name {
+            "background" => Some(probe.transmittance),
+            name => probe.seen.get(materials.iter().position(|material| material.name == name)?).copied(),
+        };
+        shares(ui, ["shares", "of the pixel", "of its light"], &probe.shares, of, seen);
     } else if !probe.seen.is_empty() {
         section(
             ui,
@@ -111,9 +118,9 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         section(
             ui,
             "Where its light comes from",
-            "Each place that light comes from: how much is seen by it, and its part in the brightness as it is lit now.",
+            "Each place that light comes from, and its part in the brightness of the pixel as it is lit now.",
         );
-        shares(ui, "positions", &probe.positions, |_| None);
+        shares(ui, ["positions", "", "of its light"], &probe.positions, |_| None, |_| None);
     }
     section(
         ui,
@@ -163,10 +170,20 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
         |spectrum: &crate::spectrum::Spectrum| spectrum.samples().iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let scaled = spectrum.scaled(most(reflectance) / most(spectrum));
     let scaled = if scaled.is_finite() { scaled } else { spectrum.clone() };
-    plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 84.0)).on_hover_text(
+    plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 74.0)).on_hover_text(
         "What comes back from this pixel at each wavelength. Blue: of light that is alike at all of them, as a share. \
          White or black: of the light that shines now, scaled to the same height.",
     );
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("blue: reflected, as a share").small().color(weak));
+        ui.label(
+            RichText::new(format!(
+                "{}: the light that arrives",
+                if ui.visuals().dark_mode { "white" } else { "black" }
+            ))
+            .small(),
+        );
+    });
     if let Some(rms) = probe.spectral_error {
         let text = format!("made of a colour model's numbers: off by {:.2} % on average", 100.0 * rms);
         ui.label(RichText::new(text).small().weak());
@@ -186,12 +203,26 @@ fn bar(ui: &mut Ui, part: f64, colour: Color32) {
     ui.painter().rect(filled, 2.0, colour, outline, StrokeKind::Inside);
 }
 
-fn shares(ui: &mut Ui, id: &str, shares: &[Share], colour: impl Fn(&str) -> Option<Color32>) {
+/// What parts there are, with how much of the pixel each is, where that is `seen`, and its part in the light.
+fn shares(
+    ui: &mut Ui,
+    [id, pixel, light]: [&str; 3],
+    shares: &[Share],
+    colour: impl Fn(&str) -> Option<Color32>,
+    seen: impl Fn(&str) -> Option<f64>,
+) {
     Grid::new(id).num_columns(4).spacing([8.0, 3.0]).show(ui, |ui| {
+        for head in ["", "", pixel, light] {
+            ui.label(RichText::new(head).small().weak());
+        }
+        ui.end_row();
         for share in shares {
             bar(ui, share.light, colour(&share.name).unwrap_or(Color32::LIGHT_GRAY));
             ui.label(&share.name);
-            ui.label(percent(share.weight)).on_hover_text("How much of it is seen; 100 % fills the pixel.");
+            match seen(&share.name) {
+                Some(seen) => ui.label(percent(seen)).on_hover_text("How much of the pixel it is, whatever its shade."),
+                None => ui.label(""),
+            };
             ui.label(percent(share.light)).on_hover_text("Its part in the brightness of the pixel.");
             ui.end_row();
         }
@@ -199,7 +230,7 @@ fn shares(ui: &mut Ui, id: &str, shares: &[Share], colour: impl Fn(&str) -> Opti
 }
 
 fn ray(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
-    let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 80.0), Sense::hover());
+    let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 64.0), Sense::hover());
     let rect = frame.shrink2(vec2(0.0, 2.0));
     let visuals = ui.visuals().clone();
     let painter = ui.painter_at(frame);

@@ -11,8 +11,6 @@ use crate::view::state::{Cost, Document, Edit};
 const SECONDS: f64 = 8.0;
 /// Pictures of a tour that is saved.
 const FRAMES: u16 = 50;
-/// What they are numbered after.
-const TOUR: &str = "relume-tour.png";
 
 /// Shows the controls that keep and tour them, where there is a dial; the dial has their names.
 pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Vec<Action>) {
@@ -30,8 +28,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
             field.on_hover_text("What the light of now is to be called.");
             let given = name.trim().to_owned();
             let can = !given.is_empty() && state.light.mixing == Mixing::Dial;
-            let keep = ui.add_enabled(can, egui::Button::new("Keep"));
-            let keep = keep.on_hover_text("Keeps where the hand is, and which lights are out, under this name.");
+            let replaces = situations.iter().any(|situation| situation.name == given);
+            let (word, help) = if replaces {
+                (
+                    "Replace",
+                    "There is a situation of this name: it becomes where the hand is, and which lights are out.",
+                )
+            } else {
+                ("Keep", "Keeps where the hand is, and which lights are out, under this name.")
+            };
+            let keep = ui.add_enabled(can, egui::Button::new(word)).on_hover_text(help);
             if keep
                 .on_disabled_hover_text("Type a name, and let the dial mix: a situation is a place of its hand.")
                 .clicked()
@@ -60,9 +66,11 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
                 asked.push(Action::Tour(seconds));
             }
             let save = ui.add_enabled(enough, egui::Button::new("Save tour"));
-            let help = format!("Saves {FRAMES} pictures of the way as relume-tour-0001.png and so on, in this folder.");
+            let help = format!(
+                "Saves {FRAMES} pictures of the way as relume-tour-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-2-0001.png."
+            );
             if save.on_hover_text(help).clicked() {
-                asked.push(Action::SaveTour(TOUR.into(), FRAMES));
+                asked.push(Action::SaveTour(None, FRAMES));
             }
         });
     });

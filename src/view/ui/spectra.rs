@@ -9,7 +9,7 @@ use super::controls::panel;
 use super::spectrum::{curve, narrow, plot, strip};
 use crate::number::count;
 use crate::scene::Scene;
-use crate::spectrum::{BANDS, Kind, Spectrum, standard, wavelength_nm};
+use crate::spectrum::{Absorption, BANDS, Kind, Spectrum, standard, wavelength_nm};
 use crate::view::action::Action;
 use crate::view::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
 use crate::view::state::{Cost, Document, Edit};
@@ -73,6 +73,9 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         for (index, (now, then)) in scene.materials.iter().zip(&opened.materials).enumerate() {
             let back = (now.reflectance.spectrum(), then.reflectance.spectrum());
             row(ui, scene, opened, Side::Material, &now.name, back, asked);
+            if let Some(absorption) = &now.absorption {
+                absorbed(ui, &now.name, absorption);
+            }
             if drawn_material(ui).as_deref() == Some(&now.name) {
                 handles(ui, index, &now.name, back.0, asked);
             }
@@ -81,6 +84,19 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         for (now, then) in scene.lights.iter().zip(&opened.lights) {
             row(ui, scene, opened, Side::Light, &now.name, (now.spectrum.spectrum(), then.spectrum.spectrum()), asked);
         }
+    });
+}
+
+/// The curve of what a material absorbs.
+fn absorbed(ui: &mut Ui, name: &str, absorption: &Absorption) {
+    ui.horizontal(|ui| {
+        let shape = absorption.spectrum();
+        curve(ui, shape, vec2(56.0, 16.0)).on_hover_ui(|ui| {
+            ui.label(format!("{name}: what it absorbs from 380 to 780 nm, as a share of where it absorbs most"));
+            plot(ui, &[(shape, ui.visuals().strong_text_color())], vec2(260.0, 90.0));
+        });
+        let help = "What passes through it loses the wavelengths where this is high; how much, each interval says. The curve above is what it scatters back.";
+        ui.label(RichText::new("absorbs").small()).on_hover_text(help);
     });
 }
 

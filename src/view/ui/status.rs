@@ -13,6 +13,8 @@ pub struct Status {
     pub size: [usize; 2],
     /// How far the march under way is, 0 to 1.
     pub marching: Option<f64>,
+    /// What is at work beside the picture.
+    pub beside: Option<&'static str>,
     /// Whether the picture is as fine as it gets.
     pub finest: bool,
     /// What was done so far.
@@ -24,16 +26,17 @@ pub struct Status {
 /// Shows it.
 pub(super) fn show(ui: &mut Ui, status: &Status) {
     ui.horizontal(|ui| {
-        let at = match (status.marching, status.finest) {
-            (Some(part), _) => format!("marching {:.0} %", 100.0 * part),
-            (None, true) => "at rest".to_owned(),
-            (None, false) => "waiting".to_owned(),
+        let at = match (status.marching, status.beside, status.finest) {
+            (Some(part), _, _) => format!("marching {:.0} %", 100.0 * part),
+            (None, Some(beside), _) => beside.to_owned(),
+            (None, None, true) => "at rest".to_owned(),
+            (None, None, false) => "preparing".to_owned(),
         };
         let Counts { marches, relights, .. } = status.counts;
         let [width, height] = status.size;
         // The most useful first: what does not fit is cut off at the end.
         let text = format!(
-            "{at}  |  {width}×{height}  |  marches {marches}  relights {relights}  |  frame {:.1} ms  |  {}",
+            "{at}  |  {width}×{height}  |  marches {marches}  relights {relights}  |  last frame of the window {:.1} ms  |  {}",
             status.frame_ms, status.device
         );
         ui.add(egui::Label::new(RichText::new(text).small()).truncate());

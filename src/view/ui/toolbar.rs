@@ -11,13 +11,6 @@ const SAVE_PICTURE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND,
 const SAVE_SESSION: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
 const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 
-/// Where pictures go that nobody has named.
-pub(super) const PICTURE: &str = "relume.png";
-/// Where accumulators go that nobody has named.
-const ACCUMULATORS: &str = "relume-accumulators.exr";
-/// Where sessions go that nobody has named.
-const SESSION: &str = "relume-session.toml";
-
 /// What keys ask for, with panels or without.
 pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     let pressed = |shortcut: &KeyboardShortcut| ui.input_mut(|input| input.consume_shortcut(shortcut));
@@ -28,10 +21,10 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         asked.push(Action::Undo);
     }
     if pressed(&SAVE_PICTURE) {
-        asked.push(Action::SavePicture(PICTURE.into()));
+        asked.push(Action::SavePicture(None));
     }
     if pressed(&SAVE_SESSION) {
-        asked.push(Action::SaveSession(SESSION.into()));
+        asked.push(Action::SaveSession(None));
     }
     if pressed(&PANELS) {
         asked.push(Action::Panels(!shown.panels));
@@ -50,14 +43,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         let has = |can: fn(&crate::view::Document) -> bool| shown.document.is_some_and(can);
         button(ui, has(crate::view::Document::can_undo), "Undo", "A step back (Ctrl+Z).", Action::Undo);
         button(ui, has(crate::view::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
-        let help = "Saves the picture as relume.png in this folder (Ctrl+P).";
-        button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(PICTURE.into()));
-        let help = "Saves what the rays have left as relume-accumulators.exr in this folder: `relume relight` makes pictures of \
-                    it under any light.";
-        let save = Action::SaveAccumulators(ACCUMULATORS.into());
-        button(ui, shown.document.is_some(), "Accumulators", help, save);
-        let help = "Saves all this as relume-session.toml in this folder, a scene file to go on from (Ctrl+S).";
-        button(ui, shown.document.is_some(), "Session", help, Action::SaveSession(SESSION.into()));
+        let help = "Saves the picture as relume-0001.png, or the next number that is free, in the folder that relume was started in (Ctrl+P).";
+        button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(None));
+        let help = "Saves what the rays have left as relume-accumulators-0001.exr, or the next number that is free: `relume relight` \
+                    makes pictures of it under any light.";
+        button(ui, shown.document.is_some(), "Accumulators", help, Action::SaveAccumulators(None));
+        let help = "Saves all this as relume-session-0001.toml, or the next number that is free: a scene file to go on from (Ctrl+S).";
+        button(ui, shown.document.is_some(), "Session", help, Action::SaveSession(None));
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));
         let other = match ui.theme() {
             Theme::Dark => Theme::Light,

@@ -3,15 +3,15 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Color32, ComboBox, DragValue, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
-    WidgetType, pos2, vec2,
+    Color32, ComboBox, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
+    pos2, vec2,
 };
 use glam::DVec3;
 
-use super::controls::panel;
+use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::number::{count, whole};
-use crate::scene::{Interval, Material, Scene, Term, positions};
+use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
 use crate::spectrum::colour::{LinearSrgb, display_code};
 use crate::tables::{Components, RelightMatrices};
 use crate::view::action::Action;
@@ -43,6 +43,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                     handles(ui, index, interval, &map, asked);
                 }
             }
+            ends(ui, statistics);
         }
         for index in 0..state.scene.transfer.terms.len() {
             row(ui, state, index, &colours, document.statistics(), asked);
@@ -101,7 +102,9 @@ pub(super) fn colours(state: &State) -> Vec<Color32> {
     let scene = &state.scene;
     let spectra: Vec<_> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
     let (materials, places) = (spectra.len(), positions(scene).len());
-    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), places, None, &state.mix(), &scene.display);
+    // In the dark, as they are under the scene's light: black squares tell nothing.
+    let mix = if state.is_lit() { state.mix() } else { Mix::of_scene(scene) };
+    let matrices = RelightMatrices::new(&Components::Surfaces(spectra), places, None, &mix, &scene.display);
     let of = |material: usize| -> DVec3 { matrices.colours.iter().skip(material).step_by(materials.max(1)).sum() };
     let code = |material| display_code(LinearSrgb(of(material).to_array()));
     (0..materials).map(|material| Color32::from_hex(&code(material)).unwrap_or(Color32::GRAY)).collect()
@@ -150,8 +153,13 @@ impl Map {
 fn snapped(value: f64, span: f64) -> f64 {
     let step = 10.0_f64.powf((span / PARTS).log10().floor());
     // A decimal, to the bit: what a file and a field say in few digits.
-    let places = whole((-step.log10()).round().clamp(0.0, 30.0));
+    let places = places(span);
     format!("{:.places$}", (value / step).round() * step).parse().unwrap_or(value)
+}
+
+/// Decimals that tell a thousandth of `span`.
+fn places(span: f64) -> usize {
+    whole((-(span / PARTS).log10().floor()).clamp(0.0, 30.0))
 }
 
 fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
@@ -169,12 +177,22 @@ fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
     }
 }
 
+/// The values at both ends of the histogram.
+fn ends(ui: &mut Ui, statistics: &Statistics) {
+    let places = places(statistics.max - statistics.min);
+    let end = |value: f64| RichText::new(format!("{value:.places$}")).small().weak();
+    ui.horizontal(|ui| {
+        ui.label(end(statistics.min));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(end(statistics.max)));
+    });
+}
+
 /// The opacity of a term over the values, filled with its material's colour.
 fn outline(ui: &Ui, term: &Term, map: &Map, colours: &[Color32], chosen: bool) {
     let colour = |material: usize| colours.get(material).copied().unwrap_or(Color32::GRAY);
     let fill = term.material.0.first().map_or(Color32::GRAY, |&(_, material)| colour(material));
     let strong = ui.visuals().strong_text_color();
-    let stroke = if chosen { Stroke::new(2.0, strong) } else { Stroke::new(1.0, strong.gamma_multiply(0.6)) };
+    let stroke = if chosen { Stroke::new(2.0, strong) } else { Stroke::new(1.0, strong.gamma_multiply(0.8)) };
     let painter = ui.painter().with_clip_rect(map.rect.expand(HANDLE / 2.0));
     let points: Vec<Pos2> = term.opacity.iter().map(|&(value, opacity)| pos2(map.x(value), map.y(opacity))).collect();
     // Piece by piece: each is convex, the whole of a curve need not be.
@@ -271,7 +289,7 @@ fn row(
     let materials = &state.scene.materials;
     ui.horizontal(|ui| {
         let shown = term.material.0.first().map_or(0, |&(_, material)| material);
-        swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY));
+        swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY), materials.get(shown));
         match &interval {
             None => {
                 ui.label("curves of the scene file");
@@ -297,21 +315,25 @@ fn row(
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().interact_size.x = 46.0;
-        let number = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
-            let drag = DragValue::new(value).speed(speed).range(range);
-            let dragged = ui.add(drag.max_decimals(4)).on_hover_text(help);
+        let field = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
+            // Values in as many digits as their range needs, and parts of the light in four.
+            let decimals = if name == "opacity" { 4 } else { places(span / 10.0) };
+            let dragged = number(ui, value, decimals, |drag| drag.speed(speed).range(range)).on_hover_text(help);
             let value = *value;
             dragged.widget_info(|| WidgetInfo::slider(true, value, format!("interval {index}: {name}")));
             if dragged.has_focus() || dragged.dragged() {
                 choose(ui, index);
             }
         };
-        let [low, high] = &mut now.range;
-        number(ui, low, span / 500.0, f64::MIN..=f64::MAX, "from", "The value from which it shows fully.");
+        // One end stops at the other, as where it is dragged.
+        let [low, high] = interval.range;
+        let help = "The value from which it shows fully; at most the next one.";
+        field(ui, &mut now.range[0], span / 500.0, f64::MIN..=high, "from", help);
         ui.label("to");
-        number(ui, high, span / 500.0, f64::MIN..=f64::MAX, "to", "The value up to which it shows fully.");
-        ui.label("±");
-        number(
+        let help = "The value up to which it shows fully; at least the one before.";
+        field(ui, &mut now.range[1], span / 500.0, low..=f64::MAX, "to", help);
+        ui.label("±").on_hover_text("The ramp: over so many values it falls to nothing on either side.");
+        field(
             ui,
             &mut now.ramp,
             span / 1000.0,
@@ -319,22 +341,38 @@ fn row(
             "ramp",
             "Over so many values it falls to nothing on either side.",
         );
-        ui.label("α");
-        number(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "What one opacity length of it hides, 0 to 1.");
+        ui.label("α").on_hover_text("Opacity: what one opacity length of it hides, 0 to 1.");
+        field(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "What one opacity length of it hides, 0 to 1.");
     });
+    let absorbs = materials.get(interval.material).is_some_and(|material| material.absorption.is_some());
+    if absorbs {
+        ui.horizontal(|ui| {
+            let help = "How much it absorbs: the optical depth of one opacity length of it where its material absorbs most. Its curve is in Spectra.";
+            ui.label(RichText::new("absorbs").small()).on_hover_text(help);
+            let most = 0.0..=OPAQUE_DEPTH;
+            let dragged = number(ui, &mut now.absorption, 4, |drag| drag.speed(0.005).range(most)).on_hover_text(help);
+            let absorption = now.absorption;
+            dragged.widget_info(|| WidgetInfo::slider(true, absorption, format!("interval {index}: absorption")));
+        });
+    }
     if now != interval {
         asked.push(Action::Edit(Edit::Interval(index, now)));
     }
 }
 
-fn swatch(ui: &mut Ui, colour: Color32) {
+fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(14.0), Sense::hover());
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
     let [red, green, blue, _] = colour.to_array();
     let code = format!("#{red:02x}{green:02x}{blue:02x}");
     response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
-    response.on_hover_text("The material under the present light, to whoever looks.");
+    let help = if material.is_some_and(|material| material.absorption.is_some()) {
+        "What the material scatters back under the present light, to whoever looks. It absorbs, too, which colours what is seen through it: that curve is in Spectra."
+    } else {
+        "The material under the present light, to whoever looks."
+    };
+    response.on_hover_text(help);
 }
 
 /// The material that is chosen now, where it is another one.
@@ -356,14 +394,15 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
     ui.label(title).on_hover_text("Voxels with a label show as that says, whatever their value is.");
     for (index, entry) in labels.declared.iter().enumerate() {
         ui.horizontal(|ui| {
-            swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY));
+            let material = state.scene.materials.get(entry.material);
+            swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY), material);
             ui.add_sized([64.0, 18.0], egui::Label::new(&entry.name).truncate());
             if let Some(material) = choose_material(ui, ("label", index), &state.scene.materials, entry.material) {
                 asked.push(Action::Edit(Edit::Label(index, material, entry.opacity)));
             }
             let mut opacity = entry.opacity;
-            let drag = DragValue::new(&mut opacity).speed(0.002).range(0.0..=1.0).max_decimals(4);
-            let dragged = ui.add(drag).on_hover_text("What one opacity length of it hides, 0 to 1.");
+            let dragged = number(ui, &mut opacity, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
+                .on_hover_text("What one opacity length of it hides, 0 to 1.");
             dragged.widget_info(|| WidgetInfo::slider(true, opacity, format!("{}: opacity", entry.name)));
             if dragged.changed() {
                 asked.push(Action::Edit(Edit::Label(index, entry.material, opacity)));
