@@ -34,7 +34,7 @@ pub enum Goal {
 pub enum Pixels {
     /// All.
     All,
-    /// Fewer where that serves what is asked for, and the picture is enlarged ([`Enlargement`]).
+    /// Fewer where that serves what is asked for, and the picture is enlarged ([`Enlargement`](super::Enlargement)).
     Fewer,
 }
 
