@@ -7,7 +7,7 @@ mod pictures;
 
 use std::fmt::Write as _;
 
-use super::findings::{NodesBesideRgb, by_model, carried, cheapest, main_cause, scatter};
+use super::findings::{NodesBesideRgb, carried, cheapest, main_cause, scatter};
 use super::ladder::Cause;
 use super::setting::{Knob, Setting, Value};
 use super::survey::{CloseUp, Measured, Survey};
@@ -35,8 +35,14 @@ pub struct Findings<'a> {
     pub interrupted: bool,
 }
 
-/// ΔE00 that the page names the cheapest setting for.
-const LIMITS: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+/// ΔE00 that the page names the cheapest setting for, and what a picture within them is good for.
+const LIMITS: [(f64, &str); 5] = [
+    (0.5, "figures: nobody sees it"),
+    (1.0, "figures: hardly anybody sees it"),
+    (2.0, "work: seen side by side"),
+    (4.0, "a quick look: seen at a glance"),
+    (8.0, "while dragging"),
+];
 
 const STYLE: &str = "\
 :root{color-scheme:light dark;--paper:#fff;--ink:#1c1c1c;--soft:#5f6368;--grid:#e6e6e6;--axis:#9a9a9a;--accent:#0b62c4;--dot:#b4b8bd;--card:#f6f7f9}
@@ -51,7 +57,7 @@ svg{max-width:100%;height:auto;font:12px system-ui,'DejaVu Sans',Helvetica,Arial
 .curves{display:grid;grid-template-columns:repeat(auto-fit,minmax(380px,1fr));gap:16px}
 .pictures{display:flex;flex-wrap:wrap;gap:16px}figure{margin:0}figcaption{color:var(--soft);font-size:13px}
 img{image-rendering:pixelated;display:block}.at{position:relative}.at i{position:absolute;width:14px;height:14px;margin:-9px 0 0 -9px;border:2px solid #fff;border-radius:50%;box-shadow:0 0 0 1.5px #000}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
+.wide{overflow-x:auto}.wide td:first-child,.wide th:first-child{position:sticky;left:0;background:var(--paper)}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
 th,td{padding:3px 9px;text-align:right;border-bottom:1px solid var(--grid);white-space:nowrap}th:first-child,td:first-child{text-align:left}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:4px 16px;margin:8px 0}dt{font-weight:600}dd{margin:0}
 tr.best td:first-child{font-weight:600;color:var(--accent)}";
@@ -127,7 +133,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     }
     section(
         "All numbers",
-        "Errors are ΔE00, on average by cause in the columns after max. No other setting beats those whose name is blue: \
+        "Errors are ΔE00, on average by cause in the columns after max; more columns are to the right. No other setting beats those whose name is blue: \
          none is as fast and closer to the truth, or as close and faster.",
         &numbers(rows),
     );
@@ -171,10 +177,22 @@ fn own_setting(scene: &Scene, rows: &[Measured]) -> String {
 fn sentences(findings: &Findings<'_>) -> Vec<String> {
     let rows = findings.rows;
     let mut sentences = Vec::new();
+    let drift = findings
+        .again_ms
+        .zip(rows.first())
+        .map_or(1.0, |(again, own)| again.max(own.frame_ms) / again.min(own.frame_ms));
+    let times = scatter(rows).max(drift);
+    let rough = times > SCATTERED;
+    if rough {
+        sentences.push(format!(
+            "Do not choose by these times: what is the same took up to {times:.1} times as long here, because other programs ran. Measure \
+             again on an idle machine."
+        ));
+    }
     if let Some(own) = rows.first() {
         let error = &own.error.delta_e;
         sentences.push(format!(
-            "{}, a frame takes {} ms here, and colours are off by ΔE00 {} on average, by at most {} in 95 of 100 pixels, and by {} in the worst.",
+            "{}, a frame takes {} ms here, and colours are off by ΔE00 {} on average, by at most {} in 95 of 100 pixels, and by {} in the worst of those looked at.",
             capital(&own.setting.to_string()),
             short(own.frame_ms),
             short(error.mean),
@@ -197,24 +215,13 @@ fn sentences(findings: &Findings<'_>) -> Vec<String> {
             ));
         }
     }
-    sentences.extend(advice(rows));
+    sentences.extend(advice(rows, rough));
     sentences.extend(bought(rows));
     if rows.first().is_some_and(|own| own.carrier.starts_with("weights")) {
         sentences.push(
             "This scene keeps weights of its materials, which are exact under every light: what carries spectra adds no error."
                 .to_owned(),
         );
-    }
-    let drift = findings
-        .again_ms
-        .zip(rows.first())
-        .map_or(1.0, |(again, own)| again.max(own.frame_ms) / again.min(own.frame_ms));
-    let times = scatter(rows).max(drift);
-    if times > SCATTERED {
-        sentences.push(format!(
-            "Times are rough: what is the same took up to {times:.1} times as long here, because other programs ran. Measure again on \
-             an idle machine before choosing by time."
-        ));
     }
     sentences
 }
@@ -228,17 +235,31 @@ fn bought(rows: &[Measured]) -> Option<String> {
     let nodes = |k: usize| carried_by_nodes(rows, k);
     let eight = nodes(8)?;
     let rgb = carried(rows, |kind, _| kind == found.best).next()?;
-    let p95 = |row: &Measured| by_model(row).map_or(f64::NAN, |error| error.p95);
-    let fewer = nodes(4).map_or_else(String::new, |four| format!("; k = 4 keeps them within {}", short(p95(four))));
-    let only = if found.of.len() > 1 { format!(", the best of {} kinds", found.of.len()) } else { String::new() };
+    let own = rows.first()?;
+    let p95 = |row: &Measured| row.error.delta_e.p95;
+    let fewer: Vec<String> =
+        [6, 4, 3].into_iter().filter_map(|k| Some(format!("k = {k} within {}", short(p95(nodes(k)?))))).collect();
+    let fewer = if fewer.is_empty() { String::new() } else { format!("; {}", fewer.join(", ")) };
+    let has = if own.carrier.starts_with("weights") {
+        String::new()
+    } else {
+        format!(
+            " The scene carries {} and is within {}, at {} bytes a pixel.",
+            own.components,
+            short(p95(own)),
+            own.pixel_bytes
+        )
+    };
+    let only =
+        if found.of.len() > 1 { format!(", the best of {} kinds on average", found.of.len()) } else { String::new() };
     let ratio = match found.ratio() {
         ratio if found.nodes < 1e-3 => format!("more than {} times", short((found.rgb / 1e-3).min(ratio).floor())),
         ratio => format!("{} times", short(ratio)),
     };
     Some(format!(
-        "What k = 8 buys: carrying spectra in eight numbers keeps 95 of 100 pixels within ΔE00 {}, {}; red, green and blue ({}{only}) \
-         keep them within {}, {}{fewer}. On average RGB is off by {ratio} as much. A frame of k = 8 takes {} ms and {} bytes a pixel, \
-         one of RGB {} ms and {}.",
+        "What k = 8 buys, with all else as the scene has it: carrying spectra in eight numbers keeps 95 of 100 pixels within ΔE00 {}, \
+         {}; red, green and blue ({}{only}) within {}, {}{fewer}.{has} Of the model alone, RGB's error is {ratio} as large on average. \
+         A frame of k = 8 takes {} ms and {} bytes a pixel, one of RGB {} ms and {}.",
         short(p95(eight)),
         seen(p95(eight)),
         found.best,
@@ -271,20 +292,24 @@ fn seen(error: f64) -> &'static str {
 }
 
 /// Which setting keeps what can just be seen side by side.
-fn advice(rows: &[Measured]) -> Option<String> {
+fn advice(rows: &[Measured], rough: bool) -> Option<String> {
     const SEEN: f64 = 1.0;
     const WORTH: f64 = 0.9;
     let own = rows.first()?;
     let found = cheapest(rows, SEEN)?;
     if own.error.delta_e.p95 <= SEEN {
-        let faster = if found.frame_ms < WORTH * own.frame_ms {
+        let faster = if rough {
+            String::new()
+        } else if found.frame_ms < WORTH * own.frame_ms {
             let less = 100.0 * (1.0 - found.frame_ms / own.frame_ms);
-            format!(" {} keeps that, too, in {less:.0} % less time.", capital(&found.setting.to_string()))
+            format!(" {} stays within ΔE00 {SEEN}, too, in {less:.0} % less time.", capital(&found.setting.to_string()))
         } else {
             " There is nothing to change.".to_owned()
         };
         return Some(format!(
-            "It is good as it is: within ΔE00 {SEEN}, which can just be seen side by side, in 95 of 100 pixels.{faster}"
+            "It is good as it is: 95 of 100 pixels are within {}, {}.{faster}",
+            short(own.error.delta_e.p95),
+            seen(own.error.delta_e.p95)
         ));
     }
     Some(format!(
@@ -385,26 +410,29 @@ fn way_out(cause: Cause) -> &'static str {
 
 fn choices(rows: &[Measured]) -> String {
     let mut table =
-        "<table>\n<tr><th>ΔE00 within</th><th>setting</th><th>ms</th><th>p95</th><th>max</th></tr>\n".to_owned();
-    let mut before: Option<&Measured> = None;
-    for limit in LIMITS {
-        let found = cheapest(rows, limit);
-        // What keeps a smaller error as cheaply is there already.
-        if found.is_some_and(|found| before.is_some_and(|before| std::ptr::eq(before, found))) {
-            continue;
+        "<table>\n<tr><th>ΔE00 within</th><th>setting</th><th>ms</th><th>p95</th><th>max</th><th>good for</th></tr>\n"
+            .to_owned();
+    let mut add = |limits: &str, row: &Measured, good_for: &str| {
+        let error = &row.error.delta_e;
+        let [ms, p95, max] = [row.frame_ms, error.p95, error.max].map(short);
+        let setting = escaped(&row.setting.to_string());
+        writeln!(
+            table,
+            "<tr><td>{limits}</td><td>{setting}</td><td>{ms}</td><td>{p95}</td><td>{max}</td><td>{good_for}</td></tr>"
+        )
+        .ok();
+    };
+    if let Some(own) = rows.first() {
+        add("the scene's own", own, "");
+    }
+    let found: Vec<(f64, &str, &Measured)> =
+        LIMITS.iter().filter_map(|&(limit, good_for)| Some((limit, good_for, cheapest(rows, limit)?))).collect();
+    // What is within a small error as cheaply as within a larger one is named once.
+    for same in found.chunk_by(|one, two| std::ptr::eq(one.2, two.2)) {
+        let limits: Vec<String> = same.iter().map(|(limit, ..)| readable(*limit)).collect();
+        if let Some((_, good_for, row)) = same.first() {
+            add(&limits.join(", "), row, good_for);
         }
-        before = found;
-        let cells = match found {
-            Some(row) => format!(
-                "<td>{}</td><td>{}</td><td>{}</td><td>{}</td>",
-                escaped(&row.setting.to_string()),
-                short(row.frame_ms),
-                short(row.error.delta_e.p95),
-                short(row.error.delta_e.max)
-            ),
-            None => "<td>none of those measured</td><td></td><td></td><td></td>".to_owned(),
-        };
-        writeln!(table, "<tr><td>{limit}</td>{cells}</tr>").ok();
     }
     table + "</table>\n"
 }
@@ -452,13 +480,13 @@ fn places(survey: &Survey<'_>, own: &Measured, close_up: Option<&CloseUp>) -> Re
         let shown = enlarged(dims, 260);
         let pictures = [
             (Picture::of_colours(dims, close.truth.iter().copied())?, "the truth"),
-            (Picture::of_colours(dims, close.shown.iter().copied())?, "the device"),
+            (Picture::of_colours(dims, close.shown.iter().copied())?, "this picture"),
             (Picture::of_differences(dims, close.differences.iter().copied().map(Some))?, "ΔE00"),
         ];
         let figures: String = pictures.iter().map(|(picture, caption)| figure(picture, shown, caption, "")).collect();
         write!(
             text,
-            "<p>The worst of them, pixel {x}, {y}, with ΔE00 {}, and what is around it:</p>\n<div class=\"pictures\">\n{figures}</div>\n",
+            "<p>The worst of those looked at, pixel {x}, {y}, with ΔE00 {}, and what is around it:</p>\n<div class=\"pictures\">\n{figures}</div>\n",
             short(own.error.delta_e.max)
         )
         .ok();
@@ -485,15 +513,16 @@ fn legend() -> String {
 }
 
 fn numbers(rows: &[Measured]) -> String {
-    let before = ["setting", "frame ms", "mean", "p95", "max"];
-    let after = ["at", "|ΔXYZ|", "order", "march", "relight", "read-back", "upload", "B/pixel", "MB"];
+    let before = ["setting", "frame ms", "B/pixel", "mean", "p95", "max"];
+    let after = ["at", "|ΔXYZ|", "order", "march", "relight", "read-back", "upload", "MB"];
     let causes = Cause::ALL.map(Cause::name);
     let heads = before.iter().chain(&causes).chain(&after).map(|head| format!("<th>{head}</th>"));
     let mut table = format!("<div class=\"wide\">\n<table>\n<tr>{}</tr>\n", heads.collect::<String>());
     for row in rows {
         let (times, error) = (&row.times, &row.error.delta_e);
         let named = [escaped(&row.setting.to_string())];
-        let found = [row.frame_ms, error.mean, error.p95, error.max].map(short);
+        let [frame, mean, p95, max] = [row.frame_ms, error.mean, error.p95, error.max].map(short);
+        let found = [frame, row.pixel_bytes.to_string(), mean, p95, max];
         let causes = Cause::ALL.map(|cause| {
             let found = row.causes.iter().find(|(known, _)| *known == cause);
             found.map_or_else(String::new, |(_, error)| short(error.delta_e.mean))
@@ -507,7 +536,6 @@ fn numbers(rows: &[Measured]) -> String {
             short(times.relight.wall_ms.median),
             short(times.read_back.wall_ms.median),
             short(times.upload.wall_ms.median),
-            row.pixel_bytes.to_string(),
             short(megabytes(row.total_bytes)),
         ];
         let cells = named.iter().chain(&found).chain(&causes).chain(&rest).map(|cell| format!("<td>{cell}</td>"));
