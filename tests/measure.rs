@@ -254,7 +254,7 @@ fn the_report_is_one_file_that_needs_nothing_else() {
         "data:image/png;base64,",
         "Where the error comes from",
         "step=0.5",
-        "The worst of them",
+        "The worst of those looked at",
     ] {
         assert!(page.contains(word), "the page has no {word}");
     }
