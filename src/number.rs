@@ -46,6 +46,13 @@ pub(crate) fn line_and_column(text: &str, byte: usize) -> [usize; 2] {
     [line, before.rsplit('\n').next().map_or(0, |line| line.chars().count()) + 1]
 }
 
+/// A clause as the beginning of a sentence.
+#[must_use]
+pub(crate) fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
 /// A message of serde with its names of Rust's numbers in words.
 #[must_use]
 pub(crate) fn in_words(message: &str) -> String {

@@ -115,6 +115,18 @@ fn two_media_in_one_place_share_a_pixel_by_how_much_they_scatter() {
 }
 
 #[test]
+fn a_material_may_be_called_what_is_behind_it() {
+    let mut scene = slab(0.0, "");
+    scene.materials[0].name = "background".to_owned();
+    let [a, b] = scattering();
+    let hidden = -(-64.0 * (a + b)).exp_m1();
+    let expected = [hidden * a / (a + b), hidden * b / (a + b), 1.0 - hidden];
+    for (share, expected) in probe(&Rungs::new(scene, [1, 1])).shares.iter().zip(expected) {
+        near(&share.name, share.seen.unwrap(), expected, 1e-6);
+    }
+}
+
+#[test]
 fn the_spectrum_of_a_pixel_is_what_its_media_reflect_and_its_colour_is_the_one_shown() {
     let scene = slab(0.0, "");
     let probe = probe(&Rungs::new(scene.clone(), [1, 1]));

@@ -9,7 +9,7 @@ use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
 use relume::output::{Accumulators, write_ready_png};
-use relume::plan::{Planned, Transmittance, plan_for, plan_full_spectrum};
+use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::Renderer;
@@ -164,16 +164,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (planned, learnt)
     };
     if let Some(path) = &args.accumulators {
-        if planned.plan.transmittance == Transmittance::Mixed {
-            return Err(CliError::Failed(format!(
-                "--accumulators {}: the model peercy keeps a matrix of what passes, which such files do not hold; take another model",
-                path.display()
-            )));
-        }
         let pixels = Accumulation { size: args.size, weights: Vec::new(), transmittance: Vec::new() };
-        Accumulators::of_march(&scene, &planned, pixels).check_header().map_err(|error| {
-            CliError::Failed(format!("--accumulators {}: {error}; rename a light or a material", path.display()))
-        })?;
+        let refused = |why: String| CliError::Failed(format!("--accumulators {}: {why}", path.display()));
+        let file = Accumulators::of_march(&scene, &planned, pixels).map_err(|error| refused(error.to_string()))?;
+        file.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
     }
     let loaded = clock.read();
 
@@ -216,7 +210,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        Accumulators::of_march(&scene, &planned, accumulation).write(path)?;
+        Accumulators::of_march(&scene, &planned, accumulation)?.write(path)?;
     }
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {

@@ -108,7 +108,7 @@ pub(super) fn carried(
 }
 
 /// What a row errs by for its colour model alone.
-pub(super) fn by_model(row: &Measured) -> Option<ErrorSummary> {
+fn by_model(row: &Measured) -> Option<ErrorSummary> {
     row.causes.iter().find(|(cause, _)| *cause == Cause::Basis).map(|(_, difference)| difference.delta_e)
 }
 

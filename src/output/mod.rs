@@ -42,6 +42,9 @@ const SOFTWARE: &str = concat!("relume ", env!("CARGO_PKG_VERSION"));
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputError {
+    /// What passes is a matrix.
+    #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
+    Matrix,
     /// The folder that should hold the file does not exist.
     #[error("cannot write {}: there is no folder {}; make it, or write elsewhere", path.display(), folder.display())]
     NoFolder {

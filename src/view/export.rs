@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::output::{self, OutputError, Picture, write_exr, write_ready_png};
-use crate::plan::Transmittance;
 use crate::render::{Accumulators, RenderError, Renderer};
 use crate::scene::Scene;
 use crate::tables::RelightMatrices;
@@ -19,9 +18,6 @@ pub enum ExportError {
     /// The file.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// Full matrices.
-    #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
-    Matrix,
     /// The name.
     #[error("{0} will be OpenEXR; end its name in .exr")]
     Name(String),
@@ -61,15 +57,12 @@ impl Snapshot {
     ///
     /// [`ExportError`]; then `path` is what it was.
     pub fn write_accumulators(&self, scene: &Scene, path: &Path) -> Result<(), ExportError> {
-        let planned = &self.accumulators.planned;
-        if planned.plan.transmittance == Transmittance::Mixed {
-            return Err(ExportError::Matrix);
-        }
         if !is_exr(path) {
             return Err(ExportError::Name(path.display().to_string()));
         }
         let accumulation = self.renderer.read(&self.accumulators)?;
-        Ok(output::Accumulators::of_march(scene, planned, accumulation).write(path)?)
+        let planned = &self.accumulators.planned;
+        Ok(output::Accumulators::of_march(scene, planned, accumulation)?.write(path)?)
     }
 }
 

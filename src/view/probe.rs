@@ -92,6 +92,8 @@ pub struct Error {
 pub struct Share {
     /// The material, the place that light comes from, or what else it is.
     pub name: String,
+    /// How much of the pixel it is, whatever its shade; `None` of what is no matter, and before the ray was marched.
+    pub seen: Option<f64>,
     /// How much of it is seen: 1 fills the pixel. Of materials, times their shade, summed over the places of lights.
     pub weight: f64,
     /// Its part in the luminance of the pixel as it is lit now; all parts add up to 1 where there is any.
@@ -158,7 +160,7 @@ impl Probe {
         let spectrum = |mix: &Mix| reflected.map(|reflected| spectrum(reflected, numbers, mix, positions));
         let now = matrices(mix);
         let through = numbers.transmittance.iter().zip(&now.passing).map(|(&passed, share)| f64::from(passed) * share);
-        let (shares, of_positions) = shares(pixel, scene, &now);
+        let (shares, of_positions) = shares(pixel, scene, &now, ray);
         Self {
             place: pixel.place,
             size: pixel.size,
@@ -229,7 +231,7 @@ fn spectrum(reflected: &Reflected, numbers: &Accumulation<f32>, mix: &Mix, posit
 }
 
 /// What materials, highlights and background, and what places of lights have to do with `pixel`.
-fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices) -> (Vec<Share>, Vec<Share>) {
+fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<&Ray>) -> (Vec<Share>, Vec<Share>) {
     let (numbers, planned) = (&pixel.numbers, &pixel.planned);
     let parts = planned.plan.components();
     let sent: Vec<f64> = (numbers.weights.iter().zip(&matrices.colours))
@@ -240,27 +242,34 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices) -> (Vec<Shar
         .sum();
     let all = sent.iter().sum::<f64>() + behind;
     let of = |light: f64| if all > 0.0 { light / all } else { 0.0 };
-    let share = |name: &str, weight: f64, light: f64| Share { name: name.to_owned(), weight, light: of(light) };
+    let share = |name: &str, seen: Option<f64>, weight: f64, light: f64| Share {
+        name: name.to_owned(),
+        seen,
+        weight,
+        light: of(light),
+    };
     let mut shares = Vec::new();
     if let Components::Surfaces(_) = pixel.components {
-        let names = planned.materials.iter().filter_map(|&material| scene.materials.get(material));
-        let names = names.map(|material| material.name.as_str()).chain(planned.plan.specular().map(|_| "highlights"));
-        for (part, name) in names.enumerate() {
+        let seen = |material: usize| ray.and_then(|ray| ray.seen.get(material)).copied();
+        let named = |&material: &usize| Some((scene.materials.get(material)?.name.as_str(), seen(material)));
+        let matter = planned.materials.iter().filter_map(named);
+        let all = matter.chain(planned.plan.specular().map(|_| ("highlights", None)));
+        for (part, (name, seen)) in all.enumerate() {
             let here = |numbers: &mut dyn Iterator<Item = f64>| numbers.skip(part).step_by(parts.max(1)).sum();
             let weight = here(&mut numbers.weights.iter().map(|&weight| f64::from(weight)));
-            shares.push(share(name, weight, here(&mut sent.iter().copied())));
+            shares.push(share(name, seen, weight, here(&mut sent.iter().copied())));
         }
     }
     if planned.plan.background {
         let through: f64 = numbers.transmittance.iter().zip(&matrices.passing).map(|(&t, p)| f64::from(t) * p).sum();
-        shares.push(share("background", through, behind));
+        shares.push(share("background", Some(through), through, behind));
     }
     let places = planned.positions.iter().enumerate().map(|(position, place)| {
         let here = position * parts..(position + 1) * parts;
         let weight =
             numbers.weights.get(here.clone()).map_or(0.0, |weights| weights.iter().copied().map(f64::from).sum());
         let light = sent.get(here).map_or(0.0, |sent| sent.iter().sum());
-        share(&place.name, weight, light)
+        share(&place.name, None, weight, light)
     });
     (shares, places.collect())
 }

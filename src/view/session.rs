@@ -387,9 +387,7 @@ fn dark(document: &DocumentMut) -> BTreeSet<String> {
     let lights = document.get("lights").and_then(Item::as_table_like);
     let is_dark = |light: &Item| {
         let intensity = light.as_table_like().and_then(|light| light.get("intensity"));
-        #[expect(clippy::cast_precision_loss, reason = "whether it is 0")]
-        let intensity = intensity.and_then(|it| it.as_float().or(it.as_integer().map(|it| it as f64)));
-        intensity == Some(0.0)
+        intensity.is_some_and(|it| it.as_float() == Some(0.0) || it.as_integer() == Some(0))
     };
     let dark = lights.into_iter().flat_map(TableLike::iter).filter(|(_, light)| is_dark(light));
     dark.map(|(name, _)| name.to_owned()).collect()

@@ -4,7 +4,6 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
-use crate::input;
 use crate::progress::Progress;
 
 /// A format that is read.
@@ -34,6 +33,13 @@ const FORMATS: [Format; 5] = [
 /// How much of a file is looked at to recognise it.
 const BEGINNING: u64 = 4096;
 
+fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
+    let mut bytes = Vec::new();
+    let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut bytes);
+    read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
+    Ok(bytes)
+}
+
 /// Reads the volume in a file, whose format is known by its extension, else by how the file begins.
 ///
 /// Of a file that holds several, `selection` says which. Memory is bounded by that one and a slab of 4 MiB, of VTK files
@@ -52,9 +58,7 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
         return (format.read)(path, selection, progress);
     }
-    let mut beginning = Vec::new();
-    let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut beginning);
-    read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
+    let beginning = beginning(path)?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
         Some(format) => (format.read)(path, selection, progress),
         None => Err(unknown(path, foreign::describe(path, &beginning))),
@@ -72,9 +76,7 @@ pub fn packed_blocks(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Option<PackedBlocks>, VolumeError> {
-    let mut beginning = Vec::new();
-    let read = stream::open(path)?.take(BEGINNING).read_to_end(&mut beginning);
-    read.map_err(|source| VolumeError::Read { path: path.to_owned(), source })?;
+    let beginning = beginning(path)?;
     if vti::recognises(&beginning) { vti::packed(path, selection, progress) } else { Ok(None) }
 }
 
@@ -93,16 +95,13 @@ pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
 
 /// The refusal of a file or folder that is something else by its beginning, as [`open`] says it.
 pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
-    let beginning = || input::read(path, BEGINNING).ok();
-    let what = || beginning().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
+    let what = || beginning(path).ok().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
     foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what))
 }
 
 /// Whether the file `path` says itself how its voxels lie.
 pub(crate) fn has_header(path: &Path) -> bool {
-    let mut beginning = Vec::new();
-    let read = stream::open(path).ok().and_then(|file| file.take(BEGINNING).read_to_end(&mut beginning).ok());
-    read.is_some() && FORMATS.iter().any(|format| (format.recognises)(&beginning))
+    beginning(path).is_ok_and(|beginning| FORMATS.iter().any(|format| (format.recognises)(&beginning)))
 }
 
 /// Reads the volume in the file `path`, by `layout` where one is stated, whatever file that names, else as [`open`] does.

@@ -13,7 +13,7 @@ use super::setting::{Knob, Setting, Value};
 use super::survey::{CloseUp, Measured, Survey};
 use super::table::{megabytes, short};
 use crate::model::ModelKind;
-use crate::number::{count, readable};
+use crate::number::{capital, count, readable};
 use crate::output::OutputError;
 use crate::scene::Scene;
 pub use costs::{CostCurve, CostTable, costs_html};
@@ -156,11 +156,6 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
 #[must_use]
 pub fn trade(rows: &[Measured]) -> String {
     charts::trade(rows).standalone()
-}
-
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Where the knobs stand in the scene itself.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::{Accumulators, Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored};
+use crate::output::OutputError;
 use crate::plan::{Planned, Transmittance};
 use crate::scene::{Mix, MixLight, Placement, Scene};
 use crate::spectrum::Spectrum;
@@ -10,8 +11,14 @@ use crate::tables::{self, Accumulation};
 
 impl Accumulators {
     /// What a march of `scene` by its plan has left in every pixel, with all that it takes to light it.
-    #[must_use]
-    pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Matrix`].
+    pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> Result<Self, OutputError> {
+        if planned.plan.transmittance == Transmittance::Mixed {
+            return Err(OutputError::Matrix);
+        }
         let components = match tables::Components::new(scene, planned) {
             tables::Components::Surfaces(surfaces) => Components::Surfaces(named(scene, planned, &surfaces)),
             tables::Components::Model(model, transmittance) => Components::Model(Stored {
@@ -59,7 +66,7 @@ impl Accumulators {
             nodes: nodes.collect(),
             situations: situations.collect(),
         };
-        Self {
+        Ok(Self {
             width: accumulation.size[0],
             height: accumulation.size[1],
             components,
@@ -72,7 +79,7 @@ impl Accumulators {
             dial: Some(dial),
             weights: accumulation.weights,
             transmittance: accumulation.transmittance,
-        }
+        })
     }
 }
 

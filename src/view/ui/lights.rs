@@ -21,7 +21,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let stated = state.light.sliders.get(index);
             let by_slider = state.light.mixing == Mixing::Sliders;
             ui.horizontal(|ui| {
-                swatch(ui, &light.spectrum, 1.0, &state.scene.display, 16.0)
+                swatch(ui, &light.spectrum, &state.scene.display, 16.0)
                     .on_hover_text("The light's own colour to whoever looks, at its brightest.");
                 let mut on = stated.is_some_and(|slider| slider.on);
                 ui.add_enabled_ui(by_slider, |ui| {

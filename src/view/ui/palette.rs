@@ -9,6 +9,7 @@ use super::Shown;
 use super::controls::number;
 use super::spectrum::{curve, plot};
 use crate::model::LARGEST_DIMENSION;
+use crate::number::capital;
 use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
 use crate::scene::{Display, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
@@ -372,10 +373,4 @@ fn changed(palette: &Palette, way: &WayOut) -> Option<Step> {
         }
         WayOut::Open { light } => Some(Step::Open(Side::Light, index(&palette.lights, light)?, true)),
     }
-}
-
-/// A clause as the beginning of a sentence.
-fn capital(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }

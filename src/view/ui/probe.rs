@@ -93,12 +93,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
             "What it shows",
             "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. Each column adds up to 100 %.",
         );
-        let materials = &document.state().scene.materials;
-        let seen = |name: &str| match name {
-            "background" => Some(probe.transmittance),
-            name => probe.seen.get(materials.iter().position(|material| material.name == name)?).copied(),
-        };
-        shares(ui, ["shares", "of the pixel", "of its light"], &probe.shares, of, seen);
+        shares(ui, ["shares", "of the pixel", "of its light"], &probe.shares, of);
     } else if !probe.seen.is_empty() {
         section(
             ui,
@@ -120,7 +115,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
             "Where its light comes from",
             "Each place that light comes from, and its part in the brightness of the pixel as it is lit now.",
         );
-        shares(ui, ["positions", "", "of its light"], &probe.positions, |_| None, |_| None);
+        shares(ui, ["positions", "", "of its light"], &probe.positions, |_| None);
     }
     section(
         ui,
@@ -203,14 +198,8 @@ fn bar(ui: &mut Ui, part: f64, colour: Color32) {
     ui.painter().rect(filled, 2.0, colour, outline, StrokeKind::Inside);
 }
 
-/// What parts there are, with how much of the pixel each is, where that is `seen`, and its part in the light.
-fn shares(
-    ui: &mut Ui,
-    [id, pixel, light]: [&str; 3],
-    shares: &[Share],
-    colour: impl Fn(&str) -> Option<Color32>,
-    seen: impl Fn(&str) -> Option<f64>,
-) {
+/// What parts there are, with how much of the pixel each is, where that is known, and its part in the light.
+fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: impl Fn(&str) -> Option<Color32>) {
     Grid::new(id).num_columns(4).spacing([8.0, 3.0]).show(ui, |ui| {
         for head in ["", "", pixel, light] {
             ui.label(RichText::new(head).small().weak());
@@ -219,7 +208,7 @@ fn shares(
         for share in shares {
             bar(ui, share.light, colour(&share.name).unwrap_or(Color32::LIGHT_GRAY));
             ui.label(&share.name);
-            match seen(&share.name) {
+            match share.seen {
                 Some(seen) => ui.label(percent(seen)).on_hover_text("How much of the pixel it is, whatever its shade."),
                 None => ui.label(""),
             };

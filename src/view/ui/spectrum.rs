@@ -10,16 +10,15 @@ use crate::scene::Display;
 use crate::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Light, Spectrum, wavelength_nm};
 
-/// The colour of a light that shines `share` times as strongly as stated, to whoever looks at `display`, and its name to
-/// screen readers.
-pub(super) fn swatch(ui: &mut Ui, light: &Light, share: f64, display: &Display, side: f32) -> Response {
+/// The colour of a light at its brightest, to whoever looks at `display`, and its name to screen readers.
+pub(super) fn swatch(ui: &mut Ui, light: &Light, display: &Display, side: f32) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
-    let code = paint_swatch(ui, light, share, display, rect);
+    let code = paint_swatch(ui, light, 1.0, display, rect);
     response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
     response
 }
 
-/// Paints it in `rect`, and says its colour.
+/// Paints it in `rect`, `share` times as bright, and says its colour.
 pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, display: &Display, rect: Rect) -> String {
     let LinearSrgb(linear) = linear_srgb_from_xyz(display.observer.xyz_of(light.spectrum()));
     // Full strength is the brightest that its colour can be on a screen.
