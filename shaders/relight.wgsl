@@ -15,10 +15,18 @@ struct Relight {
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
 
-// The transfer curve of IEC 61966-2-1.
+// The transfer curve of IEC 61966-2-1 to 1.5e-4 of a code: with u the fourth root of x, 1.055 x^(1/2.4) - 0.055 is
+// 1.055 u^(5/3) - 0.055, here the polynomial of least greatest error. A power takes a software device several times as long.
 fn encode(colour: vec3f) -> vec3f {
     let clipped = clamp(colour, vec3f(), vec3f(1.0));
-    let curve = fma(vec3f(1.055), pow(clipped, vec3f(1.0 / 2.4)), vec3f(-0.055));
+    let u = sqrt(sqrt(clipped));
+    var curve = fma(vec3f(-0.07621052), u, vec3f(0.39471427));
+    curve = fma(curve, u, vec3f(-0.8984146));
+    curve = fma(curve, u, vec3f(1.2091517));
+    curve = fma(curve, u, vec3f(-1.1558964));
+    curve = fma(curve, u, vec3f(1.4615259));
+    curve = fma(curve, u, vec3f(0.12357587));
+    curve = fma(curve, u, vec3f(-0.05844659));
     return select(curve, 12.92 * clipped, clipped <= vec3f(0.0031308));
 }
 

@@ -312,6 +312,34 @@ fn a_slab_is_its_closed_form_on_every_rung() {
 }
 
 #[test]
+fn a_displayed_picture_has_the_codes_of_the_curve_of_srgb() {
+    let curve = |linear: f64| match linear.clamp(0.0, 1.0) {
+        dark if dark <= 0.003_130_8 => 12.92 * dark,
+        bright => 1.055_f64.mul_add(bright.powf(1.0 / 2.4), -0.055),
+    };
+    let rungs = slab_straight_on(1.0, 0.05);
+    with_renderer(|renderer| {
+        let accumulators = rungs.gpu_accumulators(renderer);
+        let display = renderer.relight_display(&accumulators).unwrap();
+        let linear = renderer.relight_linear(&accumulators).unwrap();
+        let mut seen = std::collections::BTreeSet::new();
+        for level in 0..1000 {
+            let mut matrices = rungs.matrices();
+            matrices.colours.iter_mut().for_each(|colour| *colour *= (f64::from(level) / 500.0).powi(2));
+            display.run(&matrices).unwrap();
+            linear.run(&matrices).unwrap();
+            let (codes, lit) = (display.read::<[u8; 4]>().unwrap(), linear.read::<[f32; 4]>().unwrap());
+            for (&code, &lit) in codes[0][..3].iter().zip(&lit[0]) {
+                let exact = 255.0 * curve(f64::from(lit));
+                assert!((f64::from(code) - exact).abs() <= 0.5 + 1e-3, "{code} for {exact}");
+                seen.insert(code);
+            }
+        }
+        assert_eq!(seen.len(), 256, "{seen:?}");
+    });
+}
+
+#[test]
 fn the_ladder_catches_two_materials_swapped() {
     let mut rungs = Rungs::new(scenes::named("diffuse_one"), SIZE);
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
