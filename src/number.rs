@@ -38,6 +38,12 @@ pub fn readable(number: f64) -> String {
     }
 }
 
+/// [`readable`] to seven digits: what rounding has left behind them says nothing.
+#[must_use]
+pub fn brief(number: f64) -> String {
+    readable(format!("{number:.6e}").parse().unwrap_or(number))
+}
+
 /// The line and the column of a byte of `text`, from 1.
 #[must_use]
 pub(crate) fn line_and_column(text: &str, byte: usize) -> [usize; 2] {

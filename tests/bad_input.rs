@@ -574,7 +574,11 @@ fn a_file_that_may_not_be_written_is_refused() {
     std::fs::create_dir(folder.path("folder.png")).unwrap();
     folder.refused(1, &["render", "scene.toml", "-o", "folder.png"], &["folder.png", "it is a folder"]);
     // No user, root included, makes files there.
-    folder.refused(1, &["render", "scene.toml", "-o", "/proc/p.png"], &["cannot write /proc/p.png", "because: "]);
+    folder.refused(
+        1,
+        &["render", "scene.toml", "-o", "/proc/p.png"],
+        &["cannot write /proc/p.png", "/proc; write elsewhere", "because: "],
+    );
 }
 
 #[cfg(target_os = "linux")]

@@ -280,7 +280,9 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     assert_eq!(preset.json()["choice"]["asked_error"], 1.0);
     let both = run(&["--max-error", "4", "--budget", "10"]);
     both.assert_refused(2, &["cannot be used with"]);
-    run(&["--max-error", "0"]).assert_refused(2, &["above 0"]);
+    for too_small in ["0", "-1"] {
+        run(&["--max-error", too_small]).assert_refused(2, &[too_small, "above 0"]);
+    }
 }
 
 /// Samples of dispatches are counted, not milliseconds: where those are to take no time, none is longer than the first, which

@@ -840,7 +840,7 @@ fn the_program_refuses_what_it_should() {
     folder.refused(2, &["design", "small.toml", "-o", "a.svg", "--report", "a.svg"], &["a.svg is named twice"]);
     folder.refused(2, &["design", "small.toml", "--report", "r.pdf"], &["end its name in .html, .svg or .png"]);
     folder.refused(1, &["design", "none.toml"], &["cannot read the palette none.toml"]);
-    folder.refused(1, &["design", "scene.toml"], &["scene.toml:", "unknown field"]);
+    folder.refused(1, &["design", "scene.toml"], &["scene.toml:", "a scene without a [palette]"]);
     folder.refused(1, &["design", "small.toml", "-o", "no/where.toml"], &["there is no folder no"]);
 }
 

@@ -44,6 +44,15 @@ fn without_a_display_one_sentence_names_the_command_that_needs_none() {
 }
 
 #[test]
+fn without_a_vulkan_driver_it_says_what_render_does() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let mut command = screen.command(&folder, &["--frames", "1"]);
+    command.env("VK_DRIVER_FILES", "/dev/null").env("VK_ICD_FILENAMES", "/dev/null");
+    Outcome::of(&mut command).assert_refused(3, &["driver", "apt-get install", "mesa-vulkan-drivers"]);
+}
+
+#[test]
 fn a_scene_opens_as_render_shows_it_and_its_light_never_marches() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();

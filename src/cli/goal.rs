@@ -25,10 +25,10 @@ pub(crate) struct GoalArgs {
     /// The total error counts: samples, colour model, tables, rounding and device (--tolerance is the colour model's alone).
     /// Steps, the numbers of a colour model and how many pixels are marched are chosen: a picture of fewer is enlarged to its
     /// size, and its errors are counted there. What is measured is kept in the user's cache folder.
-    #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance)]
+    #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     max_error: Option<f64>,
     /// Take the setting that is closest to the truth of those whose frames, march, relight and enlarging, take no longer.
-    #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds)]
+    #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds, allow_negative_numbers = true)]
     budget: Option<f64>,
     /// interactive: 50 ms a frame; balanced: within ΔE00 1; reference: within 0.25.
     #[arg(long, help_heading = CHOICE, value_enum)]

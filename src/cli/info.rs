@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use relume::input;
 use relume::model::ColourModel;
-use relume::number::readable;
+use relume::number::{brief, readable};
 use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
@@ -193,12 +193,12 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     if volume.components > 1 {
         line("components", &format!("one of {} is read", volume.components));
     }
-    line("spacing", &by(&geometry.spacing.to_array()));
+    line("spacing", &by(&geometry.spacing.to_array().map(brief)));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
     line(
         "values",
-        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), readable(statistics.mean)),
+        &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), brief(statistics.mean)),
     );
     line(
         "histogram",
@@ -293,7 +293,7 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
     let mut line = |name: &str, value: &str| {
         let _ = writeln!(text, "  {name:<10} {value}");
     };
-    let spacing = by(&geometry.spacing.to_array());
+    let spacing = by(&geometry.spacing.to_array().map(brief));
     line(
         "volume",
         &format!(

@@ -40,7 +40,7 @@ pub(crate) struct Args {
     observer: Option<Observer>,
     /// Warn where colours under a light that the file does not have may be off by more than this ΔE00, in place of what
     /// the file says.
-    #[arg(long, value_name = "DE", value_parser = tolerance)]
+    #[arg(long, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     tolerance: Option<f64>,
     /// Those of `render` that say how colours are modelled, to be told what becomes of them here.
     #[command(flatten)]

@@ -38,8 +38,9 @@ pub fn discard_unfinished() {
 ///
 /// # Errors
 ///
-/// [`OutputError::NoFolder`], [`OutputError::IsFolder`], [`OutputError::DiskFull`], [`OutputError::FileLimit`], and
-/// [`OutputError::Write`] for all else, an error of `fill` included. No temporary file is left behind.
+/// [`OutputError::NoFolder`], [`OutputError::IsFolder`], [`OutputError::DiskFull`], [`OutputError::FileLimit`],
+/// [`OutputError::NoFile`] where the folder takes no other file, and [`OutputError::Write`] for all else, an error of `fill`
+/// included. No temporary file is left behind.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), OutputError> {
     match look(path)? {
         (target, Some(metadata)) if !metadata.is_file() => write_special(path, &target, fill),
@@ -110,7 +111,14 @@ fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTem
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let mut begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
-    let temporary = builder.tempfile_in(folder).map_err(|source| failure(path, 0, source))?;
+    // What the system says of a file that nobody has asked for is of no use.
+    let refused = |source: io::Error| match failure(path, 0, source) {
+        OutputError::Write { path, source } => {
+            OutputError::NoFile { path, folder: folder.to_owned(), source: source.kind().into() }
+        }
+        failed => failed,
+    };
+    let temporary = builder.tempfile_in(folder).map_err(refused)?;
     begun.push(temporary.path().to_owned());
     Ok(temporary)
 }

@@ -45,6 +45,16 @@ pub enum OutputError {
     /// What passes is a matrix.
     #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
     Matrix,
+    /// The folder that should hold the file takes no other.
+    #[error("cannot write {}: no file can be made in {}; write elsewhere", path.display(), folder.display())]
+    NoFile {
+        /// The file.
+        path: PathBuf,
+        /// Its folder.
+        folder: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The folder that should hold the file does not exist.
     #[error("cannot write {}: there is no folder {}; make it, or write elsewhere", path.display(), folder.display())]
     NoFolder {

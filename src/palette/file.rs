@@ -6,6 +6,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 use toml::Spanned;
 
 use super::{
@@ -104,6 +105,8 @@ impl Misplaced {
 #[derive(Deserialize)]
 struct SceneFile {
     palette: Option<At<PaletteFile>>,
+    /// No palette file has one.
+    volume: Option<IgnoredAny>,
 }
 
 /// Reads the palette file `path`, or the `[palette]` of the scene `path`.
@@ -164,6 +167,9 @@ pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteErro
         let mut palette = load(&path)?;
         palette.inputs.push(path);
         return Ok(palette);
+    }
+    if scene.volume.is_some() {
+        return Err(invalid(0, "this is a scene without a [palette]; docs/PALETTE.md has the keys of one".to_owned()));
     }
     let file: PaletteFile = toml::from_str(text).map_err(misread)?;
     match file.version.as_ref().map(|version| (version, *version.get_ref())) {

@@ -26,7 +26,7 @@ use super::{
 };
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
-use crate::number::{count, readable, unsigned};
+use crate::number::{brief, count, readable, unsigned};
 use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
@@ -184,15 +184,16 @@ const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
+/// Reflectances above it are taken for percent; spectra that palettes make up reach 4.
+const PERCENT: f64 = 10.0;
+
 /// Says which reflectance gives back more light than it gets.
 fn warn_above_one(key: &str, reflectance: &Reflectance) {
     let most = reflectance.spectrum().samples().iter().copied().fold(0.0, f64::max);
     // Colours of reflectance 1 are computed, and round.
     if most > 1.0 + 1e-6 {
-        let most = readable(most);
-        tracing::warn!(
-            "{key} is up to {most}, and no surface reflects more than 1; is it in percent? then divide by 100"
-        );
+        let percent = if most > PERCENT { "; is it in percent? then divide by 100" } else { "" };
+        tracing::warn!("{key} is up to {}, and no surface reflects more than 1{percent}", brief(most));
     }
 }
 

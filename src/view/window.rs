@@ -835,7 +835,12 @@ impl Viewer {
         match session::save(path, &self.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
             Ok(()) if self.is_scripted() => {}
-            Ok(()) => self.note(format!("The session is {}.", whole_path(path))),
+            Ok(()) => {
+                let ([width, height], path) = (self.report.size, whole_path(path));
+                self.note(format!(
+                    "The session is {path}; relume render with --size {width}x{height} makes this picture."
+                ));
+            }
         }
     }
 

@@ -35,7 +35,7 @@ pub enum VolumeError {
     },
     /// Headerless voxels, and nobody says how they lie.
     #[error(
-        "{}: raw voxels have no header; give dims and type (and byte_order, header_bytes, spacing, origin, direction where \
+        "{}: raw voxels have no header; give dims and type (--dims, --type; and byte_order, header_bytes, spacing, origin, direction where \
          they differ from little, 0, 1 1 1, 0 0 0 and the identity), or write them into {}",
         path.display(),
         sidecar.display()

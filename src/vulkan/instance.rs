@@ -54,6 +54,8 @@ impl Instance {
         let has = |name: &CStr| extensions.iter().any(|found| found.extension_name_as_c_str() == Ok(name));
         let has_debug_utils = has(ext::debug_utils::NAME);
         if let Some(lacking) = wanted.iter().find(|name| !has(name)) {
+            // Without any driver there is nothing that shows in windows, either; which is another sentence.
+            Self::open(validation, &[])?;
             return Err(VulkanError::NoWindow { lacking: lacking.to_string_lossy().into_owned() });
         }
         let mut enabled: Vec<_> = wanted.iter().map(|name| name.as_ptr()).collect();
