@@ -44,11 +44,13 @@ pub(super) fn is_faster(one: &Measured, other: &Measured) -> bool {
     span(one)[1] < span(other)[0]
 }
 
-/// As [`cheapest`], but the first row, the scene's own, where that is within `error` and not slower beyond doubt.
+/// The fastest of `rows` within `error` that is faster than the first row, the scene's own, beyond doubt; else that, where it is
+/// within `error`; else the fastest.
 pub(super) fn cheapest_for_sure(rows: &[Measured], error: f64) -> Option<&Measured> {
-    let found = cheapest(rows, error)?;
     let own = rows.first().filter(|own| own.error.delta_e.p95 <= error);
-    Some(own.filter(|own| !is_faster(found, own)).unwrap_or(found))
+    let Some(own) = own else { return cheapest(rows, error) };
+    let sure = rows.iter().filter(|row| row.error.delta_e.p95 <= error && is_faster(row, own));
+    Some(sure.min_by(|one, two| one.frame_ms.total_cmp(&two.frame_ms)).unwrap_or(own))
 }
 
 /// The row of the least mean ΔE00; the first row where it is as close.

@@ -1,10 +1,10 @@
 //! Where errors come from: a bar a setting, in parts.
 
 use super::drawing::{Drawing, PARTS, Paint, escaped};
-use super::entry::{Entry, LEAST, name};
+use super::entry::{CUBIC, Entry, LEAST, name};
 use crate::measure::findings::by_cause;
 use crate::measure::ladder::Cause;
-use crate::measure::setting::Setting;
+use crate::measure::setting::{Knob, Setting, Value};
 use crate::measure::survey::Measured;
 use crate::measure::table::short;
 use crate::number::count;
@@ -51,7 +51,10 @@ pub(super) fn causes(entries: &[Entry<'_>]) -> String {
             escaped(&same.join(", "))
         ),
     };
-    format!("<div class=\"wide\">\n{drawn}</div>\n{same}")
+    let spline = Some(Value::Name("cubic"));
+    let is_spline = different.iter().any(|entry| entry.row.setting.get(Knob::Interpolation) == spline);
+    let note = if is_spline { format!("<p class=\"about\">interpolation={CUBIC}</p>\n") } else { String::new() };
+    format!("<div class=\"wide\">\n{drawn}</div>\n{note}{same}")
 }
 
 /// The next of 1, 2, 4 and 8 times a power of ten, whose quarters are short to write.

@@ -132,7 +132,7 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
         ];
         write!(
             text,
-            "<p>The pixels that were compared{}:</p>\n<div class=\"thirds\">\n{}</div>\n",
+            "<div class=\"keep\">\n<p>The pixels that were compared{}:</p>\n<div class=\"thirds\">\n{}</div>\n</div>\n",
             mosaic(survey),
             cells.concat()
         )

@@ -10,6 +10,9 @@ use crate::model::ErrorSummary;
 pub(super) const OWN: &str = "the scene's own";
 /// The ΔE00 below which nobody sees anything.
 pub(super) const INVISIBLE: f64 = 0.5;
+/// What is said of a spline between voxels where the scene has none.
+pub(super) const CUBIC: &str =
+    "cubic is another reading of the data, not a worse one: the truth here reads it as the scene says.";
 /// Below this ΔE00 no page tells errors apart.
 pub(super) const LEAST: f64 = 1e-3;
 

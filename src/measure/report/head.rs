@@ -21,7 +21,7 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>) -> String {
     let scene = survey.scene();
     let mut lines = vec![
         format!("<small>{}; Relume {}</small>", escaped(&scene.source), env!("CARGO_PKG_VERSION")),
-        format!("Light: {}. Only this was measured; under other light, errors are others.", escaped(&light(scene))),
+        format!("Light: {}. Only this was measured: nothing here is said of other light.", escaped(&light(scene))),
         format!("{} in pictures of {width}×{height}, with the truth: the full spectrum in f64.", compared(survey)),
         format!(
             "Times on {}: median of {runs} run{}, which spread by ±{:.0} %; smaller differences mean nothing.{cpu}",

@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use super::drawing::{Drawing, Logarithmic, Paint, escaped};
-use super::entry::Entry;
+use super::entry::{CUBIC, Entry};
 use super::trade::{floored, p95};
+use super::words::meaning;
 use crate::measure::findings::{is_faster, span};
 use crate::measure::setting::Knob;
 use crate::measure::survey::Measured;
@@ -76,13 +77,12 @@ pub(super) fn knobs(rows: &[Measured], scene: &Scene) -> String {
         let found = turned(rows, knob, scene);
         let moves = |it: &Turned<'_>| (it.entry.row.error.delta_e.p95 - own.error.delta_e.p95).abs() >= MOVED;
         if found.iter().any(moves) {
-            let note = if found.iter().any(|it| it.label == "cubic") {
-                "<figcaption>cubic is another reading of the data, not a worse one: the truth here reads it as the scene says.</figcaption>"
-            } else {
-                ""
-            };
+            let is_spline = found.iter().any(|it| it.label == "cubic");
+            let note = if is_spline { format!("<figcaption>{CUBIC}</figcaption>") } else { String::new() };
+            let hover = escaped(meaning(knob.name()).unwrap_or(""));
             let drawn = chart(&found, own).inline(knob.name());
-            write!(charts, "<figure><h3>{knob}: {}</h3>\n{drawn}{note}</figure>\n", knob.meaning()).ok();
+            write!(charts, "<figure><h3 title=\"{hover}\">{knob}: {}</h3>\n{drawn}{note}</figure>\n", knob.meaning())
+                .ok();
         } else {
             let lines = found.iter().filter(|it| !it.is_own).map(|it| line(knob, it.entry.row, own));
             table.extend(lines);

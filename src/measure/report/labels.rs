@@ -36,7 +36,7 @@ impl Labels {
     pub(super) fn place(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<Place> {
         let [wide, high] = [crate::number::count(name.chars().count()) * LETTER[0] / 2.0, LETTER[1] / 2.0];
         let turns = (0..24).map(|i| f64::from(i) * std::f64::consts::TAU / 24.0 - 0.5);
-        let found = [4.0, 14.0, 26.0, 40.0, 56.0, 74.0, 96.0].into_iter().flat_map(|away| {
+        let found = [4.0, 14.0, 26.0, 40.0, 56.0, 74.0, 96.0, 120.0, 150.0].into_iter().flat_map(|away| {
             turns.clone().map(move |turn| {
                 let (sin, cos) = turn.sin_cos();
                 let from = [x + cos * radius, y + sin * radius];

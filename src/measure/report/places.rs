@@ -94,7 +94,7 @@ impl Scale {
         for (i, x) in middles(PARTS, MARGIN, long).enumerate() {
             let [red, green, blue] = self.heat(self.at((count(i) + 0.5) / count(PARTS)));
             let colour = format!("#{red:02x}{green:02x}{blue:02x}");
-            drawing.bar([x - part / 2.0 - 0.1, 18.0], [part + 0.2, 12.0], Paint::Colour(&colour), "");
+            drawing.bar([x - part / 2.0 - 0.3, 18.0], [part + 0.6, 12.0], Paint::Colour(&colour), "");
         }
         let place = |value: f64| long.mul_add(self.share(value), MARGIN);
         for power in 0..4 {
@@ -102,7 +102,8 @@ impl Scale {
             drawing.small([place(value), 43.0], "middle", &tick(value));
         }
         drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 48.0], "mark");
-        drawing.small([place(INVISIBLE), 58.0], "end", &format!("nobody sees less than {INVISIBLE}"));
+        let anchor = if self.share(INVISIBLE) < 0.5 { "start" } else { "end" };
+        drawing.small([place(INVISIBLE), 58.0], anchor, &format!("nobody sees less than {INVISIBLE}"));
         drawing.small([MARGIN, 73.0], "start", "grey: shows nothing of the volume");
         drawing.inline("scale of ΔE00")
     }
@@ -139,13 +140,13 @@ pub(super) fn places(survey: &Survey<'_>, own: &Measured, close_up: Option<&Clos
         ];
         let figures: String = pictures
             .into_iter()
-            .map(|(picture, caption)| Figure::new(picture, dims, caption).html(260, ring))
+            .map(|(picture, caption)| Figure::new(picture, dims, caption).html(250, ring))
             .collect();
         let [x, y] = at;
         write!(
             text,
-            "<p>The worst of those looked at, {x} pixels from the left and {y} from the top, is ΔE00 {} off. Around it:</p>\n\
-             <div class=\"pictures\">\n{figures}</div>\n",
+            "<div class=\"keep\">\n<p>The worst of those looked at, {x} pixels from the left and {y} from the top, is ΔE00 {} off. Around it:</p>\n\
+             <div class=\"thirds\">\n{figures}</div>\n</div>\n",
             short(own.error.delta_e.max)
         )
         .ok();

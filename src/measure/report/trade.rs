@@ -23,7 +23,9 @@ pub(super) fn trade(entries: &[Entry<'_>]) -> Drawing {
     let (left, right, top, bottom) = (62.0, WIDTH - 20.0, 34.0, HEIGHT - 46.0);
     let mut drawing = Drawing::new(WIDTH, HEIGHT);
     let across = Logarithmic::of(entries.iter().map(|entry| entry.row.frame_ms), left, right);
-    let up = Logarithmic::of(entries.iter().map(p95), bottom, top);
+    // Names need a place below the lowest dots, too.
+    let lowest = entries.iter().map(p95).fold(f64::INFINITY, f64::min);
+    let up = Logarithmic::of(entries.iter().map(p95).chain([(0.6 * lowest).max(LEAST)]), bottom, top);
     for value in across.ticks() {
         let x = across.at(value);
         drawing.line([x, top], [x, bottom], "grid");

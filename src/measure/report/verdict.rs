@@ -5,7 +5,7 @@ use super::drawing::escaped;
 use super::eight::Carried;
 use super::entry::{INVISIBLE, LEAST, seen};
 use super::knobs::step_in_voxels;
-use crate::measure::findings::{cheapest, cheapest_for_sure, closest, scatter};
+use crate::measure::findings::{cheapest, cheapest_for_sure, closest, is_faster, scatter};
 use crate::measure::ladder::Cause;
 use crate::measure::setting::{Knob, Value};
 use crate::measure::survey::Measured;
@@ -160,10 +160,11 @@ fn bought(carried: &Carried<'_>) -> Option<String> {
     let (eight, (rgb, kind, number)) = (carried.eight?, carried.rgb?);
     let [p95, rgb_p95] = [eight, rgb].map(|row| short(row.error.delta_e.p95));
     let [ms, rgb_ms] = [eight, rgb].map(|row| short(row.frame_ms));
+    let apart = if is_faster(rgb, eight) { "" } else { " (their runs overlap)" };
     let of = if number > 1 { format!(", the best of {number} kinds by that") } else { String::new() };
     Some(format!(
-        "95 of 100 pixels stay below ΔE00 {p95} in place of {rgb_p95} with RGB ({kind}{of}), for {ms} ms in place of {rgb_ms} and {} bytes a pixel \
-         in place of {}.",
+        "95 of 100 pixels stay below ΔE00 {p95} in place of {rgb_p95} with RGB ({kind}{of}), for {ms} ms in place of {rgb_ms}{apart} and {} bytes \
+         a pixel in place of {}.",
         eight.pixel_bytes, rgb.pixel_bytes
     ))
 }

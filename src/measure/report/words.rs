@@ -14,7 +14,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
 }
 
 /// Names that are heads of the table of all numbers stand there with their meaning, too.
-const WORDS: [Word; 38] = [
+const WORDS: [Word; 40] = [
     word(
         "ΔE00",
         &["ΔE00"],
@@ -66,7 +66,7 @@ const WORDS: [Word; 38] = [
         &["tables and storage"],
         "as a cause of errors: the transfer function is a table, the volume a texture, and what a pixel keeps may have 16 bits",
     ),
-    word("storage, f16, f32", &["storage="], "numbers of 16 or of 32 bits are kept of a finished pixel"),
+    word("storage", &["storage="], "numbers of 16 or of 32 bits are kept of a finished pixel"),
     word(
         "termination",
         &["termination"],
@@ -91,6 +91,8 @@ const WORDS: [Word; 38] = [
         &["scale="],
         "as a cause of errors: fewer pixels are marched than shown. scale is their share across",
     ),
+    word("scale", &["scale="], "how many pixels are marched, as a share across; the picture is enlarged"),
+    word("model", &["model="], "which k numbers carry spectra"),
     word("rounding", &["rounding"], "as a cause of errors: arithmetic with 32 bits in place of 64"),
     word("device", &["device"], "as a cause of errors: what this device computes otherwise than the arithmetic says"),
     word(
