@@ -347,16 +347,17 @@ fn a_script_that_cannot_be_carried_out_says_which_line() {
 }
 
 #[test]
-fn a_probed_pixel_has_the_colour_that_is_shown_and_its_light_never_marches() {
+fn a_probed_pixel_has_the_colour_that_is_shown_and_nothing_of_it_marches() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
-    let script = "probe 0.5 0.5\nprobe 0.4 0.45\npicture shown.png\nsettle\nlight lamp 0.2\nprobe 0.4 0.45\nsettle\n";
+    let script = "probe 0.5 0.5\nprobe 0.4 0.45\npicture shown.png\nsettle\nlight lamp 0.2\nprobe 0.4 0.45\nsettle\n\
+                  spectrum material flesh = cyan\nprobe 0.5 0.5\npicture dyed.png\nsettle\n";
     let report = screen.script(&folder, "dial.toml", script);
     let probes = report["probes"].as_array().unwrap();
-    assert_eq!(probes.len(), 3);
-    let (picture, pixels) = rgb(&folder, "shown.png");
+    assert_eq!(probes.len(), 4);
     let of = |probe: &Value, which: &str, axis: usize| usize::try_from(probe[which][axis].as_u64().unwrap()).unwrap();
-    for probe in &probes[..2] {
+    for (probe, shown) in [(0, "shown.png"), (1, "shown.png"), (3, "dyed.png")] {
+        let (probe, (picture, pixels)) = (&probes[probe], rgb(&folder, shown));
         assert_eq!([of(probe, "size", 0), of(probe, "size", 1)], picture);
         let at = 3 * (of(probe, "pixel", 1) * picture[0] + of(probe, "pixel", 0));
         let [r, g, b] = [pixels[at], pixels[at + 1], pixels[at + 2]];
@@ -368,7 +369,8 @@ fn a_probed_pixel_has_the_colour_that_is_shown_and_its_light_never_marches() {
     }
     assert_ne!(probes[1]["now"]["code"], probes[2]["now"]["code"], "the lamp is dimmed");
     assert_eq!(probes[1]["lights"], probes[2]["lights"], "each light alone is as it was");
-    assert_eq!(report["settled"][0]["marches"], report["settled"][1]["marches"]);
+    assert_ne!(probes[0]["now"]["code"], probes[3]["now"]["code"], "it is dyed");
+    assert_eq!(report["settled"][0]["marches"], report["settled"][2]["marches"]);
 }
 
 #[test]

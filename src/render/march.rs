@@ -21,6 +21,8 @@ use crate::vulkan::{
 const DISPATCH: Duration = Duration::from_millis(50);
 /// Samples that the first dispatch of a march takes, before its speed is known.
 const FIRST_SAMPLES: f64 = 2e7;
+/// How much more a dispatch may do than the slowest, for each `dispatch` of time since: a device that was held up recovers.
+const RECOVERY: f64 = 0.1;
 /// Most samples along a ray per dispatch.
 pub(super) const SLICE: u32 = 16_384;
 /// Components of the largest matrices that are marched: larger ones would not stay in registers.
@@ -144,12 +146,14 @@ pub struct March {
     left: Accumulators,
 }
 
-/// How long a dispatch may take, about, and how much an earlier march of the same plan did in that time.
+/// How long a dispatch may take, about, and how much an earlier march of the same plan did in that time where it was slowest.
 #[derive(Clone, Copy, Debug)]
 pub struct Speed {
     dispatch: Duration,
-    /// Samples, where known.
-    budget: Option<f64>,
+    /// Samples of the first dispatch, where known.
+    first: Option<f64>,
+    /// Samples that fitted where it was slowest.
+    least: f64,
 }
 
 impl Speed {
@@ -157,13 +161,13 @@ impl Speed {
     #[must_use]
     pub fn unknown(dispatch: Duration) -> Self {
         // The first then takes so little that even a slow device is done in time.
-        Self { dispatch, budget: Some(FIRST_SAMPLES / 16.0) }
+        Self { dispatch, first: Some(FIRST_SAMPLES / 16.0), least: f64::INFINITY }
     }
 }
 
 impl Default for Speed {
     fn default() -> Self {
-        Self { dispatch: DISPATCH, budget: None }
+        Self { dispatch: DISPATCH, first: None, least: f64::INFINITY }
     }
 }
 
@@ -565,7 +569,8 @@ impl March {
     /// How fast it has been so far.
     #[must_use]
     pub fn speed(&self) -> Speed {
-        Speed { dispatch: self.schedule.dispatch, budget: Some(self.schedule.budget) }
+        let Schedule { dispatch, budget, least, .. } = self.schedule;
+        Speed { dispatch, first: Some(budget.min(least)), least }
     }
 
     /// The next dispatch, on the renderer that began it.
@@ -661,7 +666,7 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
 }
 
 /// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into `dispatch` at the
-/// speed of the last one.
+/// speed of the last one, but at most twice as many as at the slowest: rows that meet the volume follow rows that do not.
 #[derive(Debug)]
 struct Schedule {
     dispatching: Dispatching,
@@ -674,16 +679,18 @@ struct Schedule {
     slice: u32,
     /// Most samples per dispatch.
     budget: f64,
+    /// Samples that fit where the march was slowest; what once held it up is forgotten, [`RECOVERY`].
+    least: f64,
     /// Those of the dispatch under way.
     taken: f64,
 }
 
 impl Schedule {
     fn new(size: [u32; 2], samples: u32, dispatching: Dispatching, layers: usize, speed: Speed) -> Self {
-        let unknown = || speed.budget.unwrap_or(FIRST_SAMPLES / count(layers.max(1)));
+        let unknown = || speed.first.unwrap_or(FIRST_SAMPLES / count(layers.max(1)));
         let budget = dispatching.samples.map_or_else(unknown, f64::from);
-        let dispatch = speed.dispatch;
-        Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, taken: 0.0 }
+        let Speed { dispatch, least, .. } = speed;
+        Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, least, taken: 0.0 }
     }
 
     fn is_done(&self) -> bool {
@@ -723,7 +730,9 @@ impl Schedule {
             return;
         }
         let fitting = self.taken * self.dispatch.as_secs_f64() / time.as_secs_f64().max(1e-6);
-        self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0);
+        let since = time.as_secs_f64() / self.dispatch.as_secs_f64();
+        self.least = fitting.min(self.least * (1.0 + RECOVERY * since));
+        self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(2.0 * self.least);
     }
 }
 
@@ -795,6 +804,27 @@ mod tests {
         });
         assert_eq!(fields, Some(ours), "names and offsets");
         assert_eq!(theirs.map(|layout| layout.size as usize), Some(size_of::<MarchUniform>()), "size");
+    }
+
+    /// Pictures whose middle takes twenty times as long as what is above and below, one after another.
+    #[test]
+    fn a_dispatch_that_enters_the_volume_takes_little_longer_than_it_may() {
+        let (size, samples, aim) = ([800_u32, 800], 300, Duration::from_millis(10));
+        let seconds =
+            |row: u32| 3.0e-9 * f64::from(size[0] * samples) * if (250..550).contains(&row) { 1.0 } else { 0.05 };
+        let mut speed = Speed::unknown(aim);
+        for picture in 0..3 {
+            let mut schedule = Schedule::new(size, samples, Dispatching::default(), 1, speed);
+            let mut dispatches = 0;
+            while let Some((band, rows)) = schedule.next() {
+                let took = Duration::from_secs_f64((band.first_row..band.first_row + rows).map(seconds).sum());
+                assert!(picture == 0 || took < 3 * aim, "picture {picture}, row {}: {took:?}", band.first_row);
+                schedule.took(took);
+                dispatches += 1;
+            }
+            assert!(dispatches < 60, "{dispatches} for 22 times 10 ms and what is empty");
+            speed = Speed { dispatch: aim, first: Some(schedule.budget.min(schedule.least)), least: schedule.least };
+        }
     }
 
     /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.

@@ -79,7 +79,16 @@ impl Renderer {
     ///
     /// [`RenderError`].
     pub fn relight_display(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
-        self.relight(accumulators, Target::Display)
+        self.relight(accumulators, Target::Display, Format::Rgba8Unorm)
+    }
+
+    /// The same with blue first, as windows keep their pixels.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn relight_window(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
+        self.relight(accumulators, Target::Display, Format::Bgra8Unorm)
     }
 
     /// Linear sRGB and opacity (1 − the light that passes) of every pixel in f32, rows from the top.
@@ -88,19 +97,19 @@ impl Renderer {
     ///
     /// [`RenderError`].
     pub fn relight_linear(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
-        self.relight(accumulators, Target::Linear)
+        self.relight(accumulators, Target::Linear, Format::Rgba32Float)
     }
 
-    fn relight(&self, accumulators: &Accumulators, target: Target) -> Result<Relight, RenderError> {
+    fn relight(&self, accumulators: &Accumulators, target: Target, format: Format) -> Result<Relight, RenderError> {
         let plan = &accumulators.planned.plan;
         let device = &self.device;
         let bytes = size_of::<RelightUniform>()
             + plan.passed_lanes() * size_of::<[[f32; LANE]; 4]>()
             + plan.layers().max(1) * size_of::<[[f32; LANE]; 3]>();
         let uniform = Buffer::host(device, "relight", bytes as u64, HostUse::Uniform)?;
-        let (format, name) = match target {
-            Target::Display => (Format::Rgba8Unorm, "display"),
-            Target::Linear => (Format::Rgba32Float, "linear"),
+        let name = match target {
+            Target::Display => "display",
+            Target::Linear => "linear",
         };
         let picture = StorageImage::new(device, name, format, accumulators.size.map(unsigned), 1)?;
         let (pipeline, set) = self.bind(
@@ -135,10 +144,13 @@ impl Relight {
         let size = self.picture.extent();
         let head = RelightUniform { width: size[0], height: size[1], padding: [0; 2] };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
-        let passing = matrices.passing_lanes();
+        let (mut passing, mut lanes) = (matrices.passing_lanes(), matrices.lanes(self.components));
+        if self.picture.format() == Format::Bgra8Unorm {
+            passing.iter_mut().for_each(|channels| channels.swap(0, 2));
+            lanes.iter_mut().for_each(|channels| channels.swap(0, 2));
+        }
         self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&passing))?;
         let colours_at = size_of::<RelightUniform>() + size_of_val(passing.as_slice());
-        let lanes = matrices.lanes(self.components);
         self.uniform.write(colours_at as u64, bytemuck::cast_slice(&lanes))?;
         let took = self.device.run_timed("relight", |recorder| {
             recorder.compute_to_compute();
@@ -164,7 +176,7 @@ impl Relight {
         &self.picture
     }
 
-    /// The picture: `T` is `[u8; 4]` of a display relight, `[f32; 4]` of a linear one.
+    /// The picture: `T` is `[u8; 4]` of a display relight (blue first of a window's), `[f32; 4]` of a linear one.
     ///
     /// # Errors
     ///

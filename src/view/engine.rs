@@ -1,5 +1,6 @@
 //! Pictures of a state, made in slices: coarse at once, then as fine as the window; relit as often as the light changes.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -21,7 +22,7 @@ use crate::volume::Statistics;
 use crate::vulkan::{StorageImage, give_back_freed};
 
 /// How long one dispatch of a march may take, about.
-pub(super) const DISPATCH: Duration = Duration::from_millis(10);
+pub(super) const DISPATCH: Duration = Duration::from_millis(8);
 /// How long the work of a frame may take, about: with a dispatch, or a relight, and panels on top it is well under 50 ms.
 const SLICE: Duration = Duration::from_millis(12);
 /// How long a picture may take while a hand moves the camera, about.
@@ -75,13 +76,16 @@ pub struct Engine {
     lit: Option<Lit>,
     /// The light to show it in.
     state: Box<State>,
-    /// Whether what is shown has another light than it should.
+    /// Whether what is shown may have another light than it should.
     unlit: bool,
+    /// How often a light was asked for.
+    lights: u64,
     /// Whether the last march or relight could not be made: no finer one is tried.
     failed: bool,
     /// Where the next picture of a new scene starts.
     coarse: usize,
-    speed: (ScenePlan, Speed),
+    /// How fast the last march by the plan was, for each level.
+    speeds: BTreeMap<usize, Speed>,
     counts: Counts,
     changed: Instant,
     /// From a change of what is marched to its first picture, and to its finest.
@@ -126,6 +130,8 @@ struct Marching {
 #[derive(Debug)]
 struct Lit {
     relight: Relight,
+    /// What it is lit by; none before it is.
+    by: Option<RelightMatrices>,
     level: usize,
     /// The pixels of the window that it was marched for.
     size: [usize; 2],
@@ -156,7 +162,6 @@ impl Engine {
     pub fn new(loaded: Loaded) -> Self {
         let Loaded { renderer, scene, planned, uploaded, statistics, .. } = loaded;
         let state = State::new(scene);
-        let speed = (planned.plan.clone(), Speed::unknown(DISPATCH));
         Self {
             renderer,
             planned,
@@ -171,9 +176,10 @@ impl Engine {
             lit: None,
             state: Box::new(state),
             unlit: false,
+            lights: 0,
             failed: false,
             coarse: FINER,
-            speed,
+            speeds: BTreeMap::new(),
             counts: Counts::default(),
             changed: Instant::now(),
             latency: Latency::default(),
@@ -197,6 +203,7 @@ impl Engine {
     /// Asks for the light of `state`. Nothing is marched.
     pub fn light(&mut self, state: &State) {
         self.unlit = true;
+        self.lights += 1;
         *self.state = state.clone();
     }
 
@@ -309,7 +316,7 @@ impl Engine {
         }
         let Some(level) = level else { return Ok(false) };
         let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
-        let speed = self.speed.1;
+        let speed = self.speeds.get(&level).copied().unwrap_or_else(|| Speed::unknown(DISPATCH));
         let march = self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)?;
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
@@ -331,6 +338,8 @@ impl Engine {
         if let Some(lit) = &mut self.lit {
             lit.components = Components::new(&scene, &planned);
             lit.accumulators.planned = planned.clone();
+            // The same numbers are another picture.
+            self.pictures += 1;
             self.unlit = true;
         }
         (self.planned, self.scene) = (planned, scene);
@@ -357,7 +366,7 @@ impl Engine {
     /// From now on marches `scene` as `planned`, with the volume as that needs it.
     fn adopt(&mut self, planned: Planned, scene: Box<Scene>) {
         if planned.plan != self.planned.plan {
-            self.speed = (planned.plan.clone(), Speed::unknown(DISPATCH));
+            self.speeds.clear();
         }
         (self.planned, self.scene) = (planned, scene);
     }
@@ -365,7 +374,7 @@ impl Engine {
     /// Shows what the march has left.
     fn finish(&mut self) -> Result<(), RenderError> {
         let Some(Marching { march, level, spent }) = self.marching.take() else { return Ok(()) };
-        self.speed.1 = march.speed();
+        self.speeds.insert(level, march.speed());
         if level == self.coarse {
             if spent > COARSE && self.coarse < COARSEST {
                 self.coarse *= 2;
@@ -374,12 +383,12 @@ impl Engine {
             }
         }
         let mut accumulators = march.finish(&self.renderer)?;
-        let relight = self.renderer.relight_display(&accumulators)?;
+        let relight = self.renderer.relight_window(&accumulators)?;
         // Its colour model may have been fitted for another observer since.
         accumulators.planned.model.clone_from(&self.planned.model);
         let components = Components::new(&self.scene, &accumulators.planned);
         self.pictures += 1;
-        self.lit = Some(Lit { relight, level, size: self.size, accumulators, components });
+        self.lit = Some(Lit { relight, by: None, level, size: self.size, accumulators, components });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
             self.latency.first.get_or_insert_with(|| self.changed.elapsed());
@@ -391,15 +400,19 @@ impl Engine {
     }
 
     fn relight(&mut self) -> Result<bool, RenderError> {
-        let Some(lit) = self.lit.as_ref().filter(|_| self.unlit) else { return Ok(false) };
+        let Some(lit) = self.lit.as_mut().filter(|_| self.unlit) else { return Ok(false) };
         let Some(matrices) = lit.matrices(&self.state) else { return Ok(false) };
-        lit.relight.run(&matrices)?;
-        self.counts.relights += 1;
         self.unlit = false;
+        if lit.by.as_ref() == Some(&matrices) {
+            return Ok(false);
+        }
+        lit.relight.run(&matrices)?;
+        lit.by = Some(matrices);
+        self.counts.relights += 1;
         Ok(true)
     }
 
-    /// The picture to show: linear light encoded as sRGB, 8 bits.
+    /// The picture to show: linear light encoded as sRGB, 8 bits, blue first.
     #[must_use]
     pub fn picture(&self) -> Option<&StorageImage> {
         self.lit.as_ref().map(|lit| lit.relight.picture())
@@ -449,6 +462,12 @@ impl Engine {
     #[must_use]
     pub fn pictures(&self) -> u64 {
         self.pictures
+    }
+
+    /// How often a light was asked for: a number that tells one from the next.
+    #[must_use]
+    pub fn lights(&self) -> u64 {
+        self.lights
     }
 
     /// The scene whose picture is shown or on its way.

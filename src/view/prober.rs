@@ -24,9 +24,9 @@ struct Behind {
 pub struct Prober {
     /// Where, in parts of the picture from the top left.
     place: Option<DVec2>,
-    /// The picture that `pixel` is of, and the relight that `probe` is of.
+    /// The picture that `pixel` is of, and the light that `probe` is under.
     picture: u64,
-    relight: u64,
+    light: u64,
     pixel: Option<Pixel>,
     /// Spectra of a colour model's numbers, which take their time; of this model.
     reflected: Option<(Arc<ColourModel>, Reflected)>,
@@ -85,7 +85,7 @@ impl Prober {
         wake: impl Fn() + Send + Sync + Clone + 'static,
     ) -> Result<bool, StepError> {
         let Some(place) = self.place else { return Ok(false) };
-        let mut new = self.relight != engine.counts().relights;
+        let mut new = self.light != engine.lights();
         if self.picture != engine.pictures() {
             let reflected = self.reflected.take();
             *self = Self { place: self.place, reflected, picture: engine.pictures(), ..Self::default() };
@@ -123,7 +123,7 @@ impl Prober {
         let is_seen = model.as_ref().is_none_or(|model| model.observer() == state.scene.display.observer);
         // Where a light has come to stand elsewhere, the picture that is on its way has places for it.
         if new && is_seen && positions(&state.scene).len() == pixel.planned.positions.len() {
-            self.relight = engine.counts().relights;
+            self.light = engine.lights();
             let exact = || Reflected::new(&pixel.components, state.scene.background.as_ref());
             let reflected = match &model {
                 None => Some(exact()),

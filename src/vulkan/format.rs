@@ -17,6 +17,8 @@ pub enum Format {
     Rgba32Float,
     /// Four bytes, 0..=255 read as 0..=1.
     Rgba8Unorm,
+    /// The same four bytes, which a shader writes as those, and which commands take for blue, green, red and alpha: a window's.
+    Bgra8Unorm,
     /// One byte, read as an unsigned integer; never filtered.
     R8Uint,
     /// One 16-bit unsigned integer; never filtered.
@@ -27,13 +29,14 @@ pub enum Format {
 
 impl Format {
     /// Every format, in the order of declaration.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::R16Unorm,
         Self::R32Float,
         Self::Rgba16Snorm,
         Self::Rgba16Float,
         Self::Rgba32Float,
         Self::Rgba8Unorm,
+        Self::Bgra8Unorm,
         Self::R8Uint,
         Self::R16Uint,
         Self::R32Uint,
@@ -45,7 +48,7 @@ impl Format {
         match self {
             Self::R8Uint => 1,
             Self::R16Unorm | Self::R16Uint => 2,
-            Self::R32Float | Self::R32Uint | Self::Rgba8Unorm => 4,
+            Self::R32Float | Self::R32Uint | Self::Rgba8Unorm | Self::Bgra8Unorm => 4,
             Self::Rgba16Snorm | Self::Rgba16Float => 8,
             Self::Rgba32Float => 16,
         }
@@ -65,9 +68,28 @@ impl Format {
             Self::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
             Self::Rgba8Unorm => vk::Format::R8G8B8A8_UNORM,
+            Self::Bgra8Unorm => vk::Format::B8G8R8A8_UNORM,
             Self::R8Uint => vk::Format::R8_UINT,
             Self::R16Uint => vk::Format::R16_UINT,
             Self::R32Uint => vk::Format::R32_UINT,
+        }
+    }
+
+    /// What shaders see it as.
+    pub(super) const fn viewed(self) -> vk::Format {
+        match self {
+            Self::Bgra8Unorm => Self::Rgba8Unorm.raw(),
+            format => format.raw(),
+        }
+    }
+
+    /// What an image must allow for that.
+    pub(super) const fn flags(self) -> vk::ImageCreateFlags {
+        match self {
+            Self::Bgra8Unorm => vk::ImageCreateFlags::from_raw(
+                vk::ImageCreateFlags::MUTABLE_FORMAT.as_raw() | vk::ImageCreateFlags::EXTENDED_USAGE.as_raw(),
+            ),
+            _ => vk::ImageCreateFlags::empty(),
         }
     }
 }

@@ -205,6 +205,7 @@ impl Inner {
 
         let raw = device.raw();
         let info = vk::ImageCreateInfo::default()
+            .flags(format.flags())
             .image_type(image_kind)
             .format(format.raw())
             .extent(vk::Extent3D { width, height, depth })
@@ -230,9 +231,9 @@ impl Inner {
         let info = vk::ImageViewCreateInfo::default()
             .image(handle.raw())
             .view_type(view_kind)
-            .format(format.raw())
+            .format(format.viewed())
             .subresource_range(all_layers());
-        // SAFETY: the image is bound to memory, of this format, of a kind that such a view may have, and, as the
+        // SAFETY: the image is bound to memory, of this format or one that may be seen as it, of a kind that such a view may have, and, as the
         // fields of `Inner` are ordered, outlives the view.
         let made = unsafe { raw.functions.create_image_view(&info, None) };
         let view = Owned::new(raw, name, "vkCreateImageView", made, ash::Device::destroy_image_view)?;

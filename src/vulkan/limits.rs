@@ -135,9 +135,11 @@ impl FormatLimits {
         limits: &vk::PhysicalDeviceLimits,
         format: Format,
     ) -> Result<Self, VulkanError> {
-        // SAFETY: `device` comes from this instance; the answer is a plain value.
-        let features = unsafe { instance.raw.get_physical_device_format_properties(device, format.raw()) };
-        let has = |feature| features.optimal_tiling_features.contains(feature);
+        let features = |format| {
+            // SAFETY: `device` comes from this instance; the answer is a plain value.
+            unsafe { instance.raw.get_physical_device_format_properties(device, format) }.optimal_tiling_features
+        };
+        let has = |feature| features(format.raw()).contains(feature);
         let image = |kind, usage| {
             // SAFETY: as above; the kinds, the tiling and the usages are those that images here are made with.
             let found = unsafe {
@@ -147,7 +149,7 @@ impl FormatLimits {
                     kind,
                     vk::ImageTiling::OPTIMAL,
                     usage,
-                    vk::ImageCreateFlags::empty(),
+                    format.flags(),
                 )
             };
             match found {
@@ -165,7 +167,7 @@ impl FormatLimits {
         Ok(Self {
             sampled: has(vk::FormatFeatureFlags::SAMPLED_IMAGE | vk::FormatFeatureFlags::TRANSFER_DST),
             linear_filter: has(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR),
-            storage: has(vk::FormatFeatureFlags::STORAGE_IMAGE),
+            storage: features(format.viewed()).contains(vk::FormatFeatureFlags::STORAGE_IMAGE),
             extent_3d: [within_3d(extent.width), within_3d(extent.height), within_3d(extent.depth)],
             extent_2d: [within_2d(layered.max_extent.width), within_2d(layered.max_extent.height)],
             layers: layered.max_array_layers.min(limits.max_image_array_layers),
