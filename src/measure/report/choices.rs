@@ -130,22 +130,26 @@ fn flags(survey: &Survey<'_>, row: &Measured) -> String {
 /// A whole command.
 fn command(survey: &Survey<'_>, flags: &str) -> String {
     let source = &survey.scene().source;
-    let (file, given) = source.split_once(" with ").unwrap_or((source, ""));
-    // The scene that is part of the program has a name and no file.
-    let is_file = std::path::Path::new(file).extension().is_some();
-    let file = match (is_file, file.contains(' ')) {
-        (false, _) => String::new(),
-        (true, false) => file.to_owned(),
-        (true, true) => format!("'{file}'"),
+    let given = source.split_once(" with ").map_or("", |(_, given)| given);
+    let (file, picture) = match file(source) {
+        None => (String::new(), "-o picture.png".to_owned()),
+        Some(file) => {
+            let quoted = |text: &str| if text.contains(' ') { format!("'{text}'") } else { text.to_owned() };
+            (quoted(file), format!("-o {}", quoted(&format!("{}.png", title(source)))))
+        }
     };
-    let picture = format!("-o {}.png", stem(source));
     let words = ["relume render", &file, given, flags, &picture];
     words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
+/// The file that a scene was read from. The scene that is part of the program has a name and no file.
+fn file(source: &str) -> Option<&str> {
+    source.split(" with ").next().filter(|file| std::path::Path::new(file).extension().is_some())
+}
+
 /// What a scene is called: its file without folders and ending.
-pub(super) fn stem(source: &str) -> String {
-    let file = source.split(" with ").next().unwrap_or(source);
-    let stem = std::path::Path::new(file).file_stem().and_then(|stem| stem.to_str()).unwrap_or(file);
-    stem.replace(' ', "_")
+pub(super) fn title(source: &str) -> String {
+    let name = source.split(" with ").next().unwrap_or(source);
+    let stem = file(source).and_then(|file| std::path::Path::new(file).file_stem()?.to_str());
+    stem.unwrap_or(name).to_owned()
 }

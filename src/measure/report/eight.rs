@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::drawing::escaped;
 use super::entry::{OWN, seen};
 use super::places::{Figure, mosaic, scale_for};
-use crate::measure::findings::carried;
+use crate::measure::findings::{by_cause, carried};
+use crate::measure::ladder::Cause;
 use crate::measure::setting::{Knob, Value};
 use crate::measure::survey::{Measured, Survey};
 use crate::measure::table::short;
@@ -88,14 +89,15 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
     let mut text = format!(
         "<p class=\"about\">{has}{why} Below, only that is changed.</p>\n<div class=\"wide\"><table>\n<tr><th class=\"text\">carried as</th>\
          <th title=\"ΔE00 that 95 of 100 pixels stay below\">p95</th><th class=\"text\">what the eye sees</th><th title=\"ΔE00 on average\">mean</th>\
+         <th title=\"ΔE00 on average that carrying spectra so adds by itself, without steps and all else\">by this alone</th>\
          <th>ms</th><th title=\"Bytes that a finished pixel keeps\">bytes/pixel</th></tr>\n"
     );
     for (name, row) in &found.rows {
         let error = &row.error.delta_e;
-        let [p95, mean, ms] = [error.p95, error.mean, row.frame_ms].map(short);
+        let [p95, mean, alone, ms] = [error.p95, error.mean, by_cause(row, Cause::Basis), row.frame_ms].map(short);
         writeln!(
             text,
-            "<tr><td class=\"text\">{}</td><td>{p95}</td><td class=\"text\">{}</td><td>{mean}</td><td>{ms}</td><td>{}</td></tr>",
+            "<tr><td class=\"text\">{}</td><td>{p95}</td><td class=\"text\">{}</td><td>{mean}</td><td>{alone}</td><td>{ms}</td><td>{}</td></tr>",
             escaped(name),
             seen(error),
             row.pixel_bytes
@@ -107,7 +109,7 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
         |start: &str| found.rows.iter().find(|(name, _)| name.starts_with(start)).map(|(_, row)| row.pixel_bytes);
     let as_wide = |one: &str, two: &str| bytes(one).is_some() && bytes(one) == bytes(two);
     let fours: Vec<&str> =
-        [("k = 6", "k = 8", "k = 6 costs the bytes of k = 8"), ("RGB", "k = 4", "RGB those of k = 4")]
+        [("k = 6", "k = 8", "k = 6 costs the bytes of k = 8"), ("RGB", "k = 4", "RGB costs those of k = 4")]
             .into_iter()
             .filter(|(one, two, _)| as_wide(one, two))
             .map(|(.., said)| said)

@@ -70,6 +70,6 @@ pub(super) fn seen(error: &ErrorSummary) -> String {
         p95 if p95 < 1.0 => format!("hardly visible in 95 of 100 pixels{}", worst()),
         p95 if p95 < 2.0 => "seen side by side".to_owned(),
         p95 if p95 < 4.0 => "seen at a glance".to_owned(),
-        _ => "other colours".to_owned(),
+        _ => "seen at once".to_owned(),
     }
 }

@@ -114,7 +114,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     let words = words::words(&page);
     let top = head::head(survey, findings);
     let said = verdict::verdict(survey.scene(), findings, &carried);
-    let title = escaped(&choices::stem(&survey.scene().source));
+    let title = escaped(&choices::title(&survey.scene().source));
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
          <title>What accuracy costs: {title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>What accuracy costs: {title}</h1>\n\

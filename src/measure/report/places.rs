@@ -78,7 +78,8 @@ pub(super) fn mosaic(survey: &Survey<'_>) -> String {
 /// A scale that has all of `differences`, and what is just invisible.
 pub(super) fn scale_for(differences: impl Iterator<Item = f64>) -> Scale {
     let most = differences.filter(|it| it.is_finite()).fold(2.0 * INVISIBLE, f64::max);
-    let high = 10_f64.powf(most.log10().ceil());
+    let decade = 10_f64.powf(most.log10().floor());
+    let high = [1.0, 2.0, 5.0, 10.0].map(|times| times * decade).into_iter().find(|high| *high >= most).unwrap_or(most);
     Scale { low: high / 1000.0, high }
 }
 
@@ -97,8 +98,8 @@ impl Scale {
             drawing.bar([x - part / 2.0 - 0.3, 18.0], [part + 0.6, 12.0], Paint::Colour(&colour), "");
         }
         let place = |value: f64| long.mul_add(self.share(value), MARGIN);
-        for power in 0..4 {
-            let value = self.low * 10_f64.powi(power);
+        let decades = (-6..6).map(|power| 10_f64.powi(power));
+        for value in decades.filter(|value| (0.999 * self.low..=1.001 * self.high).contains(value)) {
             drawing.small([place(value), 43.0], "middle", &tick(value));
         }
         drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 48.0], "mark");

@@ -5,7 +5,7 @@ use super::drawing::escaped;
 use super::eight::Carried;
 use super::entry::{INVISIBLE, LEAST, seen};
 use super::knobs::step_in_voxels;
-use crate::measure::findings::{cheapest, cheapest_for_sure, closest, is_faster, scatter};
+use crate::measure::findings::{by_cause, cheapest, cheapest_for_sure, closest, is_faster, scatter};
 use crate::measure::ladder::Cause;
 use crate::measure::setting::{Knob, Value};
 use crate::measure::survey::Measured;
@@ -133,7 +133,8 @@ fn advice(rows: &[Measured], own: &Measured, is_rough: bool) -> String {
     let Some(fastest) = cheapest_for_sure(rows, SEEN) else {
         let best = closest(rows).unwrap_or(own);
         return format!(
-            "Nothing that was measured is within ΔE00 {SEEN} in 95 of 100 pixels; the closest on average is {} (p95 {}).",
+            "Nothing that was measured is within ΔE00 {SEEN} in 95 of 100 pixels; the closest on average is {} (p95 {}). relume render \
+             --max-error {SEEN} turns several knobs together, and tries more.",
             super::entry::name(&best.setting),
             short(best.error.delta_e.p95)
         );
@@ -164,7 +165,10 @@ fn bought(carried: &Carried<'_>) -> Option<String> {
     let of = if number > 1 { format!(", the best of {number} kinds by that") } else { String::new() };
     Some(format!(
         "95 of 100 pixels stay below ΔE00 {p95} in place of {rgb_p95} with RGB ({kind}{of}), for {ms} ms in place of {rgb_ms}{apart} and {} bytes \
-         a pixel in place of {}.",
-        eight.pixel_bytes, rgb.pixel_bytes
+         a pixel in place of {}. By itself the model adds {} on average in place of {}.",
+        eight.pixel_bytes,
+        rgb.pixel_bytes,
+        short(by_cause(eight, Cause::Basis)),
+        short(by_cause(rgb, Cause::Basis))
     ))
 }
