@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::drawing::escaped;
-use super::entry::{OWN, seen};
+use super::entry::{OWN, seen, told_error};
 use super::places::{Figure, mosaic, scale_for};
 use crate::measure::findings::{by_cause, carried};
 use crate::measure::ladder::Cause;
@@ -94,7 +94,8 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
     );
     for (name, row) in &found.rows {
         let error = &row.error.delta_e;
-        let [p95, mean, alone, ms] = [error.p95, error.mean, by_cause(row, Cause::Basis), row.frame_ms].map(short);
+        let [p95, mean, ms] = [error.p95, error.mean, row.frame_ms].map(short);
+        let alone = escaped(&told_error(by_cause(row, Cause::Basis)));
         writeln!(
             text,
             "<tr><td class=\"text\">{}</td><td>{p95}</td><td class=\"text\">{}</td><td>{mean}</td><td>{alone}</td><td>{ms}</td><td>{}</td></tr>",
@@ -109,7 +110,7 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
         |start: &str| found.rows.iter().find(|(name, _)| name.starts_with(start)).map(|(_, row)| row.pixel_bytes);
     let as_wide = |one: &str, two: &str| bytes(one).is_some() && bytes(one) == bytes(two);
     let fours: Vec<&str> =
-        [("k = 6", "k = 8", "k = 6 costs the bytes of k = 8"), ("RGB", "k = 4", "RGB costs those of k = 4")]
+        [("k = 6", "k = 8", "k = 6 costs the bytes of k = 8"), ("RGB", "k = 4", "RGB costs the bytes of k = 4")]
             .into_iter()
             .filter(|(one, two, _)| as_wide(one, two))
             .map(|(.., said)| said)

@@ -61,6 +61,11 @@ impl Entry<'_> {
     }
 }
 
+/// A ΔE00, or that it is below [`LEAST`].
+pub(super) fn told_error(error: f64) -> String {
+    if error < LEAST { format!("< {LEAST}") } else { short(error) }
+}
+
 /// What of an error the eye sees.
 pub(super) fn seen(error: &ErrorSummary) -> String {
     let worst = || format!("; worst {}", short(error.max));

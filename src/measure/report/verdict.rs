@@ -3,7 +3,7 @@
 use super::Findings;
 use super::drawing::escaped;
 use super::eight::Carried;
-use super::entry::{INVISIBLE, LEAST, seen};
+use super::entry::{INVISIBLE, LEAST, seen, told_error};
 use super::knobs::step_in_voxels;
 use crate::measure::findings::{by_cause, cheapest, cheapest_for_sure, closest, is_faster, scatter};
 use crate::measure::ladder::Cause;
@@ -168,7 +168,7 @@ fn bought(carried: &Carried<'_>) -> Option<String> {
          a pixel in place of {}. By itself the model adds {} on average in place of {}.",
         eight.pixel_bytes,
         rgb.pixel_bytes,
-        short(by_cause(eight, Cause::Basis)),
-        short(by_cause(rgb, Cause::Basis))
+        told_error(by_cause(eight, Cause::Basis)),
+        told_error(by_cause(rgb, Cause::Basis))
     ))
 }
