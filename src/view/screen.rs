@@ -37,7 +37,7 @@ impl Screen {
         proxy: &EventLoopProxy<T>,
     ) -> Result<Self, ViewError> {
         let [width, height] = options.size.unwrap_or([1280, 800]);
-        // AccessKit has to be there before the window is seen.
+        // Seen once AccessKit is there, and what can draw in it: Mesa asks for answers of a display that may be gone by then.
         let attributes = Window::default_attributes()
             .with_title("Relume")
             .with_inner_size(PhysicalSize::new(width, height))
@@ -49,8 +49,8 @@ impl Screen {
         let theme = window.theme();
         let mut egui = egui_winit::State::new(context.clone(), ViewportId::ROOT, &window, scale, theme, Some(TEXELS));
         egui.init_accesskit(events, &window, proxy.clone());
-        window.set_visible(true);
         let (surface, renderer) = device(options, &window)?;
+        window.set_visible(true);
         Ok(Self { surface, egui, renderer, window, opened: 1 })
     }
 

@@ -45,8 +45,6 @@ const PATIENCE: u32 = 120;
 const MOST_LOSSES: u32 = 4;
 /// Least time between two pieces of news of what is measured.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
-/// Why a line of a script cannot be done that is about a scene.
-const NOTHING_OPEN: &str = "nothing is open: what was to be opened cannot be, or nothing was";
 /// Notices that are kept.
 const MOST_NOTICES: usize = 4;
 
@@ -109,8 +107,10 @@ pub struct Report {
     pub stall_ms: f64,
     /// How often the device was lost, and opened again.
     pub losses: u64,
-    /// What went wrong.
+    /// What was told last.
     pub notices: Vec<String>,
+    /// What could not be opened, saved or done, all of it.
+    pub failures: Vec<String>,
     /// What the validation layer has said.
     pub validation: Vec<String>,
 }
@@ -346,6 +346,7 @@ impl Viewer {
             text = format!("{text}: {error}");
             cause = error.source();
         }
+        self.report.failures.push(text.clone());
         self.note(text);
     }
 
@@ -536,6 +537,14 @@ impl Viewer {
                 }
             }
         }
+    }
+
+    /// What a line of a script is about; why it cannot be done where nothing is open.
+    fn open_document(&self) -> Result<&Document, String> {
+        self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
+            Some(failure) => format!("nothing is open: {failure}"),
+            None => "nothing is open".to_owned(),
+        })
     }
 
     /// The first of the numbered names after `name` that no file has or will have.
@@ -767,7 +776,6 @@ impl Viewer {
         let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
         self.measuring = None;
         match measured {
-            Err(error) if error.is_cancelled() => {}
             Err(error) => self.tell(&error),
             Ok((curve, choice)) => {
                 match &mut self.curve {
@@ -1031,27 +1039,20 @@ impl Viewer {
                 Vec::new()
             }
             Command::Named(about, name) => {
-                let edit = match &self.document {
-                    None => Err(NOTHING_OPEN.to_owned()),
-                    Some(document) => about.edit(document.state(), &name),
-                };
+                let edit = self.open_document().and_then(|document| about.edit(document.state(), &name));
                 self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
                 Vec::new()
             }
             Command::Interval(index, [from, to, ramp, opacity]) => {
-                let stated = match &self.document {
-                    None => Err(NOTHING_OPEN.to_owned()),
-                    Some(document) => script::interval(document.state(), index),
-                };
+                let stated = self.open_document().and_then(|document| script::interval(document.state(), index));
                 let stated = stated.map_err(|message| script.wrong(at, message))?;
                 self.ask(Action::Edit(Edit::Interval(index, Interval { range: [from, to], ramp, opacity, ..stated })));
                 Vec::new()
             }
             Command::Spectrum(side, name, standard) => {
-                let spectra = match &self.document {
-                    None => Err(NOTHING_OPEN.to_owned()),
-                    Some(document) => Spectra::standard(&document.state().scene, side, &name, &standard),
-                };
+                let spectra = self
+                    .open_document()
+                    .and_then(|document| Spectra::standard(&document.state().scene, side, &name, &standard));
                 let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
                 self.ask(Action::Edit(Edit::Spectra(spectra)));
                 Vec::new()
@@ -1077,8 +1078,8 @@ impl Viewer {
                 Vec::new()
             }
             Command::Probe(place) => {
-                if self.document.is_none() && self.loading.is_none() {
-                    return Err(script.wrong(at, NOTHING_OPEN.to_owned()).into());
+                if self.loading.is_none() {
+                    self.open_document().map_err(|message| script.wrong(at, message))?;
                 }
                 self.prober.look(Some(place));
                 if !(self.is_settled() && self.prober.is_done()) {

@@ -2,6 +2,8 @@
 
 /// How wide a letter of the scatter's names is on average, and how tall.
 const LETTER: [f64; 2] = [7.0, 13.0];
+/// What is free left and right of a name.
+const MARGIN: f64 = 4.0;
 
 /// A rectangle: left, top, right, bottom.
 type Rectangle = [f64; 4];
@@ -34,16 +36,17 @@ impl Labels {
 
     /// A place for `name` beside a dot at `[x, y]` of this radius; `None` where there is none.
     pub(super) fn place(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<Place> {
-        let [wide, high] = [crate::number::count(name.chars().count()) * LETTER[0] / 2.0, LETTER[1] / 2.0];
+        let letters = crate::number::count(name.chars().count());
+        let [wide, high] = [letters * LETTER[0] / 2.0 + MARGIN, LETTER[1] / 2.0];
         let turns = (0..24).map(|i| f64::from(i) * std::f64::consts::TAU / 24.0 - 0.5);
-        let found = [4.0, 14.0, 26.0, 40.0, 56.0, 74.0, 96.0, 120.0, 150.0].into_iter().flat_map(|away| {
+        let found = [2.0, 14.0, 26.0, 40.0, 56.0, 74.0, 96.0, 120.0, 150.0].into_iter().flat_map(|away| {
             turns.clone().map(move |turn| {
                 let (sin, cos) = turn.sin_cos();
                 let from = [x + cos * radius, y + sin * radius];
                 let to = [x + cos * (radius + away), y + sin * (radius + away)];
                 let middle = [wide.mul_add(cos, to[0]), high.mul_add(sin, to[1])];
                 let place = [middle[0] - wide, middle[1] - high, middle[0] + wide, middle[1] + high];
-                (place, (away > 4.0).then_some([from, to]))
+                (place, (away > 2.0).then_some([from, to]))
             })
         });
         let found: Vec<(Rectangle, Option<Segment>)> = found.collect();
@@ -62,7 +65,7 @@ impl Labels {
         let fitting = || found.iter().filter(fits);
         let &(place, leader) = fitting().find(clear).or_else(|| fitting().next())?;
         self.taken.push(place);
-        Some(Place { at: [place[0], place[3] - 3.0], leader })
+        Some(Place { at: [place[0] + MARGIN, place[3] - 3.0], leader })
     }
 }
 
