@@ -91,11 +91,15 @@ fn halved(scene: &Scene, rows: &[Measured], own: &Measured) -> Option<String> {
     let before = rows.iter().find(twice)?;
     let [ms, ms_before] = [own, before].map(|row| short(row.frame_ms));
     let [p95, p95_before] = [own, before].map(|row| short(row.error.delta_e.p95));
+    let took = if is_faster(before, own) {
+        format!("took {:.1} times as long here ({ms_before} → {ms} ms)", own.frame_ms / before.frame_ms)
+    } else {
+        "took no longer than times spread here".to_owned()
+    };
     Some(format!(
-        " Halving it, from {} voxels to {}, took {:.1} times as long here ({ms_before} → {ms} ms) and brought p95 from {p95_before} to {p95}.",
+        " Halving it, from {} voxels to {}, {took} and brought p95 from {p95_before} to {p95}.",
         readable(2.0 * step),
-        readable(step),
-        own.frame_ms / before.frame_ms
+        readable(step)
     ))
 }
 
