@@ -5,6 +5,7 @@ mod support;
 
 use std::error::Error;
 use std::iter;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
@@ -14,7 +15,7 @@ use relume::measure::{
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{Projection, Scene, SceneOptions, load_embedded};
+use relume::scene::{Definition, Projection, Scene, SceneOptions, load_embedded, parse};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, GLASS, glass_straight_on, parsed};
@@ -260,17 +261,63 @@ fn the_report_is_one_file_that_needs_nothing_else() {
         "Where the error comes from",
         "step=0.5",
         "The worst of those looked at",
+        // What was measured, and under what.
+        "CIE 1931",
+        "median of 1 run,",
+        // What to write.
+        "<code>-D accuracy.step=0.5</code>",
+        "--max-error 1 -o scene.png",
+        "@media print",
+        "<details>",
     ] {
         assert!(page.contains(word), "the page has no {word}");
     }
-    // A picture for the truth, the map, and three of the close-up.
-    assert_eq!(page.matches("<img ").count(), 5);
+    // The picture, the map, and three of the close-up; before, truth, eight numbers and RGB, and what both are off by.
+    assert_eq!(page.matches("<img ").count(), 5 + 5);
     for drawing in page.split("<svg").skip(1) {
         assert!(drawing.contains("</svg>"), "{drawing}");
     }
     let svg = std::fs::read_to_string(folder.path("trade.svg")).unwrap();
     assert!(svg.contains("<style>") && !svg.contains("var("), "it brings its own colours");
     assert!(std::fs::read(folder.path("trade.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+/// What the report says to write, said to the program, is the setting that was measured.
+#[test]
+fn a_setting_can_be_written_as_definitions_of_the_scene() {
+    let scene = parsed(GLASS);
+    let mut all = sweep(&[]);
+    all.extend(sweep(&[
+        "accumulate=spectral,weights",
+        "gradients=packed",
+        "volume=u16",
+        "k=5,step=0.3,lookup=nearest",
+    ]));
+    let mut written = 0;
+    for setting in all {
+        let definitions = setting.definitions(&scene);
+        written += usize::from(!definitions.is_empty());
+        let options = SceneOptions {
+            definitions: definitions.iter().map(|text| Definition::new(text)).collect(),
+            ..SceneOptions::default()
+        };
+        let read = parse("glass", GLASS, Path::new(""), &options, &Quiet).unwrap();
+        let meant = setting.applied(&scene);
+        assert_eq!((read.accuracy, read.transfer), (meant.accuracy, meant.transfer), "{setting}: {definitions:?}");
+    }
+    assert!(written > 30, "{written} change something");
+}
+
+#[test]
+fn a_knob_that_does_nothing_is_named_and_not_drawn() {
+    let folder = Folder::new();
+    let outputs = ["--sweep", "skipping=off", "--sweep", "step=0.5", "-o", "report.html"];
+    folder.done(&[&MEASURE[..], &outputs].concat());
+    let page = std::fs::read_to_string(folder.path("report.html")).unwrap();
+    let knobs = page.split("<h2>Knob by knob</h2>").nth(1).unwrap().split("<h2>").next().unwrap();
+    assert!(!knobs.contains("<h3>skipping") && knobs.contains(">skipping=off<"), "{knobs}");
+    let causes = page.split("<h2>Where the error comes from</h2>").nth(1).unwrap().split("<h2>").next().unwrap();
+    assert!(causes.contains("As the scene's own: skipping=off."), "{causes}");
 }
 
 #[test]

@@ -33,6 +33,33 @@ pub fn cheapest(rows: &[Measured], error: f64) -> Option<&Measured> {
     rows.iter().filter(|row| row.error.delta_e.p95 <= error).min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms))
 }
 
+/// What a frame of `row` took: its shortest and its longest runs, in ms.
+pub(super) fn span(row: &Measured) -> [f64; 2] {
+    let parts = || [Some(row.times.march), Some(row.times.relight), row.times.enlarge].into_iter().flatten();
+    [parts().map(|cost| cost.wall_ms.min).sum(), parts().map(|cost| cost.wall_ms.max).sum()]
+}
+
+/// Whether every run of `one` was faster than every run of `other`.
+pub(super) fn is_faster(one: &Measured, other: &Measured) -> bool {
+    span(one)[1] < span(other)[0]
+}
+
+/// The fastest of `rows` within `error` that is faster than the first row, the scene's own, beyond doubt; else that, where it is
+/// within `error`; else the fastest.
+pub(super) fn cheapest_for_sure(rows: &[Measured], error: f64) -> Option<&Measured> {
+    let own = rows.first().filter(|own| own.error.delta_e.p95 <= error);
+    let Some(own) = own else { return cheapest(rows, error) };
+    let sure = rows.iter().filter(|row| row.error.delta_e.p95 <= error && is_faster(row, own));
+    Some(sure.min_by(|one, two| one.frame_ms.total_cmp(&two.frame_ms)).unwrap_or(own))
+}
+
+/// The row of the least mean ΔE00; the first row where it is as close.
+pub(super) fn closest(rows: &[Measured]) -> Option<&Measured> {
+    let mean = |row: &Measured| row.error.delta_e.mean;
+    let found = rows.iter().min_by(|one, two| mean(one).total_cmp(&mean(two)))?;
+    Some(rows.first().filter(|own| mean(own) <= mean(found) * ALIKE).unwrap_or(found))
+}
+
 /// What k = 8 nodes err by, beside the best of RGB: mean ΔE00 by the colour model alone.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NodesBesideRgb {
@@ -120,9 +147,25 @@ pub(super) fn scatter(rows: &[Measured]) -> f64 {
     ratios.get(ratios.len() / 2).copied().unwrap_or(1.0)
 }
 
+/// The mean ΔE00 that a row errs by `cause`; 0 where it has no such rung.
+pub(super) fn by_cause(row: &Measured, cause: Cause) -> f64 {
+    row.causes.iter().find(|(known, _)| *known == cause).map_or(0.0, |(_, difference)| difference.delta_e.mean)
+}
+
 /// The cause that most of a row's error is by.
 #[must_use]
 pub fn main_cause(row: &Measured) -> Option<Cause> {
     let causes = row.causes.iter().filter(|(_, difference)| difference.delta_e.mean > 0.0);
     causes.max_by(|one, two| one.1.delta_e.mean.total_cmp(&two.1.delta_e.mean)).map(|&(cause, _)| cause)
+}
+
+/// How far the runs of a march spread about their median, in the middle of all rows: 0.05 is ±5 %.
+pub(super) fn spread(rows: &[Measured]) -> f64 {
+    let mut shares: Vec<f64> = rows
+        .iter()
+        .map(|row| row.times.march.wall_ms)
+        .map(|march| (march.max - march.min) / 2.0 / march.median)
+        .collect();
+    shares.sort_by(f64::total_cmp);
+    shares.get(shares.len() / 2).copied().unwrap_or(0.0)
 }

@@ -22,6 +22,7 @@ mod setting;
 mod survey;
 mod sweep;
 mod table;
+mod written;
 
 pub use choice::{Choice, ChoiceError, Goal, Pixels, Point, Preset, Tried, Wanted, choose, curve};
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};

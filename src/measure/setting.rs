@@ -109,7 +109,7 @@ impl Knob {
             Self::K => "numbers a pixel keeps of a spectrum",
             Self::Accumulate => "what pixels keep",
             Self::Storage => "bits of what pixels keep",
-            Self::Step => "distance of samples, in voxels",
+            Self::Step => "distance between two samples along a ray, in voxels",
             Self::Termination => "share of light at which a ray ends",
             Self::Interpolation => "values between voxels",
             Self::Volume => "how voxels are stored",

@@ -102,6 +102,9 @@ pub struct Measured {
     pub order: Option<f64>,
     /// Whether no other setting measured is both faster and closer to the truth ([`super::mark_pareto`]).
     pub pareto: bool,
+    /// ΔE00 from rung to rung in the pixel of the largest error.
+    #[serde(skip)]
+    pub worst_by: Vec<(Cause, f64)>,
     /// ΔE00 of each pixel of [`Survey::pixels`].
     #[serde(skip)]
     pub differences: Vec<f64>,
@@ -151,6 +154,8 @@ pub struct CloseUp {
     pub shown: Vec<DVec3>,
     /// ΔE00 of the two.
     pub differences: Vec<f64>,
+    /// XYZ of the whole picture on the device.
+    pub whole: Vec<DVec3>,
 }
 
 /// A volume on the device, and what it was put there for.
@@ -246,17 +251,29 @@ impl<'a> Survey<'a> {
         &self.truth
     }
 
+    /// What is measured of every setting.
+    #[must_use]
+    pub fn options(&self) -> SurveyOptions {
+        self.options
+    }
+
     /// XYZ of what is behind the volume.
     #[must_use]
     pub fn background(&self) -> DVec3 {
         self.ladder.background
     }
 
+    /// Whether a CPU does the work of a graphics card.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.renderer.device().info().kind == DeviceKind::Software
+    }
+
     /// The device in words.
     #[must_use]
     pub fn device(&self) -> String {
         let info = self.renderer.device().info();
-        let software = if info.kind == DeviceKind::Software { ", a software device: times are this CPU's" } else { "" };
+        let software = if self.is_software() { ", a software device: times are this CPU's" } else { "" };
         format!("{} ({}){software}", info.name, info.driver)
     }
 
@@ -294,7 +311,7 @@ impl<'a> Survey<'a> {
         };
 
         let truth = Arc::clone(&self.truth);
-        let mut climb = Climb { pixels: self.ladder.pixels.clone(), last: truth.to_vec(), causes: Vec::new() };
+        let mut climb = Climb::from(truth.to_vec(), self.ladder.pixels.clone());
         let accuracy = &scene.accuracy;
         let stated = self.scene.accuracy.interpolation;
         let stepped = self.ladder.full(accuracy.step_length, 0.0, stated, progress)?;
@@ -314,6 +331,8 @@ impl<'a> Survey<'a> {
         if size != self.options.size {
             climb.to(Cause::Resolution, looked_up(&frames.picture, self.options.size, &self.ladder.pixels));
         }
+        let error = Difference::between(&climb.last, &truth, &self.ladder.pixels);
+        let worst_by = error.at.map_or_else(Vec::new, |at| climb.at(at));
         let colours = climb.last;
         let plan = &planned.plan;
         let tables = size_of_val(table.source.as_slice()) + size_of_val(table.opacity.as_slice());
@@ -333,8 +352,9 @@ impl<'a> Survey<'a> {
             pixel_bytes: plan.pixel_bytes(),
             volume_bytes,
             total_bytes: volume_bytes + tables as u64 + (size[0] * size[1]) as u64 * plan.marched_bytes(),
-            error: Difference::between(&colours, &truth, &self.ladder.pixels),
+            error,
             causes: climb.causes,
+            worst_by,
             order,
             pareto: false,
             differences: delta_e(&colours, &truth),
@@ -377,9 +397,12 @@ impl<'a> Survey<'a> {
         let Some(Resident { uploaded, .. }) = &self.resident else { return Ok(None) };
         let size = row.setting.marched_size(self.options.size);
         let marched = picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress)?;
-        let shown = looked_up(&Enlargement::new(size, self.options.size).pixels(&marched), self.options.size, &pixels);
+        let [across, down] = self.options.size;
+        let marched = Enlargement::new(size, self.options.size).pixels(&marched);
+        let all: Vec<[usize; 2]> = (0..across * down).map(|i| [i % across, i / across]).collect();
+        let [shown, whole] = [&pixels, &all].map(|pixels| looked_up(&marched, self.options.size, pixels));
         let truth = self.ladder.truth_in(&pixels, progress)?;
-        Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth }))
+        Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth, whole }))
     }
 
     /// Puts the volume onto the device as `planned` needs it, unless it is there.
@@ -493,12 +516,26 @@ struct Climb {
     pixels: Vec<[usize; 2]>,
     last: Vec<DVec3>,
     causes: Vec<(Cause, Difference)>,
+    /// ΔE00 of each pixel by each of them.
+    moved: Vec<Vec<f64>>,
 }
 
 impl Climb {
+    fn from(last: Vec<DVec3>, pixels: Vec<[usize; 2]>) -> Self {
+        Self { pixels, last, causes: Vec::new(), moved: Vec::new() }
+    }
+
     fn to(&mut self, cause: Cause, next: Vec<DVec3>) {
         self.causes.push((cause, Difference::between(&next, &self.last, &self.pixels)));
+        self.moved.push(delta_e(&next, &self.last));
         self.last = next;
+    }
+
+    /// ΔE00 from rung to rung in `pixel`.
+    fn at(&self, pixel: [usize; 2]) -> Vec<(Cause, f64)> {
+        let Some(index) = self.pixels.iter().position(|known| *known == pixel) else { return Vec::new() };
+        let moved = self.moved.iter().filter_map(|moved| moved.get(index));
+        self.causes.iter().map(|(cause, _)| *cause).zip(moved.copied()).collect()
     }
 }
 

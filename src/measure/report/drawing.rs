@@ -10,9 +10,9 @@ pub(super) const PARTS: [&str; 8] =
 
 /// What the classes look like where no page says it: on white.
 const LIGHT: &str = "svg{font-family:'DejaVu Sans',Helvetica,Arial,sans-serif;font-size:12px}\
-    .paper{fill:#ffffff}.ink{fill:#1c1c1c}.soft{fill:#5f6368}.grid{stroke:#e3e3e3}.axis{stroke:#9a9a9a}\
-    .accent{fill:#0b62c4}.front{fill:none;stroke:#0b62c4;stroke-width:2}.dot{fill:#b4b8bd}.own{fill:none;stroke:#1c1c1c;stroke-width:1.6}\
-    .curve{fill:none;stroke:#0b62c4;stroke-width:1.8}.ring{fill:none;stroke:#0b62c4;stroke-opacity:.55}.faint{fill:none;stroke:#0b62c4;stroke-opacity:.3}.time{fill:#b4b8bd}.level{stroke:#9a9a9a;stroke-dasharray:4 3}.soft{paint-order:stroke;stroke:#ffffff;stroke-width:3px;stroke-linejoin:round}";
+    .paper{fill:#fff}.ink{fill:#1c1c1c}.soft{fill:#5f6368}.ink,.soft{paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}\
+    .grid{stroke:#e3e3e3}.axis{stroke:#767b81}.accent{fill:#0b62c4}.front{fill:none;stroke:#0b62c4;stroke-width:2}.dot{fill:#8a9097}\
+    .own{fill:none;stroke:#1c1c1c;stroke-width:1.6}";
 
 /// SVG as it grows.
 pub(super) struct Drawing {
@@ -23,7 +23,7 @@ pub(super) struct Drawing {
 
 /// A text as it stands in XML.
 pub(super) fn escaped(text: &str) -> String {
-    let plain: String = text.chars().filter(|letter| !letter.is_control()).collect();
+    let plain: String = text.chars().filter(|letter| *letter == '\n' || !letter.is_control()).collect();
     plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -106,6 +106,14 @@ impl Drawing {
             "<circle fill=\"{fill}\" stroke=\"{colour}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3.6\"><title>{title}</title></circle>"
         )
         .ok();
+    }
+
+    /// A torn end of a bar whose upper right corner this is: it goes on.
+    pub(super) fn torn(&mut self, [x, y]: [f64; 2], height: f64) {
+        let teeth = (0..=4).map(|i| [if i % 2 == 0 { x - 12.0 } else { x - 7.0 }, y + height * f64::from(i) / 4.0]);
+        let back = (0..=4).rev().map(|i| [if i % 2 == 0 { x - 8.0 } else { x - 3.0 }, y + height * f64::from(i) / 4.0]);
+        let points: Vec<String> = teeth.chain(back).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
+        writeln!(self.body, "<polygon class=\"paper\" points=\"{}\"/>", points.join(" ")).ok();
     }
 
     /// A bar in a class, or in a colour of its own.

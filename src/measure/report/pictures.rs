@@ -5,8 +5,12 @@ use glam::DVec3;
 use crate::output::{OutputError, ready_png};
 use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, encode_srgb};
 
-/// The ends of the scale of ΔE00, which is logarithmic.
-pub(super) const SCALE: [f64; 2] = [0.01, 10.0];
+/// A logarithmic scale of ΔE00.
+#[derive(Clone, Copy)]
+pub(super) struct Scale {
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
 
 /// Inferno (Smith and van der Walt 2015, CC0) at equal distances.
 const INFERNO: [[f64; 3]; 9] = [
@@ -39,11 +43,13 @@ impl Picture {
         Self::of(size, &samples)
     }
 
-    /// ΔE00 on [`SCALE`]; grey where nothing was measured.
+    /// ΔE00 on a scale; grey where nothing was measured.
     pub(super) fn of_differences(
         size: [usize; 2],
         differences: impl Iterator<Item = Option<f64>>,
+        scale: Scale,
     ) -> Result<Self, OutputError> {
+        let heat = |difference| scale.heat(difference);
         let samples: Vec<u8> = differences.flat_map(|it| it.map_or([128, 128, 128], heat)).collect();
         Self::of(size, &samples)
     }
@@ -53,17 +59,28 @@ fn shown(xyz: DVec3) -> [u8; 3] {
     (*LINEAR_SRGB_FROM_XYZ * xyz).to_array().map(|part| level(encode_srgb(part.clamp(0.0, 1.0))))
 }
 
-/// The colour of a ΔE00.
-pub(super) fn heat(difference: f64) -> [u8; 3] {
-    let [low, high] = SCALE.map(f64::log10);
-    let share = ((difference.max(1e-300).log10() - low) / (high - low)).clamp(0.0, 1.0);
-    let place = share * crate::number::count(INFERNO.len() - 1);
-    let before = crate::number::whole(place).min(INFERNO.len() - 2);
-    let rest = place - crate::number::count(before);
-    std::array::from_fn(|part| {
-        let [one, two] = [INFERNO[before][part], INFERNO[before + 1][part]];
-        level((two - one).mul_add(rest, one))
-    })
+impl Scale {
+    /// How far along the scale a ΔE00 is, 0 to 1.
+    pub(super) fn share(self, difference: f64) -> f64 {
+        let [low, high] = [self.low, self.high].map(f64::log10);
+        ((difference.max(1e-300).log10() - low) / (high - low)).clamp(0.0, 1.0)
+    }
+
+    /// The ΔE00 so far along it.
+    pub(super) fn at(self, share: f64) -> f64 {
+        self.low * (self.high / self.low).powf(share)
+    }
+
+    /// The colour of a ΔE00.
+    pub(super) fn heat(self, difference: f64) -> [u8; 3] {
+        let place = self.share(difference) * crate::number::count(INFERNO.len() - 1);
+        let before = crate::number::whole(place).min(INFERNO.len() - 2);
+        let rest = place - crate::number::count(before);
+        std::array::from_fn(|part| {
+            let [one, two] = [INFERNO[before][part], INFERNO[before + 1][part]];
+            level((two - one).mul_add(rest, one))
+        })
+    }
 }
 
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255 after the clamp")]
@@ -77,8 +94,11 @@ mod tests {
 
     #[test]
     fn the_scale_goes_from_black_to_bright_and_ends_there() {
+        let scale = Scale { low: 0.01, high: 10.0 };
+        let heat = |difference| scale.heat(difference);
         let light = |difference| heat(difference).iter().map(|&part| u32::from(part)).sum::<u32>();
         assert!([0.0, 0.05, 0.2, 1.0, 5.0].windows(2).all(|pair| light(pair[0]) < light(pair[1])));
+        assert!((scale.at(scale.share(0.5)) - 0.5).abs() <= 1e-12);
         assert_eq!((heat(0.0), heat(f64::INFINITY)), (heat(0.001), heat(100.0)));
     }
 }

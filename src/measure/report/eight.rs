@@ -1,0 +1,145 @@
+//! What carrying spectra in more numbers buys: a table, and pictures beside the truth.
+
+use std::fmt::Write as _;
+
+use super::drawing::escaped;
+use super::entry::{OWN, seen, told_error};
+use super::places::{Figure, mosaic, scale_for};
+use crate::measure::findings::{by_cause, carried};
+use crate::measure::ladder::Cause;
+use crate::measure::setting::{Knob, Value};
+use crate::measure::survey::{Measured, Survey};
+use crate::measure::table::short;
+use crate::model::ModelKind;
+use crate::number::count;
+use crate::output::OutputError;
+
+/// The rows that carry spectra in so many numbers, all else as the scene has it.
+pub(super) struct Carried<'a> {
+    rows: Vec<(String, &'a Measured)>,
+    pub(super) eight: Option<&'a Measured>,
+    /// The best RGB by p95, and of how many kinds.
+    pub(super) rgb: Option<(&'a Measured, ModelKind, usize)>,
+}
+
+impl<'a> Carried<'a> {
+    pub(super) fn of(rows: &'a [Measured]) -> Self {
+        let p95 = |row: &Measured| row.error.delta_e.p95;
+        let all: Vec<&Measured> = carried(rows, |kind, _| kind.is_rgb()).collect();
+        let best = all.iter().copied().min_by(|one, two| p95(one).total_cmp(&p95(two)));
+        let rgb = best.and_then(|row| Some((row, row.setting.model()?, all.len())));
+        let own = rows.first();
+        let is_own = |row: &Measured| own.is_some_and(|own| own.times == row.times);
+        let mut found: Vec<(String, &Measured)> = Vec::new();
+        found.extend(rgb.map(|(row, kind, _)| (format!("RGB ({kind})"), row)));
+        let fewer = [3, 4, 6, 8].into_iter().filter_map(|k| Some((k, nodes(rows, k)?)));
+        found.extend(fewer.map(|(k, row)| {
+            let own = if is_own(row) { format!(" ({OWN})") } else { String::new() };
+            (format!("k = {k}{own}"), row)
+        }));
+        let known = found.iter().any(|(_, row)| is_own(row));
+        found.extend(own.filter(|_| !known).map(|row| (own_name(row), row)));
+        Self { rows: found, eight: nodes(rows, 8), rgb }
+    }
+}
+
+/// What the scene's own carries, in short.
+fn own_name(own: &Measured) -> String {
+    if own.carrier.starts_with("weights") {
+        format!("{OWN}: weights")
+    } else {
+        format!("{OWN}: k = {}", own.components)
+    }
+}
+
+/// The row of so many nodes, where the model is named or is the scene's own.
+fn nodes(rows: &[Measured], k: usize) -> Option<&Measured> {
+    let named = |row: &&Measured| row.setting.get(Knob::K) == Some(Value::Number(count(k)));
+    let alone = rows.iter().filter(|row| row.setting.knobs().count() == 1).find(named);
+    alone
+        .filter(|row| row.components == k)
+        .or_else(|| carried(rows, |kind, n| kind == ModelKind::Nodes && n == k).next())
+}
+
+/// What the scene's own carries and why this speaks of 8; a row each; pictures. Empty where there is nothing beside the
+/// scene's own.
+pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) -> Result<String, OutputError> {
+    if found.rows.len() < 2 {
+        return Ok(String::new());
+    }
+    let scene = survey.scene();
+    let has = match scene.accuracy.dimension {
+        _ if own.carrier.starts_with("weights") => {
+            "This scene keeps weights of its materials, which is exact under every light. Where light changes its colour on its \
+             way, spectra are carried in k numbers instead"
+                .to_owned()
+        }
+        Some(k) => format!("This scene states k = {k}"),
+        None => format!(
+            "This scene is carried in {} numbers, as many as its tolerance ({}) takes",
+            own.components,
+            crate::number::readable(scene.accuracy.tolerance)
+        ),
+    };
+    let why = if own.components == 8 && !own.carrier.starts_with("weights") {
+        "."
+    } else {
+        "; 8 is the usual number, which models are compared at."
+    };
+    let mut text = format!(
+        "<p class=\"about\">{has}{why} Below, only that is changed.</p>\n<div class=\"wide\"><table>\n<tr><th class=\"text\">carried as</th>\
+         <th title=\"ΔE00 that 95 of 100 pixels stay below\">p95</th><th class=\"text\">what the eye sees</th><th title=\"ΔE00 on average\">mean</th>\
+         <th title=\"ΔE00 on average that carrying spectra so adds by itself, without steps and all else\">by this alone</th>\
+         <th>ms</th><th title=\"Bytes that a finished pixel keeps\">bytes/pixel</th></tr>\n"
+    );
+    for (name, row) in &found.rows {
+        let error = &row.error.delta_e;
+        let [p95, mean, ms] = [error.p95, error.mean, row.frame_ms].map(short);
+        let alone = escaped(&told_error(by_cause(row, Cause::Basis)));
+        writeln!(
+            text,
+            "<tr><td class=\"text\">{}</td><td>{p95}</td><td class=\"text\">{}</td><td>{mean}</td><td>{alone}</td><td>{ms}</td><td>{}</td></tr>",
+            escaped(name),
+            seen(error),
+            row.pixel_bytes
+        )
+        .ok();
+    }
+    text.push_str("</table></div>\n");
+    let bytes =
+        |start: &str| found.rows.iter().find(|(name, _)| name.starts_with(start)).map(|(_, row)| row.pixel_bytes);
+    let as_wide = |one: &str, two: &str| bytes(one).is_some() && bytes(one) == bytes(two);
+    let fours: Vec<&str> =
+        [("k = 6", "k = 8", "k = 6 costs the bytes of k = 8"), ("RGB", "k = 4", "RGB costs the bytes of k = 4")]
+            .into_iter()
+            .filter(|(one, two, _)| as_wide(one, two))
+            .map(|(.., said)| said)
+            .collect();
+    if !fours.is_empty() {
+        writeln!(text, "<p class=\"about\">Numbers are kept in fours: {}.</p>", fours.join(", ")).ok();
+    }
+    if let (Some(eight), Some((rgb, kind, _))) = (found.eight, found.rgb) {
+        let scale = scale_for(eight.differences.iter().chain(&rgb.differences).copied());
+        let rgb_name = format!("RGB ({kind})");
+        let of_colours = |colours, caption: &str| Figure::of_colours(survey, colours, caption);
+        let of_differences = |row: &Measured, caption: &str| {
+            Figure::of_differences(survey, &row.differences, scale, &format!("ΔE00 of {caption}"))
+        };
+        let cells = [
+            of_colours(survey.truth(), "the truth")?.html(250, None),
+            of_colours(&eight.colours, "k = 8")?.html(250, None),
+            of_colours(&rgb.colours, &rgb_name)?.html(250, None),
+            format!("<div>{}</div>", scale.html(250.0)),
+            of_differences(eight, "k = 8")?.html(250, None),
+            of_differences(rgb, &rgb_name)?.html(250, None),
+        ];
+        write!(
+            text,
+            "<div class=\"keep\">\n<p>The pixels that were compared{}:</p>\n<div class=\"thirds\">\n{}</div>\n</div>\n",
+            mosaic(survey),
+            cells.concat()
+        )
+        .ok();
+    }
+    Ok(text)
+}

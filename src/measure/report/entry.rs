@@ -1,0 +1,80 @@
+//! Measured settings by the names that a page calls them.
+
+use crate::measure::findings::span;
+use crate::measure::setting::Setting;
+use crate::measure::survey::Measured;
+use crate::measure::table::short;
+use crate::model::ErrorSummary;
+
+/// What the setting of the scene itself is called.
+pub(super) const OWN: &str = "the scene's own";
+/// The ΔE00 below which nobody sees anything.
+pub(super) const INVISIBLE: f64 = 0.5;
+/// What is said of a spline between voxels where the scene has none.
+pub(super) const CUBIC: &str =
+    "cubic is another reading of the data, not a worse one: the truth here reads it as the scene says.";
+/// Below this ΔE00 no page tells errors apart.
+pub(super) const LEAST: f64 = 1e-3;
+
+/// A measurement, with all settings that came to it.
+pub(super) struct Entry<'a> {
+    pub(super) row: &'a Measured,
+    /// Those that ask for the same under another name, which was measured once.
+    pub(super) also: Vec<&'a Setting>,
+}
+
+/// Every measurement once, the scene's own first.
+pub(super) fn entries(rows: &[Measured]) -> Vec<Entry<'_>> {
+    let mut found: Vec<Entry<'_>> = Vec::new();
+    for row in rows {
+        // No two measurements have all times alike.
+        match found.iter_mut().find(|known| known.row.times == row.times) {
+            Some(known) => known.also.push(&row.setting),
+            None => found.push(Entry { row, also: Vec::new() }),
+        }
+    }
+    found
+}
+
+/// What a setting is called.
+pub(super) fn name(setting: &Setting) -> String {
+    if setting.knobs().next().is_none() { OWN.to_owned() } else { setting.to_string() }
+}
+
+impl Entry<'_> {
+    pub(super) fn name(&self) -> String {
+        name(&self.row.setting)
+    }
+
+    /// With its other names.
+    pub(super) fn names(&self) -> String {
+        let also: Vec<String> = self.also.iter().map(ToString::to_string).collect();
+        if also.is_empty() { self.name() } else { format!("{} (also {})", self.name(), also.join(", ")) }
+    }
+
+    /// What a pointer is told of it.
+    pub(super) fn told(&self) -> String {
+        let error = &self.row.error.delta_e;
+        let [ms, mean, p95, max] = [self.row.frame_ms, error.mean, error.p95, error.max].map(short);
+        let [least, most] = span(self.row).map(short);
+        format!("{}: {ms} ms ({least} to {most}), ΔE00 {mean} on average, p95 {p95}, at most {max}", self.names())
+    }
+}
+
+/// A ΔE00, or that it is below [`LEAST`].
+pub(super) fn told_error(error: f64) -> String {
+    if error < LEAST { format!("< {LEAST}") } else { short(error) }
+}
+
+/// What of an error the eye sees.
+pub(super) fn seen(error: &ErrorSummary) -> String {
+    let worst = || format!("; worst {}", short(error.max));
+    match error.p95 {
+        _ if error.max < INVISIBLE => "nobody sees it".to_owned(),
+        p95 if p95 < INVISIBLE => format!("not visible in 95 of 100 pixels{}", worst()),
+        p95 if p95 < 1.0 => format!("hardly visible in 95 of 100 pixels{}", worst()),
+        p95 if p95 < 2.0 => "seen side by side".to_owned(),
+        p95 if p95 < 4.0 => "seen at a glance".to_owned(),
+        _ => "seen at once".to_owned(),
+    }
+}

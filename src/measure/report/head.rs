@@ -1,0 +1,95 @@
+//! What was measured, where and under which light.
+
+use super::Findings;
+use super::drawing::escaped;
+use crate::measure::findings::spread;
+use crate::measure::survey::{Measured, Survey};
+use crate::measure::written::written;
+use crate::number::{count, readable};
+use crate::scene::{Mix, Scene};
+use crate::spectrum::observer::Observer;
+
+/// Scene, light, pixels, times and the scene's own setting, a line each.
+pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>) -> String {
+    let [width, height] = survey.lattice().size;
+    let runs = survey.options().runs;
+    let cpu = if survey.is_software() {
+        " These are times of a CPU without a graphics card: on a GPU they will be shorter and may rank differently, so measure again there."
+    } else {
+        ""
+    };
+    let scene = survey.scene();
+    let mut lines = vec![
+        format!("<small>{}; Relume {}</small>", escaped(&scene.source), env!("CARGO_PKG_VERSION")),
+        format!("Light: {}. Only this was measured: nothing here is said of other light.", escaped(&light(scene))),
+        format!("{} in pictures of {width}×{height}, with the truth: the full spectrum in f64.", compared(survey)),
+        format!(
+            "Times on {}: median of {runs} run{}, which spread by ±{:.0} %; smaller differences mean nothing.{cpu}",
+            escaped(&survey.device().replace(", a software device: times are this CPU's", "")),
+            if runs == 1 { "" } else { "s" },
+            100.0 * spread(findings.rows)
+        ),
+    ];
+    lines.extend(findings.rows.first().map(|own| setting(scene, own)));
+    lines.iter().map(|line| format!("<p class=\"about\">{line}</p>\n")).collect()
+}
+
+/// Which lights shine how strongly, and who looks.
+fn light(scene: &Scene) -> String {
+    let text: toml::Table = scene.text.parse().unwrap_or_default();
+    let spectrum = |name: &str| Some(text.get("lights")?.get(name)?.get("spectrum")?.as_str()?.to_owned());
+    let lights: Vec<String> = Mix::of_scene(scene)
+        .0
+        .iter()
+        .filter(|light| light.weight > 0.0)
+        .map(|light| {
+            let spectrum = spectrum(&light.name).map_or_else(String::new, |spectrum| format!("{spectrum}, "));
+            format!("{} ({spectrum}intensity {})", light.name, readable(light.weight))
+        })
+        .collect();
+    let lights = match lights.len() {
+        0 => "none".to_owned(),
+        1 => lights.concat(),
+        _ => lights.join(" and ") + " together",
+    };
+    let observer = match scene.display.observer {
+        Observer::Cie1931 => "the CIE 1931 observer (2°)",
+        Observer::Cie1964 => "the CIE 1964 observer (10°)",
+    };
+    let adapted = if scene.display.adapt { " (adapted: their white is shown as the screen's)" } else { "" };
+    format!("{lights}{adapted}, seen by {observer}")
+}
+
+/// How many pixels were compared, and of how many.
+fn compared(survey: &Survey<'_>) -> String {
+    let (found, stride) = (survey.pixels().len(), survey.lattice().stride);
+    if stride == 1 {
+        return format!("All {found} pixels that show the volume were compared");
+    }
+    // Two digits: it is an estimate.
+    let all = count(found * stride * stride);
+    let digit = 10_f64.powf((all.max(1.0).log10() - 1.0).floor());
+    let all = readable((all / digit).round() * digit);
+    format!(
+        "{found} pixels were compared (a grid, one in {stride} across and down) of about {all} that show the volume,"
+    )
+}
+
+/// Where all knobs stand in the scene.
+fn setting(scene: &Scene, own: &Measured) -> String {
+    let keys: Vec<String> = written(scene)
+        .iter()
+        .map(
+            |(table, key, value)| {
+                if *table == "transfer" { format!("{table}.{key} = {value}") } else { format!("{key} = {value}") }
+            },
+        )
+        .collect();
+    let entries = if scene.transfer.entries.is_none() { "; as many transfer.entries as the data need" } else { "" };
+    format!(
+        "The scene's own setting: <code>{}</code>{entries}. That comes to {}, {} bytes a pixel.",
+        escaped(&keys.join(", ")),
+        escaped(&own.carrier),
+        own.pixel_bytes
+    )
+}

@@ -1,0 +1,113 @@
+//! Places for names beside dots, where they cover neither dots nor each other.
+
+/// How wide a letter of the scatter's names is on average, and how tall.
+const LETTER: [f64; 2] = [7.0, 13.0];
+/// What is free left and right of a name.
+const MARGIN: f64 = 4.0;
+
+/// A rectangle: left, top, right, bottom.
+type Rectangle = [f64; 4];
+type Segment = [[f64; 2]; 2];
+
+/// Names that are placed one after the other.
+pub(super) struct Labels {
+    within: Rectangle,
+    /// What no name may cover.
+    taken: Vec<Rectangle>,
+    /// What names had better not cross.
+    lines: Vec<Segment>,
+}
+
+/// Where a name goes.
+pub(super) struct Place {
+    /// The left end of its baseline.
+    pub(super) at: [f64; 2],
+    /// A line from the dot to it, where it is not beside the dot.
+    pub(super) leader: Option<Segment>,
+}
+
+impl Labels {
+    /// Names within a rectangle that has `dots`, each with its radius, and a curve through `points`.
+    pub(super) fn new(within: Rectangle, dots: &[([f64; 2], f64)], points: &[[f64; 2]]) -> Self {
+        let around = |&([x, y], radius): &([f64; 2], f64)| [x - radius, y - radius, x + radius, y + radius];
+        let lines = points.windows(2).map(|ends| [ends[0], ends[1]]).collect();
+        Self { within, taken: dots.iter().map(around).collect(), lines }
+    }
+
+    /// A place for `name` beside a dot at `[x, y]` of this radius; `None` where there is none.
+    pub(super) fn place(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<Place> {
+        let letters = crate::number::count(name.chars().count());
+        let [wide, high] = [letters * LETTER[0] / 2.0 + MARGIN, LETTER[1] / 2.0];
+        let turns = (0..24).map(|i| f64::from(i) * std::f64::consts::TAU / 24.0 - 0.5);
+        let found = [2.0, 14.0, 26.0, 40.0, 56.0, 74.0, 96.0, 120.0, 150.0].into_iter().flat_map(|away| {
+            turns.clone().map(move |turn| {
+                let (sin, cos) = turn.sin_cos();
+                let from = [x + cos * radius, y + sin * radius];
+                let to = [x + cos * (radius + away), y + sin * (radius + away)];
+                let middle = [wide.mul_add(cos, to[0]), high.mul_add(sin, to[1])];
+                let place = [middle[0] - wide, middle[1] - high, middle[0] + wide, middle[1] + high];
+                (place, (away > 2.0).then_some([from, to]))
+            })
+        });
+        let found: Vec<(Rectangle, Option<Segment>)> = found.collect();
+        let fits = |(place, leader): &&(Rectangle, Option<Segment>)| {
+            let inside = place[0] >= self.within[0]
+                && place[1] >= self.within[1]
+                && place[2] <= self.within[2]
+                && place[3] <= self.within[3];
+            // The dot that is named is one of those that are taken; a leader begins at its edge.
+            let free = |leader: &Segment| {
+                self.taken.iter().filter(|it| !holds(it, [x, y])).all(|taken| !crosses(leader, taken))
+            };
+            inside && self.taken.iter().all(|taken| !overlap(place, taken)) && leader.as_ref().is_none_or(free)
+        };
+        let clear = |(place, _): &&(Rectangle, Option<Segment>)| self.lines.iter().all(|line| !crosses(line, place));
+        let fitting = || found.iter().filter(fits);
+        let &(place, leader) = fitting().find(clear).or_else(|| fitting().next())?;
+        self.taken.push(place);
+        Some(Place { at: [place[0] + MARGIN, place[3] - 3.0], leader })
+    }
+}
+
+fn holds([left, top, right, bottom]: &Rectangle, [x, y]: [f64; 2]) -> bool {
+    (*left..=*right).contains(&x) && (*top..=*bottom).contains(&y)
+}
+
+fn overlap(one: &Rectangle, two: &Rectangle) -> bool {
+    one[0] < two[2] && two[0] < one[2] && one[1] < two[3] && two[1] < one[3]
+}
+
+/// Whether a segment comes into a rectangle; looked at in steps shorter than any dot.
+fn crosses([from, to]: &Segment, rectangle: &Rectangle) -> bool {
+    const STEPS: u32 = 200;
+    let at = |i: u32, axis: usize| (to[axis] - from[axis]).mul_add(f64::from(i) / f64::from(STEPS), from[axis]);
+    (0..=STEPS).any(|i| holds(rectangle, [at(i, 0), at(i, 1)]))
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cover_neither_dots_nor_each_other_where_dots_crowd() {
+        let dots: Vec<([f64; 2], f64)> =
+            (0..12).map(|i| ([300.0 + 9.0 * f64::from(i % 4), 200.0 + 7.0 * f64::from(i / 4)], 5.0)).collect();
+        let mut labels = Labels::new([0.0, 0.0, 600.0, 400.0], &dots, &[[0.0, 0.0], [300.0, 200.0]]);
+        for (dot, radius) in dots.iter().take(5) {
+            let before = labels.taken.len();
+            let place = labels.place(*dot, *radius, "lookup=nearest").unwrap();
+            let (new, others) = labels.taken.split_last().unwrap();
+            assert_eq!(others.len(), before);
+            assert!(others.iter().all(|other| !overlap(new, other)), "{new:?}");
+            assert!(holds(new, [place.at[0], place.at[1]]), "the text begins in its place");
+        }
+    }
+
+    #[test]
+    fn a_lonely_dot_has_its_name_beside_it_and_no_leader() {
+        let mut labels = Labels::new([0.0, 0.0, 300.0, 100.0], &[([50.0, 50.0], 5.0)], &[]);
+        assert!(labels.place([50.0, 50.0], 5.0, "k=8").unwrap().leader.is_none());
+        assert!(labels.place([50.0, 50.0], 5.0, &"x".repeat(60)).is_none(), "no place for that");
+    }
+}

@@ -1,0 +1,156 @@
+//! Where errors are: the picture, the map of ΔE00, and the worst pixel from near.
+
+use std::fmt::Write as _;
+
+use glam::DVec3;
+
+use super::drawing::{Drawing, Paint, escaped, middles, tick};
+use super::entry::INVISIBLE;
+use super::pictures::{Picture, Scale};
+use crate::measure::survey::{CloseUp, Measured, Survey};
+use crate::measure::table::short;
+use crate::number::{count, whole};
+use crate::output::OutputError;
+
+/// A picture of the page.
+pub(super) struct Figure {
+    picture: Picture,
+    size: [usize; 2],
+    caption: String,
+}
+
+impl Figure {
+    fn new(picture: Picture, size: [usize; 2], caption: &str) -> Self {
+        Self { picture, size, caption: caption.to_owned() }
+    }
+
+    /// Colours of [`Survey::pixels`].
+    pub(super) fn of_colours(survey: &Survey<'_>, colours: &[DVec3], caption: &str) -> Result<Self, OutputError> {
+        let colour = |i: Option<usize>| i.and_then(|i| colours.get(i)).copied().unwrap_or_else(|| survey.background());
+        let dims = survey.lattice().dims();
+        Ok(Self::new(Picture::of_colours(dims, cells(survey).into_iter().map(colour))?, dims, caption))
+    }
+
+    /// ΔE00 of [`Survey::pixels`].
+    pub(super) fn of_differences(
+        survey: &Survey<'_>,
+        differences: &[f64],
+        scale: Scale,
+        caption: &str,
+    ) -> Result<Self, OutputError> {
+        let difference = |i: Option<usize>| i.and_then(|i| differences.get(i)).copied();
+        let dims = survey.lattice().dims();
+        let picture = Picture::of_differences(dims, cells(survey).into_iter().map(difference), scale)?;
+        Ok(Self::new(picture, dims, caption))
+    }
+
+    /// At most `most` pixels of the page wide and high, with a ring around a pixel of it.
+    pub(super) fn html(&self, most: usize, ringed: Option<[f64; 2]>) -> String {
+        let largest = self.size[0].max(self.size[1]);
+        let times = count(most) / count(largest);
+        let times = if times >= 1.0 { times.floor() } else { times };
+        let [width, height] = self.size.map(|side| whole((count(side) * times).round()).max(1));
+        // Percentages, as pictures shrink with the page.
+        let place = ringed.map(|at| [0, 1].map(|axis| 100.0 * (at[axis] + 0.5) / count(self.size[axis])));
+        let ring = place.map_or_else(String::new, |[x, y]| format!("<i style=\"left:{x:.2}%;top:{y:.2}%\"></i>"));
+        let (caption, base64) = (escaped(&self.caption), &self.picture.base64);
+        format!(
+            "<figure><div class=\"at\"><img alt=\"{caption}\" width=\"{width}\" height=\"{height}\" src=\"data:image/png;base64,{base64}\">{ring}</div>\
+             <figcaption>{caption}</figcaption></figure>\n"
+        )
+    }
+}
+
+/// Which of [`Survey::pixels`] each cell of the lattice is.
+fn cells(survey: &Survey<'_>) -> Vec<Option<usize>> {
+    let at = |pixel: &[usize; 2]| survey.pixels().iter().position(|shown| shown == pixel);
+    survey.lattice().pixels().iter().map(at).collect()
+}
+
+/// In words, that not all pixels were compared.
+pub(super) fn mosaic(survey: &Survey<'_>) -> String {
+    match survey.lattice().stride {
+        1 => String::new(),
+        stride => format!(", a mosaic of one in {stride} across and down"),
+    }
+}
+
+/// A scale that has all of `differences`, and what is just invisible.
+pub(super) fn scale_for(differences: impl Iterator<Item = f64>) -> Scale {
+    let most = differences.filter(|it| it.is_finite()).fold(2.0 * INVISIBLE, f64::max);
+    let decade = 10_f64.powf(most.log10().floor());
+    let high = [1.0, 2.0, 5.0, 10.0].map(|times| times * decade).into_iter().find(|high| *high >= most).unwrap_or(most);
+    Scale { low: high / 1000.0, high }
+}
+
+impl Scale {
+    /// The scale as a drawing so wide, with a mark at what is just invisible.
+    pub(super) fn html(self, width: f64) -> String {
+        const PARTS: usize = 60;
+        const MARGIN: f64 = 16.0;
+        let long = width - 2.0 * MARGIN;
+        let mut drawing = Drawing::new(width, 78.0);
+        drawing.small([MARGIN, 11.0], "start", "ΔE00 (logarithmic)");
+        let part = long / count(PARTS);
+        for (i, x) in middles(PARTS, MARGIN, long).enumerate() {
+            let [red, green, blue] = self.heat(self.at((count(i) + 0.5) / count(PARTS)));
+            let colour = format!("#{red:02x}{green:02x}{blue:02x}");
+            drawing.bar([x - part / 2.0 - 0.3, 18.0], [part + 0.6, 12.0], Paint::Colour(&colour), "");
+        }
+        let place = |value: f64| long.mul_add(self.share(value), MARGIN);
+        let decades = (-6..6).map(|power| 10_f64.powi(power));
+        for value in decades.filter(|value| (0.999 * self.low..=1.001 * self.high).contains(value)) {
+            drawing.small([place(value), 43.0], "middle", &tick(value));
+        }
+        drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 48.0], "mark");
+        let anchor = if self.share(INVISIBLE) < 0.5 { "start" } else { "end" };
+        drawing.small([place(INVISIBLE), 58.0], anchor, &format!("nobody sees less than {INVISIBLE}"));
+        drawing.small([MARGIN, 73.0], "start", "grey: shows nothing of the volume");
+        drawing.inline("scale of ΔE00")
+    }
+}
+
+/// The picture and the map of ΔE00, and its worst pixel from near.
+pub(super) fn places(survey: &Survey<'_>, own: &Measured, close_up: Option<&CloseUp>) -> Result<String, OutputError> {
+    let lattice = survey.lattice();
+    let dims = lattice.dims();
+    let scale = scale_for(own.differences.iter().copied());
+    let in_picture = own.error.at.map(|at| at.map(count));
+    let in_map = own.error.at.and_then(|at| lattice.pixels().iter().position(|pixel| *pixel == at));
+    let in_map = in_map.map(|i| [count(i % dims[0]), count(i / dims[0])]);
+    let picture = match close_up {
+        Some(close) => {
+            let whole = Picture::of_colours(lattice.size, close.whole.iter().copied())?;
+            Figure::new(whole, lattice.size, "the picture, every pixel").html(400, in_picture)
+        }
+        None => Figure::of_colours(survey, survey.truth(), "the truth")?.html(400, in_map),
+    };
+    let map = Figure::of_differences(survey, &own.differences, scale, &format!("ΔE00{}", mosaic(survey)))?;
+    let mut text = format!(
+        "<div class=\"pictures\">\n{picture}<div>{}{}</div>\n</div>\n",
+        map.html(400, in_map),
+        scale.html(400.0)
+    );
+    if let (Some(close), Some(at)) = (close_up, own.error.at) {
+        let dims = [close.side; 2];
+        let ring = Some([0, 1].map(|axis| count(at[axis].saturating_sub(close.first[axis]))));
+        let pictures = [
+            (Picture::of_colours(dims, close.truth.iter().copied())?, "the truth"),
+            (Picture::of_colours(dims, close.shown.iter().copied())?, "this picture"),
+            (Picture::of_differences(dims, close.differences.iter().copied().map(Some), scale)?, "ΔE00"),
+        ];
+        let figures: String = pictures
+            .into_iter()
+            .map(|(picture, caption)| Figure::new(picture, dims, caption).html(250, ring))
+            .collect();
+        let [x, y] = at;
+        write!(
+            text,
+            "<div class=\"keep\">\n<p>The worst of those looked at, {x} pixels from the left and {y} from the top, is ΔE00 {} off. Around it:</p>\n\
+             <div class=\"thirds\">\n{figures}</div>\n</div>\n",
+            short(own.error.delta_e.max)
+        )
+        .ok();
+    }
+    Ok(text)
+}
