@@ -50,20 +50,22 @@ impl Labels {
             })
         });
         let found: Vec<(Rectangle, Option<Segment>)> = found.collect();
-        let fits = |(place, leader): &&(Rectangle, Option<Segment>)| {
+        let fits = |(place, _): &&(Rectangle, Option<Segment>)| {
             let inside = place[0] >= self.within[0]
                 && place[1] >= self.within[1]
                 && place[2] <= self.within[2]
                 && place[3] <= self.within[3];
-            // The dot that is named is one of those that are taken; a leader begins at its edge.
-            let free = |leader: &Segment| {
-                self.taken.iter().filter(|it| !holds(it, [x, y])).all(|taken| !crosses(leader, taken))
-            };
-            inside && self.taken.iter().all(|taken| !overlap(place, taken)) && leader.as_ref().is_none_or(free)
+            inside && self.taken.iter().all(|taken| !overlap(place, taken))
+        };
+        // The dot that is named is one of those that are taken; a leader begins at its edge.
+        let others = || self.taken.iter().filter(|it| !holds(it, [x, y]));
+        let points_out = |(_, leader): &&(Rectangle, Option<Segment>)| {
+            leader.as_ref().is_none_or(|leader| others().all(|taken| !crosses(leader, taken)))
         };
         let clear = |(place, _): &&(Rectangle, Option<Segment>)| self.lines.iter().all(|line| !crosses(line, place));
         let fitting = || found.iter().filter(fits);
-        let &(place, leader) = fitting().find(clear).or_else(|| fitting().next())?;
+        let best = fitting().filter(points_out).find(clear).or_else(|| fitting().find(points_out));
+        let &(place, leader) = best.or_else(|| fitting().next())?;
         self.taken.push(place);
         Some(Place { at: [place[0] + MARGIN, place[3] - 3.0], leader })
     }
@@ -92,7 +94,7 @@ mod tests {
     #[test]
     fn names_cover_neither_dots_nor_each_other_where_dots_crowd() {
         let dots: Vec<([f64; 2], f64)> =
-            (0..12).map(|i| ([300.0 + 9.0 * f64::from(i % 4), 200.0 + 7.0 * f64::from(i / 4)], 5.0)).collect();
+            (0..12).map(|i| ([300.0 + 12.0 * f64::from(i % 4), 200.0 + 12.0 * f64::from(i / 4)], 5.0)).collect();
         let mut labels = Labels::new([0.0, 0.0, 600.0, 400.0], &dots, &[[0.0, 0.0], [300.0, 200.0]]);
         for (dot, radius) in dots.iter().take(5) {
             let before = labels.taken.len();

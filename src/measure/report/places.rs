@@ -104,7 +104,7 @@ impl Scale {
         }
         drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 48.0], "mark");
         let anchor = if self.share(INVISIBLE) < 0.5 { "start" } else { "end" };
-        drawing.small([place(INVISIBLE), 58.0], anchor, &format!("nobody sees less than {INVISIBLE}"));
+        drawing.small([place(INVISIBLE), 58.0], anchor, &format!("not seen below {INVISIBLE}"));
         drawing.small([MARGIN, 73.0], "start", "grey: shows nothing of the volume");
         drawing.inline("scale of ΔE00")
     }
