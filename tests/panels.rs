@@ -397,7 +397,11 @@ fn a_click_on_the_picture_looks_at_the_pixel_there() {
 
 /// What a picture of four pixels of the scene has in its first.
 fn probed() -> Probe {
-    let scene = document().state().scene.clone();
+    probed_of(&document())
+}
+
+fn probed_of(document: &Document) -> Probe {
+    let scene = document.state().scene.clone();
     let (planned, size) = (relume::plan::plan(&scene, &Quiet).unwrap(), [2, 2]);
     let rungs = relume::measure::Rungs::planned(scene.clone(), planned.clone(), size).unwrap();
     let marched = rungs.march::<f32>(&rungs.stored(), &Quiet).unwrap();
@@ -428,6 +432,17 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
     window.key_press(Key::Escape);
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
+}
+
+#[test]
+fn a_ray_that_misses_the_volume_is_said_to_and_not_to_be_followed_for_ever() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Dolly(0.1), 1.0));
+    let mut window = wide(document.clone());
+    window.state_mut().probe = Some((DVec2::splat(0.25), Some(probed_of(&document))));
+    window.run();
+    assert!(window.query_by_label_contains("The ray misses the volume").is_some());
+    assert!(window.query_by_label_contains("following the ray").is_none());
 }
 
 #[test]
