@@ -951,3 +951,30 @@ fn a_way_out_of_what_cannot_be_had_is_a_button_that_changes_it_and_solves_again(
     let asked = &window.state().asked;
     assert!(matches!(asked[..], [Action::Edit(Edit::Design(Step::Open(_, 1, true))), Action::Solve]), "{asked:?}");
 }
+
+/// Whether a text that contains this is painted.
+fn is_painted(window: &Harness<'_, App>, text: &str) -> bool {
+    window.output().shapes.iter().any(|clipped| match &clipped.shape {
+        egui::Shape::Text(shape) => shape.galley.text().contains(text),
+        _ => false,
+    })
+}
+
+#[test]
+fn no_tooltip_is_seen_while_a_button_is_held() {
+    let mut window = with_histogram();
+    window.run();
+    let dial = window.get_by_label("light dial").rect().center();
+    window.event(Event::PointerMoved(dial));
+    // Longer than a tooltip waits.
+    window.run_steps(60);
+    let help = "Drag the hand between the lights";
+    assert!(is_painted(&window, help), "a pointer that rests is told");
+    let button = PointerButton::Primary;
+    for place in [dial, dial + Vec2::new(3.0, 2.0), dial + Vec2::new(30.0, 20.0)] {
+        window.event(Event::PointerButton { pos: place, button, pressed: true, modifiers: Modifiers::NONE });
+        window.event(Event::PointerMoved(place));
+        window.run_steps(60);
+        assert!(!is_painted(&window, help), "held at {place}");
+    }
+}

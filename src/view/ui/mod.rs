@@ -17,8 +17,9 @@ mod status;
 mod toolbar;
 mod transfer;
 
+use egui::layers::PaintList;
 use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Frame, Panel, Rect, ScrollArea, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Order, Panel, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
@@ -65,7 +66,7 @@ pub struct Shown<'a> {
 }
 
 /// Sizes that all panels share.
-pub fn style(context: &egui::Context) {
+pub fn style(context: &Context) {
     context.all_styles_mut(|style| {
         let font = egui::FontId::proportional(11.5);
         style.text_styles.insert(egui::TextStyle::Small, font);
@@ -99,7 +100,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             });
         });
     }
-    CentralPanel::default()
+    let picture = CentralPanel::default()
         .frame(Frame::NONE)
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
@@ -113,5 +114,16 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             }
             rect
         })
-        .inner
+        .inner;
+    if ui.input(|input| input.pointer.any_down()) {
+        hide_tooltips(ui.ctx());
+    }
+    picture
+}
+
+/// Whoever holds something wants to see it, and egui keeps a tooltip that is there until the pointer has left what it is of.
+fn hide_tooltips(context: &Context) {
+    let mut seen = context.memory(|memory| memory.areas().visible_layer_ids());
+    seen.retain(|layer| layer.order == Order::Tooltip);
+    context.graphics_mut(|graphics| seen.into_iter().for_each(|layer| *graphics.entry(layer) = PaintList::default()));
 }
