@@ -978,3 +978,23 @@ fn no_tooltip_is_seen_while_a_button_is_held() {
         assert!(!is_painted(&window, help), "held at {place}");
     }
 }
+
+#[test]
+fn lights_that_are_turned_on_again_where_the_dial_mixes_leave_the_dial_and_the_sliders_as_they_are() {
+    let mut document = document();
+    document.edit(&Edit::Weight(0, 0.3));
+    document.edit(&Edit::On(1, false));
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.2)));
+    let light = document.state().light.clone();
+    for node in 0..2 {
+        document.edit(&Edit::NodeOn(node, false));
+    }
+    assert!(!document.state().is_lit());
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    let state = window.state().document.as_ref().unwrap().state();
+    assert!(state.is_lit());
+    assert_eq!(state.light, light, "who decides, the hand and the sliders");
+}

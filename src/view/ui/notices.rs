@@ -3,6 +3,7 @@
 use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
+use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
 
@@ -30,13 +31,17 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
 /// What makes the lights shine again.
 fn lit(document: &Document) -> Vec<Edit> {
     let state = document.state();
-    let count = state.scene.lights.len();
-    let mut edits = vec![Edit::Mix(crate::scene::Mixing::Sliders), Edit::Solo(None)];
+    let (count, nodes) = (state.scene.lights.len(), &state.scene.dial.nodes);
+    let all_nodes = (0..nodes.len()).map(|node| Edit::NodeOn(node, true));
+    if state.light.mixing == Mixing::Dial && nodes.iter().all(|node| !node.on) {
+        return all_nodes.collect();
+    }
+    let mut edits = vec![Edit::Mix(Mixing::Sliders), Edit::Solo(None)];
     edits.extend((0..count).map(|light| Edit::On(light, true)));
     edits.extend((0..count).map(|light| Edit::Weight(light, 1.0)));
     edits.push(Edit::Master(1.0));
     // And the dial's, which would be as dark when it is clicked.
-    edits.extend((0..state.scene.dial.nodes.len()).map(|node| Edit::NodeOn(node, true)));
+    edits.extend(all_nodes);
     if state.scene.display.exposure <= 0.0 {
         edits.push(Edit::Exposure(1.0));
     }
