@@ -998,3 +998,14 @@ fn lights_that_are_turned_on_again_where_the_dial_mixes_leave_the_dial_and_the_s
     assert!(state.is_lit());
     assert_eq!(state.light, light, "who decides, the hand and the sliders");
 }
+
+#[test]
+fn after_a_tour_the_situation_that_the_hand_stands_on_is_the_one_that_is_shown() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.edit(&Edit::Tour(3, 8));
+    assert_eq!(document.state().light.situation, None, "on its way");
+    document.edit(&Edit::Tour(8, 8));
+    assert_eq!(document.state().light.situation, Some(1), "at its end");
+}

@@ -431,6 +431,7 @@ impl State {
         light.situation = match *edit {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
             Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
+            Edit::Tour(..) => scene.dial.situations.iter().rposition(|situation| situation.hand == light.hand),
             Edit::Exposure(_)
             | Edit::Adapt(_)
             | Edit::Observer(_)
