@@ -1009,3 +1009,11 @@ fn after_a_tour_the_situation_that_the_hand_stands_on_is_the_one_that_is_shown()
     document.edit(&Edit::Tour(8, 8));
     assert_eq!(document.state().light.situation, Some(1), "at its end");
 }
+
+#[test]
+fn the_names_of_situations_stand_in_their_own_section() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    let top = |label: &str| window.get_by_label(label).rect().top();
+    assert!(top("Light situations") < top("evening") && top("evening") < top("Transfer function"));
+}
