@@ -1017,3 +1017,17 @@ fn the_names_of_situations_stand_in_their_own_section() {
     let top = |label: &str| window.get_by_label(label).rect().top();
     assert!(top("Light situations") < top("evening") && top("evening") < top("Transfer function"));
 }
+
+#[test]
+fn a_handle_of_the_crop_box_is_caught_within_ten_points_and_says_which_side_it_is() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
+    document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
+    let mut window = App::open(Vec2::new(1280.0, 720.0), Some(document));
+    window.run();
+    let handle = window.get_by_label("crop box: x to").rect();
+    assert!(handle.width() >= 20.0 && handle.height() >= 20.0, "{handle:?}");
+    window.event(Event::PointerMoved(handle.center() + Vec2::new(9.0, -9.0)));
+    window.run_steps(60);
+    assert!(is_painted(&window, "x to 0.75"));
+}
