@@ -949,7 +949,46 @@ fn a_way_out_of_what_cannot_be_had_is_a_button_that_changes_it_and_solves_again(
     window.get_by_label("Leave the light lamp open").click_accesskit();
     window.run();
     let asked = &window.state().asked;
-    assert!(matches!(asked[..], [Action::Edit(Edit::Design(Step::Open(_, 1, true))), Action::Solve]), "{asked:?}");
+    let step = Step::Open(design::Side::Light, 1, true);
+    assert_eq!(
+        asked[..],
+        [Action::Solve(Some(step))],
+        "both or none: a step back undoes what it changes and what is solved"
+    );
+}
+
+/// Moves the pointer to each of these places in turn, the first button held from the first to the last.
+fn drag_along(window: &mut Harness<'_, App>, places: &[Pos2]) {
+    let press = |pos, pressed| {
+        let button = PointerButton::Primary;
+        Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE }
+    };
+    let (first, last) = (places[0], places[places.len() - 1]);
+    let moves = places.iter().map(|&place| Event::PointerMoved(place));
+    for event in [Event::PointerMoved(first), press(first, true)].into_iter().chain(moves).chain([press(last, false)]) {
+        window.event(event);
+        window.run();
+    }
+    // As the window does where no button is held.
+    window.state_mut().document.as_mut().unwrap().rest();
+}
+
+#[test]
+fn the_body_of_an_interval_is_dragged_with_both_its_ends_and_back_by_one_step() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    let body = window.get_by_label("interval 0: Body").rect();
+    let by = |x: f32| body.center() + Vec2::new(x, 3.0);
+    drag_along(&mut window, &[by(0.0), by(0.3), by(0.6), by(-20.0), by(30.0)]);
+    let moved = intervals(&window);
+    let [from, to] = [0, 1].map(|end| moved[0].range[end] - before[0].range[end]);
+    assert!(from > 10.0 && (from - to).abs() < 1e-9, "{moved:?} from {before:?}");
+    assert_eq!(moved[0], Interval { range: moved[0].range, ..before[0] }, "as steep and as opaque as it was");
+    assert_eq!(moved[1], before[1]);
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
 }
 
 /// Whether a text that contains this is painted.

@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Color32, ComboBox, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
-    pos2, vec2,
+    Color32, ComboBox, CursorIcon, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
+    WidgetType, pos2, vec2,
 };
 use glam::DVec3;
 
@@ -38,10 +38,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             for (index, term) in state.scene.transfer.terms.iter().enumerate() {
                 outline(ui, term, &map, &colours, chosen(ui) == Some(index));
             }
-            for (index, interval) in terms.iter().enumerate() {
-                if let Some(interval) = interval {
-                    handles(ui, index, interval, &map, asked);
-                }
+            // What is caught last lies on top: no body over a handle, and the chosen one over others.
+            let intervals = || terms.iter().enumerate().filter_map(|(index, it)| Some((index, it.as_ref()?)));
+            for (index, interval) in intervals().filter(|(index, _)| chosen(ui) != Some(*index)) {
+                body(ui, index, interval, &map, asked);
+            }
+            for (index, interval) in intervals().filter(|(index, _)| chosen(ui) == Some(*index)) {
+                body(ui, index, interval, &map, asked);
+            }
+            for (index, interval) in intervals() {
+                handles(ui, index, interval, &map, asked);
             }
             ends(ui, statistics);
         }
@@ -122,8 +128,8 @@ impl Map {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram and intervals"));
         response.on_hover_text(
-            "Grey: how often each value occurs, on a log scale. Drag the corners of an interval, its feet, and its top; \
-             the height is the opacity, its square root.",
+            "Grey: how often each value occurs, on a log scale. Drag an interval, its corners, its feet, and its top; the height \
+             is the opacity, its square root.",
         );
         let span = statistics.max - statistics.min;
         let span = if span > 0.0 && span.is_finite() { span } else { 1.0 };
@@ -252,6 +258,41 @@ fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Ve
             choose(ui, index);
         }
         if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
+/// `interval` with both its ends shifted by as much, as fine as a file and a field say it.
+fn shifted(interval: &Interval, by: f64, map: &Map) -> Interval {
+    let places = places(map.span) + 3;
+    let range = interval.range.map(|end| format!("{:.places$}", end + by).parse().unwrap_or(end));
+    Interval { range, ..*interval }
+}
+
+/// The inside of an interval, which is dragged with both its ends.
+fn body(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
+    let [low, high] = interval.range.map(|end| map.x(end));
+    let inside = Rect::from_x_y_ranges(low..=high, map.y(interval.opacity)..=map.rect.bottom());
+    // What is flat or thin is caught, too.
+    let inside = inside.expand2((Vec2::splat(HANDLE) - inside.size()).max(Vec2::ZERO) / 2.0);
+    let inside = inside.intersect(map.rect.expand(HANDLE / 2.0));
+    if !inside.is_positive() {
+        return;
+    }
+    let id = ui.id().with(("interval", index));
+    let hand = ui.interact(inside, id, Sense::click_and_drag());
+    hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("interval {index}: Body")));
+    let pointer = hand.interact_pointer_pos().map(|pointer| map.value(pointer.x));
+    if let (true, Some(value)) = (hand.is_pointer_button_down_on(), pointer) {
+        choose(ui, index);
+        // Where it was caught, which small steps of the hand must not lose.
+        let (was, from) = ui.data_mut(|data| *data.get_temp_mut_or(id, (*interval, value)));
+        if hand.dragged() {
+            asked.push(Action::Edit(Edit::Interval(index, shifted(&was, value - from, map))));
+        }
+    } else {
+        ui.data_mut(|data| data.remove::<(Interval, f64)>(id));
+    }
+    hand.on_hover_cursor(CursorIcon::ResizeHorizontal)
+        .on_hover_text("Drag it to shift both its ends; its corners, its feet and its top move one thing each.");
+}
+
             asked.push(Action::Edit(Edit::Interval(index, moved(interval, map, part, pointer))));
         }
         let near = hand.hovered() || hand.dragged();
