@@ -1070,3 +1070,81 @@ fn a_handle_of_the_crop_box_is_caught_within_ten_points_and_says_which_side_it_i
     window.run_steps(60);
     assert!(is_painted(&window, "x to 0.75"));
 }
+
+#[test]
+fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
+    let shapes = [
+        "[materials.flesh]\nabsorption = { 380 = 0, 560 = 0, 580 = 1, 780 = 1 }",
+        "[materials.flesh]\nabsorption = 0.5",
+        "[materials.clear]\nreflectance = 0\nabsorption = { 380 = 0, 560 = 0, 580 = 1, 780 = 1 }\n[materials.flesh]",
+    ];
+    for (shape, of) in shapes.into_iter().zip(["flesh", "flesh", "clear"]) {
+        let text =
+            SCENE.replace("[materials.flesh]", shape).replace("material = \"flesh\"", &format!("material = \"{of}\""));
+        let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let material = opened.materials.iter().find(|material| material.name == of).unwrap();
+        let passes = material.absorption.as_ref().unwrap().spectrum().samples().map(|depth| {
+            let is_flat = shape.contains("0.5");
+            if is_flat { 1.0 } else { 0.1_f64.powf(depth) }
+        });
+        let reflects = if of == "clear" { Spectrum::constant(1.0) } else { material.reflectance.spectrum().clone() };
+        let seen = &Spectrum::from_samples(passes) * &reflects;
+        let colour: DVec3 = opened
+            .lights
+            .iter()
+            .map(|light| {
+                let sent = light.spectrum.spectrum() * &seen;
+                let xyz = OBSERVER.each_ref().map(|matching| matching.dot(&sent));
+                light.intensity * DVec3::from_array(linear_srgb_from_xyz(Xyz(xyz)).0)
+            })
+            .sum();
+        let code = display_code(LinearSrgb(colour.to_array()));
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+        window.run();
+        assert!(window.query_all_by_label(&code).next().is_some(), "{shape}: there is no swatch of {code}");
+    }
+}
+
+#[test]
+fn whose_brightness_is_kept_is_said_beside_the_switch() {
+    let mut document = document();
+    for (edit, whose) in [(Edit::Weight(0, 0.5), "by the sliders"), (Edit::Hand(DVec2::ZERO), "by the dial")] {
+        document.edit(&edit);
+        let mut window = wide(document.clone());
+        window.run();
+        assert!(window.query_by_label_contains(whose).is_some(), "{whose}");
+    }
+}
+
+#[test]
+fn what_was_done_leaves_by_itself_and_what_went_wrong_stays() {
+    let mut window = wide(document());
+    let told = |text: &str| Notice::done(text.to_owned());
+    window.state_mut().notices = vec![told("The picture is there."), Notice::wrong("It failed.".to_owned())];
+    window.run();
+    let due = window.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
+    assert!(due > Duration::from_secs(4) && due <= Duration::from_secs(8), "a window at rest wakes for it: {due:?}");
+    let over = |text: &str| Notice { until: Some(Instant::now()), ..told(text) };
+    window.state_mut().notices.extend([over("The session is there."), over("Another is there.")]);
+    window.run();
+    let left: Vec<&str> = window.state().notices.iter().map(|notice| notice.text.as_str()).collect();
+    assert_eq!(left, ["The picture is there.", "It failed."]);
+}
+
+#[test]
+fn a_way_out_and_the_spectra_that_are_solved_by_it_are_one_step_back() {
+    let mut document = document();
+    document.edit(&Edit::Design(Step::Offer));
+    document.rest();
+    let is_open = |document: &Document| document.state().palette.as_ref().unwrap().lights[1].spectrum.is_none();
+    let lamp = |document: &Document| document.state().scene.lights[1].spectrum.clone();
+    let before = lamp(&document);
+    let step = Some(Step::Open(design::Side::Light, 1, true));
+    let found = Spectra::standard(&document.state().scene, design::Side::Light, "lamp", "FL11").unwrap();
+    document.edit(&Edit::Spectra(Arc::new(Spectra { step, ..found })));
+    assert!(is_open(&document) && lamp(&document) != before);
+    document.undo();
+    assert!(!is_open(&document) && lamp(&document) == before, "both");
+    document.redo();
+    assert!(is_open(&document) && lamp(&document) != before, "both again");
+}

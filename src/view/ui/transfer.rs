@@ -11,8 +11,10 @@ use glam::DVec3;
 use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::number::{count, whole};
+use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
 use crate::spectrum::colour::{LinearSrgb, display_code};
+use crate::spectrum::{Absorption, Spectrum};
 use crate::tables::{Components, RelightMatrices};
 use crate::view::action::Action;
 use crate::view::presets::Preset;
@@ -103,10 +105,21 @@ fn middle(statistics: &Statistics) -> Interval {
     }
 }
 
+/// What of white light comes from a material that is looked at by itself: what it reflects, or, where it absorbs some wavelengths
+/// more than others, what passes through so much of it that a tenth is left where it absorbs most.
+fn seen_of(material: &Material) -> Spectrum {
+    let reflected = material.reflectance.spectrum();
+    let Some(shape) = material.absorption.as_ref().map(Absorption::spectrum).filter(|it| !is_constant(it)) else {
+        return reflected.clone();
+    };
+    let passed = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
+    if *reflected == Spectrum::constant(0.0) { passed } else { &passed * reflected }
+}
+
 /// The colours of the scene's materials under the present light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
     let scene = &state.scene;
-    let spectra: Vec<_> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
+    let spectra: Vec<_> = scene.materials.iter().map(seen_of).collect();
     let (materials, places) = (spectra.len(), positions(scene).len());
     // In the dark, as they are under the scene's light: black squares tell nothing.
     let mix = if state.is_lit() { state.mix() } else { Mix::of_scene(scene) };
@@ -245,19 +258,6 @@ fn moved(interval: &Interval, map: &Map, part: Part, to: Pos2) -> Interval {
     }
 }
 
-fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
-    for part in [Part::Top, Part::Before, Part::Behind, Part::From, Part::To] {
-        let at = place(interval, map, part);
-        if !map.rect.expand(HANDLE).contains(at) {
-            continue;
-        }
-        let rect = Rect::from_center_size(at, Vec2::splat(HANDLE));
-        let hand = ui.interact(rect, ui.id().with(("interval", index, part)), Sense::click_and_drag());
-        hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("interval {index}: {part:?}")));
-        if hand.is_pointer_button_down_on() {
-            choose(ui, index);
-        }
-        if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
 /// `interval` with both its ends shifted by as much, as fine as a file and a field say it.
 fn shifted(interval: &Interval, by: f64, map: &Map) -> Interval {
     let places = places(map.span) + 3;
@@ -293,6 +293,19 @@ fn body(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<A
         .on_hover_text("Drag it to shift both its ends; its corners, its feet and its top move one thing each.");
 }
 
+fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
+    for part in [Part::Top, Part::Before, Part::Behind, Part::From, Part::To] {
+        let at = place(interval, map, part);
+        if !map.rect.expand(HANDLE).contains(at) {
+            continue;
+        }
+        let rect = Rect::from_center_size(at, Vec2::splat(HANDLE));
+        let hand = ui.interact(rect, ui.id().with(("interval", index, part)), Sense::click_and_drag());
+        hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("interval {index}: {part:?}")));
+        if hand.is_pointer_button_down_on() {
+            choose(ui, index);
+        }
+        if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
             asked.push(Action::Edit(Edit::Interval(index, moved(interval, map, part, pointer))));
         }
         let near = hand.hovered() || hand.dragged();
@@ -408,8 +421,10 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
     let [red, green, blue, _] = colour.to_array();
     let code = format!("#{red:02x}{green:02x}{blue:02x}");
     response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
-    let help = if material.is_some_and(|material| material.absorption.is_some()) {
-        "What the material scatters back under the present light, to whoever looks. It absorbs, too, which colours what is seen through it: that curve is in Spectra."
+    let absorption = material.and_then(|material| material.absorption.as_ref());
+    let help = if absorption.is_some_and(|it| !is_constant(it.spectrum())) {
+        "The present light to whoever looks, seen through as much of the material as lets a tenth pass where it absorbs most, times \
+         what it reflects, if it does. Less of it is paler, more of it darker."
     } else {
         "The material under the present light, to whoever looks."
     };
