@@ -6,6 +6,7 @@ mod support;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
@@ -23,7 +24,7 @@ use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
-use relume::view::ui::{self, Design, Effort, Shown, Status};
+use relume::view::ui::{self, Design, Effort, Notice, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 use support::program::{DIAL, SCENE};
 
@@ -41,6 +42,7 @@ struct App {
     curve: Option<Curve>,
     design: bool,
     conflicts: Vec<Conflict>,
+    notices: Vec<Notice>,
 }
 
 impl App {
@@ -53,6 +55,7 @@ impl App {
             curve: None,
             design: false,
             conflicts: Vec::new(),
+            notices: Vec::new(),
         };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
@@ -63,7 +66,7 @@ impl App {
             document: app.document.as_ref(),
             status: &Status::default(),
             loading: None,
-            notices: &[],
+            notices: &app.notices,
             stopped: false,
             plays: false,
             panels: app.panels,
@@ -83,6 +86,7 @@ impl App {
                 }
                 (Action::Panels(shown), _) => app.panels = *shown,
                 (Action::Palette(shown), _) => app.design = *shown,
+                (Action::Dismiss(index), _) => drop(app.notices.remove(*index)),
                 _ => {}
             }
         }

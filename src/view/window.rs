@@ -26,7 +26,7 @@ use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
 use super::tour::Tour;
-use super::ui::{self, Design, Effort, Shown, Status};
+use super::ui::{self, Design, Effort, Notice, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
 use crate::output::numbered;
@@ -196,7 +196,7 @@ struct Viewer {
     tour: Option<Tour>,
     /// How many things were opened.
     opened: u64,
-    notices: Vec<String>,
+    notices: Vec<Notice>,
     panels: Option<bool>,
     textures: TexturesDelta,
     /// The picture's place in the window, in points.
@@ -321,7 +321,7 @@ impl Viewer {
             return Err(failed);
         }
         self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
-        self.report.notices = std::mem::take(&mut self.notices);
+        self.report.notices = self.notices.drain(..).map(|notice| notice.text).collect();
         self.report.frame_ms = spread(&mut self.drawn);
         self.report.relit_ms = spread(&mut self.relit);
         if let Some(screen) = &self.screen {
@@ -349,9 +349,20 @@ impl Viewer {
         self.note(text);
     }
 
+    /// Tells that something was done; a script has asked for it, and nobody reads.
+    fn tell_done(&mut self, text: String) {
+        if !self.is_scripted() {
+            self.add(Notice::done(text));
+        }
+    }
+
     fn note(&mut self, text: String) {
-        self.notices.retain(|known| *known != text);
-        self.notices.push(text);
+        self.add(Notice::wrong(text));
+    }
+
+    fn add(&mut self, notice: Notice) {
+        self.notices.retain(|known| known.text != notice.text);
+        self.notices.push(notice);
         if self.notices.len() > MOST_NOTICES {
             self.notices.remove(0);
         }
@@ -423,7 +434,7 @@ impl Viewer {
             Err(error) => {
                 self.tell(&error);
                 if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
-                    notice.push_str("; a window cannot be told: start `relume view` with the file and that");
+                    notice.text.push_str("; a window cannot be told: start `relume view` with the file and that");
                 }
                 return;
             }
@@ -826,8 +837,7 @@ impl Viewer {
         };
         match session::save(path, &self.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
-            Ok(()) if self.is_scripted() => {}
-            Ok(()) => self.note(format!("The session is {}.", whole_path(path))),
+            Ok(()) => self.tell_done(format!("The session is {}.", whole_path(path))),
         }
     }
 
@@ -874,7 +884,7 @@ impl Viewer {
 
     /// Says what became of files that were being written. Whether all could be.
     fn written(&mut self) -> bool {
-        let (mut all, scripted) = (true, self.is_scripted());
+        let mut all = true;
         for mut writing in std::mem::take(&mut self.writing) {
             match (writing.job.take(), writing.there) {
                 (None, there) => self.writing.push(Writing { job: writing.job, there }),
@@ -882,7 +892,7 @@ impl Viewer {
                     self.tell(&error);
                     all = false;
                 }
-                (Some(Ok(())), there) => there.into_iter().filter(|_| !scripted).for_each(|there| self.note(there)),
+                (Some(Ok(())), there) => there.into_iter().for_each(|there| self.tell_done(there)),
             }
         }
         all
@@ -920,8 +930,8 @@ impl Viewer {
             if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
                 engine.light(document.state());
             }
-            if !failed && !self.is_scripted() {
-                self.note(there);
+            if !failed {
+                self.tell_done(there);
             }
             return;
         }

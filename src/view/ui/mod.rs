@@ -24,6 +24,7 @@ use egui::{CentralPanel, Color32, Context, Frame, Order, Panel, Rect, ScrollArea
 pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
+pub use notices::Notice;
 pub use palette::Design;
 pub use status::Status;
 
@@ -47,8 +48,8 @@ pub struct Shown<'a> {
     pub status: &'a Status,
     /// What is being opened, how far it is (0 to 1, where known), and what is done for it.
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
-    /// What went wrong, the newest last.
-    pub notices: &'a [String],
+    /// What went wrong or was done, the newest last.
+    pub notices: &'a [Notice],
     /// Whether the device was lost, and nothing is rendered until somebody asks for it.
     pub stopped: bool,
     /// Whether a tour is played.
