@@ -884,6 +884,10 @@ fn a_name_that_is_taken_is_said_to_be_replaced() {
 fn an_empty_window_offers_the_scene_of_the_program() {
     let mut window = App::open(Vec2::new(1280.0, 720.0), None);
     window.run();
+    assert!(
+        window.query_by_label_contains("nothing is open  |").is_some()
+            && window.query_by_label_contains("preparing").is_none()
+    );
     window.get_by_label("Open the built-in scene").click();
     window.run();
     assert_eq!(window.state().asked, [Action::OpenBuiltIn]);

@@ -601,6 +601,7 @@ impl Viewer {
         raw.events.extend(inputs);
         let status = self.status();
         let Some(screen) = &mut self.screen else { return Ok(()) };
+        let loading = self.loading.as_ref().map(Loading::progress).or_else(|| self.first_march());
         let size = screen.window.inner_size();
         let points = f64::from(size.width) / f64::from(self.context.pixels_per_point());
         let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
@@ -694,6 +695,14 @@ impl Viewer {
         }
         self.next(events, again, stepped);
         Ok(())
+    }
+
+    /// What was opened, while its first picture is on its way, and how far that is.
+    fn first_march(&self) -> Option<(String, Option<f32>, String)> {
+        let engine = self.engine.as_ref().filter(|engine| engine.picture().is_none() && engine.has_work(true))?;
+        #[expect(clippy::cast_possible_truncation, reason = "for a bar on the screen")]
+        let part = engine.progress().map(|part| part as f32);
+        Some((self.source.name(), part, "marching the first picture".to_owned()))
     }
 
     /// Gives the picture its place; a picture of another size is marched.

@@ -46,7 +46,7 @@ pub struct Shown<'a> {
     pub document: Option<&'a Document>,
     /// What the last line says.
     pub status: &'a Status,
-    /// What is being opened, how far it is (0 to 1, where known), and what is done for it.
+    /// What is being opened, until its first picture is there: how far it is (0 to 1, where known), and what is done for it.
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
     /// What went wrong or was done, the newest last.
     pub notices: &'a [Notice],
@@ -78,7 +78,7 @@ pub fn style(context: &Context) {
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
-    Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown.status));
+    Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
     toolbar::keys(ui, shown, asked);
     if shown.panels {
         Panel::left("panels").frame(frame).resizable(false).exact_size(WIDTH).show(ui, |ui| {
