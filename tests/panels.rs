@@ -545,7 +545,7 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
     assert_eq!(palette(&window).lights.iter().filter(|light| light.spectrum.is_none()).count(), 1);
     window.get_by_label("Solve").click_accesskit();
     window.run();
-    assert_eq!(window.state().asked.last(), Some(&Action::Solve));
+    assert_eq!(window.state().asked.last(), Some(&Action::Solve(None)));
     window.get_by_label("Undo").click();
     window.run();
     assert!(palette(&window).lights.iter().all(|light| light.spectrum.is_some()), "a step back");

@@ -14,7 +14,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::WindowId;
 
 use super::action::Action;
-use super::design::Spectra;
+use super::design::{Spectra, Step};
 use super::effort::{self, Curve, Measured};
 use super::engine::{Counts, Engine, EngineError};
 use super::export::{ExportError, write_rgba};
@@ -210,7 +210,7 @@ struct Viewer {
     chosen: Option<String>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
-    solving: Option<Job<Result<Solution, PaletteError>>>,
+    solving: Option<(Job<Result<Solution, PaletteError>>, Option<Step>)>,
     /// What excluded itself in what was solved last.
     conflicts: Vec<Conflict>,
     /// The last edit that marches.
@@ -539,7 +539,7 @@ impl Viewer {
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
             Action::Palette(shown) => self.editing = shown,
-            Action::Solve => self.solve(),
+            Action::Solve(step) => self.solve(step),
             Action::GiveUp => (self.measuring, self.solving) = (None, None),
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
@@ -618,7 +618,7 @@ impl Viewer {
             chosen: self.chosen.as_deref(),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
-        let solving = self.solving.as_ref().map(Job::progress);
+        let solving = self.solving.as_ref().map(|(job, _)| job.progress());
         let solving = solving.as_ref().map(|(part, stage)| (*part, stage.as_str()));
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
         let aspect = self.place.width() / self.place.height().max(1.0);
@@ -807,9 +807,13 @@ impl Viewer {
         true
     }
 
-    /// Finds the open spectra of the palette; what was being solved is given up.
-    fn solve(&mut self) {
-        let palette = self.document.as_ref().and_then(|document| document.state().palette.clone());
+    /// Finds the open spectra of the palette, after `step` where there is one; what was being solved is given up.
+    fn solve(&mut self, step: Option<Step>) {
+        let state = self.document.as_ref().map(Document::state);
+        let palette = state.and_then(|state| match &step {
+            None => state.palette.clone(),
+            Some(step) => step.applied(&state.scene, state.palette.as_deref()).map(Arc::new),
+        });
         let Some(palette) = palette else {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
@@ -817,18 +821,18 @@ impl Viewer {
         self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.solving = Some(Job::start(wake, move |progress| palette::solve(&palette, progress)));
+        self.solving = Some((Job::start(wake, move |progress| palette::solve(&palette, progress)), step));
     }
 
     /// Takes what was solved, once it is. Says whether there is something new to show.
     fn solved(&mut self) -> bool {
-        let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
-        self.solving = None;
+        let Some(solved) = self.solving.as_mut().and_then(|(job, _)| job.take()) else { return false };
+        let step = self.solving.take().and_then(|(_, step)| step);
         match (solved, &self.document) {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
             (Ok(solution), Some(document)) => {
-                let spectra = Spectra::of(&document.state().scene, &solution);
+                let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
                 // The editor tells why, and offers ways out.

@@ -327,7 +327,7 @@ fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
             ui.horizontal(|ui| {
                 let help = "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
                 if ui.button("Solve").on_hover_text(help).clicked() {
-                    asked.push(Action::Solve);
+                    asked.push(Action::Solve(None));
                 }
                 if ui.small_button("Offer anew").on_hover_text("A palette for the materials that show, as they are now.").clicked() {
                     asked.push(Action::Edit(Edit::Design(Step::Offer)));
@@ -353,8 +353,7 @@ fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec
         ui.horizontal_wrapped(|ui| {
             for (way, change) in steps {
                 if ui.button(capital(&way.to_string())).clicked() {
-                    step(asked, change);
-                    asked.push(Action::Solve);
+                    asked.push(Action::Solve(Some(change)));
                 }
             }
         });
