@@ -448,6 +448,7 @@ impl Viewer {
             }
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
+            self.screen.iter().for_each(|screen| screen.window.set_title(&self.source.title()));
             (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);
