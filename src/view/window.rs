@@ -55,7 +55,7 @@ const MOST_NOTICES: usize = 4;
 pub struct Options {
     /// What is opened first.
     pub source: Source,
-    /// Pixels of the window, across and down.
+    /// Pixels of the window, across and down; without them, 1280 by 800 points.
     pub size: Option<[u32; 2]>,
     /// What renders.
     pub device: DeviceChoice,
@@ -601,12 +601,11 @@ impl Viewer {
         let mut raw = screen.egui.take_egui_input(&screen.window);
         raw.events.extend(inputs);
         let status = self.status();
-        let Some(screen) = &mut self.screen else { return Ok(()) };
         let loading = self.loading.as_ref().map(Loading::progress).or_else(|| self.first_march());
+        let Some(screen) = &mut self.screen else { return Ok(()) };
         let size = screen.window.inner_size();
         let points = f64::from(size.width) / f64::from(self.context.pixels_per_point());
         let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
-        let loading = self.loading.as_ref().map(Loading::progress);
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
         let running = self.measuring.as_ref().map(Job::progress);
         let effort = Effort {

@@ -278,8 +278,13 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
                     step(asked, Step::Bounds(side, index, to));
                 }
             };
-            bounds(ui, "natural", NATURAL, "From 0 to 1, as real surfaces reflect.");
-            bounds(ui, "signed", [-1.0, 1.0], "Negative, too: no surface is like that, but more colours can be had.");
+            bounds(ui, "natural", NATURAL, "Bounds from 0 to 1: what real surfaces reflect.");
+            bounds(
+                ui,
+                "signed",
+                [-1.0, 1.0],
+                "Bounds from -1 to 1: negative, too. No surface is like that, but more colours can be had.",
+            );
         }
     });
     ui.horizontal(|ui| {

@@ -2,7 +2,7 @@
 
 use egui::{Id, TextEdit, Ui};
 
-use super::controls::panel;
+use super::controls::{panel, toggle};
 use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
@@ -23,7 +23,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
         let mut ask = |edit| asked.push(Action::Edit(edit));
         ui.horizontal_wrapped(|ui| {
             for (index, situation) in situations.iter().enumerate() {
-                let label = ui.selectable_label(state.light.situation == Some(index), &situation.name);
+                let label = toggle(ui, state.light.situation == Some(index), &situation.name);
                 let label = if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
                 if label.clicked() {
                     ask(Edit::Situation(index));
