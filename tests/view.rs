@@ -8,7 +8,7 @@ use std::io::BufReader;
 
 use serde_json::Value;
 use support::program::{Folder, Outcome, SCENE};
-use support::screen::Screen;
+use support::screen::{Screen, report};
 
 /// Brightness as it comes, so that a node is what `--light` asks for.
 const DIAL: &str = "[dial]\nnormalise = false\n[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
@@ -244,6 +244,17 @@ fn it_ends_after_its_frames_and_in_the_middle_of_a_march() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
     assert!(outcome.json()["frames"].as_u64().unwrap() >= 5);
     screen.script(&folder, "scene.toml", "settle\nsize 1600 1000\norbit 10 0\n");
+}
+
+#[test]
+fn what_cannot_be_done_with_nobody_there_to_see_it_ends_in_1() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "settle\nopen nothing.mhd\nsettle\npicture nowhere/picture.png\nsettle\n";
+    let failures = screen.script(&folder, "scene.toml", script)["failures"].to_string();
+    assert!(failures.contains("nothing.mhd") && failures.contains("nowhere"), "{failures}");
+    let outcome = screen.run(&folder, &["nothing.mhd", "--frames", "5"]);
+    assert!(report(&outcome)["failures"][0].as_str().unwrap().contains("nothing.mhd"), "{}", outcome.err);
 }
 
 /// Opens `opened` again as it was saved in `session`, and has `render` make its picture: all are the same to the bit.

@@ -171,7 +171,7 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
         progress.report(&format!("measuring {setting}"), done as u64, settings.len() as u64);
         match survey.measure(setting, progress) {
             Ok(row) => outcome.rows.push(row),
-            Err(error) if error.is_cancelled() => {
+            Err(error) if progress.cancelled() => {
                 if outcome.rows.is_empty() {
                     return Err(error.into());
                 }

@@ -27,6 +27,7 @@ use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
 use relume::plan::PlanError;
+use relume::progress::Progress;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;
 use relume::scene::SceneError;
@@ -129,7 +130,7 @@ pub(crate) enum CliError {
     Failed(String),
 }
 
-/// Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable device, 130 interrupted.
+/// The exit code of what nobody has interrupted: 1 failed, 2 wrong usage, 3 no usable device.
 fn exit_code(error: &CliError) -> u8 {
     let of_device = |error: &VulkanError| match error {
         VulkanError::NoLoader { .. }
@@ -147,25 +148,8 @@ fn exit_code(error: &CliError) -> u8 {
         | CliError::Need(NeedError::Render(RenderError::Vulkan(error)))
         | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
         | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
-        CliError::Choice(error) if error.is_cancelled() => INTERRUPTED,
-        CliError::Survey(error) if error.is_cancelled() => INTERRUPTED,
         #[cfg(feature = "window")]
         CliError::View(relume::view::ViewError::Vulkan(error)) => of_device(error),
-        CliError::Cancelled
-        | CliError::Reference(ReferenceError::Cancelled)
-        | CliError::Check(LadderError::Reference(ReferenceError::Cancelled))
-        | CliError::Palette(PaletteError::Cancelled)
-        | CliError::Scene(SceneError::Palette { source: PaletteError::Cancelled, .. })
-        | CliError::Plan(PlanError::Model(ModelError::Cancelled))
-        | CliError::Model(
-            ModelTableError::Model(ModelError::Cancelled)
-            | ModelTableError::Plan(PlanError::Model(ModelError::Cancelled))
-            | ModelTableError::March(ReferenceError::Cancelled),
-        )
-        | CliError::Need(NeedError::Render(RenderError::Cancelled))
-        | CliError::Render(RenderError::Cancelled | RenderError::Labels(VolumeError::Cancelled { .. }))
-        | CliError::Volume(VolumeError::Cancelled { .. })
-        | CliError::Scene(SceneError::Volume { source: VolumeError::Cancelled { .. }, .. }) => INTERRUPTED,
         _ => 1,
     }
 }
@@ -205,11 +189,12 @@ pub(crate) fn main() -> ExitCode {
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
         Err(error) => {
-            let code = exit_code(&error);
+            let interrupted = terminal.cancelled();
+            let code = if interrupted { INTERRUPTED } else { exit_code(&error) };
             match error {
                 error @ CliError::Cancelled => terminal::complain(&error),
                 // Which part of the work heard it first does not matter.
-                _ if code == INTERRUPTED => terminal::complain(&CliError::Failed(terminal::TOLD.to_owned())),
+                _ if interrupted => terminal::complain(&CliError::Failed(terminal::TOLD.to_owned())),
                 error => terminal::complain(&error),
             }
             ExitCode::from(code)

@@ -161,6 +161,9 @@ struct Warnings(Arc<Mutex<Vec<String>>>);
 
 impl<S: tracing::Subscriber> Layer<S> for Warnings {
     fn on_event(&self, event: &tracing::Event<'_>, _: Context<'_, S>) {
+        if *event.metadata().level() != tracing::Level::WARN {
+            return;
+        }
         let mut message = Message::default();
         event.record(&mut message);
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -65,7 +65,12 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     if report.relit_ms[0] > 0.0 {
         text.push_str(&format!("frames in which nothing but the light changed took {:.1} ms\n", report.relit_ms[0]));
     }
-    let json = serde_json::to_value(&report).map_err(|error| CliError::Failed(error.to_string()))?;
+    let mut json = serde_json::to_value(&report).map_err(|error| CliError::Failed(error.to_string()))?;
+    if args.script.is_some() || args.frames.is_some() {
+        // Nobody was there to see them.
+        report.failures.iter().for_each(|failure| tracing::error!("{failure}"));
+        json["holds"] = report.failures.is_empty().into();
+    }
     Ok(Report { text, json })
 }
 

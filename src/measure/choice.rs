@@ -167,19 +167,6 @@ pub enum ChoiceError {
 }
 
 impl ChoiceError {
-    /// Whether somebody asked to stop.
-    #[must_use]
-    pub fn is_cancelled(&self) -> bool {
-        match self {
-            Self::Plan(PlanError::Model(error)) => matches!(error, crate::model::ModelError::Cancelled),
-            Self::Ladder(LadderError::Reference(error)) => {
-                matches!(error, crate::reference::ReferenceError::Cancelled)
-            }
-            Self::Render(error) => matches!(error, RenderError::Cancelled),
-            _ => false,
-        }
-    }
-
     /// Whether the device holds a picture of fewer pixels.
     fn is_too_large(&self) -> bool {
         matches!(self, Self::Render(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }))

@@ -13,7 +13,6 @@ use super::ladder::{Cause, Ladder, LadderError, Lattice};
 use super::setting::Setting;
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Progress;
-use crate::reference::ReferenceError;
 use crate::render::{RenderError, Renderer, Uploaded};
 use crate::scene::{Mix, Scene};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
@@ -134,19 +133,6 @@ pub enum SurveyError {
         /// The scene.
         source_name: String,
     },
-}
-
-impl SurveyError {
-    /// Whether somebody asked to stop.
-    #[must_use]
-    pub fn is_cancelled(&self) -> bool {
-        matches!(
-            self,
-            Self::Render(RenderError::Cancelled)
-                | Self::Ladder(LadderError::Reference(ReferenceError::Cancelled))
-                | Self::Plan(PlanError::Model(crate::model::ModelError::Cancelled))
-        )
-    }
 }
 
 /// Pixels across and down of a close-up.

@@ -39,7 +39,7 @@ impl Screen {
         // Pictures are measured in pixels; a hand wants its window as large on every screen.
         let usual = || Size::from(LogicalSize::new(1280.0, 800.0));
         let size = options.size.map_or_else(usual, |[width, height]| PhysicalSize::new(width, height).into());
-        // AccessKit has to be there before the window is seen.
+        // Seen once AccessKit is there, and what can draw in it: Mesa asks for answers of a display that may be gone by then.
         let attributes = Window::default_attributes().with_title("Relume").with_inner_size(size).with_visible(false);
         let window = Arc::new(events.create_window(attributes)?);
         let scale = window.scale_factor();
@@ -48,8 +48,8 @@ impl Screen {
         let theme = window.theme();
         let mut egui = egui_winit::State::new(context.clone(), ViewportId::ROOT, &window, scale, theme, Some(TEXELS));
         egui.init_accesskit(events, &window, proxy.clone());
-        window.set_visible(true);
         let (surface, renderer) = device(options, &window)?;
+        window.set_visible(true);
         Ok(Self { surface, egui, renderer, window, opened: 1 })
     }
 

@@ -45,8 +45,6 @@ const PATIENCE: u32 = 120;
 const MOST_LOSSES: u32 = 4;
 /// Least time between two pieces of news of what is measured.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
-/// Why a line of a script cannot be done that is about a scene.
-const NOTHING_OPEN: &str = "nothing is open: what was to be opened cannot be, or nothing was";
 /// Notices that are kept.
 const MOST_NOTICES: usize = 4;
 
@@ -109,8 +107,10 @@ pub struct Report {
     pub stall_ms: f64,
     /// How often the device was lost, and opened again.
     pub losses: u64,
-    /// What went wrong.
+    /// What was told last.
     pub notices: Vec<String>,
+    /// What could not be opened, saved or done, all of it.
+    pub failures: Vec<String>,
     /// What the validation layer has said.
     pub validation: Vec<String>,
 }
@@ -178,6 +178,9 @@ impl From<accesskit_winit::Event> for Woken {
 /// What settings take and err by, and the one that was chosen by it.
 type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 
+/// What was solved, and what of the palette changes with it.
+type Solved = Result<(Solution, Option<Step>), PaletteError>;
+
 /// The application.
 struct Viewer {
     options: Options,
@@ -210,7 +213,7 @@ struct Viewer {
     chosen: Option<String>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
-    solving: Option<(Job<Result<Solution, PaletteError>>, Option<Step>)>,
+    solving: Option<Job<Solved>>,
     /// What excluded itself in what was solved last.
     conflicts: Vec<Conflict>,
     /// The last edit that marches.
@@ -346,6 +349,7 @@ impl Viewer {
             text = format!("{text}: {error}");
             cause = error.source();
         }
+        self.report.failures.push(text.clone());
         self.note(text);
     }
 
@@ -550,6 +554,14 @@ impl Viewer {
         }
     }
 
+    /// What a line of a script is about; why it cannot be done where nothing is open.
+    fn open_document(&self) -> Result<&Document, String> {
+        self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
+            Some(failure) => format!("nothing is open: {failure}"),
+            None => "nothing is open".to_owned(),
+        })
+    }
+
     /// The first of the numbered names after `name` that no file has or will have.
     fn free(&mut self, name: &str) -> PathBuf {
         let mut names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
@@ -618,7 +630,7 @@ impl Viewer {
             chosen: self.chosen.as_deref(),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
-        let solving = self.solving.as_ref().map(|(job, _)| job.progress());
+        let solving = self.solving.as_ref().map(Job::progress);
         let solving = solving.as_ref().map(|(part, stage)| (*part, stage.as_str()));
         let (mut asked, mut place) = (Vec::new(), Rect::ZERO);
         let aspect = self.place.width() / self.place.height().max(1.0);
@@ -787,7 +799,6 @@ impl Viewer {
         let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
         self.measuring = None;
         match measured {
-            Err(error) if error.is_cancelled() => {}
             Err(error) => self.tell(&error),
             Ok((curve, choice)) => {
                 match &mut self.curve {
@@ -821,17 +832,17 @@ impl Viewer {
         self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.solving = Some((Job::start(wake, move |progress| palette::solve(&palette, progress)), step));
+        self.solving = Some(Job::start(wake, move |progress| Ok((palette::solve(&palette, progress)?, step))));
     }
 
     /// Takes what was solved, once it is. Says whether there is something new to show.
     fn solved(&mut self) -> bool {
-        let Some(solved) = self.solving.as_mut().and_then(|(job, _)| job.take()) else { return false };
-        let step = self.solving.take().and_then(|(_, step)| step);
+        let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
+        self.solving = None;
         match (solved, &self.document) {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
-            (Ok(solution), Some(document)) => {
+            (Ok((solution, step)), Some(document)) => {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
@@ -1054,27 +1065,20 @@ impl Viewer {
                 Vec::new()
             }
             Command::Named(about, name) => {
-                let edit = match &self.document {
-                    None => Err(NOTHING_OPEN.to_owned()),
-                    Some(document) => about.edit(document.state(), &name),
-                };
+                let edit = self.open_document().and_then(|document| about.edit(document.state(), &name));
                 self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
                 Vec::new()
             }
             Command::Interval(index, [from, to, ramp, opacity]) => {
-                let stated = match &self.document {
-                    None => Err(NOTHING_OPEN.to_owned()),
-                    Some(document) => script::interval(document.state(), index),
-                };
+                let stated = self.open_document().and_then(|document| script::interval(document.state(), index));
                 let stated = stated.map_err(|message| script.wrong(at, message))?;
                 self.ask(Action::Edit(Edit::Interval(index, Interval { range: [from, to], ramp, opacity, ..stated })));
                 Vec::new()
             }
             Command::Spectrum(side, name, standard) => {
-                let spectra = match &self.document {
-                    None => Err(NOTHING_OPEN.to_owned()),
-                    Some(document) => Spectra::standard(&document.state().scene, side, &name, &standard),
-                };
+                let spectra = self
+                    .open_document()
+                    .and_then(|document| Spectra::standard(&document.state().scene, side, &name, &standard));
                 let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
                 self.ask(Action::Edit(Edit::Spectra(spectra)));
                 Vec::new()
@@ -1100,8 +1104,8 @@ impl Viewer {
                 Vec::new()
             }
             Command::Probe(place) => {
-                if self.document.is_none() && self.loading.is_none() {
-                    return Err(script.wrong(at, NOTHING_OPEN.to_owned()).into());
+                if self.loading.is_none() {
+                    self.open_document().map_err(|message| script.wrong(at, message))?;
                 }
                 self.prober.look(Some(place));
                 if !(self.is_settled() && self.prober.is_done()) {

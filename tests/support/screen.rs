@@ -54,14 +54,11 @@ impl Screen {
         Outcome::of(&mut self.command(folder, arguments))
     }
 
-    /// Runs `script` on `scene`, which must succeed without a word of the validation layer.
+    /// Runs `script` on `scene`: see [`report`].
     pub fn script(&self, folder: &Folder, scene: &str, script: &str) -> Value {
         std::fs::write(folder.path("script.txt"), script).unwrap();
         let outcome = self.run(folder, &[scene, "--script", "script.txt"]);
-        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
-        let report = outcome.json();
-        assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
-        report
+        report(&outcome)
     }
 
     /// Takes the screen away from whatever is on it.
@@ -125,4 +122,16 @@ impl Drop for Screen {
     fn drop(&mut self) {
         self.end();
     }
+}
+
+/// What a session says that came to its end, without a word of the validation layer: it ends with 0, or with 1 and each
+/// failure on standard error where something could not be done.
+pub fn report(outcome: &Outcome) -> Value {
+    assert!(!outcome.out.is_empty(), "{:?}: {}", outcome.code, outcome.err);
+    let report = outcome.json();
+    let failures = report["failures"].as_array().unwrap();
+    assert_eq!(outcome.code, Some(i32::from(!failures.is_empty())), "{}", outcome.err);
+    assert!(failures.iter().all(|failure| outcome.err.contains(failure.as_str().unwrap())), "{}", outcome.err);
+    assert_eq!(report["validation"], Value::Array(Vec::new()), "the validation layer");
+    report
 }

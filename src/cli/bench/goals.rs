@@ -17,7 +17,7 @@ pub(super) fn run(scenes: u16, device: &DeviceChoice, progress: &dyn Progress) -
         progress.report("choosing for seeded scenes", seed, scenes.into());
         match goal_row(&renderer, &GoalScene::new(seed)?, &Silent(progress)) {
             Ok(row) => rows.extend(row.map(|row| (seed, row))),
-            Err(error) if error.is_cancelled() && !rows.is_empty() => {
+            Err(_) if progress.cancelled() && !rows.is_empty() => {
                 interrupted = true;
                 break;
             }

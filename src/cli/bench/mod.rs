@@ -30,7 +30,7 @@ use super::accuracy::AccuracyArgs;
 use super::model::Learnt;
 use super::render::matrices;
 use super::scene::{DefineArgs, SelectionArgs, size};
-use super::{CliError, INTERRUPTED, Report, exit_code, figures, files};
+use super::{CliError, Report, figures, files};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -327,7 +327,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
         match bench.measure(together, started.take(), &mut rows) {
             Ok(()) => {}
             // What is finished is kept.
-            Err(error) if exit_code(&error) == INTERRUPTED && !rows.is_empty() => {
+            Err(_) if progress.cancelled() && !rows.is_empty() => {
                 interrupted = true;
                 break;
             }
