@@ -21,15 +21,19 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
     }
     panel(ui, "Light situations", Cost::Relight, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
-        ui.horizontal_wrapped(|ui| {
-            for (index, situation) in situations.iter().enumerate() {
-                let label = toggle(ui, state.light.situation == Some(index), &situation.name);
-                let label = if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
-                if label.clicked() {
-                    ask(Edit::Situation(index));
+        // An empty row would be seen.
+        if !situations.is_empty() {
+            ui.horizontal_wrapped(|ui| {
+                for (index, situation) in situations.iter().enumerate() {
+                    let label = toggle(ui, state.light.situation == Some(index), &situation.name);
+                    let label =
+                        if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
+                    if label.clicked() {
+                        ask(Edit::Situation(index));
+                    }
                 }
-            }
-        });
+            });
+        }
         let id = Id::new("name of a situation");
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
         ui.horizontal(|ui| {
