@@ -6,7 +6,8 @@ mod needs;
 
 use std::sync::Arc;
 
-use needs::{exponents, is_constant, longest_way, transmittance};
+pub(crate) use needs::is_constant;
+use needs::{exponents, longest_way, transmittance};
 
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;

@@ -6,6 +6,7 @@ mod support;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
@@ -23,7 +24,7 @@ use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
-use relume::view::ui::{self, Design, Effort, Shown, Status};
+use relume::view::ui::{self, Design, Effort, Notice, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 use support::program::{DIAL, SCENE};
 
@@ -41,6 +42,7 @@ struct App {
     curve: Option<Curve>,
     design: bool,
     conflicts: Vec<Conflict>,
+    notices: Vec<Notice>,
 }
 
 impl App {
@@ -53,6 +55,7 @@ impl App {
             curve: None,
             design: false,
             conflicts: Vec::new(),
+            notices: Vec::new(),
         };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
@@ -63,7 +66,7 @@ impl App {
             document: app.document.as_ref(),
             status: &Status::default(),
             loading: None,
-            notices: &[],
+            notices: &app.notices,
             stopped: false,
             plays: false,
             panels: app.panels,
@@ -83,6 +86,7 @@ impl App {
                 }
                 (Action::Panels(shown), _) => app.panels = *shown,
                 (Action::Palette(shown), _) => app.design = *shown,
+                (Action::Dismiss(index), _) => drop(app.notices.remove(*index)),
                 _ => {}
             }
         }
@@ -397,7 +401,11 @@ fn a_click_on_the_picture_looks_at_the_pixel_there() {
 
 /// What a picture of four pixels of the scene has in its first.
 fn probed() -> Probe {
-    let scene = document().state().scene.clone();
+    probed_of(&document())
+}
+
+fn probed_of(document: &Document) -> Probe {
+    let scene = document.state().scene.clone();
     let (planned, size) = (relume::plan::plan(&scene, &Quiet).unwrap(), [2, 2]);
     let rungs = relume::measure::Rungs::planned(scene.clone(), planned.clone(), size).unwrap();
     let marched = rungs.march::<f32>(&rungs.stored(), &Quiet).unwrap();
@@ -428,6 +436,17 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
     window.key_press(Key::Escape);
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Probe(None)));
+}
+
+#[test]
+fn a_ray_that_misses_the_volume_is_said_to_and_not_to_be_followed_for_ever() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Dolly(0.1), 1.0));
+    let mut window = wide(document.clone());
+    window.state_mut().probe = Some((DVec2::splat(0.25), Some(probed_of(&document))));
+    window.run();
+    assert!(window.query_by_label_contains("The ray misses the volume").is_some());
+    assert!(window.query_by_label_contains("following the ray").is_none());
 }
 
 #[test]
@@ -526,7 +545,7 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
     assert_eq!(palette(&window).lights.iter().filter(|light| light.spectrum.is_none()).count(), 1);
     window.get_by_label("Solve").click_accesskit();
     window.run();
-    assert_eq!(window.state().asked.last(), Some(&Action::Solve));
+    assert_eq!(window.state().asked.last(), Some(&Action::Solve(None)));
     window.get_by_label("Undo").click();
     window.run();
     assert!(palette(&window).lights.iter().all(|light| light.spectrum.is_some()), "a step back");
@@ -865,6 +884,10 @@ fn a_name_that_is_taken_is_said_to_be_replaced() {
 fn an_empty_window_offers_the_scene_of_the_program() {
     let mut window = App::open(Vec2::new(1280.0, 720.0), None);
     window.run();
+    assert!(
+        window.query_by_label_contains("nothing is open  |").is_some()
+            && window.query_by_label_contains("preparing").is_none()
+    );
     window.get_by_label("Open the built-in scene").click();
     window.run();
     assert_eq!(window.state().asked, [Action::OpenBuiltIn]);
@@ -934,5 +957,202 @@ fn a_way_out_of_what_cannot_be_had_is_a_button_that_changes_it_and_solves_again(
     window.get_by_label("Leave the light lamp open").click_accesskit();
     window.run();
     let asked = &window.state().asked;
-    assert!(matches!(asked[..], [Action::Edit(Edit::Design(Step::Open(_, 1, true))), Action::Solve]), "{asked:?}");
+    let step = Step::Open(design::Side::Light, 1, true);
+    assert_eq!(
+        asked[..],
+        [Action::Solve(Some(step))],
+        "both or none: a step back undoes what it changes and what is solved"
+    );
+}
+
+/// Moves the pointer to each of these places in turn, the first button held from the first to the last.
+fn drag_along(window: &mut Harness<'_, App>, places: &[Pos2]) {
+    let press = |pos, pressed| {
+        let button = PointerButton::Primary;
+        Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE }
+    };
+    let (first, last) = (places[0], places[places.len() - 1]);
+    let moves = places.iter().map(|&place| Event::PointerMoved(place));
+    for event in [Event::PointerMoved(first), press(first, true)].into_iter().chain(moves).chain([press(last, false)]) {
+        window.event(event);
+        window.run();
+    }
+    // As the window does where no button is held.
+    window.state_mut().document.as_mut().unwrap().rest();
+}
+
+#[test]
+fn the_body_of_an_interval_is_dragged_with_both_its_ends_and_back_by_one_step() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    let body = window.get_by_label("interval 0: Body").rect();
+    let by = |x: f32| body.center() + Vec2::new(x, 3.0);
+    drag_along(&mut window, &[by(0.0), by(0.3), by(0.6), by(-20.0), by(30.0)]);
+    let moved = intervals(&window);
+    let [from, to] = [0, 1].map(|end| moved[0].range[end] - before[0].range[end]);
+    assert!(from > 10.0 && (from - to).abs() < 1e-9, "{moved:?} from {before:?}");
+    assert_eq!(moved[0], Interval { range: moved[0].range, ..before[0] }, "as steep and as opaque as it was");
+    assert_eq!(moved[1], before[1]);
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
+}
+
+/// Whether a text that contains this is painted.
+fn is_painted(window: &Harness<'_, App>, text: &str) -> bool {
+    window.output().shapes.iter().any(|clipped| match &clipped.shape {
+        egui::Shape::Text(shape) => shape.galley.text().contains(text),
+        _ => false,
+    })
+}
+
+#[test]
+fn no_tooltip_is_seen_while_a_button_is_held() {
+    let mut window = with_histogram();
+    window.run();
+    let dial = window.get_by_label("light dial").rect().center();
+    window.event(Event::PointerMoved(dial));
+    // Longer than a tooltip waits.
+    window.run_steps(60);
+    let help = "Drag the hand between the lights";
+    assert!(is_painted(&window, help), "a pointer that rests is told");
+    let button = PointerButton::Primary;
+    for place in [dial, dial + Vec2::new(3.0, 2.0), dial + Vec2::new(30.0, 20.0)] {
+        window.event(Event::PointerButton { pos: place, button, pressed: true, modifiers: Modifiers::NONE });
+        window.event(Event::PointerMoved(place));
+        window.run_steps(60);
+        assert!(!is_painted(&window, help), "held at {place}");
+    }
+}
+
+#[test]
+fn lights_that_are_turned_on_again_where_the_dial_mixes_leave_the_dial_and_the_sliders_as_they_are() {
+    let mut document = document();
+    document.edit(&Edit::Weight(0, 0.3));
+    document.edit(&Edit::On(1, false));
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.2)));
+    let light = document.state().light.clone();
+    for node in 0..2 {
+        document.edit(&Edit::NodeOn(node, false));
+    }
+    assert!(!document.state().is_lit());
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    let state = window.state().document.as_ref().unwrap().state();
+    assert!(state.is_lit());
+    assert_eq!(state.light, light, "who decides, the hand and the sliders");
+}
+
+#[test]
+fn after_a_tour_the_situation_that_the_hand_stands_on_is_the_one_that_is_shown() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.edit(&Edit::Tour(3, 8));
+    assert_eq!(document.state().light.situation, None, "on its way");
+    document.edit(&Edit::Tour(8, 8));
+    assert_eq!(document.state().light.situation, Some(1), "at its end");
+}
+
+#[test]
+fn the_names_of_situations_stand_in_their_own_section() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    let top = |label: &str| window.get_by_label(label).rect().top();
+    assert!(top("Light situations") < top("evening") && top("evening") < top("Transfer function"));
+}
+
+#[test]
+fn a_handle_of_the_crop_box_is_caught_within_ten_points_and_says_which_side_it_is() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
+    document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
+    let mut window = App::open(Vec2::new(1280.0, 720.0), Some(document));
+    window.run();
+    let handle = window.get_by_label("crop box: x to").rect();
+    assert!(handle.width() >= 20.0 && handle.height() >= 20.0, "{handle:?}");
+    window.event(Event::PointerMoved(handle.center() + Vec2::new(9.0, -9.0)));
+    window.run_steps(60);
+    assert!(is_painted(&window, "x to 0.75"));
+}
+
+#[test]
+fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
+    let shapes = [
+        "[materials.flesh]\nabsorption = { 380 = 0, 560 = 0, 580 = 1, 780 = 1 }",
+        "[materials.flesh]\nabsorption = 0.5",
+        "[materials.clear]\nreflectance = 0\nabsorption = { 380 = 0, 560 = 0, 580 = 1, 780 = 1 }\n[materials.flesh]",
+    ];
+    for (shape, of) in shapes.into_iter().zip(["flesh", "flesh", "clear"]) {
+        let text =
+            SCENE.replace("[materials.flesh]", shape).replace("material = \"flesh\"", &format!("material = \"{of}\""));
+        let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let material = opened.materials.iter().find(|material| material.name == of).unwrap();
+        let passes = material.absorption.as_ref().unwrap().spectrum().samples().map(|depth| {
+            let is_flat = shape.contains("0.5");
+            if is_flat { 1.0 } else { 0.1_f64.powf(depth) }
+        });
+        let reflects = if of == "clear" { Spectrum::constant(1.0) } else { material.reflectance.spectrum().clone() };
+        let seen = &Spectrum::from_samples(passes) * &reflects;
+        let colour: DVec3 = opened
+            .lights
+            .iter()
+            .map(|light| {
+                let sent = light.spectrum.spectrum() * &seen;
+                let xyz = OBSERVER.each_ref().map(|matching| matching.dot(&sent));
+                light.intensity * DVec3::from_array(linear_srgb_from_xyz(Xyz(xyz)).0)
+            })
+            .sum();
+        let code = display_code(LinearSrgb(colour.to_array()));
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+        window.run();
+        assert!(window.query_all_by_label(&code).next().is_some(), "{shape}: there is no swatch of {code}");
+    }
+}
+
+#[test]
+fn whose_brightness_is_kept_is_said_beside_the_switch() {
+    let mut document = document();
+    for (edit, whose) in [(Edit::Weight(0, 0.5), "by the sliders"), (Edit::Hand(DVec2::ZERO), "by the dial")] {
+        document.edit(&edit);
+        let mut window = wide(document.clone());
+        window.run();
+        assert!(window.query_by_label_contains(whose).is_some(), "{whose}");
+    }
+}
+
+#[test]
+fn what_was_done_leaves_by_itself_and_what_went_wrong_stays() {
+    let mut window = wide(document());
+    let told = |text: &str| Notice::done(text.to_owned());
+    window.state_mut().notices = vec![told("The picture is there."), Notice::wrong("It failed.".to_owned())];
+    window.run();
+    let due = window.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
+    assert!(due > Duration::from_secs(4) && due <= Duration::from_secs(8), "a window at rest wakes for it: {due:?}");
+    let over = |text: &str| Notice { until: Some(Instant::now()), ..told(text) };
+    window.state_mut().notices.extend([over("The session is there."), over("Another is there.")]);
+    window.run();
+    let left: Vec<&str> = window.state().notices.iter().map(|notice| notice.text.as_str()).collect();
+    assert_eq!(left, ["The picture is there.", "It failed."]);
+}
+
+#[test]
+fn a_way_out_and_the_spectra_that_are_solved_by_it_are_one_step_back() {
+    let mut document = document();
+    document.edit(&Edit::Design(Step::Offer));
+    document.rest();
+    let is_open = |document: &Document| document.state().palette.as_ref().unwrap().lights[1].spectrum.is_none();
+    let lamp = |document: &Document| document.state().scene.lights[1].spectrum.clone();
+    let before = lamp(&document);
+    let step = Some(Step::Open(design::Side::Light, 1, true));
+    let found = Spectra::standard(&document.state().scene, design::Side::Light, "lamp", "FL11").unwrap();
+    document.edit(&Edit::Spectra(Arc::new(Spectra { step, ..found })));
+    assert!(is_open(&document) && lamp(&document) != before);
+    document.undo();
+    assert!(!is_open(&document) && lamp(&document) == before, "both");
+    document.redo();
+    assert!(is_open(&document) && lamp(&document) != before, "both again");
 }

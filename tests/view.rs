@@ -641,3 +641,37 @@ fn accumulators_are_saved_as_render_writes_them_of_the_session() {
         assert!(folder.names().iter().all(|name| name != "saved.png"), "{scene}");
     }
 }
+
+#[test]
+fn a_volume_that_is_put_into_no_scene_opens_as_one_without_a_scene() {
+    let Some(screen) = Screen::new() else { return };
+    let header = "NRRD0004\ntype: uint16\nendian: little\ndimension: 3\nsizes: 8 8 8\nencoding: raw\n\n";
+    // Values far beyond those of the scene that is part of the program.
+    let values = (0..512_u16).flat_map(|index| (index * 120).to_le_bytes());
+    let folder = folder().with("ball.nrrd", header.bytes().chain(values).collect::<Vec<u8>>());
+    std::fs::write(folder.path("script.txt"), "settle\npicture shown.png\n").unwrap();
+    let [alone, named] = [&["ball.nrrd"][..], &["--volume", "ball.nrrd"]].map(|source| {
+        let outcome = screen.run(&folder, &[source, &["--script", "script.txt"]].concat());
+        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+        bytes(&folder, "shown.png")
+    });
+    assert_eq!(alone, named);
+}
+
+#[test]
+fn a_window_without_a_size_is_as_large_on_every_screen_and_one_with_a_size_has_its_pixels() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let size = |mut command: std::process::Command, scale: &str| {
+        let outcome = Outcome::of(command.env("WINIT_X11_SCALE_FACTOR", scale));
+        assert_eq!(outcome.code, Some(0), "{}", outcome.err);
+        let side = |axis: usize| outcome.json()["size"][axis].as_u64().unwrap();
+        [side(0), side(1)]
+    };
+    let arguments = ["scene.toml", "--frames", "4"];
+    let usual = ["1", "2"].map(|scale| size(screen.command_of_any_size(&folder, &arguments), scale));
+    for axis in 0..2 {
+        assert!(usual[1][axis].abs_diff(2 * usual[0][axis]) <= 2, "{usual:?}");
+    }
+    assert_eq!(size(screen.command(&folder, &arguments), "2")[0], 640, "too few points for panels");
+}

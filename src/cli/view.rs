@@ -45,6 +45,8 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
     let source = Source { path: args.scene.scene.clone(), options: args.scene.options() };
+    // What -D says is about the scene that is part of the program.
+    let source = if args.scene.define.is_empty() { source.or_its_volume() } else { source };
     let report = view::run(Options {
         source,
         size: args.size.map(|size| size.map(|side| u32::try_from(side).unwrap_or(u32::MAX))),

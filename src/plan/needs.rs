@@ -45,7 +45,7 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
 }
 
 /// Whether all samples are the same, but for rounding.
-pub(super) fn is_constant(spectrum: &Spectrum) -> bool {
+pub(crate) fn is_constant(spectrum: &Spectrum) -> bool {
     let samples = spectrum.samples();
     let (low, high) = samples.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
     high - low <= 1e-12 * high.abs()

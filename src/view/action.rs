@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
+use super::design::Step;
 use super::state::Edit;
 use crate::measure::Goal;
 
@@ -46,8 +47,9 @@ pub enum Action {
     Measure(Option<Goal>),
     /// The palette's editor, or none.
     Palette(bool),
-    /// The open spectra of the palette are found, and take effect.
-    Solve,
+    /// The open spectra of the palette are found, and take effect; with a step, those of the palette after it, which is taken
+    /// together with them.
+    Solve(Option<Step>),
     /// What is measured or solved is given up.
     GiveUp,
     /// A notice that was read, by its index.

@@ -75,6 +75,8 @@ pub struct Spectra {
     pub lights: Vec<(usize, Light)>,
     /// Of the surface behind everything.
     pub background: Option<Reflectance>,
+    /// What of the palette changes with them.
+    pub step: Option<Step>,
 }
 
 /// What a cell looks like now.

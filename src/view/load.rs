@@ -127,6 +127,22 @@ impl Source {
         Self { path: Some(path.to_owned()), options: SceneOptions::default() }
     }
 
+    /// The same, but for a volume that is to be shown in no scene that is named: that is opened as one that has none.
+    #[must_use]
+    pub fn or_its_volume(self) -> Self {
+        let options = SceneOptions { volume: None, ..self.options.clone() };
+        let alone = Self { path: self.options.volume.clone(), options };
+        if self.path.is_none() && alone.bare_volume().is_some() { alone } else { self }
+    }
+
+    /// What a window is called that shows it.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let file = self.path.as_ref().and_then(|path| path.file_name());
+        let name = file.map_or_else(|| self.name(), |file| file.to_string_lossy().into_owned());
+        format!("{name} — Relume")
+    }
+
     /// How it is called.
     #[must_use]
     pub fn name(&self) -> String {
@@ -274,4 +290,15 @@ pub(super) fn threshold(bins: &[u64]) -> usize {
         }
     }
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_is_called_by_the_file_that_it_shows() {
+        assert_eq!(Source::of(Path::new("data/stained_frog.toml")).title(), "stained_frog.toml — Relume");
+        assert_eq!(Source::default().title(), "the default scene — Relume");
+    }
 }

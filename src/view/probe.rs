@@ -127,8 +127,8 @@ pub struct Probe {
     /// How much of each material of the scene is seen along the ray, whatever its shade: 1 fills the pixel. Empty before
     /// the ray was marched.
     pub seen: Vec<f64>,
-    /// What the ray meets, from the eye on; empty before it was marched.
-    pub ray: Vec<Stretch>,
+    /// What the ray meets, from the eye on: nothing where it misses what is shown of the volume. `None` before it was marched.
+    pub ray: Option<Vec<Stretch>>,
 }
 
 impl Probe {
@@ -176,7 +176,7 @@ impl Probe {
             positions: of_positions,
             transmittance: through.sum(),
             seen: ray.map_or_else(Vec::new, |ray| ray.seen.clone()),
-            ray: ray.map_or_else(Vec::new, |ray| ray.stretches.clone()),
+            ray: ray.map(|ray| ray.stretches.clone()),
         }
     }
 
@@ -208,7 +208,7 @@ impl Probe {
             "positions": self.positions.iter().map(share).collect::<Vec<_>>(),
             "transmittance": self.transmittance,
             "seen": materials.zip(&self.seen).collect::<std::collections::BTreeMap<_, _>>(),
-            "ray": self.ray.iter().map(|stretch| json!({
+            "ray": self.ray.iter().flatten().map(|stretch| json!({
                 "distance": stretch.distance,
                 "value": stretch.value,
                 "opacity": stretch.opacity,

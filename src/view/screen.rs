@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use egui::{Context, ViewportId};
 use egui_winit::accesskit_winit;
-use winit::dpi::PhysicalSize;
+use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
@@ -36,12 +36,11 @@ impl Screen {
         context: &Context,
         proxy: &EventLoopProxy<T>,
     ) -> Result<Self, ViewError> {
-        let [width, height] = options.size.unwrap_or([1280, 800]);
+        // Pictures are measured in pixels; a hand wants its window as large on every screen.
+        let usual = || Size::from(LogicalSize::new(1280.0, 800.0));
+        let size = options.size.map_or_else(usual, |[width, height]| PhysicalSize::new(width, height).into());
         // Seen once AccessKit is there, and what can draw in it: Mesa asks for answers of a display that may be gone by then.
-        let attributes = Window::default_attributes()
-            .with_title("Relume")
-            .with_inner_size(PhysicalSize::new(width, height))
-            .with_visible(false);
+        let attributes = Window::default_attributes().with_title("Relume").with_inner_size(size).with_visible(false);
         let window = Arc::new(events.create_window(attributes)?);
         let scale = window.scale_factor();
         #[expect(clippy::cast_possible_truncation, reason = "egui counts pixels of a point in f32")]

@@ -305,7 +305,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             let (name, standard) = text.split_once('=').ok_or(USE)?;
             Command::Spectrum(side, name.trim().to_owned(), standard.trim().to_owned())
         }
-        "solve" => Command::Do(Action::Solve),
+        "solve" => Command::Do(Action::Solve(None)),
         "cancel" => Command::Do(Action::GiveUp),
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),

@@ -165,6 +165,12 @@ fn take_part(dial: &mut Dial, opened: &Scene, index: usize) {
     }
 }
 
+fn redesign(palette: &mut Option<Arc<Palette>>, step: &Step, scene: &Scene) {
+    if let Some(next) = step.applied(scene, palette.as_deref()) {
+        *palette = Some(Arc::new(next));
+    }
+}
+
 /// What the labels of `scene` show as.
 fn declared(scene: &Scene) -> &[LabelEntry] {
     scene.labels.as_ref().map_or(&[], |labels| &labels.declared)
@@ -417,12 +423,11 @@ impl State {
                 scene.transfer.clone_from(&opened.transfer);
                 scene.labels.clone_from(&opened.labels);
             }
-            Edit::Design(ref step) => {
-                if let Some(palette) = step.applied(scene, self.palette.as_deref()) {
-                    self.palette = Some(Arc::new(palette));
-                }
+            Edit::Design(ref step) => redesign(&mut self.palette, step, scene),
+            Edit::Spectra(ref spectra) => {
+                spectra.put_into(scene);
+                spectra.step.iter().for_each(|step| redesign(&mut self.palette, step, scene));
             }
-            Edit::Spectra(ref spectra) => spectra.put_into(scene),
             Edit::Accuracy(ref accuracy) => {
                 let voxel = scene.volume.geometry.spacing.min_element();
                 scene.accuracy = allowed(accuracy, voxel);
@@ -431,6 +436,7 @@ impl State {
         light.situation = match *edit {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
             Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
+            Edit::Tour(..) => scene.dial.situations.iter().rposition(|situation| situation.hand == light.hand),
             Edit::Exposure(_)
             | Edit::Adapt(_)
             | Edit::Observer(_)

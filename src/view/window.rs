@@ -14,7 +14,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::WindowId;
 
 use super::action::Action;
-use super::design::Spectra;
+use super::design::{Spectra, Step};
 use super::effort::{self, Curve, Measured};
 use super::engine::{Counts, Engine, EngineError};
 use super::export::{ExportError, write_rgba};
@@ -26,7 +26,7 @@ use super::script::{self, Command, Input, Script, ScriptError};
 use super::session;
 use super::state::{Cost, Document, Edit};
 use super::tour::Tour;
-use super::ui::{self, Design, Effort, Shown, Status};
+use super::ui::{self, Design, Effort, Notice, Shown, Status};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::number::{count, unsigned, whole};
 use crate::output::numbered;
@@ -53,7 +53,7 @@ const MOST_NOTICES: usize = 4;
 pub struct Options {
     /// What is opened first.
     pub source: Source,
-    /// Pixels of the window, across and down.
+    /// Pixels of the window, across and down; without them, 1280 by 800 points.
     pub size: Option<[u32; 2]>,
     /// What renders.
     pub device: DeviceChoice,
@@ -178,6 +178,9 @@ impl From<accesskit_winit::Event> for Woken {
 /// What settings take and err by, and the one that was chosen by it.
 type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 
+/// What was solved, and what of the palette changes with it.
+type Solved = Result<(Solution, Option<Step>), PaletteError>;
+
 /// The application.
 struct Viewer {
     options: Options,
@@ -196,7 +199,7 @@ struct Viewer {
     tour: Option<Tour>,
     /// How many things were opened.
     opened: u64,
-    notices: Vec<String>,
+    notices: Vec<Notice>,
     panels: Option<bool>,
     textures: TexturesDelta,
     /// The picture's place in the window, in points.
@@ -210,7 +213,7 @@ struct Viewer {
     chosen: Option<String>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
-    solving: Option<Job<Result<Solution, PaletteError>>>,
+    solving: Option<Job<Solved>>,
     /// What excluded itself in what was solved last.
     conflicts: Vec<Conflict>,
     /// The last edit that marches.
@@ -321,7 +324,7 @@ impl Viewer {
             return Err(failed);
         }
         self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
-        self.report.notices = std::mem::take(&mut self.notices);
+        self.report.notices = self.notices.drain(..).map(|notice| notice.text).collect();
         self.report.frame_ms = spread(&mut self.drawn);
         self.report.relit_ms = spread(&mut self.relit);
         if let Some(screen) = &self.screen {
@@ -350,9 +353,20 @@ impl Viewer {
         self.note(text);
     }
 
+    /// Tells that something was done; a script has asked for it, and nobody reads.
+    fn tell_done(&mut self, text: String) {
+        if !self.is_scripted() {
+            self.add(Notice::done(text));
+        }
+    }
+
     fn note(&mut self, text: String) {
-        self.notices.retain(|known| *known != text);
-        self.notices.push(text);
+        self.add(Notice::wrong(text));
+    }
+
+    fn add(&mut self, notice: Notice) {
+        self.notices.retain(|known| known.text != notice.text);
+        self.notices.push(notice);
         if self.notices.len() > MOST_NOTICES {
             self.notices.remove(0);
         }
@@ -424,7 +438,7 @@ impl Viewer {
             Err(error) => {
                 self.tell(&error);
                 if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
-                    notice.push_str("; a window cannot be told: start `relume view` with the file and that");
+                    notice.text.push_str("; a window cannot be told: start `relume view` with the file and that");
                 }
                 return;
             }
@@ -438,6 +452,7 @@ impl Viewer {
             }
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
+            self.screen.iter().for_each(|screen| screen.window.set_title(&self.source.title()));
             (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);
@@ -529,7 +544,7 @@ impl Viewer {
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
             Action::Palette(shown) => self.editing = shown,
-            Action::Solve => self.solve(),
+            Action::Solve(step) => self.solve(step),
             Action::GiveUp => (self.measuring, self.solving) = (None, None),
             Action::Dismiss(index) => {
                 if index < self.notices.len() {
@@ -598,11 +613,11 @@ impl Viewer {
         let mut raw = screen.egui.take_egui_input(&screen.window);
         raw.events.extend(inputs);
         let status = self.status();
+        let loading = self.loading.as_ref().map(Loading::progress).or_else(|| self.first_march());
         let Some(screen) = &mut self.screen else { return Ok(()) };
         let size = screen.window.inner_size();
         let points = f64::from(size.width) / f64::from(self.context.pixels_per_point());
         let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
-        let loading = self.loading.as_ref().map(Loading::progress);
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
         let running = self.measuring.as_ref().map(Job::progress);
         let effort = Effort {
@@ -692,6 +707,14 @@ impl Viewer {
         }
         self.next(events, again, stepped);
         Ok(())
+    }
+
+    /// What was opened, while its first picture is on its way, and how far that is.
+    fn first_march(&self) -> Option<(String, Option<f32>, String)> {
+        let engine = self.engine.as_ref().filter(|engine| engine.picture().is_none() && engine.has_work(true))?;
+        #[expect(clippy::cast_possible_truncation, reason = "for a bar on the screen")]
+        let part = engine.progress().map(|part| part as f32);
+        Some((self.source.name(), part, "marching the first picture".to_owned()))
     }
 
     /// Gives the picture its place; a picture of another size is marched.
@@ -795,9 +818,13 @@ impl Viewer {
         true
     }
 
-    /// Finds the open spectra of the palette; what was being solved is given up.
-    fn solve(&mut self) {
-        let palette = self.document.as_ref().and_then(|document| document.state().palette.clone());
+    /// Finds the open spectra of the palette, after `step` where there is one; what was being solved is given up.
+    fn solve(&mut self, step: Option<Step>) {
+        let state = self.document.as_ref().map(Document::state);
+        let palette = state.and_then(|state| match &step {
+            None => state.palette.clone(),
+            Some(step) => step.applied(&state.scene, state.palette.as_deref()).map(Arc::new),
+        });
         let Some(palette) = palette else {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
@@ -805,7 +832,7 @@ impl Viewer {
         self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.solving = Some(Job::start(wake, move |progress| palette::solve(&palette, progress)));
+        self.solving = Some(Job::start(wake, move |progress| Ok((palette::solve(&palette, progress)?, step))));
     }
 
     /// Takes what was solved, once it is. Says whether there is something new to show.
@@ -815,8 +842,8 @@ impl Viewer {
         match (solved, &self.document) {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
-            (Ok(solution), Some(document)) => {
-                let spectra = Spectra::of(&document.state().scene, &solution);
+            (Ok((solution, step)), Some(document)) => {
+                let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
                 // The editor tells why, and offers ways out.
@@ -834,10 +861,9 @@ impl Viewer {
         };
         match session::save(path, &self.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
-            Ok(()) if self.is_scripted() => {}
             Ok(()) => {
                 let ([width, height], path) = (self.report.size, whole_path(path));
-                self.note(format!(
+                self.tell_done(format!(
                     "The session is {path}; relume render with --size {width}x{height} makes this picture."
                 ));
             }
@@ -887,7 +913,7 @@ impl Viewer {
 
     /// Says what became of files that were being written. Whether all could be.
     fn written(&mut self) -> bool {
-        let (mut all, scripted) = (true, self.is_scripted());
+        let mut all = true;
         for mut writing in std::mem::take(&mut self.writing) {
             match (writing.job.take(), writing.there) {
                 (None, there) => self.writing.push(Writing { job: writing.job, there }),
@@ -895,7 +921,7 @@ impl Viewer {
                     self.tell(&error);
                     all = false;
                 }
-                (Some(Ok(())), there) => there.into_iter().filter(|_| !scripted).for_each(|there| self.note(there)),
+                (Some(Ok(())), there) => there.into_iter().for_each(|there| self.tell_done(there)),
             }
         }
         all
@@ -933,8 +959,8 @@ impl Viewer {
             if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
                 engine.light(document.state());
             }
-            if !failed && !self.is_scripted() {
-                self.note(there);
+            if !failed {
+                self.tell_done(there);
             }
             return;
         }

@@ -39,7 +39,12 @@ impl Screen {
 
     /// The viewer in `folder` with `arguments`, watched by the validation layer, ready to be started.
     pub fn command(&self, folder: &Folder, arguments: &[&str]) -> Command {
-        let mut command = folder.command(&["view", "--json", "--validation", "--size", "640x480"]);
+        self.command_of_any_size(folder, &[&["--size", "640x480"], arguments].concat())
+    }
+
+    /// The same without a size.
+    pub fn command_of_any_size(&self, folder: &Folder, arguments: &[&str]) -> Command {
+        let mut command = folder.command(&["view", "--json", "--validation"]);
         command.args(arguments).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
         command
     }
@@ -73,8 +78,8 @@ impl Screen {
                 // It may have gone since.
                 let seen = connection.get_window_attributes(id).unwrap().reply();
                 let name = connection.get_property(false, id, AtomEnum::WM_NAME, AtomEnum::ANY, 0, 64).unwrap().reply();
-                if seen.is_ok_and(|it| it.map_state == MapState::VIEWABLE) && name.is_ok_and(|it| it.value == b"Relume")
-                {
+                let is_ours = name.is_ok_and(|it| it.value.ends_with(b"Relume"));
+                if seen.is_ok_and(|it| it.map_state == MapState::VIEWABLE) && is_ours {
                     return Window { connection, id };
                 }
             }

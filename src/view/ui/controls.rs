@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use egui::emath::Numeric;
 use egui::response::Flags;
-use egui::{CollapsingHeader, Color32, DragValue, Response, RichText, Sense, Slider, SliderClamping, Ui, Vec2};
+use egui::{Button, CollapsingHeader, Color32, DragValue, Response, RichText, Sense, Slider, SliderClamping, Ui, Vec2};
 
 use crate::number::count;
 use crate::view::state::Cost;
@@ -21,6 +21,11 @@ pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&
         contents(ui);
     });
     ui.add_space(4.0);
+}
+
+/// A choice that looks like one also while it is not taken.
+pub(super) fn toggle(ui: &mut Ui, on: bool, text: &str) -> Response {
+    ui.add(Button::selectable(on, text).frame_when_inactive(true))
 }
 
 /// A number that is dragged, or typed: what is typed holds, as one step, once Enter or another place is pressed. It is shown

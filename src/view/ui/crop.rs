@@ -11,8 +11,9 @@ use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
 use crate::volume::Geometry;
 
-/// Points across a handle.
-const HANDLE: f32 = 14.0;
+/// Points across a handle, and across where it is caught.
+const HANDLE: f32 = 9.0;
+const CATCH: f32 = 22.0;
 /// Parts of the volume that a hand is as fine as.
 const PARTS: f64 = 1e4;
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -147,12 +148,12 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             let mut middle = (crop[0] + crop[1]) / 2.0;
             middle[axis] = crop[end][axis];
             let Some(at) = map.place(map.seen(middle)).filter(|at| rect.contains(*at)) else { continue };
-            let handle = Rect::from_center_size(at, Vec2::splat(HANDLE));
-            let hand = ui.interact(handle, ui.id().with(("crop", axis, end)), Sense::drag());
+            let caught = Rect::from_center_size(at, Vec2::splat(CATCH));
+            let hand = ui.interact(caught, ui.id().with(("crop", axis, end)), Sense::drag());
             hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
             let fill = if hand.hovered() || hand.dragged() { egui::Color32::YELLOW } else { egui::Color32::WHITE };
             painter.rect(
-                handle.shrink(3.0),
+                Rect::from_center_size(at, Vec2::splat(HANDLE)),
                 2.0,
                 fill,
                 Stroke::new(1.0, egui::Color32::BLACK),
@@ -173,7 +174,7 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
                     }
                 }
             }
-            hand.on_hover_text("Drag this side of the box.");
+            hand.on_hover_text(format!("Drag this side of the box: {name} {word} {:.4}", crop[end][axis]));
         }
     }
 }

@@ -49,19 +49,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             ),
         };
         ui.label(RichText::new(now).small().weak()).on_hover_text(help);
-        ui.horizontal_wrapped(|ui| {
-            if document.opened().dial.nodes != dial.nodes && ui.button("Reset nodes").clicked() {
-                asked.push(Action::Edit(Edit::ResetDial));
-            }
-            for (index, situation) in dial.situations.iter().enumerate() {
-                let here = document.state().light.situation == Some(index);
-                let label = ui.selectable_label(here, &situation.name);
-                let label = if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
-                if label.clicked() {
-                    asked.push(Action::Edit(Edit::Situation(index)));
-                }
-            }
-        });
+        if document.opened().dial.nodes != dial.nodes && ui.button("Reset nodes").clicked() {
+            asked.push(Action::Edit(Edit::ResetDial));
+        }
     });
 }
 

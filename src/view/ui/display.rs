@@ -2,7 +2,7 @@
 
 use egui::{ComboBox, Ui};
 
-use super::controls::{panel, slider};
+use super::controls::{panel, slider, toggle};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
@@ -60,7 +60,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                          alike to one may differ to the other.",
                     ),
                 };
-                let button = ui.selectable_label(display.observer == observer, name).on_hover_text(help);
+                let button = toggle(ui, display.observer == observer, name).on_hover_text(help);
                 if button.clicked() && display.observer != observer {
                     asked.push(Action::Edit(Edit::Observer(observer)));
                 }

@@ -2,7 +2,7 @@
 
 use egui::{RichText, Ui, Vec2};
 
-use super::controls::{number, panel, slider};
+use super::controls::{number, panel, slider, toggle};
 use super::spectrum::{curve, swatch};
 use crate::scene::Mixing;
 use crate::view::action::Action;
@@ -40,7 +40,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 });
                 ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                     let alone = state.light.solo == Some(index) && by_slider;
-                    let solo = ui.selectable_label(alone, "solo").on_hover_text("This light alone, or all again.");
+                    let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all again.");
                     if solo.clicked() {
                         asked.push(Action::Edit(Edit::Solo((!alone).then_some(index))));
                     }
@@ -61,22 +61,31 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             }
         }
         let (mut normalise, mut master) = state.master();
+        let (whose, help) = match state.light.mixing {
+            Mixing::Sliders => (
+                "both by the sliders",
+                "A white surface keeps its brightness, whatever the sliders mix. The dial has a switch of its own.",
+            ),
+            Mixing::Dial => (
+                "both by the dial",
+                "A white surface keeps its brightness wherever the hand is. This is the dial's; the sliders have their own.",
+            ),
+        };
         ui.horizontal(|ui| {
             ui.label("Master").on_hover_text("All lights together.");
-            let dragged = number(ui, &mut master, 3, |drag| drag.speed(0.01).range(0.0..=BRIGHTEST)).on_hover_text("Drag, or type a number.");
+            let dragged = number(ui, &mut master, 3, |drag| drag.speed(0.01).range(0.0..=BRIGHTEST))
+                .on_hover_text("Drag, or type a number.");
             name(&dragged, "master", master);
             if dragged.changed() {
                 asked.push(Action::Edit(Edit::Master(master)));
             }
             let keep = ui.checkbox(&mut normalise, "keep brightness");
-            let help = match state.light.mixing {
-                Mixing::Sliders => "A white surface keeps its brightness, whatever the sliders mix. The dial has a switch of its own.",
-                Mixing::Dial => "A white surface keeps its brightness wherever the hand is. This is the dial's; the sliders have their own.",
-            };
             if keep.on_hover_text(help).changed() {
                 asked.push(Action::Edit(Edit::Normalise(normalise)));
             }
         });
+        ui.label(RichText::new(whose).small().weak())
+            .on_hover_text("The sliders and the dial have a master and a switch each; these are of what mixes now.");
     });
 }
 

@@ -17,12 +17,14 @@ mod status;
 mod toolbar;
 mod transfer;
 
+use egui::layers::PaintList;
 use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Frame, Panel, Rect, ScrollArea, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Order, Panel, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
+pub use notices::Notice;
 pub use palette::Design;
 pub use status::Status;
 
@@ -44,10 +46,10 @@ pub struct Shown<'a> {
     pub document: Option<&'a Document>,
     /// What the last line says.
     pub status: &'a Status,
-    /// What is being opened, how far it is (0 to 1, where known), and what is done for it.
+    /// What is being opened, until its first picture is there: how far it is (0 to 1, where known), and what is done for it.
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
-    /// What went wrong, the newest last.
-    pub notices: &'a [String],
+    /// What went wrong or was done, the newest last.
+    pub notices: &'a [Notice],
     /// Whether the device was lost, and nothing is rendered until somebody asks for it.
     pub stopped: bool,
     /// Whether a tour is played.
@@ -65,7 +67,7 @@ pub struct Shown<'a> {
 }
 
 /// Sizes that all panels share.
-pub fn style(context: &egui::Context) {
+pub fn style(context: &Context) {
     context.all_styles_mut(|style| {
         let font = egui::FontId::proportional(11.5);
         style.text_styles.insert(egui::TextStyle::Small, font);
@@ -76,7 +78,7 @@ pub fn style(context: &egui::Context) {
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
-    Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown.status));
+    Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
     toolbar::keys(ui, shown, asked);
     if shown.panels {
         Panel::left("panels").frame(frame).resizable(false).exact_size(WIDTH).show(ui, |ui| {
@@ -99,7 +101,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             });
         });
     }
-    CentralPanel::default()
+    let picture = CentralPanel::default()
         .frame(Frame::NONE)
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
@@ -113,5 +115,16 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             }
             rect
         })
-        .inner
+        .inner;
+    if ui.input(|input| input.pointer.any_down()) {
+        hide_tooltips(ui.ctx());
+    }
+    picture
+}
+
+/// Whoever holds something wants to see it, and egui keeps a tooltip that is there until the pointer has left what it is of.
+fn hide_tooltips(context: &Context) {
+    let mut seen = context.memory(|memory| memory.areas().visible_layer_ids());
+    seen.retain(|layer| layer.order == Order::Tooltip);
+    context.graphics_mut(|graphics| seen.into_iter().for_each(|layer| *graphics.entry(layer) = PaintList::default()));
 }

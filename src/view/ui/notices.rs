@@ -1,10 +1,39 @@
-//! Notices: what went wrong, and what makes the picture black, over the picture and never instead of it.
+//! Notices: what went wrong, what was done, and what makes the picture black, over the picture and never instead of it.
+
+use std::time::{Duration, Instant};
 
 use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
+use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
+
+/// How long it is told that something was done.
+const LONG_ENOUGH: Duration = Duration::from_secs(8);
+
+/// Something that is told over the picture.
+#[derive(Clone, Debug)]
+pub struct Notice {
+    /// What is told.
+    pub text: String,
+    /// When it leaves by itself; `None` stays until it is closed.
+    pub until: Option<Instant>,
+}
+
+impl Notice {
+    /// That something went wrong, which stays.
+    #[must_use]
+    pub fn wrong(text: String) -> Self {
+        Self { text, until: None }
+    }
+
+    /// That something was done, which leaves once it can have been read.
+    #[must_use]
+    pub fn done(text: String) -> Self {
+        Self { text, until: Instant::now().checked_add(LONG_ENOUGH) }
+    }
+}
 
 /// Shows them at the top right of the picture, before the windows, which open at its left.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
@@ -21,22 +50,37 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             let text = "The device was lost again before it had shown a picture. Perhaps this scene takes it too long.";
             notice(ui, text, "Start the device again", || asked.push(Action::Restart));
         }
-        for (index, text) in shown.notices.iter().enumerate() {
+        for (index, Notice { text, .. }) in shown.notices.iter().enumerate() {
             notice(ui, text, "Close", || asked.push(Action::Dismiss(index)));
         }
     });
+    let left = |notice: &Notice| Some(notice.until?.saturating_duration_since(Instant::now()));
+    let next = shown.notices.iter().enumerate().filter_map(|(index, notice)| Some((left(notice)?, index))).min();
+    match next {
+        Some((left, index)) if left.is_zero() => {
+            asked.push(Action::Dismiss(index));
+            ui.ctx().request_repaint();
+        }
+        // A window at rest draws no frames.
+        Some((left, _)) => ui.ctx().request_repaint_after(left),
+        None => {}
+    }
 }
 
 /// What makes the lights shine again.
 fn lit(document: &Document) -> Vec<Edit> {
     let state = document.state();
-    let count = state.scene.lights.len();
-    let mut edits = vec![Edit::Mix(crate::scene::Mixing::Sliders), Edit::Solo(None)];
+    let (count, nodes) = (state.scene.lights.len(), &state.scene.dial.nodes);
+    let all_nodes = (0..nodes.len()).map(|node| Edit::NodeOn(node, true));
+    if state.light.mixing == Mixing::Dial && nodes.iter().all(|node| !node.on) {
+        return all_nodes.collect();
+    }
+    let mut edits = vec![Edit::Mix(Mixing::Sliders), Edit::Solo(None)];
     edits.extend((0..count).map(|light| Edit::On(light, true)));
     edits.extend((0..count).map(|light| Edit::Weight(light, 1.0)));
     edits.push(Edit::Master(1.0));
     // And the dial's, which would be as dark when it is clicked.
-    edits.extend((0..state.scene.dial.nodes.len()).map(|node| Edit::NodeOn(node, true)));
+    edits.extend(all_nodes);
     if state.scene.display.exposure <= 0.0 {
         edits.push(Edit::Exposure(1.0));
     }

@@ -278,8 +278,13 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
                     step(asked, Step::Bounds(side, index, to));
                 }
             };
-            bounds(ui, "natural", NATURAL, "From 0 to 1, as real surfaces reflect.");
-            bounds(ui, "signed", [-1.0, 1.0], "Negative, too: no surface is like that, but more colours can be had.");
+            bounds(ui, "natural", NATURAL, "Bounds from 0 to 1: what real surfaces reflect.");
+            bounds(
+                ui,
+                "signed",
+                [-1.0, 1.0],
+                "Bounds from -1 to 1: negative, too. No surface is like that, but more colours can be had.",
+            );
         }
     });
     ui.horizontal(|ui| {
@@ -327,7 +332,7 @@ fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
             ui.horizontal(|ui| {
                 let help = "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
                 if ui.button("Solve").on_hover_text(help).clicked() {
-                    asked.push(Action::Solve);
+                    asked.push(Action::Solve(None));
                 }
                 if ui.small_button("Offer anew").on_hover_text("A palette for the materials that show, as they are now.").clicked() {
                     asked.push(Action::Edit(Edit::Design(Step::Offer)));
@@ -353,8 +358,7 @@ fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec
         ui.horizontal_wrapped(|ui| {
             for (way, change) in steps {
                 if ui.button(capital(&way.to_string())).clicked() {
-                    step(asked, change);
-                    asked.push(Action::Solve);
+                    asked.push(Action::Solve(Some(change)));
                 }
             }
         });

@@ -5,7 +5,7 @@ use egui::{Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Re
 use glam::DVec2;
 
 use super::Shown;
-use super::controls::panel;
+use super::controls::{panel, toggle};
 use super::spectrum::narrow;
 use crate::number::count;
 use crate::scene::Projection;
@@ -142,7 +142,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
                 ("Parallel rays", true, "Orthographic: what is farther is as large (key P changes)."),
             ];
             for (name, is_it, help) in kinds {
-                let kind = ui.selectable_label(parallel == is_it, name).on_hover_text(help);
+                let kind = toggle(ui, parallel == is_it, name).on_hover_text(help);
                 if kind.clicked() && parallel != is_it {
                     go(Move::Projection);
                 }

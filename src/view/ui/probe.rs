@@ -122,10 +122,14 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         "Along the ray",
         "From the eye on: the line is the data value, bars what each stretch hides, in the colours of its materials, and the falling line how much light still passes.",
     );
-    if probe.ray.is_empty() {
-        ui.label(RichText::new("following the ray …").small().weak());
-    } else {
-        ray(ui, document, probe, &colours);
+    match probe.ray.as_deref() {
+        None => {
+            ui.label(RichText::new("following the ray …").small().weak());
+        }
+        Some([]) => {
+            ui.label(RichText::new("The ray misses the volume, or what is shown of it.").small());
+        }
+        Some(met) => ray(ui, document, met, &colours),
     }
 }
 
@@ -218,30 +222,30 @@ fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: 
     });
 }
 
-fn ray(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
+fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 64.0), Sense::hover());
     let rect = frame.shrink2(vec2(0.0, 2.0));
     let visuals = ui.visuals().clone();
     let painter = ui.painter_at(frame);
     painter.rect_filled(frame, 2.0, visuals.extreme_bg_color);
-    let length = probe.ray.last().map_or(1.0, |last| last.distance).max(f64::MIN_POSITIVE);
-    let [low, high] = document.statistics().map_or_else(|| range(&probe.ray), |known| [known.min, known.max]);
+    let length = met.last().map_or(1.0, |last| last.distance).max(f64::MIN_POSITIVE);
+    let [low, high] = document.statistics().map_or_else(|| range(met), |known| [known.min, known.max]);
     let x = |distance: f64| rect.left() + narrow(distance / length).clamp(0.0, 1.0) * rect.width();
     let y = |part: f64| rect.bottom() - narrow(part.clamp(0.0, 1.0)) * rect.height();
-    let width = (rect.width() / narrow(crate::number::count(probe.ray.len()))).max(1.0);
-    for stretch in probe.ray.iter().filter(|stretch| stretch.opacity > 0.0) {
+    let width = (rect.width() / narrow(crate::number::count(met.len()))).max(1.0);
+    for stretch in met.iter().filter(|stretch| stretch.opacity > 0.0) {
         let left = x(stretch.distance) - width / 2.0;
         let column = Rect::from_x_y_ranges(left..=left + width + 0.5, y(stretch.opacity.sqrt())..=rect.bottom());
         painter.rect_filled(column, 0.0, mixed(stretch, colours));
     }
-    let line = |part: &dyn Fn(&Stretch) -> f64| probe.ray.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
+    let line = |part: &dyn Fn(&Stretch) -> f64| met.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
     let span = if high > low { high - low } else { 1.0 };
     painter.line(line(&|stretch| (stretch.value - low) / span), Stroke::new(1.0, visuals.text_color()));
     painter.line(line(&|stretch| stretch.transmittance), Stroke::new(1.5, Color32::from_rgb(230, 140, 40)));
     if let Some(pointer) = response.hover_pos() {
         let part = f64::from((pointer.x - rect.left()) / rect.width());
         let near = |stretch: &&Stretch| ((stretch.distance / length - part).abs() * 1e9).min(1e18);
-        if let Some(stretch) = probe.ray.iter().min_by(|one, two| near(one).total_cmp(&near(two))) {
+        if let Some(stretch) = met.iter().min_by(|one, two| near(one).total_cmp(&near(two))) {
             painter.vline(x(stretch.distance), rect.y_range(), Stroke::new(0.5, visuals.weak_text_color()));
             response.on_hover_text(told(document, stretch));
         }

@@ -2,7 +2,7 @@
 
 use egui::{Id, TextEdit, Ui};
 
-use super::controls::panel;
+use super::controls::{panel, toggle};
 use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
@@ -12,7 +12,7 @@ const SECONDS: f64 = 8.0;
 /// Pictures of a tour that is saved.
 const FRAMES: u16 = 50;
 
-/// Shows the controls that keep and tour them, where there is a dial; the dial has their names.
+/// Shows them, and the controls that keep and tour them, where there is a dial.
 pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Vec<Action>) {
     let state = document.state();
     let situations = &state.scene.dial.situations;
@@ -21,6 +21,19 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
     }
     panel(ui, "Light situations", Cost::Relight, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
+        // An empty row would be seen.
+        if !situations.is_empty() {
+            ui.horizontal_wrapped(|ui| {
+                for (index, situation) in situations.iter().enumerate() {
+                    let label = toggle(ui, state.light.situation == Some(index), &situation.name);
+                    let label =
+                        if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
+                    if label.clicked() {
+                        ask(Edit::Situation(index));
+                    }
+                }
+            });
+        }
         let id = Id::new("name of a situation");
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
         ui.horizontal(|ui| {

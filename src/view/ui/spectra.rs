@@ -144,7 +144,7 @@ fn row(
                     asked.push(Action::Edit(Edit::Spectra(Arc::new(Spectra::of_scene(opened, side, name)))));
                 }
                 for &standard in standard::names(kind) {
-                    if ui.selectable_label(known == Some(standard), standard).clicked()
+                    if ui.selectable_label(known == Some(standard) && now != then, standard).clicked()
                         && let Ok(spectra) = Spectra::standard(scene, side, name, standard)
                     {
                         asked.push(Action::Edit(Edit::Spectra(Arc::new(spectra))));

@@ -2,6 +2,7 @@
 
 use egui::{RichText, Ui};
 
+use super::Shown;
 use crate::view::engine::Counts;
 
 /// What the status line says.
@@ -24,12 +25,14 @@ pub struct Status {
 }
 
 /// Shows it.
-pub(super) fn show(ui: &mut Ui, status: &Status) {
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
+    let status = shown.status;
     ui.horizontal(|ui| {
         let at = match (status.marching, status.beside, status.finest) {
             (Some(part), _, _) => format!("marching {:.0} %", 100.0 * part),
             (None, Some(beside), _) => beside.to_owned(),
             (None, None, true) => "at rest".to_owned(),
+            (None, None, false) if shown.document.is_none() => "nothing is open".to_owned(),
             (None, None, false) => "preparing".to_owned(),
         };
         let Counts { marches, relights, .. } = status.counts;

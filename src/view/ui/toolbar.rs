@@ -3,6 +3,7 @@
 use egui::{Area, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
 
 use super::Shown;
+use super::controls::toggle;
 use crate::view::action::Action;
 
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
@@ -60,7 +61,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         }
         let help = "Designs spectra: which colour each material is to have under each light.";
         let palette =
-            ui.add_enabled_ui(shown.document.is_some(), |ui| ui.selectable_label(shown.design.shown, "Palette"));
+            ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, shown.design.shown, "Palette"));
         if palette.inner.on_hover_text(help).clicked() {
             asked.push(Action::Palette(!shown.design.shown));
         }

@@ -3,16 +3,18 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Color32, ComboBox, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
-    pos2, vec2,
+    Color32, ComboBox, CursorIcon, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
+    WidgetType, pos2, vec2,
 };
 use glam::DVec3;
 
 use super::controls::{number, panel};
 use super::spectrum::narrow;
 use crate::number::{count, whole};
+use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
 use crate::spectrum::colour::{LinearSrgb, display_code};
+use crate::spectrum::{Absorption, Spectrum};
 use crate::tables::{Components, RelightMatrices};
 use crate::view::action::Action;
 use crate::view::presets::Preset;
@@ -38,10 +40,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             for (index, term) in state.scene.transfer.terms.iter().enumerate() {
                 outline(ui, term, &map, &colours, chosen(ui) == Some(index));
             }
-            for (index, interval) in terms.iter().enumerate() {
-                if let Some(interval) = interval {
-                    handles(ui, index, interval, &map, asked);
-                }
+            // What is caught last lies on top: no body over a handle, and the chosen one over others.
+            let intervals = || terms.iter().enumerate().filter_map(|(index, it)| Some((index, it.as_ref()?)));
+            for (index, interval) in intervals().filter(|(index, _)| chosen(ui) != Some(*index)) {
+                body(ui, index, interval, &map, asked);
+            }
+            for (index, interval) in intervals().filter(|(index, _)| chosen(ui) == Some(*index)) {
+                body(ui, index, interval, &map, asked);
+            }
+            for (index, interval) in intervals() {
+                handles(ui, index, interval, &map, asked);
             }
             ends(ui, statistics);
         }
@@ -97,10 +105,21 @@ fn middle(statistics: &Statistics) -> Interval {
     }
 }
 
+/// What of white light comes from a material that is looked at by itself: what it reflects, or, where it absorbs some wavelengths
+/// more than others, what passes through so much of it that a tenth is left where it absorbs most.
+fn seen_of(material: &Material) -> Spectrum {
+    let reflected = material.reflectance.spectrum();
+    let Some(shape) = material.absorption.as_ref().map(Absorption::spectrum).filter(|it| !is_constant(it)) else {
+        return reflected.clone();
+    };
+    let passed = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
+    if *reflected == Spectrum::constant(0.0) { passed } else { &passed * reflected }
+}
+
 /// The colours of the scene's materials under the present light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
     let scene = &state.scene;
-    let spectra: Vec<_> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
+    let spectra: Vec<_> = scene.materials.iter().map(seen_of).collect();
     let (materials, places) = (spectra.len(), positions(scene).len());
     // In the dark, as they are under the scene's light: black squares tell nothing.
     let mix = if state.is_lit() { state.mix() } else { Mix::of_scene(scene) };
@@ -122,8 +141,8 @@ impl Map {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram and intervals"));
         response.on_hover_text(
-            "Grey: how often each value occurs, on a log scale. Drag the corners of an interval, its feet, and its top; \
-             the height is the opacity, its square root.",
+            "Grey: how often each value occurs, on a log scale. Drag an interval, its corners, its feet, and its top; the height \
+             is the opacity, its square root.",
         );
         let span = statistics.max - statistics.min;
         let span = if span > 0.0 && span.is_finite() { span } else { 1.0 };
@@ -237,6 +256,41 @@ fn moved(interval: &Interval, map: &Map, part: Part, to: Pos2) -> Interval {
         Part::Behind => Interval { ramp: ramp(value - high), ..*interval },
         Part::Top => Interval { opacity: map.opacity(to.y), ..*interval },
     }
+}
+
+/// `interval` with both its ends shifted by as much, as fine as a file and a field say it.
+fn shifted(interval: &Interval, by: f64, map: &Map) -> Interval {
+    let places = places(map.span) + 3;
+    let range = interval.range.map(|end| format!("{:.places$}", end + by).parse().unwrap_or(end));
+    Interval { range, ..*interval }
+}
+
+/// The inside of an interval, which is dragged with both its ends.
+fn body(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
+    let [low, high] = interval.range.map(|end| map.x(end));
+    let inside = Rect::from_x_y_ranges(low..=high, map.y(interval.opacity)..=map.rect.bottom());
+    // What is flat or thin is caught, too.
+    let inside = inside.expand2((Vec2::splat(HANDLE) - inside.size()).max(Vec2::ZERO) / 2.0);
+    let inside = inside.intersect(map.rect.expand(HANDLE / 2.0));
+    if !inside.is_positive() {
+        return;
+    }
+    let id = ui.id().with(("interval", index));
+    let hand = ui.interact(inside, id, Sense::click_and_drag());
+    hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("interval {index}: Body")));
+    let pointer = hand.interact_pointer_pos().map(|pointer| map.value(pointer.x));
+    if let (true, Some(value)) = (hand.is_pointer_button_down_on(), pointer) {
+        choose(ui, index);
+        // Where it was caught, which small steps of the hand must not lose.
+        let (was, from) = ui.data_mut(|data| *data.get_temp_mut_or(id, (*interval, value)));
+        if hand.dragged() {
+            asked.push(Action::Edit(Edit::Interval(index, shifted(&was, value - from, map))));
+        }
+    } else {
+        ui.data_mut(|data| data.remove::<(Interval, f64)>(id));
+    }
+    hand.on_hover_cursor(CursorIcon::ResizeHorizontal)
+        .on_hover_text("Drag it to shift both its ends; its corners, its feet and its top move one thing each.");
 }
 
 fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
@@ -367,8 +421,10 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
     let [red, green, blue, _] = colour.to_array();
     let code = format!("#{red:02x}{green:02x}{blue:02x}");
     response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
-    let help = if material.is_some_and(|material| material.absorption.is_some()) {
-        "What the material scatters back under the present light, to whoever looks. It absorbs, too, which colours what is seen through it: that curve is in Spectra."
+    let absorption = material.and_then(|material| material.absorption.as_ref());
+    let help = if absorption.is_some_and(|it| !is_constant(it.spectrum())) {
+        "The present light to whoever looks, seen through as much of the material as lets a tenth pass where it absorbs most, times \
+         what it reflects, if it does. Less of it is paler, more of it darker."
     } else {
         "The material under the present light, to whoever looks."
     };
