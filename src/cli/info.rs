@@ -13,7 +13,7 @@ use relume::number::{brief, readable};
 use relume::output::accumulators::{Accumulators, Components, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
-use relume::scene::{Interpolation, Placement, Scene, StoreAs};
+use relume::scene::{Placement, Scene};
 use relume::tables::Storage;
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
@@ -444,18 +444,10 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
         "specular": plan.specular().is_some(),
         "labels": plan.labels,
         "background": plan.background,
-        "lookup": format!("{:?}", plan.lookup).to_lowercase(),
-        "interpolation": match plan.interpolation {
-            Interpolation::Nearest => "nearest",
-            Interpolation::Linear => "linear",
-            Interpolation::ExactLinear => "exact_linear",
-            Interpolation::Cubic => "cubic",
-        },
+        "lookup": plan.lookup,
+        "interpolation": plan.interpolation,
         "skipping": plan.skipping,
-        "storage": match plan.storage {
-            StoreAs::Single => "f32",
-            StoreAs::Half => "f16",
-        },
+        "storage": plan.storage,
         "pixel_bytes": plan.pixel_bytes(),
         "texture": {
             "format": format!("{:?}", storage.format).to_lowercase(),

@@ -2,57 +2,34 @@
 
 use super::setting::Setting;
 use crate::number::readable;
-use crate::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Scene, StoreAs, VolumeAs};
+use crate::scene::Scene;
 
 /// Every key that a setting may change, as `scene` has it: its table, its name and its value in TOML; of the entries of the
 /// transfer table only where they are stated.
 pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)> {
     let accuracy = &scene.accuracy;
-    let name = |name: &str| format!("\"{name}\"");
-    let interpolation = match accuracy.interpolation {
-        Interpolation::Nearest => "nearest",
-        Interpolation::Linear => "linear",
-        Interpolation::ExactLinear => "exact_linear",
-        Interpolation::Cubic => "cubic",
-    };
-    let volume = match accuracy.volume {
-        VolumeAs::Auto => "auto",
-        VolumeAs::Single => "f32",
-        VolumeAs::Short => "u16",
-    };
-    let gradients = match accuracy.gradients {
-        Gradients::Packed => "packed",
-        Gradients::Central => "central",
-    };
-    let accumulate = match accuracy.accumulate {
-        AccumulateAs::Auto => "auto",
-        AccumulateAs::Weights => "weights",
-        AccumulateAs::Spectral => "spectral",
-    };
-    let storage = match accuracy.storage {
-        StoreAs::Single => "f32",
-        StoreAs::Half => "f16",
-    };
-    let lookup = match scene.transfer.lookup {
-        Lookup::Nearest => "nearest",
-        Lookup::Linear => "linear",
-    };
-    let k = accuracy.dimension.map_or_else(|| name("auto"), |k| k.to_string());
+    let k = accuracy.dimension.map_or_else(|| toml("auto"), |k| k.to_string());
     let stated = [
         ("step", readable(accuracy.step_length)),
         ("termination", readable(accuracy.termination)),
-        ("interpolation", name(interpolation)),
-        ("accumulate", name(accumulate)),
-        ("model", name(accuracy.model.name())),
+        ("interpolation", toml(accuracy.interpolation)),
+        ("accumulate", toml(accuracy.accumulate)),
+        ("model", toml(accuracy.model.name())),
         ("k", k),
-        ("storage", name(storage)),
-        ("volume", name(volume)),
-        ("gradients", name(gradients)),
+        ("storage", toml(accuracy.storage)),
+        ("volume", toml(accuracy.volume)),
+        ("gradients", toml(accuracy.gradients)),
         ("skipping", accuracy.skipping.to_string()),
     ];
     let entries = scene.transfer.entries.map(|entries| ("transfer", "entries", entries.to_string()));
     let accuracy = stated.into_iter().map(|(key, value)| ("accuracy", key, value));
-    accuracy.chain([("transfer", "lookup", name(lookup))]).chain(entries).collect()
+    accuracy.chain([("transfer", "lookup", toml(scene.transfer.lookup))]).chain(entries).collect()
+}
+
+/// A value as TOML has it.
+fn toml(value: impl serde::Serialize) -> String {
+    // Names of values and numbers are all that comes here, and have a form.
+    toml::Value::try_from(value).map_or_else(|_| String::new(), |value| value.to_string())
 }
 
 impl Setting {

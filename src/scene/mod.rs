@@ -178,7 +178,7 @@ pub enum Shading {
 }
 
 /// Between voxels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// The value of the nearest voxel.
@@ -222,7 +222,7 @@ pub struct Accuracy {
 }
 
 /// How voxels are stored on a device.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 pub enum VolumeAs {
     /// In 16 bits where that loses nothing, else in f32.
     #[default]
@@ -237,7 +237,7 @@ pub enum VolumeAs {
 }
 
 /// Where gradients come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gradients {
     /// Central differences of voxels, stored beside the values: four times the memory, one fetch.
@@ -248,7 +248,7 @@ pub enum Gradients {
 }
 
 /// How the numbers of finished accumulators are stored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 pub enum StoreAs {
     /// As they were summed up.
     #[default]
@@ -260,7 +260,7 @@ pub enum StoreAs {
 }
 
 /// What pixels store.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AccumulateAs {
     /// Weights where they are exact and fill no more vectors than the numbers of a colour model, else those.

@@ -9,7 +9,7 @@ use super::Material;
 pub const OPAQUE_DEPTH: f64 = 1e9;
 
 /// How table entries become a value between them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lookup {
     /// The entry nearest to the value; with 256 entries, what most renderers of 8-bit data do.
