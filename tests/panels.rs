@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glam::{DVec2, DVec3};
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
@@ -24,9 +24,9 @@ use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
-use relume::view::ui::{self, Design, Effort, Notice, Shown, Status};
+use relume::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
-use support::program::{DIAL, SCENE};
+use support::program::{DIAL, Folder, SCENE};
 
 fn document() -> Document {
     let text = format!("{SCENE}{DIAL}");
@@ -43,6 +43,9 @@ struct App {
     design: bool,
     conflicts: Vec<Conflict>,
     notices: Vec<Notice>,
+    chooser: Chooser,
+    /// The folder that files are chosen in.
+    folder: Folder,
 }
 
 impl App {
@@ -56,6 +59,8 @@ impl App {
             design: false,
             conflicts: Vec::new(),
             notices: Vec::new(),
+            chooser: Chooser::default(),
+            folder: Folder::new(),
         };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
@@ -69,6 +74,7 @@ impl App {
             notices: &app.notices,
             stopped: false,
             plays: false,
+            chooses: app.chooser.is_open(),
             panels: app.panels,
             design: Design { shown: app.design, running: None, conflicts: &app.conflicts },
             effort: Effort { curve: app.curve.as_ref().map(|curve| (curve, true)), ..Effort::default() },
@@ -76,6 +82,7 @@ impl App {
             aspect: 1.5,
         };
         ui::show(ui, &shown, &mut asked);
+        asked.extend(app.chooser.show(ui.ctx()));
         for action in &asked {
             match (action, &mut app.document) {
                 (Action::Edit(edit), Some(document)) => {
@@ -84,6 +91,7 @@ impl App {
                 (Action::Undo, Some(document)) => {
                     document.undo();
                 }
+                (Action::Choose(file), _) => app.chooser.open(*file, &app.folder.path("relume-0001.png")),
                 (Action::Panels(shown), _) => app.panels = *shown,
                 (Action::Palette(shown), _) => app.design = *shown,
                 (Action::Dismiss(index), _) => drop(app.notices.remove(*index)),
@@ -1155,4 +1163,97 @@ fn a_way_out_and_the_spectra_that_are_solved_by_it_are_one_step_back() {
     assert!(!is_open(&document) && lamp(&document) == before, "both");
     document.redo();
     assert!(is_open(&document) && lamp(&document) != before, "both again");
+}
+
+/// Opens the menu of files and clicks a line of it.
+fn file_menu(window: &mut Harness<'_, App>, line: &str) {
+    window.get_by_label("File").click();
+    window.run();
+    window.get_by_label_contains(line).click();
+    window.step();
+}
+
+/// Waits until the dialog has read its folder.
+fn until_listed(window: &mut Harness<'_, App>) {
+    for _ in 0..50 {
+        std::thread::sleep(Duration::from_millis(10));
+        window.step();
+    }
+}
+
+fn saved_or_opened(window: &Harness<'_, App>) -> Vec<Action> {
+    let is_file =
+        |action: &&Action| matches!(action, Action::SavePicture(_) | Action::SaveSession(_) | Action::Open(_));
+    window.state().asked.iter().filter(is_file).cloned().collect()
+}
+
+#[test]
+fn a_picture_is_saved_where_the_dialog_says_and_asks_before_it_replaces_one() {
+    let mut window = wide(document());
+    let path = window.state().folder.path("relume-0001.png");
+    file_menu(&mut window, "Save picture as");
+    until_listed(&mut window);
+    window.key_press(Key::Enter);
+    until_listed(&mut window);
+    assert_eq!(saved_or_opened(&window), [Action::SavePicture(Some(path.canonicalize().unwrap_or(path.clone())))]);
+    std::fs::write(&path, "another picture").unwrap();
+    file_menu(&mut window, "Save picture as");
+    until_listed(&mut window);
+    window.key_press(Key::Enter);
+    until_listed(&mut window);
+    assert_eq!(saved_or_opened(&window).len(), 1, "a file that is there is asked for");
+    window.get_by_label_contains("Overwrite").click();
+    until_listed(&mut window);
+    assert_eq!(saved_or_opened(&window).len(), 2);
+}
+
+#[test]
+fn a_name_without_an_extension_gets_that_of_the_file() {
+    let mut window = wide(document());
+    file_menu(&mut window, "Save session as");
+    until_listed(&mut window);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run();
+    window.event(Event::Text("mine".to_owned()));
+    window.run();
+    window.key_press(Key::Enter);
+    until_listed(&mut window);
+    let path = window.state().folder.path("mine.toml");
+    assert_eq!(saved_or_opened(&window), [Action::SaveSession(Some(path))]);
+}
+
+#[test]
+fn what_can_be_opened_is_listed_and_keys_are_the_dialogs_own() {
+    let mut window = wide(document());
+    for name in ["head.mhd", "scene.toml", "notes.pdf"] {
+        std::fs::write(window.state().folder.path(name), "").unwrap();
+    }
+    window.key_press_modifiers(Modifiers::COMMAND, Key::O);
+    window.run();
+    until_listed(&mut window);
+    assert!(window.query_by_label_contains("notes.pdf").is_none(), "no volume and no scene");
+    window.get_by_label_contains("head.mhd").click();
+    window.run();
+    window.key_press(Key::ArrowDown);
+    window.run();
+    window.key_press(Key::P);
+    window.run();
+    assert!(!window.state().asked.iter().any(|action| matches!(action, Action::Edit(_))), "the camera stays");
+    window.get_by_label_contains("head.mhd").click();
+    window.run();
+    window.get_by_label_contains("  Open").click();
+    until_listed(&mut window);
+    let path = window.state().folder.path("head.mhd");
+    assert_eq!(saved_or_opened(&window), [Action::Open(path)]);
+}
+
+#[test]
+fn nothing_is_offered_to_be_saved_while_nothing_is_open() {
+    let mut window = App::open(Vec2::new(1280.0, 720.0), None);
+    window.run();
+    window.get_by_label("File").click();
+    window.run();
+    for line in ["Save session as", "Save picture as", "Save accumulators"] {
+        assert!(window.get_by_label_contains(line).accesskit_node().is_disabled(), "{line}");
+    }
 }

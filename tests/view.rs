@@ -613,8 +613,10 @@ fn assert_opens_as_it_was_saved_in(folder: &Folder, session: &str, saved: &str, 
 fn what_a_hand_saves_has_a_name_of_its_own_each_time() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder().with("relume-0002.png", "kept");
-    let find = "size 1280 800\nsettle\npointer 126 18\nframes 2\npress\nrelease\nsettle\npress\nrelease\nsettle\n";
-    screen.script(&folder, "dial.toml", find);
+    // The menu of files, and its line "Save picture".
+    let click = |[x, y]: [u32; 2]| format!("pointer {x} {y}\nframes 2\npress\nrelease\nframes 2\nsettle\n");
+    let save = [[22, 17], [60, 147]].map(click).concat();
+    screen.script(&folder, "dial.toml", &format!("size 1280 800\nsettle\n{save}{save}"));
     let names = folder.names();
     assert!(
         names.contains(&"relume-0001.png".to_owned()) && names.contains(&"relume-0003.png".to_owned()),

@@ -11,7 +11,7 @@ use serde_json::Value;
 use relume::output::accumulators::{
     Components as FileComponents, Dial as FileDial, Node as FileNode, Situation as FileSituation, Stored,
 };
-use relume::output::{Accumulators as File, Alpha, Depth, Picture, check_writable, write_exr, write_png};
+use relume::output::{Accumulators as File, Alpha, Depth, Picture, PictureKind, check_writable, write_exr, write_png};
 use relume::plan::Transmittance;
 use relume::reference;
 use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Situation};
@@ -30,23 +30,9 @@ pub(crate) enum Bits {
     Sixteen,
 }
 
-/// The kinds of picture file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum PictureKind {
-    Png,
-    Exr,
-}
-
 /// What `path` will be, by its extension.
 pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
-    match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("png") => Ok(PictureKind::Png),
-        Some("exr") => Ok(PictureKind::Exr),
-        _ => Err(CliError::Usage(format!(
-            "cannot tell what kind of picture {} is to be: end its name in .png (sRGB) or .exr (linear float)",
-            path.display()
-        ))),
-    }
+    PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
 }
 
 /// Writes linear RGBA to `path`.

@@ -8,7 +8,7 @@ use serde_json::json;
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
-use relume::output::{Accumulators, write_ready_png};
+use relume::output::{Accumulators, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -19,7 +19,7 @@ use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storag
 use relume::volume::{Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::files::{self, Bits, PictureKind, picture_kind};
+use super::files::{self, Bits, picture_kind};
 use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::scene::{LightArgs, SceneArgs, size};
@@ -114,9 +114,8 @@ impl Marched {
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
     for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
-        if let Some(path) = path.as_ref().filter(|path| picture_kind(path).ok() != Some(PictureKind::Exr)) {
-            let name = path.display();
-            return Err(CliError::Usage(format!("{flag} {name}: this will be OpenEXR; end its name in .exr")));
+        if let Some(Err(error)) = path.as_deref().map(PictureKind::require_exr) {
+            return Err(CliError::Usage(format!("{flag}: {error}")));
         }
     }
     let mut outputs: Vec<&PathBuf> = args.output.iter().collect();

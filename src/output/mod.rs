@@ -26,6 +26,42 @@ pub fn numbered(path: &Path, number: u16) -> PathBuf {
     path.with_file_name(format!("{}-{number:04}.{}", part(path.file_stem()), part(path.extension())))
 }
 
+/// The kinds of picture file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureKind {
+    /// sRGB for the screen.
+    Png,
+    /// Linear OpenEXR.
+    Exr,
+}
+
+impl PictureKind {
+    /// What `path` will be, by its extension.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::Kind`] where that says nothing.
+    pub fn of(path: &Path) -> Result<Self, OutputError> {
+        match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("png") => Ok(Self::Png),
+            Some("exr") => Ok(Self::Exr),
+            _ => Err(OutputError::Kind { path: path.to_owned() }),
+        }
+    }
+
+    /// Whether `path` will be OpenEXR, as accumulators and spectral pictures are.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::NoExr`] where it will not.
+    pub fn require_exr(path: &Path) -> Result<(), OutputError> {
+        match Self::of(path) {
+            Ok(Self::Exr) => Ok(()),
+            _ => Err(OutputError::NoExr { path: path.to_owned() }),
+        }
+    }
+}
+
 /// Samples of every spectrum in a file: 380–780 nm in steps of 5 nm.
 pub const BANDS: usize = 81;
 
@@ -45,6 +81,21 @@ pub enum OutputError {
     /// What passes is a matrix.
     #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
     Matrix,
+    /// The name says no kind of picture.
+    #[error(
+        "cannot tell what kind of picture {} is to be: end its name in .png (sRGB) or .exr (linear float)",
+        path.display()
+    )]
+    Kind {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The name is of no OpenEXR file, which this is to be.
+    #[error("{} will be OpenEXR; end its name in .exr", path.display())]
+    NoExr {
+        /// The file.
+        path: PathBuf,
+    },
     /// The folder that should hold the file takes no other.
     #[error("cannot write {}: no file can be made in {}; write elsewhere", path.display(), folder.display())]
     NoFile {

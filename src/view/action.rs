@@ -8,6 +8,20 @@ use super::design::Step;
 use super::state::Edit;
 use crate::measure::Goal;
 
+/// A file that is chosen in a dialog.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum File {
+    /// A scene or a volume to open.
+    Opened,
+    /// A picture to save.
+    Picture,
+    /// Accumulators to save.
+    Accumulators,
+    /// A session to save.
+    Session,
+}
+
 /// Something that is asked of the viewer.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -18,6 +32,8 @@ pub enum Action {
     Undo,
     /// A step forward.
     Redo,
+    /// A dialog in which the file is chosen.
+    Choose(File),
     /// Another scene or volume.
     Open(PathBuf),
     /// The scene that is part of the program.

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::output::{self, OutputError, Picture, write_exr, write_ready_png};
+use crate::output::{self, OutputError, Picture, PictureKind, write_exr, write_ready_png};
 use crate::render::{Accumulators, RenderError, Renderer};
 use crate::scene::Scene;
 use crate::tables::RelightMatrices;
@@ -18,9 +18,6 @@ pub enum ExportError {
     /// The file.
     #[error(transparent)]
     Output(#[from] OutputError),
-    /// The name.
-    #[error("{0} will be OpenEXR; end its name in .exr")]
-    Name(String),
 }
 
 /// What a picture is made of. What the window goes on with changes nothing of it.
@@ -32,22 +29,26 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    /// Writes the picture to `path`: linear OpenEXR where that ends in .exr, otherwise the PNG that is shown.
+    /// Writes the picture to `path`: the PNG that is shown, or linear OpenEXR, by its extension.
     ///
     /// # Errors
     ///
     /// [`ExportError`]; then `path` is what it was.
     pub fn write_picture(&self, path: &Path) -> Result<(), ExportError> {
         let [width, height] = self.accumulators.size;
-        if is_exr(path) {
-            let relight = self.renderer.relight_linear(&self.accumulators)?;
-            relight.run(&self.matrices)?;
-            return Ok(write_exr(path, &Picture::new(width, height, &relight.read::<f32>()?)?)?);
+        match PictureKind::of(path)? {
+            PictureKind::Exr => {
+                let relight = self.renderer.relight_linear(&self.accumulators)?;
+                relight.run(&self.matrices)?;
+                Ok(write_exr(path, &Picture::new(width, height, &relight.read::<f32>()?)?)?)
+            }
+            PictureKind::Png => {
+                let relight = self.renderer.relight_display(&self.accumulators)?;
+                relight.run(&self.matrices)?;
+                let pixels: Vec<[u8; 4]> = relight.read()?;
+                Ok(write_rgba(path, [width, height], pixels.as_flattened())?)
+            }
         }
-        let relight = self.renderer.relight_display(&self.accumulators)?;
-        relight.run(&self.matrices)?;
-        let pixels: Vec<[u8; 4]> = relight.read()?;
-        Ok(write_rgba(path, [width, height], pixels.as_flattened())?)
     }
 
     /// Writes what the march of `scene`, mixed as it opens, has left: the accumulator file of
@@ -57,17 +58,11 @@ impl Snapshot {
     ///
     /// [`ExportError`]; then `path` is what it was.
     pub fn write_accumulators(&self, scene: &Scene, path: &Path) -> Result<(), ExportError> {
-        if !is_exr(path) {
-            return Err(ExportError::Name(path.display().to_string()));
-        }
+        PictureKind::require_exr(path)?;
         let accumulation = self.renderer.read(&self.accumulators)?;
         let planned = &self.accumulators.planned;
         Ok(output::Accumulators::of_march(scene, planned, accumulation)?.write(path)?)
     }
-}
-
-fn is_exr(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"))
 }
 
 /// Writes a PNG of RGBA pixels, without their opacity.

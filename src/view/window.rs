@@ -1,46 +1,46 @@
 //! The window: the system's events in, frames out; it draws when something has changed, and rests otherwise.
 
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+mod beside;
+mod opening;
+mod replay;
+mod report;
+mod saving;
+
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use egui::{Context, Pos2, Rect, TexturesDelta, ViewportId};
+use egui::{Context, Rect, TexturesDelta, ViewportId};
 use egui_winit::accesskit_winit;
 use winit::application::ApplicationHandler;
-use winit::dpi::PhysicalSize;
 use winit::error::{EventLoopError, OsError};
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::WindowId;
 
 use super::action::Action;
-use super::design::{Spectra, Step};
-use super::effort::{self, Curve, Measured};
+use super::effort::Curve;
 use super::engine::{Counts, Engine, EngineError};
-use super::export::{ExportError, write_rgba};
+use super::export::write_rgba;
 use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
-use super::prober::{Prober, StepError};
+use super::prober::Prober;
 use super::screen::Screen;
-use super::script::{self, Command, Input, Script, ScriptError};
-use super::session;
-use super::state::{Cost, Document, Edit};
+use super::script::{Script, ScriptError};
+use super::state::{Cost, Document};
 use super::tour::Tour;
-use super::ui::{self, Design, Effort, Notice, Shown, Status};
-use crate::measure::{Choice, ChoiceError, Goal};
-use crate::number::{count, unsigned, whole};
-use crate::output::numbered;
-use crate::palette::{self, Conflict, PaletteError, Solution};
-use crate::progress::Progress;
-use crate::render::{RenderError, Renderer};
-use crate::scene::{Interval, Scene};
-use crate::volume::VolumeError;
+use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
+use crate::number::{unsigned, whole};
+use crate::palette::Conflict;
+use crate::render::RenderError;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
+use beside::{Chosen, Solved};
+use replay::Position;
+pub use report::Report;
+use report::spread;
+use saving::Saving;
 
 /// How long after its last movement a hand rests.
 const REST: Duration = Duration::from_millis(150);
-/// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
-const PATIENCE: u32 = 120;
 /// How often the device may be lost before a picture is there, until the window is given up.
 const MOST_LOSSES: u32 = 4;
 /// Least time between two pieces of news of what is measured.
@@ -67,52 +67,6 @@ pub struct Options {
     pub script: Option<Script>,
     /// Ends the program when its display goes away, where the system leaves no other way.
     pub display_gone: Option<fn() -> !>,
-}
-
-/// What a session was like.
-#[derive(Clone, Debug, Default, serde::Serialize)]
-pub struct Report {
-    /// The device's name.
-    pub device: String,
-    /// Pixels of the picture, at the end.
-    pub size: [usize; 2],
-    /// Frames drawn.
-    pub frames: u64,
-    /// Marches, dispatches and relights, of all that was opened.
-    #[serde(flatten)]
-    pub counts: Counts,
-    /// The counts at each `settle` of the script.
-    pub settled: Vec<Counts>,
-    /// Settings that were chosen by what was measured.
-    pub choices: Vec<Choice>,
-    /// What was measured of settings, at the end.
-    pub curve: Vec<Measured>,
-    /// The largest ΔE00 of a cell of each palette that was solved, from what was asked.
-    pub solved: Vec<f64>,
-    /// What `probe` of the script has found.
-    pub probes: Vec<serde_json::Value>,
-    /// From the start to the first picture.
-    pub first_picture_ms: Option<f64>,
-    /// From each change of what is marched to a picture of it.
-    pub coarse_ms: Vec<f64>,
-    /// From each to the finest picture, where nothing came between.
-    pub finest_ms: Vec<f64>,
-    /// Frames by how long they took, the longest of them last: median, 95th of a hundred, longest.
-    pub frame_ms: [f64; 3],
-    /// The same of frames that showed another light and marched nothing.
-    pub relit_ms: [f64; 3],
-    /// The longest call into the engine.
-    pub longest_step_ms: f64,
-    /// The longest that nobody was heard after the first picture was there: from a frame's begin to its end.
-    pub stall_ms: f64,
-    /// How often the device was lost, and opened again.
-    pub losses: u64,
-    /// What was told last.
-    pub notices: Vec<String>,
-    /// What could not be opened, saved or done, all of it.
-    pub failures: Vec<String>,
-    /// What the validation layer has said.
-    pub validation: Vec<String>,
 }
 
 /// Why there is no window, or no longer.
@@ -175,12 +129,6 @@ impl From<accesskit_winit::Event> for Woken {
     }
 }
 
-/// What settings take and err by, and the one that was chosen by it.
-type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
-
-/// What was solved, and what of the palette changes with it.
-type Solved = Result<(Solution, Option<Step>), PaletteError>;
-
 /// The application.
 struct Viewer {
     options: Options,
@@ -218,14 +166,9 @@ struct Viewer {
     conflicts: Vec<Conflict>,
     /// The last edit that marches.
     moved: Instant,
-    /// What to save once the picture is finest.
-    to_save: Vec<Export>,
-    /// Files that are being written.
-    writing: Vec<Writing>,
-    /// Names that were given to files, which may not be there yet.
-    named: Vec<PathBuf>,
-    /// Where the window's pixels of this frame go.
-    to_capture: Option<PathBuf>,
+    /// What is still to be written, and in which dialog it is said where.
+    saving: Saving,
+    chooser: Chooser,
     script: Position,
     drawn: Vec<f64>,
     /// Those of frames that showed another light and marched nothing.
@@ -236,18 +179,6 @@ struct Viewer {
     failed: Option<ViewError>,
 }
 
-/// What of a picture is to be saved, and where.
-enum Export {
-    Picture(PathBuf),
-    Accumulators(PathBuf),
-}
-
-/// A file that is being written, and what is said of it once it is there.
-struct Writing {
-    job: Job<Result<(), ExportError>>,
-    there: Option<String>,
-}
-
 /// What became of the device.
 #[derive(Default)]
 struct Lost {
@@ -255,15 +186,6 @@ struct Lost {
     times: u32,
     /// Whether nothing is rendered until somebody asks for it.
     stopped: bool,
-}
-
-/// How far the script is.
-#[derive(Default)]
-struct Position {
-    /// The next command.
-    next: usize,
-    /// Frames that the last one still waits.
-    waits: u32,
 }
 
 impl Viewer {
@@ -294,10 +216,8 @@ impl Viewer {
             solving: None,
             conflicts: Vec::new(),
             moved: begun,
-            to_save: Vec::new(),
-            writing: Vec::new(),
-            named: Vec::new(),
-            to_capture: None,
+            saving: Saving::default(),
+            chooser: Chooser::default(),
             script: Position::default(),
             drawn: Vec::new(),
             relit: Vec::new(),
@@ -313,9 +233,7 @@ impl Viewer {
         if let Some(measuring) = self.measuring.take() {
             measuring.end();
         }
-        for writing in std::mem::take(&mut self.writing) {
-            writing.job.end();
-        }
+        self.saving.end();
         self.give_up();
         // The end of the program is no time to be at work on the device.
         self.engine.take().into_iter().for_each(Engine::end);
@@ -381,127 +299,6 @@ impl Viewer {
         Ok(())
     }
 
-    /// Opens something beside the window; what was being opened is given up.
-    fn open(&mut self, source: Source) {
-        let name = source.name();
-        self.load(name, false, move |renderer, progress| source.load(renderer, progress));
-    }
-
-    /// Brings what is looked at to the device again.
-    fn restore(&mut self) {
-        self.lost.stopped = false;
-        let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
-        let (scene, statistics) = (document.state().scene.clone(), document.statistics().cloned());
-        let source = self.source.clone();
-        self.load(source.name(), true, move |renderer, progress| {
-            let statistics = statistics.map_or_else(|| scene.volume.statistics(), Ok)?;
-            Loaded::prepare(renderer, scene, statistics, source, progress)
-        });
-    }
-
-    /// Begins to `load` on a thread what is called `name`, a thing that is looked at already or another one.
-    fn load(
-        &mut self,
-        name: String,
-        again: bool,
-        load: impl FnOnce(Arc<Renderer>, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
-    ) {
-        let Some(screen) = &self.screen else { return };
-        self.opened += 1;
-        let (number, proxy) = (self.opened, self.proxy.clone());
-        let loaded = {
-            let proxy = proxy.clone();
-            // A window that is gone needs no news.
-            move |loaded| drop(proxy.send_event(Woken::Loaded { number, again, loaded: Box::new(loaded) }))
-        };
-        let progressed = move || drop(proxy.send_event(Woken::Progress));
-        let renderer = Arc::clone(&screen.renderer);
-        self.give_up();
-        self.loading = Some(Loading::start(name, move |progress| load(renderer, progress), progressed, loaded));
-    }
-
-    /// Gives up what is being opened.
-    fn give_up(&mut self) {
-        self.given_up.retain(|loading| !loading.is_over());
-        if let Some(loading) = self.loading.take() {
-            loading.give_up();
-            self.given_up.push(loading);
-        }
-    }
-
-    fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
-        self.loading = None;
-        let loaded = match loaded {
-            Ok(loaded) => loaded,
-            // The next frame notices it too, and starts again.
-            Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
-            Err(error) => {
-                self.tell(&error);
-                if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
-                    notice.text.push_str("; a window cannot be told: start `relume view` with the file and that");
-                }
-                return;
-            }
-        };
-        self.before = self.counts();
-        if !again {
-            let mut document = Document::new(loaded.scene.clone());
-            if loaded.source.bare_volume().is_some() {
-                // Its lights are there to choose from, and not meant together.
-                document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
-            }
-            self.document = Some(document.with_statistics(loaded.statistics.clone()));
-            self.source = loaded.source.clone();
-            self.screen.iter().for_each(|screen| screen.window.set_title(&self.source.title()));
-            (self.curve, self.chosen) = (None, None);
-        }
-        (self.measuring, self.solving) = (None, None);
-        self.conflicts.clear();
-        // Pictures are counted anew.
-        let looked_at = self.prober.place().filter(|_| again);
-        self.prober.look(None);
-        self.prober.look(looked_at);
-        let mut engine = Engine::new(loaded);
-        if let Some(document) = &self.document {
-            engine.light(document.state());
-        }
-        self.engine = Some(engine);
-        // The next frame looks: only there is the size of the picture known.
-        self.place = Rect::ZERO;
-    }
-
-    /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a
-    /// picture waits for somebody to say so: it may be the scene that does it.
-    fn recover(&mut self, error: VulkanError) -> Result<(), ViewError> {
-        let Some(screen) = self.screen.take() else { return Ok(()) };
-        self.lost.times += 1;
-        if self.lost.times > MOST_LOSSES {
-            return Err(error.into());
-        }
-        tracing::debug!("{error}");
-        self.report.losses += 1;
-        self.report.validation.extend(screen.renderer.device().validation_messages());
-        self.before = self.counts();
-        (self.engine, self.measuring) = (None, None);
-        self.textures.clear();
-        let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
-        self.give_up();
-        let screen = screen.renewed(&self.options)?;
-        screen.window.request_redraw();
-        self.screen = Some(screen);
-        if let Some(name) = was_opening.filter(|_| self.document.is_some()) {
-            self.note(format!("{name} was not opened: the device was lost, and started again."));
-        } else {
-            self.note("The device was lost, and started again.".to_owned());
-        }
-        if self.lost.times == 1 {
-            self.restore();
-        } else {
-            self.lost.stopped = true;
-        }
-        Ok(())
-    }
-
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
@@ -521,25 +318,17 @@ impl Viewer {
             }
             Action::Open(path) => self.open(Source::of(&path)),
             Action::OpenBuiltIn => self.open(Source::default()),
-            Action::SavePicture(path) => {
-                let path = path.unwrap_or_else(|| self.free("relume.png"));
-                self.to_save.push(Export::Picture(path));
-            }
-            Action::SaveAccumulators(path) => {
-                let path = path.unwrap_or_else(|| self.free("relume-accumulators.exr"));
-                self.to_save.push(Export::Accumulators(path));
-            }
-            Action::SaveSession(path) => {
-                let path = path.unwrap_or_else(|| self.free("relume-session.toml"));
-                self.save_session(&path);
-            }
-            Action::SaveWindow(path) => self.to_capture = Some(path),
+            Action::Choose(file) => self.choose(file),
+            Action::SavePicture(path) => self.save_picture(path),
+            Action::SaveAccumulators(path) => self.save_accumulators(path),
+            Action::SaveSession(path) => self.save_session(path),
+            Action::SaveWindow(path) => self.saving.capture = Some(path),
             Action::Restart => {
                 self.lost.times = 1;
                 self.restore();
             }
             Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
-            Action::SaveTour(path, frames) => self.tour = Some(Tour::saving(path.unwrap_or_else(free_tour), frames)),
+            Action::SaveTour(path, frames) => self.begin_tour(path, frames),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
@@ -552,22 +341,6 @@ impl Viewer {
                 }
             }
         }
-    }
-
-    /// What a line of a script is about; why it cannot be done where nothing is open.
-    fn open_document(&self) -> Result<&Document, String> {
-        self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
-            Some(failure) => format!("nothing is open: {failure}"),
-            None => "nothing is open".to_owned(),
-        })
-    }
-
-    /// The first of the numbered names after `name` that no file has or will have.
-    fn free(&mut self, name: &str) -> PathBuf {
-        let mut names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
-        let free = names.find(|path| !path.exists() && !self.named.contains(path)).unwrap_or_else(|| name.into());
-        self.named.push(free.clone());
-        free
     }
 
     fn show_again(&mut self, cost: Option<Cost>) {
@@ -640,6 +413,7 @@ impl Viewer {
             loading,
             notices: &self.notices,
             stopped: self.lost.stopped,
+            chooses: self.chooser.is_open(),
             plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
             effort,
@@ -647,7 +421,11 @@ impl Viewer {
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
-        let output = self.context.run_ui(raw, |ui| place = ui::show(ui, &shown, &mut asked));
+        let chooser = &mut self.chooser;
+        let output = self.context.run_ui(raw, |ui| {
+            place = ui::show(ui, &shown, &mut asked);
+            asked.extend(chooser.show(ui.ctx()));
+        });
         let again = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |view| view.repaint_delay);
         screen.egui.handle_platform_output(&screen.window, output.platform_output);
         self.textures.append(output.textures_delta);
@@ -666,7 +444,7 @@ impl Viewer {
         self.save_pictures();
 
         let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
-        let capture = self.to_capture.take();
+        let capture = self.saving.capture.take();
         let place = self.pixels(output.pixels_per_point);
         let picture = self.engine.as_ref().and_then(Engine::picture).map(|picture| (picture, place));
         let Some(screen) = &mut self.screen else { return Ok(()) };
@@ -696,7 +474,7 @@ impl Viewer {
                 }
             }
             // It was shown in no frame; the next one will do.
-            (None, Some(path)) => self.to_capture = Some(path),
+            (None, Some(path)) => self.saving.capture = Some(path),
             _ => {}
         }
         self.report.frames += 1;
@@ -759,218 +537,6 @@ impl Viewer {
         Ok(more)
     }
 
-    /// Goes on with the pixel that is looked at. Says whether there is something new to show.
-    fn probe(&mut self) -> Result<bool, VulkanError> {
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return Ok(false) };
-        let proxy = self.proxy.clone();
-        let wake = move || drop(proxy.send_event(Woken::Progress));
-        match self.prober.step(engine, document.state(), wake) {
-            Ok(new) => Ok(new),
-            Err(StepError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
-            Err(error) => {
-                self.tell(&error);
-                Ok(false)
-            }
-        }
-    }
-
-    /// Measures settings of what is looked at, for `goal` or for a curve; what was being measured is given up.
-    fn measure(&mut self, goal: Option<Goal>) {
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
-        let renderer = Arc::clone(engine.renderer());
-        let (scene, mix) = (document.state().scene.clone(), document.state().mix());
-        let (size, cache) = (self.report.size, self.options.cache.clone());
-        let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
-        // Frames take time of what is measured: few of them say how far it is.
-        let wake = move || {
-            let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
-            if last.is_none_or(|last| last.elapsed() > NEWS_OF_MEASURING) {
-                *last = Some(Instant::now());
-                drop(proxy.send_event(Woken::Progress));
-            }
-        };
-        self.measuring = Some(Job::start(wake, move |progress| {
-            effort::measure(&renderer, &scene, &mix, size, goal, cache.as_deref(), progress)
-        }));
-    }
-
-    /// Takes what was measured, once it is. Says whether there is something new to show.
-    fn measured(&mut self) -> bool {
-        let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
-        self.measuring = None;
-        match measured {
-            Err(error) => self.tell(&error),
-            Ok((curve, choice)) => {
-                match &mut self.curve {
-                    Some(known) => known.merge(curve),
-                    none => *none = Some(curve),
-                }
-                if let (Some(choice), Some(document)) = (choice, &self.document) {
-                    let accuracy = choice.setting.applied(&document.state().scene).accuracy;
-                    self.ask(Action::Edit(Edit::Accuracy(accuracy)));
-                    self.chosen = Some(format!("Chosen, {}: {}.", choice.setting, choice.why));
-                    if self.is_scripted() {
-                        self.report.choices.push(choice);
-                    }
-                }
-            }
-        }
-        true
-    }
-
-    /// Finds the open spectra of the palette, after `step` where there is one; what was being solved is given up.
-    fn solve(&mut self, step: Option<Step>) {
-        let state = self.document.as_ref().map(Document::state);
-        let palette = state.and_then(|state| match &step {
-            None => state.palette.clone(),
-            Some(step) => step.applied(&state.scene, state.palette.as_deref()).map(Arc::new),
-        });
-        let Some(palette) = palette else {
-            self.note("There is no palette to solve: offer one for the materials first.".to_owned());
-            return;
-        };
-        self.conflicts.clear();
-        let proxy = self.proxy.clone();
-        let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.solving = Some(Job::start(wake, move |progress| Ok((palette::solve(&palette, progress)?, step))));
-    }
-
-    /// Takes what was solved, once it is. Says whether there is something new to show.
-    fn solved(&mut self) -> bool {
-        let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
-        self.solving = None;
-        match (solved, &self.document) {
-            (Err(PaletteError::Cancelled), _) | (_, None) => {}
-            (Err(error), _) => self.tell(&error),
-            (Ok((solution, step)), Some(document)) => {
-                let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
-                self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
-                self.report.solved.push(solution.worst());
-                // The editor tells why, and offers ways out.
-                self.editing |= !solution.conflicts.is_empty();
-                self.conflicts = solution.conflicts;
-            }
-        }
-        true
-    }
-
-    fn save_session(&mut self, path: &Path) {
-        let Some(document) = &self.document else {
-            self.note("There is no session to save: nothing is open.".to_owned());
-            return;
-        };
-        match session::save(path, &self.source, document.opened(), document.state()) {
-            Err(error) => self.tell(&error),
-            Ok(()) => {
-                let ([width, height], path) = (self.report.size, whole_path(path));
-                self.tell_done(format!(
-                    "The session is {path}; relume render with --size {width}x{height} makes this picture."
-                ));
-            }
-        }
-    }
-
-    /// Begins to write what is to be saved of a picture that is finest.
-    fn save_pictures(&mut self) {
-        if self.to_save.is_empty() || self.loading.is_some() {
-            return;
-        }
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else {
-            self.to_save.clear();
-            self.note("There is no picture to save: nothing is open.".to_owned());
-            return;
-        };
-        if !engine.is_finest() {
-            return;
-        }
-        let state = document.state();
-        for export in std::mem::take(&mut self.to_save) {
-            let Some(snapshot) = engine.snapshot() else { continue };
-            match export {
-                Export::Picture(path) => {
-                    let there = format!("The picture is {}.", whole_path(&path));
-                    self.writing.push(self.write(Some(there), move || snapshot.write_picture(&path)));
-                }
-                Export::Accumulators(path) => {
-                    let there = format!("The accumulators are {}.", whole_path(&path));
-                    let scene = Scene { light: state.light.clone(), ..state.scene.clone() };
-                    self.writing.push(self.write(Some(there), move || snapshot.write_accumulators(&scene, &path)));
-                }
-            }
-        }
-    }
-
-    /// Does `write` beside the window.
-    fn write(
-        &self,
-        there: Option<String>,
-        write: impl FnOnce() -> Result<(), ExportError> + Send + 'static,
-    ) -> Writing {
-        let proxy = self.proxy.clone();
-        let wake = move || drop(proxy.send_event(Woken::Progress));
-        Writing { job: Job::start(wake, move |_| write()), there }
-    }
-
-    /// Says what became of files that were being written. Whether all could be.
-    fn written(&mut self) -> bool {
-        let mut all = true;
-        for mut writing in std::mem::take(&mut self.writing) {
-            match (writing.job.take(), writing.there) {
-                (None, there) => self.writing.push(Writing { job: writing.job, there }),
-                (Some(Err(error)), _) => {
-                    self.tell(&error);
-                    all = false;
-                }
-                (Some(Ok(())), there) => there.into_iter().for_each(|there| self.tell_done(there)),
-            }
-        }
-        all
-    }
-
-    /// Shows where a tour is now. Says whether one is played: all of it is one step back.
-    fn go_on_tour(&mut self) -> bool {
-        let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
-        let edit = tour.edit();
-        let plays = matches!(tour, Tour::Playing { .. });
-        if plays {
-            let cost = document.edit(&edit);
-            if matches!(edit, Edit::Tour(step, of) if step >= of) {
-                self.tour = None;
-            }
-            self.show_again(cost);
-        } else if let Some(engine) = &mut self.engine {
-            engine.light(&document.preview(&edit));
-        }
-        plays
-    }
-
-    /// Saves the picture of a tour that is there, and shows what was there before once all are saved, or one `failed`.
-    fn save_tour(&mut self, failed: bool) {
-        let Some(Tour::Saving { path, frames, saved }) = &mut self.tour else { return };
-        if !self.writing.is_empty() {
-            return;
-        }
-        if failed || saved == frames {
-            let there = format!(
-                "The pictures of the tour are there, the last of them {}.",
-                whole_path(&numbered(path, *saved))
-            );
-            self.tour = None;
-            if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
-                engine.light(document.state());
-            }
-            if !failed {
-                self.tell_done(there);
-            }
-            return;
-        }
-        let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
-        let Some(snapshot) = snapshot else { return };
-        *saved += 1;
-        let path = numbered(path, *saved);
-        self.writing.push(self.write(None, move || snapshot.write_picture(&path)));
-    }
-
     fn status(&self) -> Status {
         let engine = self.engine.as_ref();
         Status {
@@ -1008,168 +574,12 @@ impl Viewer {
         let waits =
             if self.measuring.is_some() { waits.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { waits };
         let driven = self.is_scripted() && self.measuring.is_none();
-        if more || waits.is_zero() || driven || self.to_capture.is_some() {
+        if more || waits.is_zero() || driven || self.saving.capture.is_some() {
             screen.window.request_redraw();
         } else if let Some(due) = Instant::now().checked_add(waits).filter(|_| waits < Duration::from_secs(3600)) {
             events.set_control_flow(ControlFlow::WaitUntil(due));
         }
     }
-
-    /// Whether nothing is left to do of what was asked for.
-    fn is_settled(&self) -> bool {
-        let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
-        // The first frame after something was opened has not yet looked at it.
-        let looked = self.document.is_none() || self.place != Rect::ZERO;
-        self.loading.is_none()
-            && finest
-            && looked
-            && self.tour.is_none()
-            && self.measuring.is_none()
-            && self.solving.is_none()
-            && !self.is_saving()
-    }
-
-    /// Whether pictures are still to be saved of what was asked for.
-    fn is_saving(&self) -> bool {
-        !(self.to_save.is_empty() && self.writing.is_empty())
-            || self.to_capture.is_some()
-            || matches!(self.tour, Some(Tour::Saving { .. }))
-    }
-
-    /// The next command of the script; what a hand does is answered.
-    fn run_script(&mut self, events: &ActiveEventLoop) -> Result<Vec<egui::Event>, ViewError> {
-        let Some(script) = &self.options.script else { return Ok(Vec::new()) };
-        if self.script.waits > 0 {
-            self.script.waits -= 1;
-            return Ok(Vec::new());
-        }
-        let at = self.script.next;
-        // What is opened first is what the first lines are about.
-        let opens = self.document.is_none() && self.loading.is_some();
-        let Some(command) = script.command(at).cloned() else {
-            if !self.is_saving() {
-                events.exit();
-            }
-            return Ok(Vec::new());
-        };
-        let inputs = match command {
-            Command::Settle if !self.is_settled() => return Ok(Vec::new()),
-            _ if opens && command.is_about_a_scene() => return Ok(Vec::new()),
-            // What is saved is what was asked for before, and not after.
-            _ if self.is_saving() => return Ok(Vec::new()),
-            Command::Settle => {
-                self.report.settled.push(self.counts());
-                Vec::new()
-            }
-            Command::Frames(frames) => {
-                self.script.waits = frames.saturating_sub(1);
-                Vec::new()
-            }
-            Command::Do(action) => {
-                self.ask(action);
-                Vec::new()
-            }
-            Command::Named(about, name) => {
-                let edit = self.open_document().and_then(|document| about.edit(document.state(), &name));
-                self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
-                Vec::new()
-            }
-            Command::Interval(index, [from, to, ramp, opacity]) => {
-                let stated = self.open_document().and_then(|document| script::interval(document.state(), index));
-                let stated = stated.map_err(|message| script.wrong(at, message))?;
-                self.ask(Action::Edit(Edit::Interval(index, Interval { range: [from, to], ramp, opacity, ..stated })));
-                Vec::new()
-            }
-            Command::Spectrum(side, name, standard) => {
-                let spectra = self
-                    .open_document()
-                    .and_then(|document| Spectra::standard(&document.state().scene, side, &name, &standard));
-                let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
-                self.ask(Action::Edit(Edit::Spectra(spectra)));
-                Vec::new()
-            }
-            Command::Camera(step) => {
-                let aspect = f64::from(self.place.width() / self.place.height().max(1.0));
-                self.ask(Action::Edit(Edit::Camera(step, if aspect > 0.0 { aspect } else { 1.0 })));
-                Vec::new()
-            }
-            Command::Size([width, height]) => {
-                let Some(screen) = &self.screen else { return Ok(Vec::new()) };
-                let wanted = PhysicalSize::new(width, height);
-                if self.options.size != Some([width, height]) {
-                    self.options.size = Some([width, height]);
-                    // Where the system gives it at once, it tells of it as always.
-                    let _given = screen.window.request_inner_size(wanted);
-                    self.script.waits = 1;
-                    return Ok(Vec::new());
-                }
-                if screen.window.inner_size() != wanted {
-                    self.script.waits = PATIENCE;
-                }
-                Vec::new()
-            }
-            Command::Probe(place) => {
-                if self.loading.is_none() {
-                    self.open_document().map_err(|message| script.wrong(at, message))?;
-                }
-                self.prober.look(Some(place));
-                if !(self.is_settled() && self.prober.is_done()) {
-                    return Ok(Vec::new());
-                }
-                if let (Some(probe), Some(document)) = (self.prober.probe(), &self.document) {
-                    self.report.probes.push(probe.json(&document.state().scene));
-                }
-                Vec::new()
-            }
-            Command::Input(Input::Drop(path)) => {
-                self.hear(events, &WindowEvent::DroppedFile(path));
-                Vec::new()
-            }
-            Command::Input(input) => self.input(&input).map_err(|message| script.wrong(at, message))?,
-        };
-        self.script.next += 1;
-        Ok(inputs)
-    }
-
-    /// What a hand does, as egui hears of it.
-    fn input(&self, input: &Input) -> Result<Vec<egui::Event>, String> {
-        let pointer = self.context.input(|input| input.pointer.latest_pos()).unwrap_or(Pos2::ZERO);
-        let modifiers = egui::Modifiers::NONE;
-        Ok(match input {
-            Input::Pointer(x, y) => vec![egui::Event::PointerMoved(Pos2::new(*x, *y))],
-            Input::Button(pressed) => {
-                let button = egui::PointerButton::Primary;
-                vec![egui::Event::PointerButton { pos: pointer, button, pressed: *pressed, modifiers }]
-            }
-            Input::Scroll(lines) => vec![egui::Event::MouseWheel {
-                unit: egui::MouseWheelUnit::Line,
-                delta: egui::vec2(0.0, *lines),
-                phase: egui::TouchPhase::Move,
-                modifiers,
-            }],
-            Input::Key(name) => {
-                let key = egui::Key::from_name(name).ok_or_else(|| format!("{name:?} is no key"))?;
-                let event = |pressed| egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
-                vec![event(true), event(false)]
-            }
-            // The system tells of it in another way.
-            Input::Drop(_) => Vec::new(),
-        })
-    }
-}
-
-/// Median, 95th of a hundred and longest of times; zeros of none.
-fn spread(times: &mut [f64]) -> [f64; 3] {
-    times.sort_by(f64::total_cmp);
-    let at = |part: f64| times.get(whole(part * count(times.len().saturating_sub(1)))).copied();
-    [0.5, 0.95, 1.0].map(|part| at(part).unwrap_or_default())
-}
-
-/// Whether the file holds several volumes, and nobody has said which.
-fn chooses(error: &LoadError) -> bool {
-    let mut causes = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
-    causes.any(|error| matches!(error.downcast_ref(), Some(VolumeError::Choose { .. })))
-        || matches!(error, LoadError::Volume(VolumeError::Choose { .. }))
 }
 
 /// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
@@ -1180,18 +590,6 @@ fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
         (true, false) => again.min(REST),
         (true, true) => Duration::ZERO,
     }
-}
-
-/// A name of a tour whose first picture is not there.
-fn free_tour() -> PathBuf {
-    let further = (2..=u16::MAX).map(|number| format!("relume-tour-{number}.png").into());
-    let mut names = std::iter::once(PathBuf::from("relume-tour.png")).chain(further);
-    names.find(|name| !numbered(name, 1).exists()).unwrap_or_else(|| "relume-tour.png".into())
-}
-
-/// Where `path` is, to somebody who does not know what folder this is.
-fn whole_path(path: &Path) -> String {
-    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
 
 impl ApplicationHandler<Woken> for Viewer {

@@ -21,8 +21,8 @@ mod vti;
 
 pub use error::VolumeError;
 pub use geometry::Geometry;
+pub use open::{extensions, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
-pub use open::{open, open_by, open_raw, packed_blocks};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};

@@ -30,6 +30,11 @@ const FORMATS: [Format; 5] = [
     Format { name: "sidecar of raw voxels", extensions: &["toml"], recognises: |_| false, read: raw::read_sidecar },
 ];
 
+/// Ends of the names of files that [`open`] may read, in lower case; a `.toml` may be a scene as well.
+pub fn extensions() -> impl Iterator<Item = &'static str> {
+    FORMATS.iter().flat_map(|format| format.extensions.iter().copied())
+}
+
 /// How much of a file is looked at to recognise it.
 const BEGINNING: u64 = 4096;
 

@@ -1,6 +1,7 @@
 //! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
 
 mod accuracy;
+mod chooser;
 mod controls;
 mod crop;
 mod dial;
@@ -22,6 +23,7 @@ use egui::style::ScrollStyle;
 use egui::{CentralPanel, Color32, Context, Frame, Order, Panel, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
+pub use chooser::Chooser;
 pub use dial::{node_places, show as show_dial};
 pub use lights::show as show_lights;
 pub use notices::Notice;
@@ -52,6 +54,8 @@ pub struct Shown<'a> {
     pub notices: &'a [Notice],
     /// Whether the device was lost, and nothing is rendered until somebody asks for it.
     pub stopped: bool,
+    /// Whether a file is being chosen, which keys and the mouse are for.
+    pub chooses: bool,
     /// Whether a tour is played.
     pub plays: bool,
     /// Whether there are panels beside the picture.
@@ -79,7 +83,9 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
     Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
-    toolbar::keys(ui, shown, asked);
+    if !shown.chooses {
+        toolbar::keys(ui, shown, asked);
+    }
     if shown.panels {
         Panel::left("panels").frame(frame).resizable(false).exact_size(WIDTH).show(ui, |ui| {
             toolbar::show(ui, shown, asked);

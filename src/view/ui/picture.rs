@@ -9,7 +9,7 @@ use super::controls::{panel, toggle};
 use super::spectrum::narrow;
 use crate::number::count;
 use crate::scene::Projection;
-use crate::view::action::Action;
+use crate::view::action::{Action, File};
 use crate::view::camera::{Move, Side};
 use crate::view::state::{Cost, Document, Edit};
 
@@ -69,7 +69,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             go(Move::Dolly(closer));
         }
     }
-    if ui.memory(|memory| memory.focused().is_none_or(|focused| focused == hand.id)) {
+    if !shown.chooses && ui.memory(|memory| memory.focused().is_none_or(|focused| focused == hand.id)) {
         keys(ui, &mut go);
     }
 }
@@ -156,7 +156,8 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
 }
 
 fn empty(ui: &mut Ui, rect: Rect, asked: &mut Vec<Action>) {
-    let text = "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti) on this window,\nor start `relume view FILE`.";
+    let text =
+        "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti) on this window,\nor open one here.";
     let size = narrow(f64::from(rect.width()) / 24.0).clamp(10.0, 18.0);
     ui.painter().text(
         rect.center(),
@@ -165,9 +166,12 @@ fn empty(ui: &mut Ui, rect: Rect, asked: &mut Vec<Action>) {
         FontId::proportional(size),
         ui.visuals().text_color(),
     );
-    let below = rect.center() + vec2(0.0, 4.5 * size);
-    let place = Rect::from_center_size(below, vec2(220.0, 26.0).min(rect.size()));
-    if place.is_positive() && ui.put(place, egui::Button::new("Open the built-in scene")).clicked() {
-        asked.push(Action::OpenBuiltIn);
+    let actions = [("Open…", Action::Choose(File::Opened)), ("Open the built-in scene", Action::OpenBuiltIn)];
+    for ((text, action), line) in actions.into_iter().zip([0.0, 30.0]) {
+        let below = rect.center() + vec2(0.0, 4.5 * size + line);
+        let place = Rect::from_center_size(below, vec2(220.0, 26.0).min(rect.size()));
+        if place.is_positive() && ui.put(place, egui::Button::new(text)).clicked() {
+            asked.push(action);
+        }
     }
 }

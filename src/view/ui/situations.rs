@@ -80,7 +80,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
             }
             let save = ui.add_enabled(enough, egui::Button::new("Save tour"));
             let help = format!(
-                "Saves {FRAMES} pictures of the way as relume-tour-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-2-0001.png."
+                "Saves {FRAMES} pictures of the way as relume-tour-0001-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-0002-0001.png."
             );
             if save.on_hover_text(help).clicked() {
                 asked.push(Action::SaveTour(None, FRAMES));

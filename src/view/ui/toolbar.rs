@@ -1,31 +1,92 @@
-//! The first line: steps back and forward, what can be saved, light or dark, panels or none.
+//! The first line: files, steps back and forward, the palette, light or dark, panels or none.
 
-use egui::{Area, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
+use egui::{Area, Button, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
 
 use super::Shown;
 use super::controls::toggle;
-use crate::view::action::Action;
+use crate::view::action::{Action, File};
 
+const SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
 const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z);
-const REDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), Key::Z);
-const SAVE_PICTURE: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::P);
-const SAVE_SESSION: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::S);
+const REDO: KeyboardShortcut = KeyboardShortcut::new(SHIFT, Key::Z);
 const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
+
+/// A line of the menu of files.
+struct Item {
+    text: &'static str,
+    help: &'static str,
+    action: fn() -> Action,
+    shortcut: Option<KeyboardShortcut>,
+    /// Whether it is about what is looked at.
+    saves: bool,
+}
+
+/// Lines of more modifiers come before those of fewer: a shortcut takes more modifiers than it names.
+const FILES: [Item; 7] = [
+    Item {
+        text: "Open…",
+        help: "Another scene or volume, as if it were dropped on the window.",
+        action: || Action::Choose(File::Opened),
+        shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::O)),
+        saves: false,
+    },
+    Item {
+        text: "Open the built-in scene",
+        help: "The scene that is part of the program.",
+        action: || Action::OpenBuiltIn,
+        shortcut: None,
+        saves: false,
+    },
+    Item {
+        text: "Save session as…",
+        help: "All this as a scene file to go on from, also by relume render.",
+        action: || Action::Choose(File::Session),
+        shortcut: Some(KeyboardShortcut::new(SHIFT, Key::S)),
+        saves: true,
+    },
+    Item {
+        text: "Save session",
+        help: "The same as relume-session-0001.toml, or the next number that is free, in the folder that relume was started in.",
+        action: || Action::SaveSession(None),
+        shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::S)),
+        saves: true,
+    },
+    Item {
+        text: "Save picture as…",
+        help: "The picture alone, as PNG or as linear OpenEXR.",
+        action: || Action::Choose(File::Picture),
+        shortcut: Some(KeyboardShortcut::new(SHIFT, Key::P)),
+        saves: true,
+    },
+    Item {
+        text: "Save picture",
+        help: "The same as relume-0001.png, or the next number that is free, in the folder that relume was started in.",
+        action: || Action::SavePicture(None),
+        shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::P)),
+        saves: true,
+    },
+    Item {
+        text: "Save accumulators as…",
+        help: "What the rays have left: relume relight makes pictures of it under any light.",
+        action: || Action::Choose(File::Accumulators),
+        shortcut: None,
+        saves: true,
+    },
+];
 
 /// What keys ask for, with panels or without.
 pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     let pressed = |shortcut: &KeyboardShortcut| ui.input_mut(|input| input.consume_shortcut(shortcut));
-    // The longer one first: a shortcut takes more modifiers than it names.
+    // The longer one first, as above.
     if pressed(&REDO) {
         asked.push(Action::Redo);
     } else if pressed(&UNDO) {
         asked.push(Action::Undo);
     }
-    if pressed(&SAVE_PICTURE) {
-        asked.push(Action::SavePicture(None));
-    }
-    if pressed(&SAVE_SESSION) {
-        asked.push(Action::SaveSession(None));
+    for item in &FILES {
+        if item.shortcut.as_ref().is_some_and(pressed) {
+            asked.push((item.action)());
+        }
     }
     if pressed(&PANELS) {
         asked.push(Action::Panels(!shown.panels));
@@ -36,21 +97,15 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     ui.add_space(6.0);
     ui.horizontal_wrapped(|ui| {
+        ui.menu_button("File", |ui| files(ui, shown, asked)).response.on_hover_text("Opens and saves.");
         let mut button = |ui: &mut Ui, enabled: bool, text: &str, help: &str, action: Action| {
-            if ui.add_enabled(enabled, egui::Button::new(text)).on_hover_text(help).clicked() {
+            if ui.add_enabled(enabled, Button::new(text)).on_hover_text(help).clicked() {
                 asked.push(action);
             }
         };
         let has = |can: fn(&crate::view::Document) -> bool| shown.document.is_some_and(can);
         button(ui, has(crate::view::Document::can_undo), "Undo", "A step back (Ctrl+Z).", Action::Undo);
         button(ui, has(crate::view::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
-        let help = "Saves the picture as relume-0001.png, or the next number that is free, in the folder that relume was started in (Ctrl+P).";
-        button(ui, shown.document.is_some(), "Picture", help, Action::SavePicture(None));
-        let help = "Saves what the rays have left as relume-accumulators-0001.exr, or the next number that is free: `relume relight` \
-                    makes pictures of it under any light.";
-        button(ui, shown.document.is_some(), "Accumulators", help, Action::SaveAccumulators(None));
-        let help = "Saves all this as relume-session-0001.toml, or the next number that is free: a scene file to go on from (Ctrl+S).";
-        button(ui, shown.document.is_some(), "Session", help, Action::SaveSession(None));
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));
         let other = match ui.theme() {
             Theme::Dark => Theme::Light,
@@ -60,12 +115,28 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
             ui.ctx().set_theme(other);
         }
         let help = "Designs spectra: which colour each material is to have under each light.";
-        let palette =
-            ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, shown.design.shown, "Palette"));
+        let palette = ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, shown.design.shown, "Palette"));
         if palette.inner.on_hover_text(help).clicked() {
             asked.push(Action::Palette(!shown.design.shown));
         }
     });
+}
+
+/// The menu of files.
+fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
+    ui.set_min_width(230.0);
+    for item in &FILES {
+        let button = Button::new(item.text);
+        let button = match &item.shortcut {
+            Some(shortcut) => button.shortcut_text(ui.ctx().format_shortcut(shortcut)),
+            None => button,
+        };
+        let enabled = !item.saves || shown.document.is_some();
+        if ui.add_enabled(enabled, button).on_hover_text(item.help).clicked() {
+            asked.push((item.action)());
+            ui.close();
+        }
+    }
 }
 
 /// The way back to the panels.

@@ -1,0 +1,119 @@
+//! What is computed beside the window: the pixel that is looked at, settings that are measured, spectra that are solved.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use super::{NEWS_OF_MEASURING, Viewer, Woken};
+use crate::measure::{Choice, ChoiceError, Goal};
+use crate::palette::{self, PaletteError, Solution};
+use crate::render::RenderError;
+use crate::view::action::Action;
+use crate::view::design::{Spectra, Step};
+use crate::view::effort::{self, Curve};
+use crate::view::job::Job;
+use crate::view::prober::StepError;
+use crate::view::state::{Document, Edit};
+use crate::vulkan::VulkanError;
+
+/// What settings take and err by, and the one that was chosen by it.
+pub(super) type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
+
+/// What was solved, and what of the palette changes with it.
+pub(super) type Solved = Result<(Solution, Option<Step>), PaletteError>;
+
+impl Viewer {
+    /// Goes on with the pixel that is looked at. Says whether there is something new to show.
+    pub(super) fn probe(&mut self) -> Result<bool, VulkanError> {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return Ok(false) };
+        let proxy = self.proxy.clone();
+        let wake = move || drop(proxy.send_event(Woken::Progress));
+        match self.prober.step(engine, document.state(), wake) {
+            Ok(new) => Ok(new),
+            Err(StepError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
+            Err(error) => {
+                self.tell(&error);
+                Ok(false)
+            }
+        }
+    }
+
+    /// Measures settings of what is looked at, for `goal` or for a curve; what was being measured is given up.
+    pub(super) fn measure(&mut self, goal: Option<Goal>) {
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
+        let renderer = Arc::clone(engine.renderer());
+        let (scene, mix) = (document.state().scene.clone(), document.state().mix());
+        let (size, cache) = (self.report.size, self.options.cache.clone());
+        let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
+        // Frames take time of what is measured: few of them say how far it is.
+        let wake = move || {
+            let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+            if last.is_none_or(|last| last.elapsed() > NEWS_OF_MEASURING) {
+                *last = Some(Instant::now());
+                drop(proxy.send_event(Woken::Progress));
+            }
+        };
+        self.measuring = Some(Job::start(wake, move |progress| {
+            effort::measure(&renderer, &scene, &mix, size, goal, cache.as_deref(), progress)
+        }));
+    }
+
+    /// Takes what was measured, once it is. Says whether there is something new to show.
+    pub(super) fn measured(&mut self) -> bool {
+        let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
+        self.measuring = None;
+        match measured {
+            Err(error) => self.tell(&error),
+            Ok((curve, choice)) => {
+                match &mut self.curve {
+                    Some(known) => known.merge(curve),
+                    none => *none = Some(curve),
+                }
+                if let (Some(choice), Some(document)) = (choice, &self.document) {
+                    let accuracy = choice.setting.applied(&document.state().scene).accuracy;
+                    self.ask(Action::Edit(Edit::Accuracy(accuracy)));
+                    self.chosen = Some(format!("Chosen, {}: {}.", choice.setting, choice.why));
+                    if self.is_scripted() {
+                        self.report.choices.push(choice);
+                    }
+                }
+            }
+        }
+        true
+    }
+
+    /// Finds the open spectra of the palette, after `step` where there is one; what was being solved is given up.
+    pub(super) fn solve(&mut self, step: Option<Step>) {
+        let state = self.document.as_ref().map(Document::state);
+        let palette = state.and_then(|state| match &step {
+            None => state.palette.clone(),
+            Some(step) => step.applied(&state.scene, state.palette.as_deref()).map(Arc::new),
+        });
+        let Some(palette) = palette else {
+            self.note("There is no palette to solve: offer one for the materials first.".to_owned());
+            return;
+        };
+        self.conflicts.clear();
+        let proxy = self.proxy.clone();
+        let wake = move || drop(proxy.send_event(Woken::Progress));
+        self.solving = Some(Job::start(wake, move |progress| Ok((palette::solve(&palette, progress)?, step))));
+    }
+
+    /// Takes what was solved, once it is. Says whether there is something new to show.
+    pub(super) fn solved(&mut self) -> bool {
+        let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
+        self.solving = None;
+        match (solved, &self.document) {
+            (Err(PaletteError::Cancelled), _) | (_, None) => {}
+            (Err(error), _) => self.tell(&error),
+            (Ok((solution, step)), Some(document)) => {
+                let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
+                self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
+                self.report.solved.push(solution.worst());
+                // The editor tells why, and offers ways out.
+                self.editing |= !solution.conflicts.is_empty();
+                self.conflicts = solution.conflicts;
+            }
+        }
+        true
+    }
+}

@@ -1,0 +1,144 @@
+//! What is opened, beside the window; and the device, opened again when it is lost.
+
+use std::sync::Arc;
+
+use egui::Rect;
+
+use super::{MOST_LOSSES, ViewError, Viewer, Woken};
+use crate::progress::Progress;
+use crate::render::{RenderError, Renderer};
+use crate::view::engine::Engine;
+use crate::view::load::{LoadError, Loaded, Loading, Source};
+use crate::view::state::{Document, Edit};
+use crate::volume::VolumeError;
+use crate::vulkan::VulkanError;
+
+impl Viewer {
+    /// Opens something beside the window; what was being opened is given up.
+    pub(super) fn open(&mut self, source: Source) {
+        let name = source.name();
+        self.load(name, false, move |renderer, progress| source.load(renderer, progress));
+    }
+
+    /// Brings what is looked at to the device again.
+    pub(super) fn restore(&mut self) {
+        self.lost.stopped = false;
+        let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
+        let (scene, statistics) = (document.state().scene.clone(), document.statistics().cloned());
+        let source = self.source.clone();
+        self.load(source.name(), true, move |renderer, progress| {
+            let statistics = statistics.map_or_else(|| scene.volume.statistics(), Ok)?;
+            Loaded::prepare(renderer, scene, statistics, source, progress)
+        });
+    }
+
+    /// Begins to `load` on a thread what is called `name`, a thing that is looked at already or another one.
+    fn load(
+        &mut self,
+        name: String,
+        again: bool,
+        load: impl FnOnce(Arc<Renderer>, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
+    ) {
+        let Some(screen) = &self.screen else { return };
+        self.opened += 1;
+        let (number, proxy) = (self.opened, self.proxy.clone());
+        let loaded = {
+            let proxy = proxy.clone();
+            // A window that is gone needs no news.
+            move |loaded| drop(proxy.send_event(Woken::Loaded { number, again, loaded: Box::new(loaded) }))
+        };
+        let progressed = move || drop(proxy.send_event(Woken::Progress));
+        let renderer = Arc::clone(&screen.renderer);
+        self.give_up();
+        self.loading = Some(Loading::start(name, move |progress| load(renderer, progress), progressed, loaded));
+    }
+
+    /// Gives up what is being opened.
+    pub(super) fn give_up(&mut self) {
+        self.given_up.retain(|loading| !loading.is_over());
+        if let Some(loading) = self.loading.take() {
+            loading.give_up();
+            self.given_up.push(loading);
+        }
+    }
+
+    pub(super) fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
+        self.loading = None;
+        let loaded = match loaded {
+            Ok(loaded) => loaded,
+            // The next frame notices it too, and starts again.
+            Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
+            Err(error) => {
+                self.tell(&error);
+                if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
+                    notice.text.push_str("; a window cannot be told: start `relume view` with the file and that");
+                }
+                return;
+            }
+        };
+        self.before = self.counts();
+        if !again {
+            let mut document = Document::new(loaded.scene.clone());
+            if loaded.source.bare_volume().is_some() {
+                // Its lights are there to choose from, and not meant together.
+                document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
+            }
+            self.document = Some(document.with_statistics(loaded.statistics.clone()));
+            self.source = loaded.source.clone();
+            self.screen.iter().for_each(|screen| screen.window.set_title(&self.source.title()));
+            (self.curve, self.chosen) = (None, None);
+        }
+        (self.measuring, self.solving) = (None, None);
+        self.conflicts.clear();
+        // Pictures are counted anew.
+        let looked_at = self.prober.place().filter(|_| again);
+        self.prober.look(None);
+        self.prober.look(looked_at);
+        let mut engine = Engine::new(loaded);
+        if let Some(document) = &self.document {
+            engine.light(document.state());
+        }
+        self.engine = Some(engine);
+        // The next frame looks: only there is the size of the picture known.
+        self.place = Rect::ZERO;
+    }
+
+    /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a
+    /// picture waits for somebody to say so: it may be the scene that does it.
+    pub(super) fn recover(&mut self, error: VulkanError) -> Result<(), ViewError> {
+        let Some(screen) = self.screen.take() else { return Ok(()) };
+        self.lost.times += 1;
+        if self.lost.times > MOST_LOSSES {
+            return Err(error.into());
+        }
+        tracing::debug!("{error}");
+        self.report.losses += 1;
+        self.report.validation.extend(screen.renderer.device().validation_messages());
+        self.before = self.counts();
+        (self.engine, self.measuring) = (None, None);
+        self.textures.clear();
+        let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
+        self.give_up();
+        let screen = screen.renewed(&self.options)?;
+        screen.window.request_redraw();
+        self.screen = Some(screen);
+        if let Some(name) = was_opening.filter(|_| self.document.is_some()) {
+            self.note(format!("{name} was not opened: the device was lost, and started again."));
+        } else {
+            self.note("The device was lost, and started again.".to_owned());
+        }
+        if self.lost.times == 1 {
+            self.restore();
+        } else {
+            self.lost.stopped = true;
+        }
+        Ok(())
+    }
+}
+
+/// Whether the file holds several volumes, and nobody has said which.
+fn chooses(error: &LoadError) -> bool {
+    let mut causes = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
+    causes.any(|error| matches!(error.downcast_ref(), Some(VolumeError::Choose { .. })))
+        || matches!(error, LoadError::Volume(VolumeError::Choose { .. }))
+}

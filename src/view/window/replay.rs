@@ -1,0 +1,173 @@
+//! A script in place of a hand.
+
+use std::sync::Arc;
+
+use egui::{Pos2, Rect};
+use winit::dpi::PhysicalSize;
+use winit::event::WindowEvent;
+use winit::event_loop::ActiveEventLoop;
+
+use super::{ViewError, Viewer};
+use crate::scene::Interval;
+use crate::view::action::Action;
+use crate::view::design::Spectra;
+use crate::view::engine::Engine;
+use crate::view::script::{self, Command, Input};
+use crate::view::state::{Document, Edit};
+
+/// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
+const PATIENCE: u32 = 120;
+
+/// How far the script is.
+#[derive(Default)]
+pub(super) struct Position {
+    /// The next command.
+    next: usize,
+    /// Frames that the last one still waits.
+    waits: u32,
+}
+
+impl Viewer {
+    /// Whether nothing is left to do of what was asked for.
+    fn is_settled(&self) -> bool {
+        let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
+        // The first frame after something was opened has not yet looked at it.
+        let looked = self.document.is_none() || self.place != Rect::ZERO;
+        self.loading.is_none()
+            && finest
+            && looked
+            && self.tour.is_none()
+            && self.measuring.is_none()
+            && self.solving.is_none()
+            && !self.is_saving()
+    }
+
+    /// What a line of a script is about; why it cannot be done where nothing is open.
+    fn open_document(&self) -> Result<&Document, String> {
+        self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
+            Some(failure) => format!("nothing is open: {failure}"),
+            None => "nothing is open".to_owned(),
+        })
+    }
+
+    /// The next command of the script; what a hand does is answered.
+    pub(super) fn run_script(&mut self, events: &ActiveEventLoop) -> Result<Vec<egui::Event>, ViewError> {
+        let Some(script) = &self.options.script else { return Ok(Vec::new()) };
+        if self.script.waits > 0 {
+            self.script.waits -= 1;
+            return Ok(Vec::new());
+        }
+        let at = self.script.next;
+        // What is opened first is what the first lines are about.
+        let opens = self.document.is_none() && self.loading.is_some();
+        let Some(command) = script.command(at).cloned() else {
+            if !self.is_saving() {
+                events.exit();
+            }
+            return Ok(Vec::new());
+        };
+        let inputs = match command {
+            Command::Settle if !self.is_settled() => return Ok(Vec::new()),
+            _ if opens && command.is_about_a_scene() => return Ok(Vec::new()),
+            // What is saved is what was asked for before, and not after.
+            _ if self.is_saving() => return Ok(Vec::new()),
+            Command::Settle => {
+                self.report.settled.push(self.counts());
+                Vec::new()
+            }
+            Command::Frames(frames) => {
+                self.script.waits = frames.saturating_sub(1);
+                Vec::new()
+            }
+            Command::Do(action) => {
+                self.ask(action);
+                Vec::new()
+            }
+            Command::Named(about, name) => {
+                let edit = self.open_document().and_then(|document| about.edit(document.state(), &name));
+                self.ask(Action::Edit(edit.map_err(|message| script.wrong(at, message))?));
+                Vec::new()
+            }
+            Command::Interval(index, [from, to, ramp, opacity]) => {
+                let stated = self.open_document().and_then(|document| script::interval(document.state(), index));
+                let stated = stated.map_err(|message| script.wrong(at, message))?;
+                self.ask(Action::Edit(Edit::Interval(index, Interval { range: [from, to], ramp, opacity, ..stated })));
+                Vec::new()
+            }
+            Command::Spectrum(side, name, standard) => {
+                let spectra = self
+                    .open_document()
+                    .and_then(|document| Spectra::standard(&document.state().scene, side, &name, &standard));
+                let spectra = Arc::new(spectra.map_err(|message| script.wrong(at, message))?);
+                self.ask(Action::Edit(Edit::Spectra(spectra)));
+                Vec::new()
+            }
+            Command::Camera(step) => {
+                let aspect = f64::from(self.place.width() / self.place.height().max(1.0));
+                self.ask(Action::Edit(Edit::Camera(step, if aspect > 0.0 { aspect } else { 1.0 })));
+                Vec::new()
+            }
+            Command::Size([width, height]) => {
+                let Some(screen) = &self.screen else { return Ok(Vec::new()) };
+                let wanted = PhysicalSize::new(width, height);
+                if self.options.size != Some([width, height]) {
+                    self.options.size = Some([width, height]);
+                    // Where the system gives it at once, it tells of it as always.
+                    let _given = screen.window.request_inner_size(wanted);
+                    self.script.waits = 1;
+                    return Ok(Vec::new());
+                }
+                if screen.window.inner_size() != wanted {
+                    self.script.waits = PATIENCE;
+                }
+                Vec::new()
+            }
+            Command::Probe(place) => {
+                if self.loading.is_none() {
+                    self.open_document().map_err(|message| script.wrong(at, message))?;
+                }
+                self.prober.look(Some(place));
+                if !(self.is_settled() && self.prober.is_done()) {
+                    return Ok(Vec::new());
+                }
+                if let (Some(probe), Some(document)) = (self.prober.probe(), &self.document) {
+                    self.report.probes.push(probe.json(&document.state().scene));
+                }
+                Vec::new()
+            }
+            Command::Input(Input::Drop(path)) => {
+                self.hear(events, &WindowEvent::DroppedFile(path));
+                Vec::new()
+            }
+            Command::Input(input) => self.input(&input).map_err(|message| script.wrong(at, message))?,
+        };
+        self.script.next += 1;
+        Ok(inputs)
+    }
+
+    /// What a hand does, as egui hears of it.
+    fn input(&self, input: &Input) -> Result<Vec<egui::Event>, String> {
+        let pointer = self.context.input(|input| input.pointer.latest_pos()).unwrap_or(Pos2::ZERO);
+        let modifiers = egui::Modifiers::NONE;
+        Ok(match input {
+            Input::Pointer(x, y) => vec![egui::Event::PointerMoved(Pos2::new(*x, *y))],
+            Input::Button(pressed) => {
+                let button = egui::PointerButton::Primary;
+                vec![egui::Event::PointerButton { pos: pointer, button, pressed: *pressed, modifiers }]
+            }
+            Input::Scroll(lines) => vec![egui::Event::MouseWheel {
+                unit: egui::MouseWheelUnit::Line,
+                delta: egui::vec2(0.0, *lines),
+                phase: egui::TouchPhase::Move,
+                modifiers,
+            }],
+            Input::Key(name) => {
+                let key = egui::Key::from_name(name).ok_or_else(|| format!("{name:?} is no key"))?;
+                let event = |pressed| egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+                vec![event(true), event(false)]
+            }
+            // The system tells of it in another way.
+            Input::Drop(_) => Vec::new(),
+        })
+    }
+}

@@ -1,0 +1,228 @@
+//! Files that the window writes, and the tour, which is played or saved.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::{Viewer, Woken};
+use crate::output::numbered;
+use crate::scene::Scene;
+use crate::view::action::File;
+use crate::view::engine::Engine;
+use crate::view::export::ExportError;
+use crate::view::job::Job;
+use crate::view::session;
+use crate::view::state::Edit;
+use crate::view::tour::Tour;
+
+/// What is still to be written.
+#[derive(Default)]
+pub(super) struct Saving {
+    /// What to save once the picture is finest.
+    waiting: Vec<Export>,
+    /// Files that are being written.
+    writing: Vec<Writing>,
+    /// Names that were given to files, which may not be there yet.
+    named: Vec<PathBuf>,
+    /// Where the window's pixels of this frame go.
+    pub(super) capture: Option<PathBuf>,
+}
+
+impl Saving {
+    /// No file is still to be written, and none to be waited for.
+    pub(super) fn end(&mut self) {
+        self.writing.drain(..).for_each(|writing| writing.job.end());
+    }
+
+    /// The first of the numbered names after `name` that no file has or will have; of a tour, whose pictures are numbered,
+    /// one that has none yet.
+    fn free(&self, name: &str) -> PathBuf {
+        let is_free = |path: &PathBuf| !path.exists() && !numbered(path, 1).exists() && !self.named.contains(path);
+        let mut names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
+        names.find(is_free).unwrap_or_else(|| name.into())
+    }
+
+    /// `path`, or where there is none, a free name, which nothing else is called from now on.
+    fn named(&mut self, path: Option<PathBuf>, name: &str) -> PathBuf {
+        path.unwrap_or_else(|| {
+            let free = self.free(name);
+            self.named.push(free.clone());
+            free
+        })
+    }
+}
+
+/// What of a picture is to be saved, and where.
+enum Export {
+    Picture(PathBuf),
+    Accumulators(PathBuf),
+}
+
+/// A file that is being written, and what is said of it once it is there.
+struct Writing {
+    job: Job<Result<(), ExportError>>,
+    there: Option<String>,
+}
+
+const PICTURE: &str = "relume.png";
+const ACCUMULATORS: &str = "relume-accumulators.exr";
+const SESSION: &str = "relume-session.toml";
+const TOUR: &str = "relume-tour.png";
+
+impl Viewer {
+    /// Lets a file be chosen.
+    pub(super) fn choose(&mut self, file: File) {
+        let name = match file {
+            File::Opened => self.source.path.clone().unwrap_or_default(),
+            File::Picture => self.saving.free(PICTURE),
+            File::Accumulators => self.saving.free(ACCUMULATORS),
+            File::Session => self.saving.free(SESSION),
+        };
+        self.chooser.open(file, &name);
+    }
+
+    /// The picture is saved once it is finest.
+    pub(super) fn save_picture(&mut self, path: Option<PathBuf>) {
+        let path = self.saving.named(path, PICTURE);
+        self.saving.waiting.push(Export::Picture(path));
+    }
+
+    /// What it is made of is.
+    pub(super) fn save_accumulators(&mut self, path: Option<PathBuf>) {
+        let path = self.saving.named(path, ACCUMULATORS);
+        self.saving.waiting.push(Export::Accumulators(path));
+    }
+
+    /// A tour is saved from now on, in so many `frames`.
+    pub(super) fn begin_tour(&mut self, path: Option<PathBuf>, frames: u16) {
+        let path = self.saving.named(path, TOUR);
+        self.tour = Some(Tour::saving(path, frames));
+    }
+
+    pub(super) fn save_session(&mut self, path: Option<PathBuf>) {
+        let path = &self.saving.named(path, SESSION);
+        let Some(document) = &self.document else {
+            self.note("There is no session to save: nothing is open.".to_owned());
+            return;
+        };
+        match session::save(path, &self.source, document.opened(), document.state()) {
+            Err(error) => self.tell(&error),
+            Ok(()) => {
+                let ([width, height], path) = (self.report.size, whole_path(path));
+                self.tell_done(format!(
+                    "The session is {path}; relume render with --size {width}x{height} makes this picture."
+                ));
+            }
+        }
+    }
+
+    /// Begins to write what is to be saved of a picture that is finest.
+    pub(super) fn save_pictures(&mut self) {
+        if self.saving.waiting.is_empty() || self.loading.is_some() {
+            return;
+        }
+        let (Some(engine), Some(document)) = (&self.engine, &self.document) else {
+            self.saving.waiting.clear();
+            self.note("There is no picture to save: nothing is open.".to_owned());
+            return;
+        };
+        if !engine.is_finest() {
+            return;
+        }
+        let state = document.state();
+        let scene = Scene { light: state.light.clone(), ..state.scene.clone() };
+        let Some(snapshot) = engine.snapshot().map(Arc::new) else { return };
+        for export in std::mem::take(&mut self.saving.waiting) {
+            let snapshot = Arc::clone(&snapshot);
+            match export {
+                Export::Picture(path) => {
+                    let there = format!("The picture is {}.", whole_path(&path));
+                    self.begin(Some(there), move || snapshot.write_picture(&path));
+                }
+                Export::Accumulators(path) => {
+                    let there = format!("The accumulators are {}.", whole_path(&path));
+                    let scene = scene.clone();
+                    self.begin(Some(there), move || snapshot.write_accumulators(&scene, &path));
+                }
+            }
+        }
+    }
+
+    /// Does `write` beside the window; `there` is said once the file is.
+    fn begin(&mut self, there: Option<String>, write: impl FnOnce() -> Result<(), ExportError> + Send + 'static) {
+        let proxy = self.proxy.clone();
+        let wake = move || drop(proxy.send_event(Woken::Progress));
+        self.saving.writing.push(Writing { job: Job::start(wake, move |_| write()), there });
+    }
+
+    /// Says what became of files that were being written. Whether all could be.
+    pub(super) fn written(&mut self) -> bool {
+        let mut all = true;
+        for mut writing in std::mem::take(&mut self.saving.writing) {
+            match (writing.job.take(), writing.there) {
+                (None, there) => self.saving.writing.push(Writing { job: writing.job, there }),
+                (Some(Err(error)), _) => {
+                    self.tell(&error);
+                    all = false;
+                }
+                (Some(Ok(())), there) => there.into_iter().for_each(|there| self.tell_done(there)),
+            }
+        }
+        all
+    }
+
+    /// Shows where a tour is now. Says whether one is played: all of it is one step back.
+    pub(super) fn go_on_tour(&mut self) -> bool {
+        let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
+        let edit = tour.edit();
+        let plays = matches!(tour, Tour::Playing { .. });
+        if plays {
+            let cost = document.edit(&edit);
+            if matches!(edit, Edit::Tour(step, of) if step >= of) {
+                self.tour = None;
+            }
+            self.show_again(cost);
+        } else if let Some(engine) = &mut self.engine {
+            engine.light(&document.preview(&edit));
+        }
+        plays
+    }
+
+    /// Saves the picture of a tour that is there, and shows what was there before once all are saved, or one `failed`.
+    pub(super) fn save_tour(&mut self, failed: bool) {
+        let Some(Tour::Saving { path, frames, saved }) = &mut self.tour else { return };
+        if !self.saving.writing.is_empty() {
+            return;
+        }
+        if failed || saved == frames {
+            let there = format!(
+                "The pictures of the tour are there, the last of them {}.",
+                whole_path(&numbered(path, *saved))
+            );
+            self.tour = None;
+            if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
+                engine.light(document.state());
+            }
+            if !failed {
+                self.tell_done(there);
+            }
+            return;
+        }
+        let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
+        let Some(snapshot) = snapshot else { return };
+        *saved += 1;
+        let path = numbered(path, *saved);
+        self.begin(None, move || snapshot.write_picture(&path));
+    }
+
+    /// Whether pictures are still to be saved of what was asked for.
+    pub(super) fn is_saving(&self) -> bool {
+        !(self.saving.waiting.is_empty() && self.saving.writing.is_empty())
+            || self.saving.capture.is_some()
+            || matches!(self.tour, Some(Tour::Saving { .. }))
+    }
+}
+
+/// Where `path` is, to somebody who does not know what folder this is.
+fn whole_path(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
+}
