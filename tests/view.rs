@@ -677,3 +677,32 @@ fn a_window_without_a_size_is_as_large_on_every_screen_and_one_with_a_size_has_i
     }
     assert_eq!(size(screen.command(&folder, &arguments), "2")[0], 640, "too few points for panels");
 }
+
+#[test]
+fn a_volume_of_one_slice_opens_face_on_and_is_seen_and_saved_so() {
+    let Some(screen) = Screen::new() else { return };
+    // A bright disc in a darker square; left, near the top, a brighter spot.
+    let [across, down] = [64_usize, 48];
+    let value = |i: usize| {
+        let [x, y] = [i % across, i / across].map(|at| f64::from(u32::try_from(at).unwrap()));
+        let away = |at: [f64; 2]| (x - at[0]).hypot(y - at[1]);
+        if away([10.0, 8.0]) < 4.0 { 250 } else { 60 + 100 * u8::from(away([32.0, 24.0]) < 12.0) }
+    };
+    let voxels: Vec<u8> = (0..across * down).map(value).collect();
+    let header =
+        "ObjectType = Image\nNDims = 3\nDimSize = 64 48 1\nElementType = MET_UCHAR\nElementDataFile = slice.raw\n";
+    let folder = folder().with("slice.raw", voxels).with("slice.mhd", header);
+    let script = "size 400 400\npanels off\nsettle\npicture slice.png\nsave session again.toml\n";
+    let report = screen.script(&folder, "slice.mhd", script);
+    assert_opens_as_it_was_saved_in(&folder, "again.toml", "slice.png", &size(&report));
+    let ([width, height], pixels) = rgb(&folder, "slice.png");
+    let middle = &pixels[3 * (height / 2 * width + width / 2)..][..3];
+    assert!(middle.iter().any(|&code| code > 80), "the disc: {middle:?}");
+    let lit = pixels.chunks_exact(3).filter(|pixel| pixel.iter().any(|&code| code > 60)).count();
+    assert!(10 * lit > width * height, "{lit} of {}", width * height);
+    // What is at the left and the top of the slice is there on the screen too.
+    let spot =
+        pixels.chunks_exact(3).enumerate().max_by_key(|(_, pixel)| pixel.iter().map(|&c| u32::from(c)).sum::<u32>());
+    let (index, _) = spot.unwrap();
+    assert!(index % width < width / 2 && index / width < height / 2, "{} {}", index % width, index / width);
+}

@@ -144,7 +144,7 @@ pub(crate) fn centre(geometry: &Geometry) -> DVec3 {
 
 /// Corners of the volume's box, voxels counted whole, relative to its middle, in the world.
 fn corners_from_centre(geometry: &Geometry) -> [DVec3; 8] {
-    let half = geometry.spacing * DVec3::from_array(geometry.dims.map(count)) / 2.0;
+    let half = geometry.extent() / 2.0;
     std::array::from_fn(|corner| {
         let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
         geometry.direction * (half * DVec3::new(sign(0), sign(1), sign(2)))

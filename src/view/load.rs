@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
+use super::camera::{Move, Side, moved};
 use super::job::Listener;
 use crate::number::count;
 use crate::plan::{PlanError, Planned, plan};
@@ -11,7 +12,7 @@ use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, Speed, Uploaded};
 use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
 use crate::tables::{Components, RelightMatrices};
-use crate::volume::{Statistics, VolumeError, has_header, is_volume};
+use crate::volume::{Geometry, Statistics, VolumeError, has_header, is_volume};
 use crate::vulkan::give_back_freed;
 
 /// The scene around a volume that has none.
@@ -173,6 +174,10 @@ impl Source {
         let statistics = scene.volume.statistics()?;
         if without_scene.is_some() {
             scene.transfer.terms = terms(&statistics, scene.materials.len());
+            scene.transfer.opacity_length *= thickness(&scene.volume.geometry);
+            if let Some(side) = flat_side(&scene.volume.geometry) {
+                scene.camera = moved(&scene.camera, &scene.camera, &scene.volume.geometry, 1.0, Move::Axis(side));
+            }
         }
         Ok((scene, statistics))
     }
@@ -238,6 +243,26 @@ fn is_raw(path: &Path, options: &SceneOptions) -> bool {
 
 /// Opacities of the materials of a volume that has no scene, from the rarest-valued air up.
 const OPACITIES: [f64; 3] = [0.01, 0.06, 0.4];
+
+/// Voxels deep that a thing is which [`OPACITIES`] show well.
+const DEPTH: f64 = 100.0;
+/// How many times as long as it is thick a volume is that is looked at as a sheet.
+const FLAT: f64 = 20.0;
+
+/// What [`OPACITIES`] are of in a volume of this thickness, as a part of a voxel: what is thin, as one slice is, is to hide as
+/// much as if it were not.
+fn thickness(geometry: &Geometry) -> f64 {
+    let depth = geometry.extent().min_element() / geometry.spacing.min_element();
+    (depth / DEPTH).min(1.0)
+}
+
+/// The side from which a volume that is a sheet is looked at: of slices along z, as they lie on a screen.
+fn flat_side(geometry: &Geometry) -> Option<Side> {
+    let extent = geometry.extent();
+    let thin = extent.min_position();
+    let normal = geometry.direction.col(thin).abs().max_position();
+    (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
+}
 
 /// A first transfer function: what surrounds things is left out, and the rest is cut into ranges of values that hold
 /// about as much each, where a value counts by the logarithm of how often it occurs.

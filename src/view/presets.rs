@@ -66,9 +66,9 @@ impl Preset {
         let span = statistics.max - statistics.min;
         let ramp = span / 100.0;
         let layer = |material, range, ramp, opacity| Interval { material, range, ramp, opacity, absorption: 0.0 };
-        let skin = of(materials, &["skin", "thin", "flesh"], 0.0);
+        let skin = of(materials, &["skin", "faint", "flesh"], 0.0);
         let soft = of(materials, &["muscle", "flesh", "tissue", "middle"], 0.5);
-        let bone = of(materials, &["bone", "skelet", "dense"], 1.0);
+        let bone = of(materials, &["bone", "skelet", "solid"], 1.0);
         Some(match self {
             Self::Bone => {
                 let zero = hounsfield()?;

@@ -88,11 +88,16 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
     }
     volume(&mut document, source)?;
     let scene = &state.scene;
-    if scene.camera != opened.camera {
+    // What a volume without a scene opens with is in no file.
+    let bare = source.bare_volume().is_some();
+    if scene.camera != opened.camera || bare {
         document.insert("camera", Item::Table(camera(&scene.camera)));
     }
-    if scene.transfer != opened.transfer || source.bare_volume().is_some() {
+    if scene.transfer != opened.transfer || bare {
         transfer(table(&mut document, "transfer")?, scene)?;
+    }
+    if bare {
+        table(&mut document, "transfer")?.insert("opacity_length", value(scene.transfer.opacity_length));
     }
     labels(&mut document, scene, opened)?;
     let palette = state.palette.as_ref().filter(|_| state.palette != design::stated(opened));

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use super::VolumeError;
+use crate::number::count;
 
 /// How far `DᵀD` of a direction matrix may be from the identity, entry by entry: headers are written with few digits.
 const ORTHONORMALITY: f64 = 1e-3;
@@ -86,6 +87,12 @@ impl Geometry {
             && (self.spacing - other.spacing).abs().cmple(1e-3 * spacing).all()
             && self.origin.distance(other.origin) <= origin
             && self.direction.abs_diff_eq(other.direction, 1e-3)
+    }
+
+    /// How long it is along each of its axes in world units, voxels counted whole.
+    #[must_use]
+    pub fn extent(&self) -> DVec3 {
+        self.spacing * DVec3::from_array(self.dims.map(count))
     }
 
     /// How many voxels the grid has.
