@@ -33,6 +33,11 @@ fn document() -> Document {
     Document::new(scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
 }
 
+/// A palette for what it shows.
+fn offered(document: &Document) -> Edit {
+    Edit::Design(Step::Take(Arc::new(design::wished(&document.state().scene))))
+}
+
 /// A document that does what the panels ask for.
 struct App {
     document: Option<Document>,
@@ -90,6 +95,9 @@ impl App {
                 }
                 (Action::Undo, Some(document)) => {
                     document.undo();
+                }
+                (Action::Offer, Some(document)) => {
+                    document.edit(&offered(document));
                 }
                 (Action::Choose(file), _) => app.chooser.open(*file, &app.folder.path("relume-0001.png")),
                 (Action::Panels(shown), _) => app.panels = *shown,
@@ -362,7 +370,7 @@ fn an_edit_costs_what_it_says() {
         Edit::RemoveTerm(0),
         Edit::Accuracy(Accuracy { step_length: 0.7, ..document().state().scene.accuracy.clone() }),
         Edit::Observer(Observer::Cie1964),
-        Edit::Design(Step::Offer),
+        offered(&document()),
         Edit::Spectra(Arc::new(
             Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
         )),
@@ -945,7 +953,7 @@ fn what_the_probe_says_of_materials_are_parts_of_a_whole() {
 #[test]
 fn a_way_out_of_what_cannot_be_had_is_a_button_that_changes_it_and_solves_again() {
     let mut document = document();
-    document.edit(&Edit::Design(Step::Offer));
+    document.edit(&offered(&document));
     document.rest();
     let mut window = wide(document);
     window.state_mut().design = true;
@@ -1150,7 +1158,7 @@ fn what_was_done_leaves_by_itself_and_what_went_wrong_stays() {
 #[test]
 fn a_way_out_and_the_spectra_that_are_solved_by_it_are_one_step_back() {
     let mut document = document();
-    document.edit(&Edit::Design(Step::Offer));
+    document.edit(&offered(&document));
     document.rest();
     let is_open = |document: &Document| document.state().palette.as_ref().unwrap().lights[1].spectrum.is_none();
     let lamp = |document: &Document| document.state().scene.lights[1].spectrum.clone();

@@ -86,7 +86,7 @@ fn edits() -> Vec<Edit> {
         Edit::ResetTransfer,
         Edit::Accuracy(accuracy(1.3, None)),
         Edit::Accuracy(accuracy(0.7, Some(5))),
-        Edit::Design(Step::Offer),
+        Edit::Design(Step::Take(Arc::new(design::wished(&scene())))),
         Edit::Design(Step::Open(design::Side::Material, 0, false)),
         Edit::Design(Step::Open(design::Side::Light, 1, true)),
         Edit::Design(Step::Bounds(design::Side::Light, 1, [0.0, 4.0])),

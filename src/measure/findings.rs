@@ -169,3 +169,74 @@ pub(super) fn spread(rows: &[Measured]) -> f64 {
     shares.sort_by(f64::total_cmp);
     shares.get(shares.len() / 2).copied().unwrap_or(0.0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::clock::Summary;
+    use super::super::difference::Difference;
+    use super::super::setting::Setting;
+    use super::super::survey::{Cost, Times};
+    use super::*;
+
+    /// A setting whose frames took from `fastest` to `slowest` and between them `frame_ms`, and that errs by `mean` and `p95`.
+    fn row([fastest, frame_ms, slowest]: [f64; 3], mean: f64, p95: f64) -> Measured {
+        let cost = |part: f64| {
+            let [median, min, max] = [frame_ms, fastest, slowest].map(|ms| part * ms);
+            let wall_ms = Summary { median, min, max };
+            Cost { wall_ms, cpu_ms: wall_ms, device_ms: None }
+        };
+        let times =
+            Times { upload: cost(9.0), march: cost(0.75), relight: cost(0.25), read_back: cost(9.0), enlarge: None };
+        Measured {
+            setting: Setting::default(),
+            carrier: String::new(),
+            components: 8,
+            times,
+            frame_ms,
+            dispatches: 1,
+            pixel_bytes: 1,
+            volume_bytes: 1,
+            total_bytes: 1,
+            error: Difference { delta_e: ErrorSummary { mean, p95, max: 9.0 }, ..Difference::default() },
+            causes: Vec::new(),
+            order: None,
+            pareto: false,
+            worst_by: Vec::new(),
+            differences: Vec::new(),
+            colours: Vec::new(),
+        }
+    }
+
+    fn found(row: Option<&Measured>) -> Option<f64> {
+        row.map(|row| row.frame_ms)
+    }
+
+    #[test]
+    fn a_frame_takes_its_march_and_its_relight_and_is_faster_where_no_run_overlaps() {
+        let [slow, fast, between] = [[8.0, 10.0, 12.0], [5.0, 6.0, 7.0], [6.0, 8.0, 9.0]].map(|ms| row(ms, 1.0, 1.0));
+        assert_eq!(span(&slow), [8.0, 12.0]);
+        assert!(is_faster(&fast, &slow));
+        assert!(!is_faster(&between, &slow) && !is_faster(&fast, &between), "their runs overlap");
+    }
+
+    #[test]
+    fn the_own_setting_is_the_cheapest_until_another_is_faster_beyond_doubt() {
+        let own = row([8.0, 10.0, 12.0], 0.5, 1.0);
+        let doubtful = row([6.0, 8.0, 9.0], 0.5, 1.0);
+        let wrong = row([1.0, 2.0, 3.0], 2.0, 4.0);
+        let faster = row([5.0, 6.0, 7.0], 0.5, 2.0);
+        let rows = [own, doubtful, wrong, faster];
+        assert_eq!(found(cheapest_for_sure(&rows, 1.0)), Some(10.0));
+        assert_eq!(found(cheapest_for_sure(&rows, 2.0)), Some(6.0));
+        assert_eq!(found(cheapest_for_sure(&rows, 0.5)), None, "none is within that");
+        assert_eq!(found(cheapest_for_sure(&rows[2..], 2.0)), Some(6.0), "the first is not within it");
+    }
+
+    #[test]
+    fn the_own_setting_is_the_closest_until_another_is_closer_than_measuring_again_would_be() {
+        let [own, alike, closer] = [0.50, 0.49, 0.40].map(|mean| row([1.0, 100.0 * mean, 99.0], mean, 1.0));
+        assert_eq!(found(closest(&[own.clone(), alike.clone()])), Some(50.0));
+        assert_eq!(found(closest(&[own, alike, closer])), Some(40.0));
+        assert_eq!(found(closest(&[])), None);
+    }
+}

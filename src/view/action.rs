@@ -63,6 +63,8 @@ pub enum Action {
     Measure(Option<Goal>),
     /// The palette's editor, or none.
     Palette(bool),
+    /// A palette for the materials that show, which can be had: [`super::design::offer`].
+    Offer,
     /// The open spectra of the palette are found, and take effect; with a step, those of the palette after it, which is taken
     /// together with them.
     Solve(Option<Step>),

@@ -2,17 +2,24 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::{
-    self, Cell, LAMP, LARGEST, Member, ModelTerm, NATURAL, Palette, SMOOTHNESS, SMOOTHNESSES, Solution, Target,
+    self, Cell, LAMP, LARGEST, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, SMOOTHNESSES, Solution,
+    Target,
 };
+use crate::progress::Progress;
 use crate::scene::Scene;
 use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
 use crate::spectrum::{BANDS, Light, Reflectance, Spectrum, standard};
 
 /// What it counts to keep a hue, beside looking alike.
 const APART: f64 = 0.2;
+/// How much nearer to their mean the colours of an offer are than those that nearly can be had: mixed with that, spectra keep
+/// off their bounds.
+const NEARER: f64 = 0.2;
 /// The row of the surface behind everything.
 pub(super) const BACKGROUND: &str = "background";
 
@@ -49,9 +56,8 @@ pub enum Side {
 /// A change of what is asked of a palette. What is not there is not changed.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// A palette for the materials that the scene shows: under its second light all look alike, and under its first they keep
-    /// their hues, as light as they are on average, which can be had together.
-    Offer,
+    /// Another palette in place of what is asked.
+    Take(Arc<Palette>),
     /// What a cell is to look like, by row and column; `None` is whatever comes.
     Target(usize, usize, Option<Target>),
     /// How much a cell counts, above 0.
@@ -173,13 +179,13 @@ impl Step {
     /// What becomes of `palette`, that of `scene`; `None` where there is none.
     #[must_use]
     pub fn applied(&self, scene: &Scene, palette: Option<&Palette>) -> Option<Palette> {
-        if *self == Self::Offer {
-            return Some(offered(scene));
+        if let Self::Take(palette) = self {
+            return Some((**palette).clone());
         }
         let mut palette = palette?.clone();
         let at = |cell: &Cell, row: usize, column: usize| (cell.material, cell.light) == (row, column);
         match *self {
-            Self::Offer => {}
+            Self::Take(_) => {}
             Self::Target(row, column, target) => {
                 let weight = palette.cells.iter().find(|cell| at(cell, row, column)).map_or(1.0, |cell| cell.weight);
                 palette.cells.retain(|cell| !at(cell, row, column));
@@ -234,7 +240,30 @@ fn in_tenths(number: f64) -> f64 {
     (number * 10.0).round() / 10.0
 }
 
-fn offered(scene: &Scene) -> Palette {
+/// A palette for the materials that `scene` shows, which can be had: under its second light all look alike, and under its first
+/// they keep what they can of their hues.
+///
+/// # Errors
+///
+/// [`PaletteError`], of the scene's own spectra, or because `progress` was cancelled.
+pub fn offer(scene: &Scene, progress: &dyn Progress) -> Result<Palette, PaletteError> {
+    let mut palette = wished(scene);
+    let found = palette::solve(&palette, progress)?;
+    let colours: Vec<DVec3> =
+        found.cells.iter().filter(|cell| cell.light == 0).map(|cell| DVec3::from_array(cell.xyz.0)).collect();
+    let mean = colours.iter().sum::<DVec3>() / count(colours.len().max(1));
+    for cell in &mut palette.cells {
+        if let (Target::Lab(target), Some(had)) = (&mut cell.target, colours.get(cell.material)) {
+            *target = Lab(lab_from_xyz(Xyz(had.lerp(mean, NEARER).to_array()), d65_white()).0.map(in_tenths));
+        }
+    }
+    Ok(palette)
+}
+
+/// What would be best of all: under the second light all materials look alike, and under the first they keep their hues, as
+/// light as they are on average.
+#[must_use]
+pub fn wished(scene: &Scene) -> Palette {
     let shown: Vec<_> = (0..scene.materials.len()).filter(|&index| scene.shows(index)).take(LARGEST).collect();
     let shown: Vec<_> = shown.into_iter().filter_map(|index| scene.materials.get(index)).collect();
     let mut lights: Vec<&crate::scene::SceneLight> = Vec::new();
@@ -427,7 +456,7 @@ mod tests {
     #[test]
     fn what_is_offered_merges_under_one_light_and_parts_under_the_other() {
         let mut scene = scene();
-        let palette = Step::Offer.applied(&scene, None).unwrap();
+        let palette = offer(&scene, &Quiet).unwrap();
         assert_eq!(palette.materials.iter().map(|row| row.name.as_str()).collect::<Vec<_>>(), ["a", "b"], "what shows");
         let solution = palette::solve(&palette, &Quiet).unwrap();
         Spectra::of(&scene, &solution).put_into(&mut scene);
@@ -441,9 +470,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_offered_for_the_program_s_own_scene_can_be_had() {
+        let options = SceneOptions { downsample: Some([16; 3]), ..Default::default() };
+        let scene = crate::scene::load_embedded(&options, &Quiet).unwrap();
+        let solution = palette::solve(&offer(&scene, &Quiet).unwrap(), &Quiet).unwrap();
+        assert_eq!(solution.conflicts, []);
+        assert!(solution.worst() <= 2.0, "ΔE00 {}", solution.worst());
+        let day: Vec<Lab> = solution
+            .cells
+            .iter()
+            .filter(|cell| cell.light == 0)
+            .map(|cell| lab_from_xyz(cell.xyz, d65_white()))
+            .collect();
+        let apart = |one: &Lab| day.iter().map(|two| ciede2000(*one, *two)).fold(0.0, f64::max);
+        assert!(day.iter().all(|one| apart(one) > 10.0), "by day they are told apart");
+    }
+
+    #[test]
     fn steps_change_what_they_say_and_nothing_that_is_not_there() {
         let scene = scene();
-        let palette = Step::Offer.applied(&scene, None).unwrap();
+        let palette = Step::Take(Arc::new(wished(&scene))).applied(&scene, None).unwrap();
         let after = |step: Step| step.applied(&scene, Some(&palette)).unwrap();
         let white = Some(Target::Srgb([255; 3]));
         assert_eq!(after(Step::Target(1, 1, white)).target_text(1, 1), "#ffffff");

@@ -292,6 +292,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         })),
         "palette" => match rest {
             ["on" | "off"] => Command::Do(Action::Palette(switch(verb, rest)?)),
+            ["offer"] => Command::Do(Action::Offer),
             _ => edit(Edit::Design(design(rest)?)),
         },
         "spectrum" => {
@@ -350,7 +351,6 @@ fn design(words: &[&str]) -> Result<Step, String> {
     };
     let index = |word: &&str| word.parse::<usize>().map_err(|_| USE.to_owned());
     Ok(match words {
-        ["offer"] => Step::Offer,
         ["target", row, column, colour @ ..] => {
             let target = match colour {
                 ["free"] => None,

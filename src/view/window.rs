@@ -30,7 +30,7 @@ use super::state::{Cost, Document};
 use super::tour::Tour;
 use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{unsigned, whole};
-use crate::palette::Conflict;
+use crate::palette::{Conflict, PaletteError};
 use crate::render::RenderError;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 use beside::{Chosen, Solved};
@@ -161,7 +161,7 @@ struct Viewer {
     chosen: Option<String>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
-    solving: Option<Job<Solved>>,
+    solving: Option<Job<Result<Solved, PaletteError>>>,
     /// What excluded itself in what was solved last.
     conflicts: Vec<Conflict>,
     /// The last edit that marches.
@@ -333,6 +333,7 @@ impl Viewer {
             Action::Probe(place) => self.prober.look(place),
             Action::Measure(goal) => self.measure(goal),
             Action::Palette(shown) => self.editing = shown,
+            Action::Offer => self.offer(),
             Action::Solve(step) => self.solve(step),
             Action::GiveUp => (self.measuring, self.solving) = (None, None),
             Action::Dismiss(index) => {

@@ -49,7 +49,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         .show(ui.ctx(), |ui| {
             ScrollArea::both().max_height((rect.height() - 56.0).max(80.0)).show(ui, |ui| {
                 match &document.state().palette {
-                    None => offer(ui, asked),
+                    None => offer(ui, shown.design, asked),
                     Some(palette) => {
                         matrix(ui, &document.state().scene, palette, asked);
                         for_whom(ui, &document.state().scene.display);
@@ -68,15 +68,18 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
     }
 }
 
-fn offer(ui: &mut Ui, asked: &mut Vec<Action>) {
+fn offer(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
     ui.label("This scene has no palette: its spectra stand by themselves.");
-    ui.label("A palette says which colour each material is to have under each light. One for the materials that show can be made: under the second light all look alike, under the first they keep their hues.");
+    ui.label("A palette says which colour each material is to have under each light. One for the materials that show can be made: under the second light all look alike, under the first they keep what they can of their hues.");
+    if is_running(ui, design, asked) {
+        return;
+    }
     if ui
         .button("Design a palette")
         .on_hover_text("What it asks for can be changed before anything is solved.")
         .clicked()
     {
-        asked.push(Action::Edit(Edit::Design(Step::Offer)));
+        asked.push(Action::Offer);
     }
 }
 
@@ -320,26 +323,34 @@ fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
     });
 }
 
-fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
-    match design.running {
-        Some((part, stage)) => {
-            ui.add(part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new).text(RichText::new(stage).small()));
-            if ui.button("Cancel").on_hover_text("Solves no further; spectra stay as they are.").clicked() {
-                asked.push(Action::GiveUp);
-            }
-        }
-        None => {
-            ui.horizontal(|ui| {
-                let help = "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
-                if ui.button("Solve").on_hover_text(help).clicked() {
-                    asked.push(Action::Solve(None));
-                }
-                if ui.small_button("Offer anew").on_hover_text("A palette for the materials that show, as they are now.").clicked() {
-                    asked.push(Action::Edit(Edit::Design(Step::Offer)));
-                }
-            });
-        }
+/// Shows how far solving is, while something is solved.
+fn is_running(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) -> bool {
+    let Some((part, stage)) = design.running else { return false };
+    ui.add(part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new).text(RichText::new(stage).small()));
+    if ui.button("Cancel").on_hover_text("Solves no further; spectra stay as they are.").clicked() {
+        asked.push(Action::GiveUp);
     }
+    true
+}
+
+fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
+    if is_running(ui, design, asked) {
+        return;
+    }
+    ui.horizontal(|ui| {
+        let help =
+            "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
+        if ui.button("Solve").on_hover_text(help).clicked() {
+            asked.push(Action::Solve(None));
+        }
+        if ui
+            .small_button("Offer anew")
+            .on_hover_text("A palette for the materials that show, as they are now.")
+            .clicked()
+        {
+            asked.push(Action::Offer);
+        }
+    });
 }
 
 /// What cannot be had, why, and what may help: each by itself, and solved anew at once.

@@ -5,10 +5,11 @@ use std::time::Instant;
 
 use super::{NEWS_OF_MEASURING, Viewer, Woken};
 use crate::measure::{Choice, ChoiceError, Goal};
-use crate::palette::{self, PaletteError, Solution};
+use crate::palette::{self, Palette, PaletteError, Solution};
+use crate::progress::Progress;
 use crate::render::RenderError;
 use crate::view::action::Action;
-use crate::view::design::{Spectra, Step};
+use crate::view::design::{self, Spectra, Step};
 use crate::view::effort::{self, Curve};
 use crate::view::job::Job;
 use crate::view::prober::StepError;
@@ -18,8 +19,13 @@ use crate::vulkan::VulkanError;
 /// What settings take and err by, and the one that was chosen by it.
 pub(super) type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 
-/// What was solved, and what of the palette changes with it.
-pub(super) type Solved = Result<(Solution, Option<Step>), PaletteError>;
+/// What was solved.
+pub(super) enum Solved {
+    /// A palette to begin with.
+    Offered(Palette),
+    /// The open spectra of one, and what of it changes with them.
+    Found(Solution, Option<Step>),
+}
 
 impl Viewer {
     /// Goes on with the pixel that is looked at. Says whether there is something new to show.
@@ -81,6 +87,13 @@ impl Viewer {
         true
     }
 
+    /// Designs a palette for what is looked at; what was being solved is given up.
+    pub(super) fn offer(&mut self) {
+        let Some(document) = &self.document else { return };
+        let scene = document.state().scene.clone();
+        self.begin_to_solve(move |progress| Ok(Solved::Offered(design::offer(&scene, progress)?)));
+    }
+
     /// Finds the open spectra of the palette, after `step` where there is one; what was being solved is given up.
     pub(super) fn solve(&mut self, step: Option<Step>) {
         let state = self.document.as_ref().map(Document::state);
@@ -92,10 +105,14 @@ impl Viewer {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
         };
+        self.begin_to_solve(move |progress| Ok(Solved::Found(palette::solve(&palette, progress)?, step)));
+    }
+
+    fn begin_to_solve(&mut self, solve: impl FnOnce(&dyn Progress) -> Result<Solved, PaletteError> + Send + 'static) {
         self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.solving = Some(Job::start(wake, move |progress| Ok((palette::solve(&palette, progress)?, step))));
+        self.solving = Some(Job::start(wake, solve));
     }
 
     /// Takes what was solved, once it is. Says whether there is something new to show.
@@ -105,7 +122,8 @@ impl Viewer {
         match (solved, &self.document) {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
-            (Ok((solution, step)), Some(document)) => {
+            (Ok(Solved::Offered(palette)), _) => self.ask(Action::Edit(Edit::Design(Step::Take(Arc::new(palette))))),
+            (Ok(Solved::Found(solution, step)), Some(document)) => {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());

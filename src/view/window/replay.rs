@@ -69,6 +69,10 @@ impl Viewer {
         let inputs = match command {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             _ if opens && command.is_about_a_scene() => return Ok(Vec::new()),
+            // A palette that is asked for is what the next lines are about.
+            Command::Do(Action::Solve(_) | Action::Edit(Edit::Design(_))) if self.solving.is_some() => {
+                return Ok(Vec::new());
+            }
             // What is saved is what was asked for before, and not after.
             _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
