@@ -159,6 +159,32 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
 }
 
 #[test]
+fn settings_are_timed_in_turn_until_all_have_as_many_runs() {
+    let (scene, settings) = (parsed(SCENE), sweep(&["step=1,2", "scale=0.5", "volume=f32"]));
+    let options = SurveyOptions { runs: 5, ..OPTIONS };
+    with_renderer(|renderer| {
+        let mut survey = Survey::new(renderer, &scene, &settings, options, &Quiet).unwrap();
+        let mut rows: Vec<Measured> = settings.iter().map(|setting| survey.measure(setting, &Quiet).unwrap()).collect();
+        let before = rows.clone();
+        assert!(rows.iter().all(|row| row.times.runs == 3), "these are there also where somebody stops soon");
+        survey.time_in_turn(&mut rows, &Quiet).unwrap();
+        for (row, before) in rows.iter().zip(&before) {
+            assert_eq!(row.times.runs, 5, "{}", row.setting);
+            assert_eq!((&row.error, &row.causes, row.dispatches), (&before.error, &before.causes, before.dispatches));
+            let sum = [Some(row.times.march), Some(row.times.relight), row.times.enlarge].into_iter().flatten();
+            let sum: f64 = sum.map(|cost| cost.wall_ms.median).sum();
+            assert!((row.frame_ms - sum).abs() <= 1e-9 * sum, "{}: {} is not {sum}", row.setting, row.frame_ms);
+            assert_eq!(row.times.enlarge.is_some(), row.setting.scale() < 1.0, "{}", row.setting);
+        }
+        let of = |name: &str| rows.iter().find(|row| row.setting.to_string() == name).unwrap();
+        let upload = |row: &Measured| row.times.upload.wall_ms.median.to_bits();
+        assert_eq!(upload(&rows[0]), upload(of("scale=0.5")), "one volume, one upload");
+        assert_ne!(upload(&rows[0]), upload(of("volume=f32")), "another one");
+        assert_eq!(rows[0].times, of("step=1").times, "what is the same is timed once");
+    });
+}
+
+#[test]
 fn the_front_has_what_no_other_setting_beats() {
     measured(&parsed(SCENE), &["termination=0,0.01,0.1,0.5"], |_, rows| {
         let mut rows = rows.to_vec();

@@ -186,6 +186,12 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
             Err(error) => return Err(error.into()),
         }
     }
+    if !outcome.interrupted {
+        match survey.time_in_turn(&mut outcome.rows, progress) {
+            Err(_) if progress.cancelled() => outcome.interrupted = true,
+            timed => timed?,
+        }
+    }
     mark_pareto(&mut outcome.rows);
     Ok(outcome)
 }
@@ -197,15 +203,11 @@ fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> 
         Some(own) if !outcome.interrupted => survey.close_up(own, progress)?,
         _ => None,
     };
-    let again_ms = match outcome.rows.first() {
-        Some(own) if !outcome.interrupted => Some(survey.time_again(&own.setting, progress)?),
-        _ => None,
-    };
     let findings = Findings {
         rows: &outcome.rows,
         refused: &outcome.refused,
         close_up: close_up.as_ref(),
-        again_ms,
+        again_ms: None,
         interrupted: outcome.interrupted,
     };
     Ok(html(survey, &findings)?)

@@ -185,8 +185,14 @@ mod tests {
             let wall_ms = Summary { median, min, max };
             Cost { wall_ms, cpu_ms: wall_ms, device_ms: None }
         };
-        let times =
-            Times { upload: cost(9.0), march: cost(0.75), relight: cost(0.25), read_back: cost(9.0), enlarge: None };
+        let times = Times {
+            runs: 3,
+            upload: cost(9.0),
+            march: cost(0.75),
+            relight: cost(0.25),
+            read_back: cost(9.0),
+            enlarge: None,
+        };
         Measured {
             setting: Setting::default(),
             carrier: String::new(),

@@ -21,6 +21,8 @@ use crate::vulkan::DeviceKind;
 
 /// Runs before those that count.
 const WARM_UP: usize = 2;
+/// Runs that are timed one after the other as a setting is measured; the others are timed in turn with all settings.
+const AT_ONCE: usize = 3;
 
 /// What is measured of every setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +31,7 @@ pub struct SurveyOptions {
     pub size: [usize; 2],
     /// The most of them whose error is.
     pub pixels: usize,
-    /// Runs that count, after two that warm up.
+    /// Runs that count, after two that warm up: the first three of a setting at once, the others by [`Survey::time_in_turn`].
     pub runs: usize,
 }
 
@@ -44,9 +46,12 @@ pub struct Cost {
     pub device_ms: Option<Summary>,
 }
 
+/// A run: its time, and that by the device's own clock.
+type Run = (Timing, Option<Duration>);
+
 impl Cost {
     /// That of `runs`; zeros of none.
-    fn of(runs: &[(Timing, Option<Duration>)]) -> Self {
+    fn of(runs: &[Run]) -> Self {
         let over = |times: Vec<f64>| summary(&times);
         let nothing = Summary { median: 0.0, min: 0.0, max: 0.0 };
         let device: Option<Vec<f64>> = runs.iter().map(|(_, took)| Some(took.as_ref()?.as_secs_f64() * 1e3)).collect();
@@ -61,6 +66,8 @@ impl Cost {
 /// What a setting takes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Times {
+    /// Frames that were timed.
+    pub runs: usize,
     /// The volume onto the device, once.
     pub upload: Cost,
     /// Tables and march of a frame.
@@ -162,7 +169,25 @@ pub struct CloseUp {
 struct Resident {
     plan: ScenePlan,
     uploaded: Uploaded,
-    cost: Cost,
+}
+
+/// How a volume is stored on the device, and how long it took to bring it there.
+struct Upload {
+    plan: ScenePlan,
+    runs: Vec<Run>,
+}
+
+/// Whether the volume lies on the device for `one` as it does for `other`.
+fn are_stored_alike(one: &ScenePlan, other: &ScenePlan) -> bool {
+    one.is_stored_as(other) && one.interpolation == other.interpolation
+}
+
+/// A measured setting: those that are it, and its runs.
+struct Known {
+    same: Same,
+    settings: Vec<Setting>,
+    row: Measured,
+    frames: Frames,
 }
 
 /// Measures settings of one scene on one device.
@@ -174,9 +199,10 @@ pub struct Survey<'a> {
     ladder: Ladder<'a>,
     truth: Arc<Vec<DVec3>>,
     resident: Option<Resident>,
+    uploads: Vec<Upload>,
     /// What was measured. A knob that is turned to where the scene has it is measured no second time: it would take another
     /// time.
-    known: Vec<(Same, Measured)>,
+    known: Vec<Known>,
 }
 
 /// What settings have in common that are the same.
@@ -224,7 +250,17 @@ impl<'a> Survey<'a> {
             return Err(SurveyError::Nothing { looked_at: looked_at.len(), source_name: scene.source.clone() });
         }
         let truth = ladder.truth(progress)?;
-        Ok(Self { renderer, scene, options, lattice, ladder, truth, resident: None, known: Vec::new() })
+        Ok(Self {
+            renderer,
+            scene,
+            options,
+            lattice,
+            ladder,
+            truth,
+            resident: None,
+            uploads: Vec::new(),
+            known: Vec::new(),
+        })
     }
 
     /// The scene.
@@ -286,11 +322,9 @@ impl<'a> Survey<'a> {
         let progress = &Unreported(progress);
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
-        self.upload(&scene, &planned, progress)?;
+        self.upload(&scene, &planned, WARM_UP, progress)?;
         let size = setting.marched_size(self.options.size);
-        let Some(Resident { uploaded, cost: upload, .. }) = &self.resident else {
-            return Err(RenderError::Cancelled.into());
-        };
+        let Some(Resident { uploaded, .. }) = &self.resident else { return Err(RenderError::Cancelled.into()) };
         let table = TransferTable::new(&scene, &planned, uploaded.storage.domain);
         let same = Same {
             plan: planned.plan.clone(),
@@ -298,17 +332,26 @@ impl<'a> Survey<'a> {
             numbers: [scene.accuracy.step_length, scene.accuracy.termination, setting.scale()],
             entries: table.entries(),
         };
-        if let Some((_, row)) = self.known.iter().find(|(known, _)| *known == same) {
-            return Ok(Measured { setting: setting.clone(), ..row.clone() });
+        if let Some(known) = self.known.iter_mut().find(|known| known.same == same) {
+            known.settings.push(setting.clone());
+            return Ok(Measured { setting: setting.clone(), ..known.row.clone() });
         }
         let volume_bytes = uploaded.bytes();
-        let upload = *upload;
-        let frames = self.frames(&scene, &planned, uploaded, size, progress)?;
-        let whole_size = if size == self.options.size {
-            frames.picture.clone()
-        } else {
-            picture(self.renderer, &self.ladder, &scene, &planned, uploaded, self.options.size, progress)?
-        };
+        let mut warm_up = Frames::default();
+        for _ in 0..WARM_UP {
+            self.frame(&scene, &planned, uploaded, size, &mut warm_up, progress)?;
+        }
+        let mut frames = Frames::default();
+        for _ in 0..self.options.runs.min(AT_ONCE) {
+            self.frame(&scene, &planned, uploaded, size, &mut frames, progress)?;
+        }
+        let of_size = |size| picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress);
+        let whole_size = of_size(self.options.size)?;
+        let enlargement = Enlargement::new(size, self.options.size);
+        let enlarged = if enlargement.is_none() { None } else { Some(enlargement.pixels(&of_size(size)?)) };
+        let dispatches = frames.dispatches;
+        let upload = self.uploads.iter().find(|upload| are_stored_alike(&upload.plan, &planned.plan));
+        let times = frames.times(upload.map_or_else(|| Cost::of(&[]), |upload| Cost::of(&upload.runs)));
 
         let truth = Arc::clone(&self.truth);
         let mut climb = Climb::from(truth.to_vec(), self.ladder.pixels.clone());
@@ -328,8 +371,8 @@ impl<'a> Survey<'a> {
         climb.to(Cause::Tables, self.ladder.stored::<f64>(&scene, &planned, &table, progress)?);
         climb.to(Cause::Rounding, self.ladder.stored::<f32>(&scene, &planned, &table, progress)?);
         climb.to(Cause::Device, looked_up(&whole_size, self.options.size, &self.ladder.pixels));
-        if size != self.options.size {
-            climb.to(Cause::Resolution, looked_up(&frames.picture, self.options.size, &self.ladder.pixels));
+        if let Some(enlarged) = enlarged {
+            climb.to(Cause::Resolution, looked_up(&enlarged, self.options.size, &self.ladder.pixels));
         }
         let error = Difference::between(&climb.last, &truth, &self.ladder.pixels);
         let worst_by = error.at.map_or_else(Vec::new, |at| climb.at(at));
@@ -340,15 +383,9 @@ impl<'a> Survey<'a> {
             setting: setting.clone(),
             carrier: same.carrier.clone(),
             components: plan.components(),
-            frame_ms: frames.frame_ms(),
-            times: Times {
-                upload,
-                march: frames.march,
-                relight: frames.relight,
-                read_back: frames.read_back,
-                enlarge: frames.enlarge,
-            },
-            dispatches: frames.dispatches,
+            frame_ms: times.frame_ms(),
+            times,
+            dispatches,
             pixel_bytes: plan.pixel_bytes(),
             volume_bytes,
             total_bytes: volume_bytes + tables as u64 + (size[0] * size[1]) as u64 * plan.marched_bytes(),
@@ -360,23 +397,60 @@ impl<'a> Survey<'a> {
             differences: delta_e(&colours, &truth),
             colours,
         };
-        self.known.push((same, row.clone()));
+        self.known.push(Known { same, settings: vec![setting.clone()], row: row.clone(), frames });
         Ok(row)
     }
 
-    /// What a frame of `setting` takes now, in ms: another time than before is what other programs did.
+    /// Times all settings that were measured again, in turn, until each has as many runs as are asked for: what other programs
+    /// do meanwhile then slows all of them, and not one. `rows` get the times of all runs.
     ///
     /// # Errors
     ///
-    /// [`SurveyError`].
-    pub fn time_again(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<f64, SurveyError> {
-        let progress = &Unreported(progress);
+    /// [`SurveyError`]; then `rows` have the times of the runs before.
+    pub fn time_in_turn(&mut self, rows: &mut [Measured], progress: &dyn Progress) -> Result<(), SurveyError> {
+        // Those that are stored alike follow one another: each volume is brought to the device once a turn.
+        let mut order: Vec<usize> = (0..self.known.len()).collect();
+        let stored = |index: &usize| {
+            let plan = &self.known[*index].same.plan;
+            self.uploads.iter().position(|upload| are_stored_alike(&upload.plan, plan))
+        };
+        order.sort_by_key(stored);
+        let total = self.options.runs.saturating_sub(AT_ONCE);
+        for turn in 0..total {
+            for (done, &index) in order.iter().enumerate() {
+                let stage = format!("timing all settings in turn, {} of {total}", turn + 1);
+                progress.report(&stage, done as u64, order.len() as u64);
+                self.time_once_more(index, &Unreported(progress))?;
+            }
+            self.write_times(rows);
+        }
+        Ok(())
+    }
+
+    /// One more frame of a setting that was measured.
+    fn time_once_more(&mut self, index: usize, progress: &dyn Progress) -> Result<(), SurveyError> {
+        let setting = self.known[index].row.setting.clone();
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
-        self.upload(&scene, &planned, progress)?;
+        self.upload(&scene, &planned, 0, progress)?;
         let Some(Resident { uploaded, .. }) = &self.resident else { return Err(RenderError::Cancelled.into()) };
+        let mut frames = std::mem::take(&mut self.known[index].frames);
         let size = setting.marched_size(self.options.size);
-        Ok(self.frames(&scene, &planned, uploaded, size, progress)?.frame_ms())
+        let timed = self.frame(&scene, &planned, uploaded, size, &mut frames, progress);
+        self.known[index].frames = frames;
+        timed
+    }
+
+    /// Puts the times of all runs so far into `rows`.
+    fn write_times(&mut self, rows: &mut [Measured]) {
+        for known in &mut self.known {
+            let upload = self.uploads.iter().find(|upload| are_stored_alike(&upload.plan, &known.same.plan));
+            let times = known.frames.times(upload.map_or(known.row.times.upload, |upload| Cost::of(&upload.runs)));
+            known.row = Measured { frame_ms: times.frame_ms(), times, ..known.row.clone() };
+            for row in rows.iter_mut().filter(|row| known.settings.contains(&row.setting)) {
+                (row.frame_ms, row.times) = (known.row.frame_ms, known.row.times.clone());
+            }
+        }
     }
 
     /// The surroundings of the worst pixel of `row`, pixel by pixel; `None` where it has no error.
@@ -393,7 +467,7 @@ impl<'a> Survey<'a> {
         let pixels: Vec<[usize; 2]> = (0..side * side).map(|i| [first[0] + i % side, first[1] + i / side]).collect();
         let scene = row.setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
-        self.upload(&scene, &planned, progress)?;
+        self.upload(&scene, &planned, 0, progress)?;
         let Some(Resident { uploaded, .. }) = &self.resident else { return Ok(None) };
         let size = row.setting.marched_size(self.options.size);
         let marched = picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress)?;
@@ -405,81 +479,94 @@ impl<'a> Survey<'a> {
         Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth, whole }))
     }
 
-    /// Puts the volume onto the device as `planned` needs it, unless it is there.
-    fn upload(&mut self, scene: &Scene, planned: &Planned, progress: &dyn Progress) -> Result<(), SurveyError> {
-        let interpolation = planned.plan.interpolation;
-        let fits = |it: &Resident| it.plan.is_stored_as(&planned.plan) && it.plan.interpolation == interpolation;
-        if self.resident.as_ref().is_some_and(fits) {
+    /// Puts the volume onto the device as `planned` needs it, unless it is there; one more time after it was `warm_up` times.
+    fn upload(
+        &mut self,
+        scene: &Scene,
+        planned: &Planned,
+        warm_up: usize,
+        progress: &dyn Progress,
+    ) -> Result<(), SurveyError> {
+        if self.resident.as_ref().is_some_and(|it| are_stored_alike(&it.plan, &planned.plan)) {
             return Ok(());
         }
-        self.resident = None;
-        let mut runs = Vec::new();
-        for run in 0..WARM_UP + self.options.runs {
+        let known = self.uploads.iter().position(|upload| are_stored_alike(&upload.plan, &planned.plan));
+        let index = known.unwrap_or_else(|| {
+            self.uploads.push(Upload { plan: planned.plan.clone(), runs: Vec::new() });
+            self.uploads.len() - 1
+        });
+        let warm_up = if known.is_some() { 0 } else { warm_up };
+        for run in 0..=warm_up {
+            self.resident = None;
             let clock = Stopwatch::start();
             let uploaded = self.renderer.upload(scene, planned, self.ladder.statistics(), progress)?;
-            runs.push((clock.read(), None));
-            if run + 1 == WARM_UP + self.options.runs {
-                let cost = Cost::of(&runs[WARM_UP..]);
-                self.resident = Some(Resident { plan: planned.plan.clone(), uploaded, cost });
+            let took = clock.read();
+            self.resident = Some(Resident { plan: planned.plan.clone(), uploaded });
+            if run == warm_up {
+                self.uploads[index].runs.push((took, None));
             }
         }
         Ok(())
     }
 
-    /// Frames of `size`, timed, and the last of them, as large as it is shown.
-    fn frames(
+    /// A frame of `size`, timed.
+    fn frame(
         &self,
         scene: &Scene,
         planned: &Planned,
         uploaded: &Uploaded,
         size: [usize; 2],
+        frames: &mut Frames,
         progress: &dyn Progress,
-    ) -> Result<Frames, SurveyError> {
+    ) -> Result<(), SurveyError> {
         let matrices = self.ladder.shown(scene, planned);
-        let (mut marches, mut relights, mut read_backs) = (Vec::new(), Vec::new(), Vec::new());
-        let mut dispatches = 0;
-        for _ in 0..WARM_UP + self.options.runs {
-            let clock = Stopwatch::start();
-            let accumulators = self.renderer.march(scene, planned, uploaded, size, progress)?;
-            marches.push((clock.read(), accumulators.device_time));
-            dispatches = accumulators.dispatches;
-            let relight = self.renderer.relight_display(&accumulators)?;
-            let clock = Stopwatch::start();
-            let took = relight.run(&matrices)?;
-            relights.push((clock.read(), took));
-            let clock = Stopwatch::start();
-            let _picture: Vec<[u8; 4]> = relight.read()?;
-            read_backs.push((clock.read(), None));
-        }
-        let mut picture = picture(self.renderer, &self.ladder, scene, planned, uploaded, size, progress)?;
-        let mut enlarge = None;
+        let clock = Stopwatch::start();
+        let accumulators = self.renderer.march(scene, planned, uploaded, size, progress)?;
+        let march = (clock.read(), accumulators.device_time);
+        let relight = self.renderer.relight_display(&accumulators)?;
+        let clock = Stopwatch::start();
+        let took = relight.run(&matrices)?;
+        let relit = (clock.read(), took);
+        let clock = Stopwatch::start();
+        let picture: Vec<[u8; 4]> = relight.read()?;
+        let read_back = (clock.read(), None);
         let enlargement = Enlargement::new(size, self.options.size);
         if !enlargement.is_none() {
-            let (mut enlarged, mut runs) = (Vec::new(), Vec::new());
-            for _ in 0..WARM_UP + self.options.runs {
-                let clock = Stopwatch::start();
-                enlarged = enlargement.pixels(&picture);
-                runs.push((clock.read(), None));
-            }
-            (picture, enlarge) = (enlarged, Some(Cost::of(&runs[WARM_UP..])));
+            let shown = &picture;
+            let linear: Vec<[f32; 4]> = shown.iter().map(|pixel| pixel.map(f32::from)).collect();
+            let clock = Stopwatch::start();
+            let _enlarged = enlargement.pixels(&linear);
+            frames.enlarges.push((clock.read(), None));
         }
-        let [march, relight, read_back] = [marches, relights, read_backs].map(|runs| Cost::of(&runs[WARM_UP..]));
-        Ok(Frames { march, relight, read_back, enlarge, dispatches, picture })
+        frames.dispatches = accumulators.dispatches;
+        frames.marches.push(march);
+        frames.relights.push(relit);
+        frames.read_backs.push(read_back);
+        Ok(())
     }
 }
 
 /// Frames that were timed.
+#[derive(Default)]
 struct Frames {
-    march: Cost,
-    relight: Cost,
-    read_back: Cost,
-    enlarge: Option<Cost>,
+    marches: Vec<Run>,
+    relights: Vec<Run>,
+    read_backs: Vec<Run>,
+    /// None where all pixels are marched.
+    enlarges: Vec<Run>,
     dispatches: usize,
-    /// Linear RGBA, as large as it is shown.
-    picture: Vec<[f32; 4]>,
 }
 
 impl Frames {
+    /// What they took, after an `upload`.
+    fn times(&self, upload: Cost) -> Times {
+        let [march, relight, read_back] = [&self.marches, &self.relights, &self.read_backs].map(|runs| Cost::of(runs));
+        let enlarge = (!self.enlarges.is_empty()).then(|| Cost::of(&self.enlarges));
+        Times { runs: self.marches.len(), upload, march, relight, read_back, enlarge }
+    }
+}
+
+impl Times {
     /// What a frame takes on the wall, medians.
     fn frame_ms(&self) -> f64 {
         [Some(self.march), Some(self.relight), self.enlarge].into_iter().flatten().map(|cost| cost.wall_ms.median).sum()
