@@ -167,7 +167,11 @@ impl Source {
             (None, _) => scene::load_embedded(&self.options, progress)?,
             (_, Some(volume)) => {
                 let options = SceneOptions { volume: Some(volume.to_owned()), ..self.options.clone() };
-                scene::parse(&volume.display().to_string(), AROUND, Path::new(""), &options, progress)?
+                match scene::parse(&volume.display().to_string(), AROUND, Path::new(""), &options, progress) {
+                    // Of a file that is the volume, there is no scene to speak of.
+                    Err(SceneError::Volume { source, .. }) => return Err(source.into()),
+                    parsed => parsed?,
+                }
             }
             (Some(path), None) => scene::load(path, &self.options, progress)?,
         };
