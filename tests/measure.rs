@@ -10,8 +10,8 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use relume::measure::{
-    Cause, Difference, Knob, Measured, NodesBesideRgb, Setting, Survey, SurveyError, SurveyOptions, Value, cheapest,
-    mark_pareto, settings, to_csv, to_markdown,
+    Cause, Difference, Findings, Knob, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyError, SurveyOptions,
+    Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown,
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
@@ -286,7 +286,7 @@ fn the_report_is_one_file_that_needs_nothing_else() {
         "data:image/png;base64,",
         "Where the error comes from",
         "step=0.5",
-        "The worst of those looked at",
+        "The worst of those compared",
         // What was measured, and under what.
         "CIE 1931",
         "median of 1 run,",
@@ -306,6 +306,139 @@ fn the_report_is_one_file_that_needs_nothing_else() {
     let svg = std::fs::read_to_string(folder.path("trade.svg")).unwrap();
     assert!(svg.contains("<style>") && !svg.contains("var("), "it brings its own colours");
     assert!(std::fs::read(folder.path("trade.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+/// The report of `rows` as if their frames had taken so many ms, the longest run `apart` times as long as the shortest.
+fn page(survey: &Survey<'_>, rows: &[Measured], times: &[f64], apart: f64) -> String {
+    let mut rows = rows.to_vec();
+    assert_eq!(rows.len(), times.len());
+    for (row, ms) in rows.iter_mut().zip(times) {
+        let of = |median: f64| Summary { median, min: median / apart.sqrt(), max: median * apart.sqrt() };
+        (row.times.march.wall_ms, row.times.relight.wall_ms) = (of(0.75 * ms), of(0.25 * ms));
+        (row.times.enlarge, row.frame_ms) = (None, *ms);
+    }
+    mark_pareto(&mut rows);
+    let findings = Findings { rows: &rows, refused: &[], close_up: None, again_ms: None, interrupted: false };
+    html(survey, &findings).unwrap()
+}
+
+fn section<'a>(page: &'a str, head: &str) -> &'a str {
+    page.split(&format!("<h2>{head}</h2>")).nth(1).unwrap().split("<h2>").next().unwrap()
+}
+
+#[test]
+fn nothing_is_chosen_by_rough_times_and_errors_stay_as_they_are() {
+    let sweeps = ["step=0.5,2", "skipping=off", "termination=0.001", "model=nodes,rgb-naive"];
+    measured(&parsed(SCENE), &sweeps, |survey, rows| {
+        let times = [100.0, 190.0, 50.0, 300.0, 60.0, 200.0, 70.0];
+        let [rough, good] = [2.0, 1.02].map(|apart| page(survey, rows, &times, apart));
+        // Faster, the line, its names, bold times, and how little smaller differences mean.
+        for word in
+            [">faster<", "class=\"front\"", "class=\"best", "±", "in place of 100", "took 2.0 times", "<b>step=2</b>"]
+        {
+            assert!(!rough.contains(word), "rough times say {word}");
+        }
+        for word in [">faster<", "class=\"front\"", "class=\"best", "±", "took 2.0 times"] {
+            assert!(good.contains(word), "good times do not say {word}");
+        }
+        assert!(rough.contains("Rough times.") && rough.contains("up to 2.0 times as long"));
+        assert!(rough.contains("<span class=\"rough\">≈ 60.0 <small>") && rough.contains("A frame takes ≈ 100 ms."));
+        assert!(!good.contains('≈') && !good.contains("class=\"rough\"") && good.contains("<td>60.0 <small>"));
+        let causes = [&rough, &good].map(|page| section(page, "Where the error comes from").to_owned());
+        assert_eq!(causes[0], causes[1], "errors do not depend on times");
+        // What is alike in every way is the same but for its time.
+        let exact = |page: &str| section(page, "Which setting to use").contains("<b>step=0.5</b>");
+        assert!(exact(&rough) && exact(&good), "the most exact is so by its errors");
+    });
+}
+
+#[test]
+fn the_most_exact_is_the_fastest_of_those_that_are_as_close() {
+    measured(&parsed(SCENE), &["termination=0.001,0.00001", "step=2"], |survey, rows| {
+        let mut rows = rows.to_vec();
+        for (row, size) in rows.iter_mut().zip([1.0, 1.0, 1.01, 9.0]) {
+            let error = &mut row.error.delta_e;
+            (error.mean, error.p95, error.max) = (0.1 * size, 0.2 * size, 0.5 * size);
+        }
+        let chosen = |times: &[f64]| {
+            let page = page(survey, &rows, times, 1.1);
+            let table = section(&page, "Which setting to use").to_owned();
+            let row = table.split("<tr>").find(|row| row.contains("as exact as was measured")).unwrap().to_owned();
+            row.split("<b>").nth(1).unwrap().split("</b>").next().unwrap().to_owned()
+        };
+        assert_eq!(chosen(&[100.0, 50.0, 60.0, 10.0]), "termination=0.001", "faster, and step=2 is not as close");
+        assert_eq!(chosen(&[100.0, 95.0, 97.0, 10.0]), "the scene's own", "runs overlap");
+    });
+}
+
+#[test]
+fn a_report_says_by_what_a_pixel_has_its_bytes() {
+    measured(&parsed(GLASS), &["model=nodes,rgb-naive"], |survey, rows| {
+        let page = page(survey, rows, &[3.0, 2.0, 1.0], 1.0);
+        assert!(page.contains("For k = 8: 3 × 8 × 4 = 96."), "{}", section(&page, "What k = 8 buys"));
+    });
+}
+
+/// The texts of drawings of this name, drawing by drawing.
+fn drawn<'a>(page: &'a str, name: &str) -> Vec<&'a str> {
+    page.split("<svg").filter(|it| it.contains(&format!("aria-label=\"{name}\""))).collect()
+}
+
+#[test]
+fn all_maps_of_errors_have_one_scale() {
+    measured(&parsed(GLASS), &["model=nodes,rgb-naive"], |survey, rows| {
+        let page = page(survey, rows, &[3.0, 2.0, 1.0], 1.0);
+        let scales: Vec<Vec<&str>> = drawn(&page, "scale of ΔE00")
+            .into_iter()
+            .map(|it| it.split("</text>").filter_map(|text| text.rsplit('>').next()).collect())
+            .collect();
+        assert_eq!(scales.len(), 2);
+        assert_eq!(scales[0], scales[1]);
+    });
+}
+
+#[test]
+fn every_setting_shows_all_parts_of_its_error() {
+    let sweeps = ["model=nodes,rgb-naive,rgb-fitted", "step=0.5,4", "scale=0.5"];
+    measured(&parsed(GLASS), &sweeps, |survey, rows| {
+        let page = page(survey, rows, &[3.0, 2.0, 1.0, 1.5, 9.0, 2.5, 0.5], 1.0);
+        let drawing = drawn(&page, "error by cause")[0];
+        let number = |bar: &str, name: &str| -> f64 {
+            bar.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        let mut lines = std::collections::BTreeMap::new();
+        for bar in drawing.split("<rect").skip(1).filter(|bar| number(bar, "height") > 12.0) {
+            let line: &mut (f64, Vec<&str>) =
+                lines.entry(bar.split(" y=\"").nth(1).unwrap().split('"').next()).or_default();
+            line.0 += number(bar, "width");
+            line.1.push(bar.split("<title>").nth(1).unwrap().split(':').next().unwrap());
+        }
+        assert!(lines.len() >= 5, "{lines:?}");
+        let longest = lines.values().map(|line| line.0).fold(0.0, f64::max);
+        assert!(lines.values().all(|line| (line.0 - longest).abs() <= 2.0), "all bars are the whole: {lines:?}");
+        // The key has the order of the parts.
+        let key: Vec<&str> = drawing.split("</text>").filter_map(|text| text.rsplit('>').next()).skip(1).collect();
+        for (_, parts) in lines.values() {
+            let places: Vec<usize> =
+                parts.iter().map(|part| key.iter().position(|name| name == part).unwrap()).collect();
+            assert!(places.is_sorted(), "{parts:?} of {key:?}");
+        }
+    });
+}
+
+#[test]
+fn all_numbers_begin_with_what_matters_and_print_their_heads_on_every_page() {
+    measured(&parsed(SCENE), &["step=1,2"], |survey, rows| {
+        let page = page(survey, &rows[..], &[3.0, 2.0, 1.0], 1.0);
+        let table = section(&page, "All numbers");
+        let heads = table.split("<thead>").nth(1).unwrap().split("</thead>").next().unwrap();
+        let heads: Vec<&str> = heads
+            .split("</th>")
+            .filter_map(|head| head.rsplit('>').next())
+            .filter(|head| !head.trim().is_empty())
+            .collect();
+        assert_eq!(heads[..8], ["the mean by cause", "setting", "frame ms", "MB", "bytes/pixel", "mean", "p95", "max"]);
+    });
 }
 
 /// What the report says to write, said to the program, is the setting that was measured.

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::drawing::escaped;
 use super::entry::{Entry, seen};
-use crate::measure::findings::{cheapest_for_sure, closest, span};
+use super::trust::Trust;
 use crate::measure::survey::{Measured, Survey};
 use crate::measure::table::short;
 use crate::number::readable;
@@ -18,54 +18,78 @@ struct Chosen<'a> {
     purposes: Vec<String>,
 }
 
-/// The setting for each purpose, each setting once.
-fn chosen<'a>(rows: &'a [Measured]) -> Vec<Chosen<'a>> {
-    let mut found: Vec<Chosen<'a>> = Vec::new();
-    let mut add = |row: &'a Measured, purpose: String| match found.iter_mut().find(|it| it.row.times == row.times) {
-        Some(known) => known.purposes.push(purpose),
-        None => found.push(Chosen { row, purposes: vec![purpose] }),
-    };
+/// The setting for each purpose, each setting once; where times are rough, what is chosen by errors alone.
+fn chosen(rows: &[Measured], trust: Trust) -> Vec<Chosen<'_>> {
+    let mut found: Vec<Chosen<'_>> = Vec::new();
+    let mut add = |row, purpose: String| add_purpose(&mut found, row, purpose);
+    if let Some(own) = rows.first().filter(|_| trust.is_rough()) {
+        add(own, also_good_for(own));
+    }
     for (purpose, limit) in PURPOSES {
-        if let Some(row) = cheapest_for_sure(rows, limit) {
-            add(row, format!("{purpose} (p95 ≤ {})", readable(limit)));
+        if let Some(row) = trust.cheapest(rows, limit) {
+            add(row, good_for(purpose, limit));
         }
     }
-    if let Some(row) = closest(rows) {
+    if let Some(row) = trust.most_exact(rows) {
         add(row, "as exact as was measured".to_owned());
+    }
+    if let Some(own) = rows.first().filter(|own| !found.iter().any(|it| it.row.times == own.times)) {
+        found.insert(0, Chosen { row: own, purposes: vec![also_good_for(own)] });
     }
     found
 }
 
-/// A row a purpose, the scene's own first; then whole commands.
-pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measured]) -> String {
-    let Some(own) = rows.first() else { return String::new() };
-    let mut chosen = chosen(rows);
-    if !chosen.iter().any(|it| it.row.times == own.times) {
-        chosen.insert(0, Chosen { row: own, purposes: vec![also_good_for(own)] });
+fn add_purpose<'a>(found: &mut Vec<Chosen<'a>>, row: &'a Measured, purpose: String) {
+    match found.iter_mut().find(|it| it.row.times == row.times) {
+        Some(known) => known.purposes.push(purpose),
+        None => found.push(Chosen { row, purposes: vec![purpose] }),
     }
-    let mut table = "<div class=\"wide\"><table class=\"choice\">\n<tr><th class=\"text\">good for</th><th class=\"text\">setting, and how to write it</th>\
+}
+
+fn good_for(purpose: &str, limit: f64) -> String {
+    format!("{purpose} (p95 ≤ {})", readable(limit))
+}
+
+/// By what it was chosen.
+pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
+    let by = if trust.is_rough() {
+        "Times are rough here, so nothing is chosen by them: below are the scene's own setting and what errs least."
+    } else {
+        "For each purpose the fastest of those measured, where its times do not overlap with those of the scene's own. One knob \
+         is turned at a time."
+    };
+    let given = survey.scene().source.split_once(" with ").map_or_else(String::new, |(_, given)| {
+        format!(" What else was given for this scene (<code>{}</code>) is given again.", escaped(given))
+    });
+    format!("{by}{given}")
+}
+
+/// A row a purpose, then whole commands.
+pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measured], trust: Trust) -> String {
+    let Some(own) = rows.first() else { return String::new() };
+    let mut table = "<div class=\"wide\"><table class=\"choice\">\n<tr><th class=\"text\">good for</th><th class=\"text\">setting, and what the scene file says for it</th>\
          <th title=\"Of a frame: median, and the shortest and longest run\">ms</th>\
          <th title=\"ΔE00 that 95 of 100 pixels stay below\">p95</th><th title=\"ΔE00 of the worst pixel compared\">worst</th>\
          <th class=\"text\">what the eye sees</th></tr>\n"
         .to_owned();
-    for Chosen { row, purposes } in &chosen {
+    for Chosen { row, purposes } in &chosen(rows, trust) {
         let named = entries.iter().find(|entry| entry.row.times == row.times).map_or_else(String::new, Entry::name);
         let error = &row.error.delta_e;
-        let [ms, p95, max] = [row.frame_ms, error.p95, error.max].map(short);
-        let [least, most] = span(row).map(short);
+        let [p95, max] = [error.p95, error.max].map(short);
         writeln!(
             table,
-            "<tr><td class=\"text\">{}</td><td class=\"text\"><b>{}</b>{}</td><td>{ms} <small>({least}–{most})</small></td><td>{p95}</td><td>{max}</td>\
+            "<tr><td class=\"text\">{}</td><td class=\"text\"><b>{}</b>{}</td><td>{}</td><td>{p95}</td><td>{max}</td>\
              <td class=\"text\">{}</td></tr>",
             escaped(&purposes.join(", ")),
             escaped(&named),
             how(survey, row),
+            trust.cell(row),
             escaped(&seen(error))
         )
         .ok();
     }
     table.push_str("</table></div>\n");
-    let figure = cheapest_for_sure(rows, PURPOSES[2].1).filter(|row| row.times != own.times);
+    let figure = trust.cheapest(rows, PURPOSES[2].1).filter(|row| row.times != own.times);
     let flags = figure.map(|row| flags(survey, row)).filter(|flags| !flags.is_empty());
     let named = flags.map(|flags| {
         format!(
@@ -81,10 +105,10 @@ pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measur
     )
 }
 
-/// What the scene's own is good for where something else is faster.
+/// What the scene's own is good for where nothing says that it is the fastest.
 fn also_good_for(own: &Measured) -> String {
     let fit = PURPOSES.iter().rev().find(|(_, limit)| own.error.delta_e.p95 <= *limit);
-    fit.map_or_else(|| "nothing here, as it is".to_owned(), |(purpose, _)| format!("{purpose}, as it is"))
+    fit.map_or_else(|| "nothing here, as it is".to_owned(), |(purpose, limit)| good_for(purpose, *limit) + ", as it is")
 }
 
 /// What a row changes: in the scene file, and for one run.
@@ -111,7 +135,13 @@ fn how(survey: &Survey<'_>, row: &Measured) -> String {
         .ok();
     }
     if scaled {
-        text.push_str("<div>a smaller picture, then enlarged</div>");
+        let [width, height] = survey.lattice().size;
+        write!(
+            text,
+            "<div>no key of a scene: the picture is that small, and errs so once it is enlarged to {width}×{height} between its \
+             pixels (bilinear)</div>"
+        )
+        .ok();
     }
     text
 }

@@ -108,14 +108,6 @@ impl Drawing {
         .ok();
     }
 
-    /// A torn end of a bar whose upper right corner this is: it goes on.
-    pub(super) fn torn(&mut self, [x, y]: [f64; 2], height: f64) {
-        let teeth = (0..=4).map(|i| [if i % 2 == 0 { x - 12.0 } else { x - 7.0 }, y + height * f64::from(i) / 4.0]);
-        let back = (0..=4).rev().map(|i| [if i % 2 == 0 { x - 8.0 } else { x - 3.0 }, y + height * f64::from(i) / 4.0]);
-        let points: Vec<String> = teeth.chain(back).map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
-        writeln!(self.body, "<polygon class=\"paper\" points=\"{}\"/>", points.join(" ")).ok();
-    }
-
     /// A bar in a class, or in a colour of its own.
     pub(super) fn bar(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], paint: Paint<'_>, title: &str) {
         let paint = match paint {

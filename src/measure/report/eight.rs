@@ -4,7 +4,9 @@ use std::fmt::Write as _;
 
 use super::drawing::escaped;
 use super::entry::{OWN, seen, told_error};
-use super::places::{Figure, mosaic, scale_for};
+use super::pictures::Scale;
+use super::places::{Figure, mosaic};
+use super::trust::Trust;
 use crate::measure::findings::{by_cause, carried};
 use crate::measure::ladder::Cause;
 use crate::measure::setting::{Knob, Value};
@@ -13,6 +15,7 @@ use crate::measure::table::short;
 use crate::model::ModelKind;
 use crate::number::count;
 use crate::output::OutputError;
+use crate::scene::StoreAs;
 
 /// The rows that carry spectra in so many numbers, all else as the scene has it.
 pub(super) struct Carried<'a> {
@@ -61,9 +64,38 @@ fn nodes(rows: &[Measured], k: usize) -> Option<&Measured> {
         .or_else(|| carried(rows, |kind, n| kind == ModelKind::Nodes && n == k).next())
 }
 
+/// How many bytes a pixel keeps, and by what: numbers for each position of light, and what passes. `None` of weights.
+fn kept_as(row: &Measured, storage: StoreAs) -> Option<String> {
+    let number = if storage == StoreAs::Half { 2 } else { 4 };
+    let padded = row.components.next_multiple_of(4);
+    let bytes = usize::try_from(row.pixel_bytes).ok()?;
+    let (vectors, rest) = (bytes / (padded * number), bytes % (padded * number));
+    let (what, sum) = match rest {
+        // What passes is as many numbers.
+        0 => ("and another for what passes", format!("{vectors} × {padded} × {number}")),
+        // Grey: all wavelengths alike.
+        4 => ("and one number for what passes", format!("{vectors} × {padded} × {number} + 4")),
+        _ => return None,
+    };
+    let spectral = !row.carrier.starts_with("weights");
+    spectral.then(|| {
+        format!(
+            "Bytes: a pixel keeps a sum of k numbers for each position of light, {what}; k is rounded up to fours, and a number \
+             has {number} bytes. For k = {}: {sum} = {bytes}.",
+            row.components
+        )
+    })
+}
+
 /// What the scene's own carries and why this speaks of 8; a row each; pictures. Empty where there is nothing beside the
 /// scene's own.
-pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) -> Result<String, OutputError> {
+pub(super) fn eight(
+    survey: &Survey<'_>,
+    found: &Carried<'_>,
+    own: &Measured,
+    scale: Scale,
+    trust: Trust,
+) -> Result<String, OutputError> {
     if found.rows.len() < 2 {
         return Ok(String::new());
     }
@@ -76,7 +108,8 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
         }
         Some(k) => format!("This scene states k = {k}"),
         None => format!(
-            "This scene is carried in {} numbers, as many as its tolerance ({}) takes",
+            "This scene is carried in {} numbers: with so many, the model by itself moves no spectrum that its materials can \
+             make by more than ΔE00 {} (the scene's tolerance), and what the picture shows of them by less",
             own.components,
             crate::number::readable(scene.accuracy.tolerance)
         ),
@@ -94,7 +127,8 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
     );
     for (name, row) in &found.rows {
         let error = &row.error.delta_e;
-        let [p95, mean, ms] = [error.p95, error.mean, row.frame_ms].map(short);
+        let [p95, mean] = [error.p95, error.mean].map(short);
+        let ms = trust.grey(trust.ms(row.frame_ms));
         let alone = escaped(&told_error(by_cause(row, Cause::Basis)));
         writeln!(
             text,
@@ -106,20 +140,11 @@ pub(super) fn eight(survey: &Survey<'_>, found: &Carried<'_>, own: &Measured) ->
         .ok();
     }
     text.push_str("</table></div>\n");
-    let bytes =
-        |start: &str| found.rows.iter().find(|(name, _)| name.starts_with(start)).map(|(_, row)| row.pixel_bytes);
-    let as_wide = |one: &str, two: &str| bytes(one).is_some() && bytes(one) == bytes(two);
-    let fours: Vec<&str> =
-        [("k = 6", "k = 8", "k = 6 costs the bytes of k = 8"), ("RGB", "k = 4", "RGB costs the bytes of k = 4")]
-            .into_iter()
-            .filter(|(one, two, _)| as_wide(one, two))
-            .map(|(.., said)| said)
-            .collect();
-    if !fours.is_empty() {
-        writeln!(text, "<p class=\"about\">Numbers are kept in fours: {}.</p>", fours.join(", ")).ok();
+    let kept = found.eight.filter(|_| !own.carrier.starts_with("weights")).unwrap_or(own);
+    if let Some(kept) = kept_as(kept, scene.accuracy.storage) {
+        writeln!(text, "<p class=\"about\">{kept}</p>").ok();
     }
     if let (Some(eight), Some((rgb, kind, _))) = (found.eight, found.rgb) {
-        let scale = scale_for(eight.differences.iter().chain(&rgb.differences).copied());
         let rgb_name = format!("RGB ({kind})");
         let of_colours = |colours, caption: &str| Figure::of_colours(survey, colours, caption);
         let of_differences = |row: &Measured, caption: &str| {

@@ -1,5 +1,6 @@
 //! Measured settings by the names that a page calls them.
 
+use super::trust::Trust;
 use crate::measure::findings::span;
 use crate::measure::setting::Setting;
 use crate::measure::survey::Measured;
@@ -53,9 +54,10 @@ impl Entry<'_> {
     }
 
     /// What a pointer is told of it.
-    pub(super) fn told(&self) -> String {
+    pub(super) fn told(&self, trust: Trust) -> String {
         let error = &self.row.error.delta_e;
-        let [ms, mean, p95, max] = [self.row.frame_ms, error.mean, error.p95, error.max].map(short);
+        let ms = trust.ms(self.row.frame_ms);
+        let [mean, p95, max] = [error.mean, error.p95, error.max].map(told_error);
         let [least, most] = span(self.row).map(short);
         format!("{}: {ms} ms ({least} to {most}), ΔE00 {mean} on average, p95 {p95}, at most {max}", self.names())
     }
@@ -70,7 +72,8 @@ pub(super) fn told_error(error: f64) -> String {
 pub(super) fn seen(error: &ErrorSummary) -> String {
     let worst = || format!("; worst {}", short(error.max));
     match error.p95 {
-        _ if error.max < INVISIBLE => "nobody sees it".to_owned(),
+        // As it is written: what reads 0.50 is not below 0.5.
+        _ if error.max < INVISIBLE - 0.005 => "nobody sees it".to_owned(),
         p95 if p95 < INVISIBLE => format!("not visible in 95 of 100 pixels{}", worst()),
         p95 if p95 < 1.0 => format!("hardly visible in 95 of 100 pixels{}", worst()),
         p95 if p95 < 2.0 => "seen side by side".to_owned(),

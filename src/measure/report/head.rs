@@ -2,15 +2,17 @@
 
 use super::Findings;
 use super::drawing::escaped;
+use super::knobs::step_in_voxels;
+use super::trust::Trust;
 use crate::measure::findings::spread;
 use crate::measure::survey::{Measured, Survey};
 use crate::measure::written::written;
-use crate::number::{count, readable};
+use crate::number::{brief, count, readable};
 use crate::scene::{Mix, Scene};
 use crate::spectrum::observer::Observer;
 
 /// Scene, light, pixels, times and the scene's own setting, a line each.
-pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>) -> String {
+pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -> String {
     let [width, height] = survey.lattice().size;
     let runs = survey.options().runs;
     let cpu = if survey.is_software() {
@@ -22,16 +24,51 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>) -> String {
     let mut lines = vec![
         format!("<small>{}; Relume {}</small>", escaped(&scene.source), env!("CARGO_PKG_VERSION")),
         format!("Light: {}. Only this was measured: nothing here is said of other light.", escaped(&light(scene))),
-        format!("{} in pictures of {width}×{height}, with the truth: the full spectrum in f64.", compared(survey)),
         format!(
-            "Times on {}: median of {runs} run{}, which spread by ±{:.0} %; smaller differences mean nothing.{cpu}",
-            escaped(&survey.device().replace(", a software device: times are this CPU's", "")),
+            "{} in pictures of {width}×{height}, with the truth: the full spectrum in f64, in steps of {} voxels (an eighth of the \
+             shortest measured).",
+            compared(survey),
+            brief(finest_in_voxels(scene, findings) / 8.0)
+        ),
+        format!(
+            "Times on {}{}: median of {runs} run{}{}.{cpu}",
+            escaped(&device(&survey.device().replace(", a software device: times are this CPU's", ""))),
+            escaped(&processor().map_or_else(String::new, |name| format!(", {name}"))),
             if runs == 1 { "" } else { "s" },
-            100.0 * spread(findings.rows)
+            if trust.is_rough() {
+                ", which are rough".to_owned()
+            } else {
+                format!(
+                    ", which spread by ±{:.0} % in the middle of all settings; two settings whose runs overlap are not told apart",
+                    100.0 * spread(findings.rows)
+                )
+            }
         ),
     ];
     lines.extend(findings.rows.first().map(|own| setting(scene, own)));
     lines.iter().map(|line| format!("<p class=\"about\">{line}</p>\n")).collect()
+}
+
+/// The shortest step measured.
+fn finest_in_voxels(scene: &Scene, findings: &Findings<'_>) -> f64 {
+    let refused = findings.refused.iter().map(|(setting, _)| setting);
+    let settings = findings.rows.iter().map(|row| &row.setting).chain(refused);
+    settings.map(|setting| step_in_voxels(&setting.applied(scene))).fold(step_in_voxels(scene), f64::min)
+}
+
+/// A device in words, without its name where its driver has it, too.
+fn device(text: &str) -> String {
+    let name = text.split(' ').next().unwrap_or("");
+    let driver = text.split_once(&format!(" ({name} ")).and_then(|(_, driver)| driver.strip_suffix(')'));
+    driver.map_or_else(|| text.to_owned(), |driver| format!("{name} {driver}"))
+}
+
+/// The processor and how much of it there is, where the system says its name.
+fn processor() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "))?.1.trim().to_owned();
+    let threads = std::thread::available_parallelism().ok()?;
+    Some(format!("{name}, {threads} threads"))
 }
 
 /// Which lights shine how strongly, and who looks.
@@ -92,4 +129,16 @@ fn setting(scene: &Scene, own: &Measured) -> String {
         escaped(&own.carrier),
         own.pixel_bytes
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_whose_driver_has_its_name_is_named_once() {
+        let software = "llvmpipe (LLVM 15.0.6, 256 bits) (llvmpipe Mesa 22.3.6 (LLVM 15.0.6))";
+        assert_eq!(device(software), "llvmpipe Mesa 22.3.6 (LLVM 15.0.6)");
+        assert_eq!(device("A Card (a driver 1.2)"), "A Card (a driver 1.2)");
+    }
 }

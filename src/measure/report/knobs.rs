@@ -3,13 +3,14 @@
 use std::fmt::Write as _;
 
 use super::drawing::{Drawing, Logarithmic, Paint, escaped};
-use super::entry::{CUBIC, Entry};
+use super::entry::{CUBIC, Entry, INVISIBLE, name};
 use super::trade::{floored, p95};
+use super::trust::{Trust, is_as_close};
 use super::words::meaning;
-use crate::measure::findings::{is_faster, span};
+use crate::measure::findings::span;
 use crate::measure::setting::Knob;
 use crate::measure::survey::Measured;
-use crate::measure::table::short;
+use crate::measure::table::{megabytes, short};
 use crate::measure::written::written;
 use crate::number::{count, readable};
 use crate::scene::Scene;
@@ -69,22 +70,58 @@ fn turned<'a>(rows: &'a [Measured], knob: Knob, scene: &Scene) -> Vec<Turned<'a>
     found
 }
 
+/// Whether a row's p95 is another than the scene's own.
+fn moves(row: &Measured, own: &Measured) -> bool {
+    (row.error.delta_e.p95 - own.error.delta_e.p95).abs() >= MOVED
+}
+
+/// Which knobs are worth turning, and what saves memory for nothing; `None` where none was turned by itself.
+pub(super) fn worth(rows: &[Measured], scene: &Scene) -> Option<String> {
+    let own = rows.first()?;
+    let turned = Knob::ALL.into_iter().map(|knob| (knob, turned(rows, knob, scene)));
+    let turned: Vec<(Knob, Vec<Turned<'_>>)> = turned.filter(|(_, found)| found.len() > 1).collect();
+    let (moving, still): (Vec<_>, Vec<_>) =
+        turned.iter().partition(|(_, found)| found.iter().any(|it| moves(it.entry.row, own)));
+    let names = |knobs: &[&(Knob, Vec<Turned<'_>>)]| {
+        let names: Vec<&str> = knobs.iter().map(|(knob, _)| knob.name()).collect();
+        match names.split_last() {
+            Some((last, [])) => (*last).to_owned(),
+            Some((last, others)) => format!("{} and {last}", others.join(", ")),
+            None => String::new(),
+        }
+    };
+    let verb = |knobs: &[&(Knob, Vec<Turned<'_>>)], one: &'static str, many| if knobs.len() == 1 { one } else { many };
+    let mut said = Vec::new();
+    if !moving.is_empty() {
+        said.push(format!("{} {} p95 by {MOVED} or more.", names(&moving), verb(&moving, "moves", "move")));
+    }
+    if !still.is_empty() {
+        said.push(format!("{} {} it by less.", names(&still), verb(&still, "moves", "move")));
+    }
+    let small = rows.iter().filter(|row| is_as_close(row, own));
+    let small = small.min_by_key(|row| row.total_bytes).filter(|row| 5 * row.total_bytes < 4 * own.total_bytes);
+    if let Some(row) = small {
+        let [mb, own_mb] = [row, own].map(|row| short(megabytes(row.total_bytes)));
+        said.push(format!("{} takes {mb} MB in place of {own_mb}, and errs as little.", row.setting));
+    }
+    (!said.is_empty()).then(|| said.join(" "))
+}
+
 /// Charts of the knobs that matter here, and a table of those that do not.
-pub(super) fn knobs(rows: &[Measured], scene: &Scene) -> String {
+pub(super) fn knobs(rows: &[Measured], scene: &Scene, trust: Trust) -> String {
     let Some(own) = rows.first() else { return String::new() };
     let (mut charts, mut table) = (String::new(), String::new());
     for knob in Knob::ALL {
         let found = turned(rows, knob, scene);
-        let moves = |it: &Turned<'_>| (it.entry.row.error.delta_e.p95 - own.error.delta_e.p95).abs() >= MOVED;
-        if found.iter().any(moves) {
+        if found.iter().any(|it| moves(it.entry.row, own)) {
             let is_spline = found.iter().any(|it| it.label == "cubic");
             let note = if is_spline { format!("<figcaption>{CUBIC}</figcaption>") } else { String::new() };
             let hover = escaped(meaning(knob.name()).unwrap_or(""));
-            let drawn = chart(&found, own).inline(knob.name());
+            let drawn = chart(&found, own, trust).inline(knob.name());
             write!(charts, "<figure><h3 title=\"{hover}\">{knob}: {}</h3>\n{drawn}{note}</figure>\n", knob.meaning())
                 .ok();
         } else {
-            let lines = found.iter().filter(|it| !it.is_own).map(|it| line(knob, it.entry.row, own));
+            let lines = found.iter().filter(|it| !it.is_own).map(|it| line(it.entry.row, own, knob.meaning(), trust));
             table.extend(lines);
         }
     }
@@ -92,40 +129,39 @@ pub(super) fn knobs(rows: &[Measured], scene: &Scene) -> String {
         charts = format!("<div class=\"curves\">\n{charts}</div>\n");
     }
     if !table.is_empty() {
-        let error = &own.error.delta_e;
-        let [ms, p95, max] = [own.frame_ms, error.p95, error.max].map(short);
-        let [least, most] = span(own).map(short);
+        let speed = if trust.is_rough() { "" } else { "<th class=\"text\">beside the scene's own</th>" };
         table = format!(
-            "<p>These knobs move that error by less than {MOVED}:</p>\n<div class=\"wide\"><table>\n\
-             <tr><th class=\"text\">setting</th><th>ms</th><th class=\"text\">beside the scene's own</th><th>p95</th><th>worst</th></tr>\n\
-             <tr><td class=\"text\"><b>the scene's own</b></td><td>{ms} <small>({least}–{most})</small></td><td></td><td>{p95}</td><td>{max}</td></tr>\n\
-             {table}</table></div>\n"
+            "<p>These move p95 by less than {MOVED}; where they move the worst pixel by {INVISIBLE} or more, that is bold:</p>\n\
+             <div class=\"wide\"><table>\n<tr><th class=\"text\">setting</th><th>p95</th><th>worst</th><th>ms</th>{speed}<th>MB</th></tr>\n\
+             {}{table}</table></div>\n",
+            line(own, own, "", trust)
         );
     }
     charts + &table
 }
 
-/// A knob that does not matter, in a line.
-fn line(knob: Knob, row: &Measured, own: &Measured) -> String {
+/// A setting that does not matter, in a line.
+fn line(row: &Measured, own: &Measured, meaning: &str, trust: Trust) -> String {
     let error = &row.error.delta_e;
-    let [ms, p95, max] = [row.frame_ms, error.p95, error.max].map(short);
-    let [least, most] = span(row).map(short);
-    let beside = if is_faster(row, own) {
-        "faster"
-    } else if is_faster(own, row) {
-        "slower"
-    } else {
-        "no difference that the spread allows to tell"
+    let [p95, max] = [error.p95, error.max].map(short);
+    let max = if (error.max - own.error.delta_e.max).abs() >= INVISIBLE { format!("<b>{max}</b>") } else { max };
+    let speed = match () {
+        () if trust.is_rough() => "",
+        () if row.times == own.times => "<td></td>",
+        () if trust.is_faster(row, own) => "<td class=\"text\">faster</td>",
+        () if trust.is_faster(own, row) => "<td class=\"text\">slower</td>",
+        () => "<td class=\"text\">no difference that the spread allows to tell</td>",
     };
     format!(
-        "<tr><td class=\"text\" title=\"{}\">{}</td><td>{ms} <small>({least}–{most})</small></td><td class=\"text\">{beside}</td><td>{p95}</td><td>{max}</td></tr>\n",
-        knob.meaning(),
-        escaped(&row.setting.to_string())
+        "<tr><td class=\"text\" title=\"{meaning}\">{}</td><td>{p95}</td><td>{max}</td><td>{}</td>{speed}<td>{}</td></tr>\n",
+        escaped(&name(&row.setting)),
+        trust.cell(row),
+        short(megabytes(row.total_bytes))
     )
 }
 
 /// A row a value: how far it is off, and how long it takes.
-fn chart(found: &[Turned<'_>], own: &Measured) -> Drawing {
+fn chart(found: &[Turned<'_>], own: &Measured, trust: Trust) -> Drawing {
     const WIDTH: f64 = 424.0;
     const LINE: f64 = 21.0;
     const TOP: f64 = 40.0;
@@ -137,13 +173,13 @@ fn chart(found: &[Turned<'_>], own: &Measured) -> Drawing {
     let mut drawing = Drawing::new(WIDTH, bottom + 6.0);
     let across = Logarithmic::of(found.iter().map(|it| p95(&it.entry)), left + 4.0, middle);
     drawing.small([left + 4.0, 12.0], "start", "ΔE00, 95 of 100 below");
-    drawing.small([bars, 12.0], "start", "ms a frame");
+    drawing.small([bars, 12.0], "start", if trust.is_rough() { "≈ ms a frame" } else { "ms a frame" });
     let mut last = f64::NEG_INFINITY;
     for value in across.ticks() {
         let x = across.at(value);
-        drawing.line([x, TOP - 6.0], [x, bottom], "grid");
-        // No two numbers on one another.
+        // No two numbers on one another, and no line without one.
         if x - last > 26.0 {
+            drawing.line([x, TOP - 6.0], [x, bottom], "grid");
             drawing.small([x, TOP - 10.0], "middle", &floored(value));
             last = x;
         }
@@ -160,20 +196,23 @@ fn chart(found: &[Turned<'_>], own: &Measured) -> Drawing {
     let at = |ms: f64| (right - bars).mul_add(ms / longest, bars);
     for (it, &[x, y]) in found.iter().zip(&points) {
         drawing.small([left - 4.0, y + 4.0], "end", &it.label);
-        drawing.circle([x, y], 4.0, "accent", &it.entry.told());
+        drawing.circle([x, y], 4.0, "accent", &it.entry.told(trust));
         if it.is_own {
             drawing.circle([x, y], 7.5, "own", "");
         }
-        drawing.bar([bars, y - 6.0], [at(it.entry.row.frame_ms) - bars, 12.0], Paint::Class("time"), &it.entry.told());
+        let paint = Paint::Class(if trust.is_rough() { "time rough" } else { "time" });
+        drawing.bar([bars, y - 6.0], [at(it.entry.row.frame_ms) - bars, 12.0], paint, &it.entry.told(trust));
     }
-    drawing.line([at(own.frame_ms), TOP - 2.0], [at(own.frame_ms), bottom], "level");
+    if !trust.is_rough() {
+        drawing.line([at(own.frame_ms), TOP - 2.0], [at(own.frame_ms), bottom], "level");
+    }
     for (it, &[_, y]) in found.iter().zip(&points) {
         let [least, most] = span(it.entry.row).map(at);
         drawing.line([least, y], [most, y], "whisker");
         for end in [least, most] {
             drawing.line([end, y - 3.0], [end, y + 3.0], "whisker");
         }
-        drawing.small([most + 5.0, y + 4.0], "start", &short(it.entry.row.frame_ms));
+        drawing.small([WIDTH - 4.0, y + 4.0], "end", &trust.ms(it.entry.row.frame_ms));
     }
     drawing.line([bars, TOP - 2.0], [bars, bottom], "axis");
     drawing

@@ -2,6 +2,8 @@
 
 /// How wide a letter of the scatter's names is on average, and how tall.
 const LETTER: [f64; 2] = [7.0, 13.0];
+/// How wide a letter of the small names is on average.
+const SMALL_LETTER: f64 = 6.0;
 /// What is free left and right of a name.
 const MARGIN: f64 = 4.0;
 
@@ -69,6 +71,22 @@ impl Labels {
         self.taken.push(place);
         Some(Place { at: [place[0] + MARGIN, place[3] - 3.0], leader })
     }
+
+    /// The left end of `name`'s baseline right of a dot at `[x, y]` of this radius, or left of it, where that covers neither
+    /// dots, names nor lines.
+    pub(super) fn beside(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<[f64; 2]> {
+        let wide = crate::number::count(name.chars().count()) * SMALL_LETTER + MARGIN;
+        let half = LETTER[1] / 2.0;
+        let places = [x + radius, x - radius - wide].map(|left| [left, y - half, left + wide, y + half]);
+        let fits = |place: &Rectangle| {
+            let inside = place[0] >= self.within[0] && place[2] <= self.within[2];
+            let clear = !self.taken.iter().any(|taken| overlap(place, taken));
+            inside && clear && !self.lines.iter().any(|line| crosses(line, place))
+        };
+        let place = places.into_iter().find(fits)?;
+        self.taken.push(place);
+        Some([place[0] + MARGIN / 2.0, place[3] - 2.5])
+    }
 }
 
 fn holds([left, top, right, bottom]: &Rectangle, [x, y]: [f64; 2]) -> bool {
@@ -111,5 +129,14 @@ mod tests {
         let mut labels = Labels::new([0.0, 0.0, 300.0, 100.0], &[([50.0, 50.0], 5.0)], &[]);
         assert!(labels.place([50.0, 50.0], 5.0, "k=8").unwrap().leader.is_none());
         assert!(labels.place([50.0, 50.0], 5.0, &"x".repeat(60)).is_none(), "no place for that");
+    }
+
+    #[test]
+    fn a_small_name_is_beside_its_dot_or_nowhere() {
+        let dots = [([50.0, 50.0], 5.0), ([62.0, 50.0], 5.0), ([74.0, 50.0], 5.0)];
+        let mut labels = Labels::new([0.0, 0.0, 150.0, 100.0], &dots, &[]);
+        let [left, right] = [dots[0], dots[2]].map(|(dot, radius)| labels.beside(dot, radius, "k=8").unwrap());
+        assert!(left[0] < 45.0 && right[0] > 79.0, "{left:?}, {right:?}");
+        assert!(labels.beside(dots[1].0, 5.0, "k=6").is_none(), "dots are on both sides");
     }
 }

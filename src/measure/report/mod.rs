@@ -13,6 +13,7 @@ mod numbers;
 mod pictures;
 mod places;
 mod trade;
+mod trust;
 mod verdict;
 mod words;
 
@@ -25,6 +26,8 @@ pub use costs::{CostCurve, CostTable, costs_html};
 use drawing::escaped;
 use eight::Carried;
 use entry::entries;
+use places::scale_for;
+use trust::Trust;
 
 /// What a report is about, beside the survey.
 #[derive(Clone, Copy, Debug)]
@@ -53,6 +56,11 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     let rows = findings.rows;
     let entries = entries(rows);
     let carried = Carried::of(rows);
+    let trust = Trust::of(rows, findings.again_ms);
+    // One scale, so that maps can be compared.
+    let shown = rows.first().into_iter().chain(carried.eight).chain(carried.rgb.map(|(row, ..)| row));
+    let near = findings.close_up.map_or(&[][..], |close| &close.differences);
+    let scale = scale_for(shown.flat_map(|row| &row.differences).chain(near).copied());
     let mut page = String::new();
     // Writing to a String cannot fail.
     let mut section = |head: &str, about: &str, body: &str| {
@@ -61,46 +69,48 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
             write!(page, "<h2>{head}</h2>\n{about}{body}").ok();
         }
     };
-    section(
-        "Which setting to use",
-        "For each purpose the fastest of those measured, where its times do not overlap with those of the scene's own. One \
-         knob is turned at a time. What else was given for this scene (--volume, --labels and so on) is given again.",
-        &choices::choices(survey, &entries, rows),
-    );
+    section("Which setting to use", &choices::about(survey, trust), &choices::choices(survey, &entries, rows, trust));
     if let Some(own) = rows.first() {
-        section("What k = 8 buys", "", &eight::eight(survey, &carried, own)?);
+        section("What k = 8 buys", "", &eight::eight(survey, &carried, own, scale, trust)?);
     }
     section(
         "Time against error",
-        "Each dot is a setting; rest the pointer on it to read it. No setting is both faster and closer to the truth than \
-         those on the line. Lower and further left is better.",
-        &format!("<div class=\"wide\">\n{}</div>\n", trade::trade(&entries).inline("time against error")),
+        if trust.is_rough() {
+            "Each dot is a setting. Lower is closer to the truth; how far left is rough, and which settings are not beaten cannot be \
+             told."
+        } else {
+            "Each dot is a setting. Lower and further left is better: no setting is both faster and closer to the truth (by p95, as \
+             drawn; what is within 5 % counts as equal) than those on the line."
+        },
+        &format!("<div class=\"wide\">\n{}</div>\n", trade::trade(&entries, trust).inline("time against error")),
     );
     section(
         "Knob by knob",
-        "One knob turned, all others as the scene has them. Bars are medians, whiskers the shortest and the longest run; \
-         the ring and the dashed line are the scene's own.",
-        &knobs::knobs(rows, survey.scene()),
+        "One knob turned, all others as the scene has them. Bars are medians from 0, each chart on a scale of its own, whiskers \
+         the shortest and the longest run; the ring is the scene's own.",
+        &knobs::knobs(rows, survey.scene(), trust),
     );
     section(
         "Where the error comes from",
-        "From the truth to the picture, one simplification after the other: each part is how much it alone moves colours. \
-         Parts partly cancel, so a bar may be longer than its tick. A torn bar goes on beyond the axis.",
+        "From the truth to the picture, one simplification after the other. Left, how far the picture is off; right, how \
+         that is shared by how far each simplification moves colours. Parts partly cancel: together they are more than the whole.",
         &causes::causes(&entries),
     );
     if let Some(own) = rows.first() {
         section(
             "Where the error is",
-            "The scene's own; the ring is around the worst pixel.",
-            &places::places(survey, own, findings.close_up)?,
+            "The scene's own; the ring is around the worst pixel compared. Colours of ΔE00 are the same on the whole page.",
+            &places::places(survey, own, findings.close_up, scale)?,
         );
     }
+    let best = if trust.is_rough() { "" } else { " Blue names are those on the line of time against error." };
     section(
         "All numbers",
-        "Errors are ΔE00; the columns after max are its mean by cause, – where a setting has no such part. No other setting \
-         beats those whose name is blue: none is as fast and closer to the truth, or as close and faster. relume measure \
-         --csv and --json have more digits and columns.",
-        &numbers::numbers(&entries),
+        &format!(
+            "Errors are ΔE00, – where a setting has no such part.{best} relume measure --csv and --json have more digits, and \
+             upload and read-back."
+        ),
+        &numbers::numbers(&entries, trust),
     );
     let refused: String = findings
         .refused
@@ -112,8 +122,8 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
         section("Interrupted", "", "<p>These are the settings that were measured before.</p>\n");
     }
     let words = words::words(&page);
-    let top = head::head(survey, findings);
-    let said = verdict::verdict(survey.scene(), findings, &carried);
+    let top = head::head(survey, findings, trust);
+    let said = verdict::verdict(survey.scene(), findings, &carried, trust);
     let title = escaped(&choices::title(&survey.scene().source));
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
@@ -125,5 +135,5 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
 /// Time against error as a drawing by itself, in SVG.
 #[must_use]
 pub fn trade(rows: &[Measured]) -> String {
-    trade::trade(&entries(rows)).standalone()
+    trade::trade(&entries(rows), Trust::of(rows, None)).standalone()
 }

@@ -84,6 +84,13 @@ pub(super) fn scale_for(differences: impl Iterator<Item = f64>) -> Scale {
 }
 
 impl Scale {
+    /// Whole numbers of every power of ten on it; those that are powers have a name.
+    fn ticks(self) -> impl Iterator<Item = (f64, bool)> {
+        let all =
+            (-6..6).flat_map(|power| (1..10).map(move |digit| (f64::from(digit) * 10_f64.powi(power), digit == 1)));
+        all.filter(move |(value, _)| (0.999 * self.low..=1.001 * self.high).contains(value))
+    }
+
     /// The scale as a drawing so wide, with a mark at what is just invisible.
     pub(super) fn html(self, width: f64) -> String {
         const PARTS: usize = 60;
@@ -98,23 +105,29 @@ impl Scale {
             drawing.bar([x - part / 2.0 - 0.3, 18.0], [part + 0.6, 12.0], Paint::Colour(&colour), "");
         }
         let place = |value: f64| long.mul_add(self.share(value), MARGIN);
-        let decades = (-6..6).map(|power| 10_f64.powi(power));
-        for value in decades.filter(|value| (0.999 * self.low..=1.001 * self.high).contains(value)) {
-            drawing.small([place(value), 43.0], "middle", &tick(value));
+        for (value, is_named) in self.ticks() {
+            drawing.line([place(value), 30.0], [place(value), if is_named { 34.0 } else { 32.0 }], "axis");
+            if is_named {
+                drawing.small([place(value), 45.0], "middle", &tick(value));
+            }
         }
-        drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 48.0], "mark");
+        drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 50.0], "mark");
         let anchor = if self.share(INVISIBLE) < 0.5 { "start" } else { "end" };
-        drawing.small([place(INVISIBLE), 58.0], anchor, &format!("not seen below {INVISIBLE}"));
+        drawing.small([place(INVISIBLE), 60.0], anchor, &format!("not seen below {INVISIBLE}"));
         drawing.small([MARGIN, 73.0], "start", "grey: shows nothing of the volume");
         drawing.inline("scale of ΔE00")
     }
 }
 
 /// The picture and the map of ΔE00, and its worst pixel from near.
-pub(super) fn places(survey: &Survey<'_>, own: &Measured, close_up: Option<&CloseUp>) -> Result<String, OutputError> {
+pub(super) fn places(
+    survey: &Survey<'_>,
+    own: &Measured,
+    close_up: Option<&CloseUp>,
+    scale: Scale,
+) -> Result<String, OutputError> {
     let lattice = survey.lattice();
     let dims = lattice.dims();
-    let scale = scale_for(own.differences.iter().copied());
     let in_picture = own.error.at.map(|at| at.map(count));
     let in_map = own.error.at.and_then(|at| lattice.pixels().iter().position(|pixel| *pixel == at));
     let in_map = in_map.map(|i| [count(i % dims[0]), count(i / dims[0])]);
@@ -127,7 +140,7 @@ pub(super) fn places(survey: &Survey<'_>, own: &Measured, close_up: Option<&Clos
     };
     let map = Figure::of_differences(survey, &own.differences, scale, &format!("ΔE00{}", mosaic(survey)))?;
     let mut text = format!(
-        "<div class=\"pictures\">\n{picture}<div>{}{}</div>\n</div>\n",
+        "<div class=\"pictures\">\n{picture}<div class=\"keep\">{}{}</div>\n</div>\n",
         map.html(400, in_map),
         scale.html(400.0)
     );
@@ -146,7 +159,7 @@ pub(super) fn places(survey: &Survey<'_>, own: &Measured, close_up: Option<&Clos
         let [x, y] = at;
         write!(
             text,
-            "<div class=\"keep\">\n<p>The worst of those looked at, {x} pixels from the left and {y} from the top, is ΔE00 {} off. Around it:</p>\n\
+            "<div class=\"keep\">\n<p>The worst of those compared, {x} pixels from the left and {y} from the top, is ΔE00 {} off. Around it:</p>\n\
              <div class=\"thirds\">\n{figures}</div>\n</div>\n",
             short(own.error.delta_e.max)
         )

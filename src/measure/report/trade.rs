@@ -3,6 +3,7 @@
 use super::drawing::{Drawing, Logarithmic, tick};
 use super::entry::{Entry, LEAST};
 use super::labels::Labels;
+use super::trust::Trust;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 440.0;
@@ -18,8 +19,8 @@ pub(super) fn p95(entry: &Entry<'_>) -> f64 {
     entry.row.error.delta_e.p95.max(LEAST)
 }
 
-/// Time against error, with what no other setting beats as a line.
-pub(super) fn trade(entries: &[Entry<'_>]) -> Drawing {
+/// Time against error, with what no other setting beats as a line; without it where times are rough.
+pub(super) fn trade(entries: &[Entry<'_>], trust: Trust) -> Drawing {
     let (left, right, top, bottom) = (62.0, WIDTH - 20.0, 34.0, HEIGHT - 46.0);
     let mut drawing = Drawing::new(WIDTH, HEIGHT);
     let across = Logarithmic::of(entries.iter().map(|entry| entry.row.frame_ms), left, right);
@@ -37,18 +38,25 @@ pub(super) fn trade(entries: &[Entry<'_>]) -> Drawing {
         drawing.small([left - 8.0, y + 4.0], "end", &floored(value));
     }
     drawing.text([left, 20.0], "ink", "start", "error that 95 of 100 pixels stay below (ΔE00)");
-    drawing.text([right, bottom + 36.0], "ink", "end", "time of a frame, ms");
+    drawing.text(
+        [right, bottom + 36.0],
+        "ink",
+        "end",
+        if trust.is_rough() { "rough time of a frame, ms" } else { "time of a frame, ms" },
+    );
 
     let place = |entry: &Entry<'_>| [across.at(entry.row.frame_ms), up.at(p95(entry))];
-    let mut front: Vec<&Entry<'_>> = entries.iter().filter(|entry| entry.row.pareto).collect();
+    let mut front: Vec<&Entry<'_>> = entries.iter().filter(|entry| trust.is_best(entry.row)).collect();
     front.sort_by(|one, two| one.row.frame_ms.total_cmp(&two.row.frame_ms));
     let points: Vec<[f64; 2]> = front.iter().map(|entry| place(entry)).collect();
-    drawing.path(&points, "front");
+    if !points.is_empty() {
+        drawing.path(&points, "front");
+    }
 
     let own = entries.first();
     let radius = |entry: &Entry<'_>| match own {
         Some(own) if std::ptr::eq(own, entry) => 9.0,
-        _ if entry.row.pareto => 5.0,
+        _ if trust.is_best(entry.row) => 5.0,
         _ => 4.0,
     };
     let dots: Vec<([f64; 2], f64)> = entries.iter().map(|entry| (place(entry), radius(entry) + 1.0)).collect();
@@ -62,6 +70,13 @@ pub(super) fn trade(entries: &[Entry<'_>]) -> Drawing {
         }
         drawing.text(found.at, "ink", "start", &entry.name());
     }
+    // The others' names stand where there is a place beside their dots.
+    let is_named = |entry: &Entry<'_>| trust.is_best(entry.row) || own.is_some_and(|own| std::ptr::eq(own, entry));
+    for entry in entries.iter().filter(|entry| !is_named(entry)) {
+        if let Some(at) = labels.beside(place(entry), radius(entry) + 1.0, &entry.name()) {
+            drawing.small(at, "start", &entry.name());
+        }
+    }
 
     // What is over everything is what can be pointed at; settings that fall together say so together.
     let told = |entry: &Entry<'_>| {
@@ -70,10 +85,10 @@ pub(super) fn trade(entries: &[Entry<'_>]) -> Drawing {
             let [other_x, other_y] = place(other);
             (x - other_x).hypot(y - other_y) <= TOGETHER
         };
-        entries.iter().filter(near).map(Entry::told).collect::<Vec<_>>().join("\n")
+        entries.iter().filter(near).map(|entry| entry.told(trust)).collect::<Vec<_>>().join("\n")
     };
-    for entry in entries.iter().filter(|entry| !entry.row.pareto).chain(front) {
-        let (class, radius) = if entry.row.pareto { ("accent", 5.0) } else { ("dot", 4.0) };
+    for entry in entries.iter().filter(|entry| !trust.is_best(entry.row)).chain(front) {
+        let (class, radius) = if trust.is_best(entry.row) { ("accent", 5.0) } else { ("dot", 4.0) };
         drawing.circle(place(entry), radius, class, &told(entry));
     }
     if let Some(own) = own {

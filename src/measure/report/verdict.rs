@@ -4,8 +4,9 @@ use super::Findings;
 use super::drawing::escaped;
 use super::eight::Carried;
 use super::entry::{INVISIBLE, LEAST, seen, told_error};
-use super::knobs::step_in_voxels;
-use crate::measure::findings::{by_cause, cheapest, cheapest_for_sure, closest, is_faster, scatter};
+use super::knobs::{step_in_voxels, worth};
+use super::trust::Trust;
+use crate::measure::findings::{by_cause, cheapest, closest};
 use crate::measure::ladder::Cause;
 use crate::measure::setting::{Knob, Value};
 use crate::measure::survey::Measured;
@@ -13,43 +14,40 @@ use crate::measure::table::short;
 use crate::number::{capital, readable};
 use crate::scene::Scene;
 
-/// Times of the same thing that differ by more than this are told of.
-const SCATTERED: f64 = 1.4;
 /// The ΔE00 that can just be seen side by side.
 const SEEN: f64 = 1.0;
 
 /// The answers, each with the question before it.
-pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<'_>) -> String {
+pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<'_>, trust: Trust) -> String {
     let rows = findings.rows;
     let Some(own) = rows.first() else { return String::new() };
-    let drift = findings.again_ms.map_or(1.0, |again| again.max(own.frame_ms) / again.min(own.frame_ms));
-    let times = scatter(rows).max(drift);
-    let is_rough = times > SCATTERED;
-    let rough = is_rough.then(|| {
+    let rough = trust.rough().map(|times| {
         format!(
-            "What is the same took up to {times:.1} times as long here, because other programs ran. Do not choose by these \
-             times: measure again on an idle machine."
+            "The same work took up to {times:.1} times as long here, because other programs ran. Nothing is chosen by these \
+             times below, and ≈ stands before them; errors do not depend on them. Measure again on an idle machine."
         )
     });
     let error = &own.error.delta_e;
-    let [ms, mean, p95, max] = [own.frame_ms, error.mean, error.p95, error.max].map(short);
+    let ms = trust.ms(own.frame_ms);
+    let [mean, p95, max] = [error.mean, error.p95, error.max].map(short);
     let now = format!(
-        "A frame takes {ms} ms. Colours are off by ΔE00 {mean} on average, by less than {p95} in 95 of 100 pixels and by {max} in the worst: {}.",
+        "A frame takes {ms} ms. Colours are off by ΔE00 {mean} on average, by less than {p95} in 95 of 100 pixels and by {max} in the worst of those compared: {}.",
         seen(error)
     );
     let answers = [
         ("Rough times", rough),
         ("At the scene's own setting", Some(now)),
-        ("Where the error comes from", Some(origin(scene, rows, own))),
-        ("Which setting to use", Some(advice(rows, own, is_rough))),
-        ("What k = 8 buys", bought(carried)),
+        ("Where the error comes from", Some(origin(scene, rows, own, trust))),
+        ("Which setting to use", Some(advice(rows, own, trust))),
+        ("Which knobs matter", worth(rows, scene)),
+        ("What k = 8 buys", bought(carried, trust)),
     ];
     let said = answers.into_iter().filter_map(|(question, answer)| Some((question, answer?)));
     said.map(|(question, answer)| format!("<p><b>{question}.</b> {}</p>\n", escaped(&answer))).collect()
 }
 
 /// The two largest causes, with numbers, why the first is there, and those of the worst pixel.
-fn origin(scene: &Scene, rows: &[Measured], own: &Measured) -> String {
+fn origin(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> String {
     let mut causes: Vec<(Cause, f64)> = own
         .causes
         .iter()
@@ -67,9 +65,12 @@ fn origin(scene: &Scene, rows: &[Measured], own: &Measured) -> String {
         }
         [first, second, ..] => format!("From {} and {}", told(first), told(second)),
     };
+    if causes.len() > 1 && sum > own.error.delta_e.mean + LEAST {
+        text.push_str("; they partly cancel");
+    }
     text.push_str(&format!(". {}.", capital(&why(causes[0].0, scene, own))));
     if causes[0].0 == Cause::Step {
-        text.push_str(&halved(scene, rows, own).unwrap_or_default());
+        text.push_str(&halved(scene, rows, own, trust).unwrap_or_default());
     }
     let mut worst: Vec<&(Cause, f64)> = own.worst_by.iter().filter(|(_, error)| *error >= LEAST).collect();
     worst.sort_by(|one, two| two.1.total_cmp(&one.1));
@@ -82,7 +83,7 @@ fn origin(scene: &Scene, rows: &[Measured], own: &Measured) -> String {
 }
 
 /// What a shorter step did, where twice the scene's own was measured.
-fn halved(scene: &Scene, rows: &[Measured], own: &Measured) -> Option<String> {
+fn halved(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Option<String> {
     let step = step_in_voxels(scene);
     let twice = |row: &&Measured| match row.setting.get(Knob::Step) {
         Some(Value::Number(number)) => (number / step - 2.0).abs() < 1e-9 && row.setting.knobs().count() == 1,
@@ -91,13 +92,15 @@ fn halved(scene: &Scene, rows: &[Measured], own: &Measured) -> Option<String> {
     let before = rows.iter().find(twice)?;
     let [ms, ms_before] = [own, before].map(|row| short(row.frame_ms));
     let [p95, p95_before] = [own, before].map(|row| short(row.error.delta_e.p95));
-    let took = if is_faster(before, own) {
-        format!("took {:.1} times as long here ({ms_before} → {ms} ms)", own.frame_ms / before.frame_ms)
+    let took = if trust.is_rough() {
+        String::new()
+    } else if trust.is_faster(before, own) {
+        format!("took {:.1} times as long here ({ms_before} → {ms} ms) and ", own.frame_ms / before.frame_ms)
     } else {
-        "took no longer than times spread here".to_owned()
+        "took no longer than times spread here and ".to_owned()
     };
     Some(format!(
-        " Halving it, from {} voxels to {}, {took} and brought p95 from {p95_before} to {p95}.",
+        " Halving it, from {} voxels to {}, {took}brought p95 from {p95_before} to {p95}.",
         readable(2.0 * step),
         readable(step)
     ))
@@ -130,11 +133,9 @@ fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
 }
 
 /// Which setting keeps what can just be seen side by side.
-fn advice(rows: &[Measured], own: &Measured, is_rough: bool) -> String {
-    if is_rough && own.error.delta_e.p95 <= SEEN {
-        return "The scene's own is exact enough as it is; what is faster cannot be told from these times.".to_owned();
-    }
-    let Some(fastest) = cheapest_for_sure(rows, SEEN) else {
+fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
+    let within = |row: &&Measured| row.error.delta_e.p95 <= SEEN;
+    let Some(fits) = cheapest(rows, SEEN) else {
         let best = closest(rows).unwrap_or(own);
         return format!(
             "Nothing that was measured is within ΔE00 {SEEN} in 95 of 100 pixels; the closest on average is {} (p95 {}). relume render \
@@ -143,10 +144,19 @@ fn advice(rows: &[Measured], own: &Measured, is_rough: bool) -> String {
             short(best.error.delta_e.p95)
         );
     };
+    let Some(fastest) = trust.cheapest(rows, SEEN) else {
+        let best = trust.most_exact(rows).unwrap_or(own);
+        let exact = if within(&own) {
+            "The scene's own is exact enough as it is".to_owned()
+        } else {
+            format!("The scene's own is not within ΔE00 {SEEN}, and {} is", super::entry::name(&best.setting))
+        };
+        return format!("{exact}; what is faster cannot be told from these times.");
+    };
     let p95 = short(fastest.error.delta_e.p95);
     let [ms, own_ms] = [fastest, own].map(|row| short(row.frame_ms));
     if fastest.times == own.times {
-        let maybe = cheapest(rows, SEEN).filter(|row| row.times != own.times);
+        let maybe = Some(fits).filter(|row| row.times != own.times);
         let beside = maybe.map_or_else(String::new, |row| {
             format!(" ({} seemed faster, by less than times spread)", super::entry::name(&row.setting))
         });
@@ -161,15 +171,20 @@ fn advice(rows: &[Measured], own: &Measured, is_rough: bool) -> String {
 }
 
 /// What k = 8 errs by and costs, beside RGB.
-fn bought(carried: &Carried<'_>) -> Option<String> {
+fn bought(carried: &Carried<'_>, trust: Trust) -> Option<String> {
     let (eight, (rgb, kind, number)) = (carried.eight?, carried.rgb?);
     let [p95, rgb_p95] = [eight, rgb].map(|row| short(row.error.delta_e.p95));
     let [ms, rgb_ms] = [eight, rgb].map(|row| short(row.frame_ms));
-    let apart = if is_faster(rgb, eight) { "" } else { " (their runs overlap)" };
+    let time = if trust.is_rough() {
+        String::new()
+    } else {
+        let apart = if trust.is_faster(rgb, eight) { "" } else { " (their runs overlap)" };
+        format!("{ms} ms in place of {rgb_ms}{apart} and ")
+    };
     let of = if number > 1 { format!(", the best of {number} kinds by that") } else { String::new() };
     Some(format!(
-        "95 of 100 pixels stay below ΔE00 {p95} in place of {rgb_p95} with RGB ({kind}{of}), for {ms} ms in place of {rgb_ms}{apart} and {} bytes \
-         a pixel in place of {}. By itself the model adds {} on average in place of {}.",
+        "95 of 100 pixels stay below ΔE00 {p95} in place of {rgb_p95} with RGB ({kind}{of}), for {time}{} bytes a pixel in place of {}. \
+         By itself the model adds {} on average in place of {}.",
         eight.pixel_bytes,
         rgb.pixel_bytes,
         told_error(by_cause(eight, Cause::Basis)),

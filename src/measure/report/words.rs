@@ -18,7 +18,7 @@ const WORDS: [Word; 40] = [
     word(
         "ΔE00",
         &["ΔE00"],
-        "how different two colours look (CIEDE2000): below 0.5 nobody sees it, 1 can just be seen side by side, 2 to 4 at a glance",
+        "how different two colours look (CIEDE2000): below 0.5 nobody sees it, below 1 hardly anybody, 1 to 2 is seen side by side, 2 to 4 at a glance, more at once",
     ),
     word("mean", &[], "ΔE00 on average over the pixels that were compared"),
     word("p95", &["p95"], "the ΔE00 that 95 of 100 of the pixels that were compared stay below"),
@@ -60,7 +60,11 @@ const WORDS: [Word; 40] = [
         &["weights"],
         "a pixel keeps how much it shows of each material: exact under every light, but only where all wavelengths are absorbed alike",
     ),
-    word("accumulate", &["accumulate="], "whether a pixel keeps weights of materials or k numbers of a spectrum"),
+    word(
+        "accumulate",
+        &["accumulate=", "accumulate = "],
+        "whether a pixel keeps weights of materials or k numbers of a spectrum; auto takes weights where they are exact",
+    ),
     word(
         "tables and storage",
         &["tables and storage"],
@@ -70,7 +74,7 @@ const WORDS: [Word; 40] = [
     word(
         "termination",
         &["termination"],
-        "a ray ends once less than this share of light can pass; as a cause: what lies behind is missed",
+        "a ray ends once less than this share of light can pass; as a cause: what lies behind is missed. With fewer numbers than wavelengths rays end elsewhere, and that difference counts as basis",
     ),
     word(
         "interpolation",
@@ -104,8 +108,8 @@ const WORDS: [Word; 40] = [
     word("at", &[], "the worst pixel: from the left, from the top"),
     word("march", &["march"], "the pass of rays through the volume; its time in ms"),
     word("relight", &["relight"], "light put on what rays left, in ms"),
-    word("read-back", &["read-back"], "the picture from the device, in ms"),
-    word("upload", &["upload"], "the volume to the device, once, in ms"),
+    word("read-back", &["read-back"], "the picture from the device; not part of a frame's time"),
+    word("upload", &["upload"], "the volume to the device, once; not part of a frame's time"),
     word(
         "MB",
         &["MB"],
