@@ -318,7 +318,7 @@ fn page(survey: &Survey<'_>, rows: &[Measured], times: &[f64], apart: f64) -> St
         (row.times.enlarge, row.frame_ms) = (None, *ms);
     }
     mark_pareto(&mut rows);
-    let findings = Findings { rows: &rows, refused: &[], close_up: None, again_ms: None, interrupted: false };
+    let findings = Findings { rows: &rows, refused: &[], close_up: None, interrupted: false };
     html(survey, &findings).unwrap()
 }
 

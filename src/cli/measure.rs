@@ -207,7 +207,6 @@ fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> 
         rows: &outcome.rows,
         refused: &outcome.refused,
         close_up: close_up.as_ref(),
-        again_ms: None,
         interrupted: outcome.interrupted,
     };
     Ok(html(survey, &findings)?)

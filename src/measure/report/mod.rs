@@ -38,8 +38,6 @@ pub struct Findings<'a> {
     pub refused: &'a [(Setting, String)],
     /// The surroundings of the worst pixel of the first row.
     pub close_up: Option<&'a CloseUp>,
-    /// What a frame of the first row took once more at the end, in ms.
-    pub again_ms: Option<f64>,
     /// Whether somebody stopped it.
     pub interrupted: bool,
 }
@@ -56,7 +54,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     let rows = findings.rows;
     let entries = entries(rows);
     let carried = Carried::of(rows);
-    let trust = Trust::of(rows, findings.again_ms);
+    let trust = Trust::of(rows);
     // One scale, so that maps can be compared.
     let shown = rows.first().into_iter().chain(carried.eight).chain(carried.rgb.map(|(row, ..)| row));
     let near = findings.close_up.map_or(&[][..], |close| &close.differences);
@@ -135,5 +133,5 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
 /// Time against error as a drawing by itself, in SVG.
 #[must_use]
 pub fn trade(rows: &[Measured]) -> String {
-    trade::trade(&entries(rows), Trust::of(rows, None)).standalone()
+    trade::trade(&entries(rows), Trust::of(rows)).standalone()
 }

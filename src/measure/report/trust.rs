@@ -17,11 +17,9 @@ pub(super) struct Trust {
 }
 
 impl Trust {
-    /// That of `rows`, and of a frame of the first once more, in ms.
-    pub(super) fn of(rows: &[Measured], again_ms: Option<f64>) -> Self {
-        let own = rows.first().map(|own| own.frame_ms);
-        let drift = own.zip(again_ms).map_or(1.0, |(own, again)| again.max(own) / again.min(own));
-        Self { apart: scatter(rows).max(drift) }
+    /// That of `rows`.
+    pub(super) fn of(rows: &[Measured]) -> Self {
+        Self { apart: scatter(rows) }
     }
 
     pub(super) fn is_rough(self) -> bool {
