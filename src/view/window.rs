@@ -36,7 +36,7 @@ use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 use beside::{Chosen, Solved};
 use replay::Position;
 pub use report::Report;
-use report::spread;
+use report::{Times, keep};
 use saving::Saving;
 
 /// How long after its last movement a hand rests.
@@ -170,9 +170,9 @@ struct Viewer {
     saving: Saving,
     chooser: Chooser,
     script: Position,
-    drawn: Vec<f64>,
+    drawn: Times,
     /// Those of frames that showed another light and marched nothing.
-    relit: Vec<f64>,
+    relit: Times,
     report: Report,
     /// Counts of engines that are gone.
     before: Counts,
@@ -219,8 +219,8 @@ impl Viewer {
             saving: Saving::default(),
             chooser: Chooser::default(),
             script: Position::default(),
-            drawn: Vec::new(),
-            relit: Vec::new(),
+            drawn: Times::default(),
+            relit: Times::default(),
             report: Report::default(),
             before: Counts::default(),
             failed: None,
@@ -243,8 +243,8 @@ impl Viewer {
         }
         self.report.curve = self.curve.take().map_or_else(Vec::new, |curve| curve.settings);
         self.report.notices = self.notices.drain(..).map(|notice| notice.text).collect();
-        self.report.frame_ms = spread(&mut self.drawn);
-        self.report.relit_ms = spread(&mut self.relit);
+        self.report.frame_ms = self.drawn.spread();
+        self.report.relit_ms = self.relit.spread();
         if let Some(screen) = &self.screen {
             self.report.validation.extend(screen.renderer.device().validation_messages());
         }
@@ -267,7 +267,7 @@ impl Viewer {
             text = format!("{text}: {error}");
             cause = error.source();
         }
-        self.report.failures.push(text.clone());
+        keep(&mut self.report.failures, text.clone());
         self.note(text);
     }
 
@@ -480,9 +480,9 @@ impl Viewer {
         }
         self.report.frames += 1;
         let (took, now) = (1000.0 * begun.elapsed().as_secs_f64(), self.counts());
-        self.drawn.push(took);
+        self.drawn.add(took);
         if now.relights > before.relights && now.dispatches == before.dispatches {
-            self.relit.push(took);
+            self.relit.add(took);
         }
         self.next(events, again, stepped);
         Ok(())
@@ -522,12 +522,12 @@ impl Viewer {
         self.report.longest_step_ms = self.report.longest_step_ms.max(took);
         let (after, more) = (engine.latency(), engine.has_work(rests));
         if let (None, Some(first)) = (before.first, after.first) {
-            self.report.coarse_ms.push(1000.0 * first.as_secs_f64());
+            keep(&mut self.report.coarse_ms, 1000.0 * first.as_secs_f64());
             let since_start = 1000.0 * self.begun.elapsed().as_secs_f64();
             self.report.first_picture_ms.get_or_insert(since_start);
         }
         if let (None, Some(finest)) = (before.finest, after.finest) {
-            self.report.finest_ms.push(1000.0 * finest.as_secs_f64());
+            keep(&mut self.report.finest_ms, 1000.0 * finest.as_secs_f64());
             self.lost.times = 0;
         }
         match stepped {
@@ -552,7 +552,7 @@ impl Viewer {
             },
             finest: engine.is_some_and(Engine::is_finest),
             counts: self.counts(),
-            frame_ms: self.drawn.last().copied().unwrap_or_default(),
+            frame_ms: self.drawn.last(),
         }
     }
 
