@@ -55,12 +55,13 @@ pub(super) fn short(number: f64) -> String {
     } else if size < 1e-3 {
         format!("{number:.0e}")
     } else {
-        let decimals = if size < 0.1 {
+        // As it is written: 9.998 is 10.0.
+        let decimals = if size < 0.0995 {
             3
-        } else if size < 10.0 {
+        } else if size < 9.995 {
             2
         } else {
-            usize::from(size < 100.0)
+            usize::from(size < 99.95)
         };
         format!("{number:.decimals$}")
     }
@@ -161,6 +162,8 @@ mod tests {
     fn numbers_have_about_three_digits() {
         for (number, text) in
             [(0.0, "0"), (1234.5, "1234"), (99.94, "99.9"), (1.234, "1.23"), (0.0123, "0.012"), (1.26e-5, "1e-5")]
+                .into_iter()
+                .chain([(99.96, "100"), (9.998, "10.0"), (0.0997, "0.10")])
         {
             assert_eq!(short(number), text);
         }

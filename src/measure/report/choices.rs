@@ -47,7 +47,7 @@ fn add_purpose<'a>(found: &mut Vec<Chosen<'a>>, row: &'a Measured, purpose: Stri
 }
 
 fn good_for(purpose: &str, limit: f64) -> String {
-    format!("{purpose} (p95 ≤ {})", readable(limit))
+    format!("{purpose} (p95\u{a0}≤\u{a0}{})", readable(limit))
 }
 
 /// By what it was chosen.
@@ -55,8 +55,8 @@ pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
     let by = if trust.is_rough() {
         "Times are rough here, so nothing is chosen by them: below are the scene's own setting and what errs least."
     } else {
-        "For each purpose the fastest of those measured, where its times do not overlap with those of the scene's own. One knob \
-         is turned at a time."
+        "For each purpose the fastest of those measured, where its times do not overlap with those of the scene's own. What is \
+         within 5 % of the least error by mean, p95 and worst is as exact as was measured. One knob is turned at a time."
     };
     let given = survey.scene().source.split_once(" with ").map_or_else(String::new, |(_, given)| {
         format!(" What else was given for this scene (<code>{}</code>) is given again.", escaped(given))

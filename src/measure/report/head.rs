@@ -37,6 +37,8 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
             if runs == 1 { "" } else { "s" },
             if trust.is_rough() {
                 ", which are rough".to_owned()
+            } else if spread(findings.rows) <= 0.0 {
+                ", so that nothing says how far times spread".to_owned()
             } else {
                 format!(
                     ", which spread by ±{:.0} % in the middle of all settings; two settings whose runs overlap are not told apart",
