@@ -1,5 +1,7 @@
 //! What was measured, where and under which light.
 
+use std::time::{SystemTime, UNIX_EPOCH};
+
 use super::Findings;
 use super::drawing::escaped;
 use super::knobs::step_in_voxels;
@@ -22,7 +24,14 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
     };
     let scene = survey.scene();
     let mut lines = vec![
-        format!("<small>{}; Relume {}</small>", escaped(&scene.source), env!("CARGO_PKG_VERSION")),
+        format!(
+            "<small>{}; Relume {}{}</small>",
+            escaped(&scene.source),
+            env!("CARGO_PKG_VERSION"),
+            SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .map_or_else(|_| String::new(), |now| format!("; {}", day(now.as_secs())))
+        ),
         format!("Light: {}. Only this was measured: nothing here is said of other light.", escaped(&light(scene))),
         format!(
             "{} in pictures of {width}×{height}, with the truth: the full spectrum in f64, in steps of {} voxels (an eighth of the \
@@ -56,6 +65,19 @@ fn finest_in_voxels(scene: &Scene, findings: &Findings<'_>) -> f64 {
     let refused = findings.refused.iter().map(|(setting, _)| setting);
     let settings = findings.rows.iter().map(|row| &row.setting).chain(refused);
     settings.map(|setting| step_in_voxels(&setting.applied(scene))).fold(step_in_voxels(scene), f64::min)
+}
+
+/// The day so many seconds after 1970 began, in UTC, by the calendar of eras of 400 years that begin in March (Hinnant 2013,
+/// `civil_from_days`).
+fn day(seconds: u64) -> String {
+    let days = seconds / 86_400 + 719_468;
+    let (era, of_era) = (days / 146_097, days % 146_097);
+    let year = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year + year / 4 - year / 100);
+    let month = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * month + 2) / 5 + 1;
+    let month = if month < 10 { month + 3 } else { month - 9 };
+    format!("{}-{month:02}-{day:02}", year + 400 * era + u64::from(month <= 2))
 }
 
 /// A device in words, without its name where its driver has it, too.
@@ -136,6 +158,12 @@ fn setting(scene: &Scene, own: &Measured) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn days_are_those_of_the_calendar() {
+        let days = [0, 951_782_399, 951_782_400, 951_868_800, 4_107_542_400];
+        assert_eq!(days.map(day), ["1970-01-01", "2000-02-28", "2000-02-29", "2000-03-01", "2100-03-01"]);
+    }
 
     #[test]
     fn a_device_whose_driver_has_its_name_is_named_once() {
