@@ -1265,3 +1265,32 @@ fn nothing_is_offered_to_be_saved_while_nothing_is_open() {
         assert!(window.get_by_label_contains(line).accesskit_node().is_disabled(), "{line}");
     }
 }
+
+#[test]
+fn a_linear_picture_is_openexr_whatever_its_name_is_typed_as() {
+    let mut window = wide(document());
+    file_menu(&mut window, "Save linear picture as");
+    until_listed(&mut window);
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run();
+    window.event(Event::Text("light".to_owned()));
+    window.run();
+    window.key_press(Key::Enter);
+    until_listed(&mut window);
+    let path = window.state().folder.path("light.exr");
+    assert_eq!(saved_or_opened(&window), [Action::SavePicture(Some(path))]);
+}
+
+#[test]
+fn what_stands_below_the_dial_stays_where_it_is_as_nodes_are_left_out() {
+    let mut window = wide(document());
+    window.run();
+    let below = |window: &Harness<'_, App>| window.get_by_label("Light situations").rect();
+    let before = below(&window);
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::NodeOn(0, false));
+    window.run();
+    assert_eq!(below(&window), before);
+    window.get_by_label("Reset nodes").click();
+    window.run();
+    assert!(window.state().document.as_ref().unwrap().state().scene.dial.nodes[0].on);
+}

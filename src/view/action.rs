@@ -14,8 +14,10 @@ use crate::measure::Goal;
 pub enum File {
     /// A scene or a volume to open.
     Opened,
-    /// A picture to save.
+    /// A picture to save, as PNG.
     Picture,
+    /// A picture to save, linear, as OpenEXR.
+    LinearPicture,
     /// Accumulators to save.
     Accumulators,
     /// A session to save.

@@ -26,7 +26,7 @@ use super::load::{LoadError, Loaded, Loading, Source};
 use super::prober::Prober;
 use super::screen::Screen;
 use super::script::{Script, ScriptError};
-use super::state::{Cost, Document};
+use super::state::{Cost, Document, Edit};
 use super::tour::Tour;
 use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{unsigned, whole};
@@ -302,6 +302,10 @@ impl Viewer {
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
+                if matches!(edit, Edit::Design(_)) {
+                    // They are of what was asked before.
+                    self.conflicts.clear();
+                }
                 if edit.cost() == Cost::Relight && matches!(self.tour, Some(Tour::Playing { .. })) {
                     self.tour = None;
                 }
@@ -439,7 +443,8 @@ impl Viewer {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        let stepped = self.step()? | self.probe()? | self.measured() | self.solved() | self.tour.is_some();
+        // Panels were laid out before a tour that is played went on: where it has ended, they are once more.
+        let stepped = self.step()? | self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
         let failed = !self.written();
         self.save_tour(failed);
         self.save_pictures();

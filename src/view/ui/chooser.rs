@@ -17,7 +17,8 @@ impl File {
     fn title(self) -> &'static str {
         match self {
             Self::Opened => "Open a scene or a volume",
-            Self::Picture => "Save the picture",
+            Self::Picture => "Save the picture as PNG",
+            Self::LinearPicture => "Save the picture as linear OpenEXR",
             Self::Accumulators => "Save the accumulators",
             Self::Session => "Save the session",
         }
@@ -27,19 +28,19 @@ impl File {
     fn action(self, path: PathBuf) -> Action {
         match self {
             Self::Opened => Action::Open(path),
-            Self::Picture => Action::SavePicture(Some(path)),
+            Self::Picture | Self::LinearPicture => Action::SavePicture(Some(path)),
             Self::Accumulators => Action::SaveAccumulators(Some(path)),
             Self::Session => Action::SaveSession(Some(path)),
         }
     }
 
-    /// Ends of names that it may have, with what each of them is.
-    fn endings(self) -> &'static [(&'static str, &'static str)] {
+    /// What a name ends in that ends in nothing.
+    fn ending(self) -> Option<&'static str> {
         match self {
-            Self::Opened => &[],
-            Self::Picture => &[("PNG", "png"), ("OpenEXR, linear", "exr")],
-            Self::Accumulators => &[("OpenEXR", "exr")],
-            Self::Session => &[("scene", "toml")],
+            Self::Opened => None,
+            Self::Picture => Some("png"),
+            Self::LinearPicture | Self::Accumulators => Some("exr"),
+            Self::Session => Some("toml"),
         }
     }
 }
@@ -82,19 +83,11 @@ impl Chooser {
         if let Some(folder) = folder {
             dialog = dialog.initial_directory(folder.to_owned());
         }
-        for (what, ending) in file.endings() {
-            dialog = dialog.add_save_extension(what, ending);
-        }
         if file == File::Opened {
             const KNOWN: &str = "Scenes and volumes";
             dialog = dialog.add_file_filter(KNOWN, Filter::new(is_known)).default_file_filter(KNOWN);
             dialog.pick_file();
         } else {
-            let ending = Path::new(name).extension();
-            let known = file.endings().iter().find(|(_, known)| ending.is_some_and(|ending| ending == *known));
-            if let Some((what, _)) = known {
-                dialog = dialog.default_save_extension(what);
-            }
             dialog.save_file();
         }
         self.open = Some((file, dialog));
@@ -117,9 +110,9 @@ impl Chooser {
         self.open = None;
         let path = picked?;
         self.folder = path.parent().map(Path::to_owned);
-        match file.endings().first() {
+        match file.ending() {
             // With the end that it gets, it may be there already: the dialog has not asked whether it may be replaced.
-            Some((_, ending)) if path.extension().is_none() => {
+            Some(ending) if path.extension().is_none() => {
                 let path = path.with_extension(ending);
                 if path.exists() {
                     self.open(file, &path);

@@ -49,7 +49,10 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             ),
         };
         ui.label(RichText::new(now).small().weak()).on_hover_text(help);
-        if document.opened().dial.nodes != dial.nodes && ui.button("Reset nodes").clicked() {
+        // It stays where it is: what stands below would move while a hand reaches for it.
+        let moved = document.opened().dial.nodes != dial.nodes;
+        let reset = ui.add_enabled(moved, egui::Button::new("Reset nodes"));
+        if reset.on_disabled_hover_text("The nodes are as the scene has them.").clicked() {
             asked.push(Action::Edit(Edit::ResetDial));
         }
     });

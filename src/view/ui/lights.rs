@@ -26,7 +26,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 let mut on = stated.is_some_and(|slider| slider.on);
                 ui.add_enabled_ui(by_slider, |ui| {
                     let name = RichText::new(&light.name).strong();
-                    on |= !by_slider;
+                    if !by_slider {
+                        on = share > 0.0;
+                    }
                     if ui
                         .checkbox(&mut on, name)
                         .on_hover_text("Switches this light on and off.")

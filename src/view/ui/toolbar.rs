@@ -22,7 +22,7 @@ struct Item {
 }
 
 /// Lines of more modifiers come before those of fewer: a shortcut takes more modifiers than it names.
-const FILES: [Item; 7] = [
+const FILES: [Item; 8] = [
     Item {
         text: "Open…",
         help: "Another scene or volume, as if it were dropped on the window.",
@@ -53,7 +53,7 @@ const FILES: [Item; 7] = [
     },
     Item {
         text: "Save picture as…",
-        help: "The picture alone, as PNG or as linear OpenEXR.",
+        help: "The picture alone, as PNG.",
         action: || Action::Choose(File::Picture),
         shortcut: Some(KeyboardShortcut::new(SHIFT, Key::P)),
         saves: true,
@@ -63,6 +63,13 @@ const FILES: [Item; 7] = [
         help: "The same as relume-0001.png, or the next number that is free, in the folder that relume was started in.",
         action: || Action::SavePicture(None),
         shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::P)),
+        saves: true,
+    },
+    Item {
+        text: "Save linear picture as…",
+        help: "The picture alone, as OpenEXR: linear values, for programs that go on computing.",
+        action: || Action::Choose(File::LinearPicture),
+        shortcut: None,
         saves: true,
     },
     Item {

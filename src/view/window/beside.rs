@@ -16,6 +16,9 @@ use crate::view::prober::StepError;
 use crate::view::state::{Document, Edit};
 use crate::vulkan::VulkanError;
 
+/// ΔE00 that is hardly seen.
+const UNSEEN: f64 = 0.5;
+
 /// What settings take and err by, and the one that was chosen by it.
 pub(super) type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 
@@ -127,9 +130,9 @@ impl Viewer {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
-                // The editor tells why, and offers ways out.
-                self.editing |= !solution.conflicts.is_empty();
-                self.conflicts = solution.conflicts;
+                // The editor tells why, and offers ways out, where anybody sees that not all is as asked.
+                self.conflicts = if solution.worst() > UNSEEN { solution.conflicts } else { Vec::new() };
+                self.editing |= !self.conflicts.is_empty();
             }
         }
         true

@@ -64,6 +64,7 @@ struct Writing {
 }
 
 const PICTURE: &str = "relume.png";
+const LINEAR_PICTURE: &str = "relume.exr";
 const ACCUMULATORS: &str = "relume-accumulators.exr";
 const SESSION: &str = "relume-session.toml";
 const TOUR: &str = "relume-tour.png";
@@ -74,6 +75,7 @@ impl Viewer {
         let name = match file {
             File::Opened => self.source.path.clone().unwrap_or_default(),
             File::Picture => self.saving.free(PICTURE),
+            File::LinearPicture => self.saving.free(LINEAR_PICTURE),
             File::Accumulators => self.saving.free(ACCUMULATORS),
             File::Session => self.saving.free(SESSION),
         };
