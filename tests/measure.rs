@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use relume::measure::{
     Cause, Difference, Findings, Knob, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyError, SurveyOptions,
-    Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown,
+    Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown, trade,
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
@@ -346,7 +346,11 @@ fn nothing_is_chosen_by_rough_times_and_errors_stay_as_they_are() {
         assert!(!good.contains('≈') && !good.contains("class=\"rough\"") && good.contains("<td>60.0 <small>"));
         let causes = [&rough, &good].map(|page| section(page, "Where the error comes from").to_owned());
         assert_eq!(causes[0], causes[1], "errors do not depend on times");
-        // What is alike in every way is the same but for its time.
+        // The picture by itself goes by the same.
+        let mut marked = rows.to_vec();
+        mark_pareto(&mut marked);
+        let line = |again_ms| trade(&marked, Some(again_ms)).contains("class=\"front\"");
+        assert!(line(rows[0].frame_ms) && !line(2.0 * rows[0].frame_ms), "one run, and once more");
         let exact = |page: &str| section(page, "Which setting to use").contains("<b>step=0.5</b>");
         assert!(exact(&rough) && exact(&good), "the most exact is so by its errors");
     });
