@@ -84,8 +84,11 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     );
     section(
         "Knob by knob",
-        "One knob turned, all others as the scene has them. Bars are medians from 0, each chart on a scale of its own, whiskers \
-         the shortest and the longest run; the ring is the scene's own.",
+        &format!(
+            "One knob turned, all others as the scene has them. Bars are medians from 0, each chart on a scale of its own, whiskers \
+             the shortest and the longest run; the {} the scene's own.",
+            if trust.is_rough() { "ring is" } else { "ring and the dashed line are" }
+        ),
         &knobs::knobs(rows, survey.scene(), trust),
     );
     section(
