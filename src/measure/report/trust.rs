@@ -1,13 +1,11 @@
 //! Whether times can be chosen by: decided once, and all that the page says of times goes by it.
 
-use crate::measure::findings::{cheapest_for_sure, closest, is_faster, scatter, span};
+use crate::measure::findings::{ALIKE, cheapest_for_sure, closest, is_faster, scatter, span};
 use crate::measure::survey::Measured;
 use crate::measure::table::short;
 
 /// Times of the same thing that differ by more than this are rough.
 const SCATTERED: f64 = 1.4;
-/// What errors may differ by and still count as equal, as on the line of time against error.
-const ALIKE: f64 = 1.05;
 
 /// How far times of the same thing were apart. Where that is far, times are rough: nothing is called faster by them, nothing
 /// is chosen by them, and each stands behind a ≈.

@@ -27,7 +27,7 @@ pub(super) enum Solved {
     /// A palette to begin with.
     Offered(Palette),
     /// The open spectra of one, and what of it changes with them.
-    Found(Solution, Option<Step>),
+    Found(Box<Solution>, Option<Step>),
 }
 
 impl Viewer {
@@ -108,7 +108,7 @@ impl Viewer {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
         };
-        self.begin_to_solve(move |progress| Ok(Solved::Found(palette::solve(&palette, progress)?, step)));
+        self.begin_to_solve(move |progress| Ok(Solved::Found(Box::new(palette::solve(&palette, progress)?), step)));
     }
 
     fn begin_to_solve(&mut self, solve: impl FnOnce(&dyn Progress) -> Result<Solved, PaletteError> + Send + 'static) {
