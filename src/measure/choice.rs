@@ -562,7 +562,10 @@ impl<'a> Curve<'a> {
         Err(too_large.filter(|_| fastest.is_none()).unwrap_or_else(|| ChoiceError::None {
             asked: format!("{asked} ms a frame"),
             nearest: fastest.map_or_else(String::new, |(setting, point)| {
-                format!("{setting} takes {} ms; take fewer pixels (--size, or a smaller window), or more time", short(point.frame_ms))
+                format!(
+                    "{setting} takes {} ms; take fewer pixels (--size, or a smaller window), or more time",
+                    short(point.frame_ms)
+                )
             }),
         }))
     }

@@ -76,7 +76,7 @@ fn moves(row: &Measured, own: &Measured) -> bool {
 }
 
 /// Which knobs are worth turning, and what saves memory for nothing; `None` where none was turned by itself.
-pub(super) fn worth(rows: &[Measured], scene: &Scene) -> Option<String> {
+pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<String> {
     let own = rows.first()?;
     let turned = Knob::ALL.into_iter().map(|knob| (knob, turned(rows, knob, scene)));
     let turned: Vec<(Knob, Vec<Turned<'_>>)> = turned.filter(|(_, found)| found.len() > 1).collect();
@@ -102,7 +102,11 @@ pub(super) fn worth(rows: &[Measured], scene: &Scene) -> Option<String> {
     let small = small.min_by_key(|row| row.total_bytes).filter(|row| 5 * row.total_bytes < 4 * own.total_bytes);
     if let Some(row) = small {
         let [mb, own_mb] = [row, own].map(|row| short(megabytes(row.total_bytes)));
-        said.push(format!("{} takes {mb} MB in place of {own_mb}, and errs as little.", row.setting));
+        let [ms, own_ms] = [row, own].map(|row| trust.ms(row.frame_ms));
+        said.push(format!(
+            "{} takes {mb} MB in place of {own_mb} and {ms} ms in place of {own_ms}, and errs as little.",
+            row.setting
+        ));
     }
     (!said.is_empty()).then(|| said.join(" "))
 }

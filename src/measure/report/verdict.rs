@@ -39,7 +39,7 @@ pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<
         ("At the scene's own setting", Some(now)),
         ("Where the error comes from", Some(origin(scene, rows, own, trust))),
         ("Which setting to use", Some(advice(rows, own, trust))),
-        ("Which knobs matter", worth(rows, scene)),
+        ("Which knobs matter", worth(rows, scene, trust)),
         ("What k = 8 buys", bought(carried, trust)),
     ];
     let said = answers.into_iter().filter_map(|(question, answer)| Some((question, answer?)));
@@ -164,7 +164,7 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     }
     let exact = if own.error.delta_e.p95 <= INVISIBLE { " What the scene has is exact enough, too." } else { "" };
     format!(
-        "Take {}: {ms} ms in place of {own_ms}, and 95 of 100 pixels stay below ΔE00 {p95} (worst {}).{exact}",
+        "Within ΔE00 {SEEN}, take {}: {ms} ms in place of {own_ms}, and 95 of 100 pixels stay below ΔE00 {p95} (worst {}).{exact}",
         super::entry::name(&fastest.setting),
         short(fastest.error.delta_e.max)
     )

@@ -65,11 +65,11 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let (mut normalise, mut master) = state.master();
         let (whose, help) = match state.light.mixing {
             Mixing::Sliders => (
-                "both by the sliders",
+                "master and brightness: kept by the sliders",
                 "A white surface keeps its brightness, whatever the sliders mix. The dial has a switch of its own.",
             ),
             Mixing::Dial => (
-                "both by the dial",
+                "master and brightness: kept by the dial",
                 "A white surface keeps its brightness wherever the hand is. This is the dial's; the sliders have their own.",
             ),
         };

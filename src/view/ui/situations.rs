@@ -78,7 +78,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
             if play.on_hover_text(help).on_disabled_hover_text("A tour takes two situations.").clicked() {
                 asked.push(Action::Tour(seconds));
             }
-            let save = ui.add_enabled(enough, egui::Button::new("Save tour"));
+            let save = ui.add_enabled(enough, egui::Button::new(format!("Save {FRAMES} pictures")));
             let help = format!(
                 "Saves {FRAMES} pictures of the way as relume-tour-0001-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-0002-0001.png."
             );

@@ -135,7 +135,7 @@ fn row(
                 spectrum.or(found.lights.first().map(|(_, it)| it.spectrum())) == Some(now)
             };
             let known = standard::names(kind).iter().find(of).copied();
-            let shown = known.unwrap_or("its own");
+            let shown = known.unwrap_or("no standard");
             let combo = ComboBox::from_id_salt((kind == Kind::Light, name))
                 .width(116.0)
                 .selected_text(RichText::new(shown).small());
