@@ -1294,3 +1294,19 @@ fn what_stands_below_the_dial_stays_where_it_is_as_nodes_are_left_out() {
     window.run();
     assert!(window.state().document.as_ref().unwrap().state().scene.dial.nodes[0].on);
 }
+
+#[test]
+fn a_situation_that_looks_as_what_is_seen_is_shown_as_the_one_that_is() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
+    document.edit(&Edit::Keep("evening".to_owned()));
+    let index = document.situation();
+    assert!(index.is_some());
+    // As a session opens, which says where the hand is and not what that is called.
+    let mut again = Document::new(document.state().scene.clone());
+    assert_eq!(again.situation(), None, "sliders mix");
+    again.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
+    assert_eq!(again.situation(), index);
+    again.edit(&Edit::NodeOn(0, false));
+    assert_eq!(again.situation(), None, "another mix");
+}

@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
     for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
         if let Some(Err(error)) = path.as_deref().map(PictureKind::require_exr) {
-            return Err(CliError::Usage(format!("{flag}: {error}")));
+            return Err(CliError::Usage(format!("{flag} {error}")));
         }
     }
     let mut outputs: Vec<&PathBuf> = args.output.iter().collect();

@@ -501,6 +501,20 @@ impl Document {
         &self.now
     }
 
+    /// The situation that is shown, by its index: the one that was asked for, else the first that looks the same.
+    #[must_use]
+    pub fn situation(&self) -> Option<usize> {
+        let (light, dial) = (&self.now.light, &self.now.scene.dial);
+        let is_shown = |situation: &Situation| {
+            let mut nodes = dial.nodes.iter().zip(&self.opened.dial.nodes);
+            light.mixing == Mixing::Dial
+                && situation.hand == light.hand
+                && nodes.all(|(node, stated)| node.on == situation.has_on(stated) && node.place == stated.place)
+        };
+        let asked = light.situation.filter(|&index| index < dial.situations.len());
+        asked.or_else(|| dial.situations.iter().position(is_shown))
+    }
+
     /// Changes it. Edits of one kind in a row are one step back, until [`Self::rest`]. `None` where nothing has changed.
     pub fn edit(&mut self, edit: &Edit) -> Option<Cost> {
         let before = self.now.clone();

@@ -19,13 +19,14 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
     if state.scene.dial.nodes.len() < 2 {
         return;
     }
+    let here = document.situation();
     panel(ui, "Light situations", Cost::Relight, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
         // An empty row would be seen.
         if !situations.is_empty() {
             ui.horizontal_wrapped(|ui| {
                 for (index, situation) in situations.iter().enumerate() {
-                    let label = toggle(ui, state.light.situation == Some(index), &situation.name);
+                    let label = toggle(ui, here == Some(index), &situation.name);
                     let label =
                         if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
                     if label.clicked() {
@@ -57,7 +58,6 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
             {
                 ask(Edit::Keep(given.clone()));
             }
-            let here = state.light.situation.filter(|&index| index < situations.len());
             let rename = ui.add_enabled(here.is_some() && !given.is_empty(), egui::Button::new("Rename"));
             let rename = rename.on_hover_text("Gives the situation that is shown this name.");
             if let (true, Some(index)) = (rename.clicked(), here) {
