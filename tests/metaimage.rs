@@ -433,3 +433,21 @@ fn no_beginning_of_a_file_panics() {
     assert!(files.with("v.mhd", &whole).open().is_ok(), "the whole file");
     assert!(!Path::new("v.raw").exists(), "paths are relative to the header");
 }
+
+#[test]
+fn a_world_is_a_patients_where_the_orientation_says_what_the_axes_say() {
+    let turned = "TransformMatrix = 0 1 0  0 0 1  1 0 0";
+    let mirrored = "TransformMatrix = 1 0 0  0 1 0  0 0 -1";
+    for (lines, anatomical) in [
+        (&["AnatomicalOrientation = RAI"][..], true),
+        (&["AnatomicalOrientation = rai"], true),
+        (&["AnatomicalOrientation = RAS"], false),
+        (&["AnatomicalOrientation = RAS", mirrored], true),
+        (&["AnatomicalOrientation = AIR", turned], true),
+        (&["AnatomicalOrientation = ???"], false),
+        (&["AnatomicalOrientation = RA"], false),
+        (&[], false),
+    ] {
+        assert_eq!(open(lines, &TWELVE).unwrap().anatomical, anatomical, "{lines:?}");
+    }
+}

@@ -559,3 +559,19 @@ fn no_beginning_of_a_file_panics() {
     }
     assert!(files.with("v.nhdr", &whole).open().is_ok(), "the whole file");
 }
+
+#[test]
+fn a_world_is_a_patients_where_the_space_says_so() {
+    let spaces = [
+        ("space: right-anterior-superior", true),
+        ("space: LAS", true),
+        ("space: left-posterior-superior", true),
+        ("space: scanner-xyz", false),
+        ("space: 3D-right-handed", false),
+        ("space dimension: 3", false),
+    ];
+    for (space, anatomical) in spaces {
+        let volume = open(&[space, "space directions: (1,0,0) (0,1,0) (0,0,1)"], &TWELVE).unwrap();
+        assert_eq!(volume.anatomical, anatomical, "{space}");
+    }
+}

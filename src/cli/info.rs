@@ -196,6 +196,9 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     line("spacing", &by(&geometry.spacing.to_array().map(brief)));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
+    if volume.anatomical {
+        line("world", "a patient's: x to the left, y to the back, z to the head (LPS)");
+    }
     line(
         "values",
         &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), brief(statistics.mean)),
@@ -225,6 +228,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "origin": geometry.origin.to_array(),
             // Row by row, as ITK prints it: column i is axis i.
             "direction": direction.transpose().to_cols_array(),
+            "anatomical": volume.anatomical,
             "components": volume.components,
             "min": statistics.min,
             "max": statistics.max,

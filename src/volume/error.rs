@@ -3,6 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
+use super::{RawLayout, Several};
+
 /// Why there is no volume.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -36,15 +38,20 @@ pub enum VolumeError {
     /// Headerless voxels, and nobody says how they lie.
     #[error(
         "{}: raw voxels have no header; give dims and type (--dims, --type; and byte_order, header_bytes, spacing, origin, direction where \
-         they differ from little, 0, 1 1 1, 0 0 0 and the identity), or write them into {}",
+         they differ from little, 0, 1 1 1, 0 0 0 and the identity), or write them into {}{}",
         path.display(),
-        sidecar.display()
+        sidecar.display(),
+        perhaps(guess.as_deref())
     )]
     NoLayout {
         /// The file of voxels.
         path: PathBuf,
         /// The sidecar that would be found.
         sidecar: PathBuf,
+        /// How many bytes it has.
+        bytes: u64,
+        /// What its name and its size suggest, where they do.
+        guess: Option<Box<RawLayout>>,
     },
     /// The layout of headerless voxels makes no sense.
     #[error("{source_name}: {problem}")]
@@ -143,14 +150,12 @@ pub enum VolumeError {
         limit: f64,
     },
     /// The file holds several scalar volumes, and none is chosen.
-    #[error("{source_name}: {there}; choose with {way_out}")]
+    #[error("{source_name}: {there}; choose with {}", there.flag())]
     Choose {
         /// The file.
         source_name: String,
         /// What it holds.
-        there: String,
-        /// The flag that chooses, and what it may say.
-        way_out: String,
+        there: Several,
     },
     /// What is chosen is not in the file.
     #[error("{source_name}: {asked} is not there; the file holds {there}")]
@@ -309,4 +314,11 @@ fn sound(decoded: u64) -> String {
         0 => "no voxel can be read of it".to_owned(),
         decoded => format!("only the first {decoded} bytes of voxels are known to be sound"),
     }
+}
+
+/// What a name and a size suggest.
+fn perhaps(guess: Option<&RawLayout>) -> String {
+    guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, .. }| {
+        format!("; its name and size suggest --dims {x}x{y}x{z} --type {voxel_type}")
+    })
 }

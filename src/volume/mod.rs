@@ -26,7 +26,7 @@ pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
-pub use select::Selection;
+pub use select::{Selection, Several};
 pub use statistics::{BINS, Statistics};
 pub(crate) use voxels::with_voxels;
 pub use voxels::{Voxel, VoxelType, Voxels};
@@ -41,6 +41,9 @@ pub struct Volume {
     pub voxels: Voxels,
     /// Where they lie; it has as many voxels as `voxels`.
     pub geometry: Geometry,
+    /// Whether the file says that the world is a patient's, left-posterior-superior as in DICOM: x to the left, y to the
+    /// back, z to the head.
+    pub anatomical: bool,
     /// A voxel means `slope · stored + intercept`.
     pub slope: f64,
     /// See `slope`.
@@ -73,6 +76,7 @@ impl Volume {
         Ok(Self {
             voxels,
             geometry,
+            anatomical: false,
             slope: 1.0,
             intercept: 0.0,
             components: 1,

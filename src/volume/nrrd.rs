@@ -55,6 +55,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume.files = data.paths();
     volume.files.push(path.to_owned());
     volume.components = length(component);
+    volume.anatomical = header.space()?.1.is_some();
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     volume.metadata.extend(header.pairs);
     notes.extend(header.fields.repeated());
@@ -102,19 +103,19 @@ mod key {
 }
 
 /// Spaces: their names, how many axes they have, and what turns them to left-posterior-superior, where they say.
-const SPACES: [(&str, &str, usize, DVec3); 12] = [
-    ("right-anterior-superior", "ras", 3, DVec3::new(-1.0, -1.0, 1.0)),
-    ("left-anterior-superior", "las", 3, DVec3::new(1.0, -1.0, 1.0)),
-    ("left-posterior-superior", "lps", 3, DVec3::ONE),
-    ("right-anterior-superior-time", "rast", 4, DVec3::new(-1.0, -1.0, 1.0)),
-    ("left-anterior-superior-time", "last", 4, DVec3::new(1.0, -1.0, 1.0)),
-    ("left-posterior-superior-time", "lpst", 4, DVec3::ONE),
-    ("scanner-xyz", "scanner-xyz", 3, DVec3::ONE),
-    ("scanner-xyz-time", "scanner-xyz-time", 4, DVec3::ONE),
-    ("3d-right-handed", "3d-right-handed", 3, DVec3::ONE),
-    ("3d-right-handed-time", "3d-right-handed-time", 4, DVec3::ONE),
-    ("3d-left-handed", "3d-left-handed", 3, DVec3::ONE),
-    ("3d-left-handed-time", "3d-left-handed-time", 4, DVec3::ONE),
+const SPACES: [(&str, &str, usize, Option<DVec3>); 12] = [
+    ("right-anterior-superior", "ras", 3, Some(DVec3::new(-1.0, -1.0, 1.0))),
+    ("left-anterior-superior", "las", 3, Some(DVec3::new(1.0, -1.0, 1.0))),
+    ("left-posterior-superior", "lps", 3, Some(DVec3::ONE)),
+    ("right-anterior-superior-time", "rast", 4, Some(DVec3::new(-1.0, -1.0, 1.0))),
+    ("left-anterior-superior-time", "last", 4, Some(DVec3::new(1.0, -1.0, 1.0))),
+    ("left-posterior-superior-time", "lpst", 4, Some(DVec3::ONE)),
+    ("scanner-xyz", "scanner-xyz", 3, None),
+    ("scanner-xyz-time", "scanner-xyz-time", 4, None),
+    ("3d-right-handed", "3d-right-handed", 3, None),
+    ("3d-right-handed-time", "3d-right-handed-time", 4, None),
+    ("3d-left-handed", "3d-left-handed", 3, None),
+    ("3d-left-handed-time", "3d-left-handed-time", 4, None),
 ];
 
 /// Names of each type of sample; `char` alone is none, because its sign is not known.
@@ -267,10 +268,10 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// How many axes the space has, where the header says, and what turns it to left-posterior-superior.
-    fn space(&self) -> Result<(Option<usize>, DVec3), VolumeError> {
+    /// How many axes the space has, where the header says, and what turns it to left-posterior-superior, where it is anatomical.
+    fn space(&self) -> Result<(Option<usize>, Option<DVec3>), VolumeError> {
         let Some(field) = self.fields.find(&key::SPACE) else {
-            return Ok((self.fields.number(&key::SPACE_DIMENSION, "a whole number")?, DVec3::ONE));
+            return Ok((self.fields.number(&key::SPACE_DIMENSION, "a whole number")?, None));
         };
         let name = field.value.to_ascii_lowercase();
         match SPACES.iter().find(|(long, short, ..)| *long == name || *short == name) {
@@ -323,7 +324,7 @@ impl<'a> Header<'a> {
 
     fn geometry(&self, axes: &[Axis]) -> Result<Geometry, VolumeError> {
         let spatial: Vec<usize> = (0..axes.len()).filter(|&axis| axes[axis].role == Role::Space).collect();
-        let (_, turn) = self.space()?;
+        let turn = self.space()?.1.unwrap_or(DVec3::ONE);
         let mut dims = [1; 3];
         let mut spacing = DVec3::ONE;
         let mut origin = DVec3::ZERO;

@@ -11,7 +11,7 @@ use super::data::{self, Data, DataFile};
 use super::pattern::{self, Pattern};
 use super::stream::{self, Encoding, Start};
 use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
-use crate::number::{in_words, line_and_column};
+use crate::number::{count, in_words, line_and_column, whole};
 use crate::progress::Progress;
 
 /// A layout is a few lines; what is longer is none. The parser takes a hundred times as much.
@@ -131,6 +131,36 @@ impl RawLayout {
         }
     }
 
+    /// Bytes of a file that it describes, those before the voxels included; `None` where they are too many to count.
+    #[must_use]
+    pub fn bytes(&self) -> Option<u64> {
+        let [nx, ny, nz] = self.dims;
+        let sides = [nx, ny, nz, self.voxel_type.bytes()].map(|side| u64::try_from(side).ok());
+        let voxels = sides.into_iter().try_fold(1_u64, |all, side| all.checked_mul(side?));
+        voxels?.checked_add(self.header_bytes)
+    }
+
+    /// What the name of a file of so many bytes suggests, as that of `foot_256x256x256_uint8.raw` does; where it has no
+    /// dimensions, a cube. What is suggested fills the file.
+    #[must_use]
+    pub fn guessed(name: &str, bytes: u64) -> Option<Self> {
+        let words = || name.split(|letter: char| !letter.is_ascii_alphanumeric());
+        let sides = |word: &str| -> Option<[usize; 3]> {
+            let sides: Result<Vec<usize>, _> = word.split('x').map(str::parse).collect();
+            sides.ok()?.try_into().ok()
+        };
+        let named = words().find_map(|word| word.parse().ok());
+        let types = named.map_or_else(|| vec![VoxelType::U8, VoxelType::U16, VoxelType::F32], |named| vec![named]);
+        let dims = words().find_map(sides);
+        let of_type = |&voxel_type: &VoxelType| {
+            let voxels = bytes / u64::try_from(voxel_type.bytes()).ok()?;
+            let side = whole(count(usize::try_from(voxels).ok()?).cbrt().round());
+            let layout = Self::new(dims.unwrap_or([side; 3]), voxel_type);
+            (bytes > 0 && layout.bytes() == Some(bytes)).then_some(layout)
+        };
+        types.iter().find_map(of_type)
+    }
+
     /// Reads a sidecar: the keys above, at the top level or in a table `[volume]`.
     ///
     /// # Errors
@@ -235,17 +265,19 @@ pub(super) fn read_beside_sidecar(
     selection: &Selection,
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
+    let name = PathBuf::from(path.file_name().unwrap_or_default());
     let mut appended = path.as_os_str().to_owned();
     appended.push(".toml");
     let sidecars = [PathBuf::from(appended), path.with_extension("toml")];
     let Some(sidecar) = sidecars.iter().find(|sidecar| sidecar.exists()) else {
         // A file that is not there needs no sidecar.
-        stream::open(path)?;
+        let file = stream::open(path)?;
+        let bytes = file.metadata().map_err(|source| stream::failed(path, source))?.len();
         let [sidecar, _] = sidecars;
-        return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar });
+        let guess = RawLayout::guessed(&name.to_string_lossy(), bytes).map(Box::new);
+        return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar, bytes, guess });
     };
     let mut layout = RawLayout::from_sidecar(sidecar)?;
-    let name = PathBuf::from(path.file_name().unwrap_or_default());
     if let Some(other) = layout.file.as_ref().filter(|&file| *file != name) {
         let problem = format!(
             "describes {other}, not {name}; open the sidecar itself to read {other}",
@@ -268,4 +300,22 @@ fn read_by(
     let mut volume = read(layout, path.parent().unwrap_or(Path::new("")), selection, progress)?;
     volume.files.push(path.to_owned());
     Ok(volume)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_and_a_size_suggest_how_voxels_lie() {
+        let guessed = |name: &str, bytes| RawLayout::guessed(name, bytes).map(|it| (it.dims, it.voxel_type));
+        assert_eq!(guessed("foot_256x128x64_uint8.raw", 256 * 128 * 64), Some(([256, 128, 64], VoxelType::U8)));
+        assert_eq!(guessed("CT-4x5x6.int16.dat", 240), Some(([4, 5, 6], VoxelType::I16)));
+        assert_eq!(guessed("ct_4x5x6.raw", 240), Some(([4, 5, 6], VoxelType::U16)), "the size says how wide they are");
+        assert_eq!(guessed("foot.raw", 1000), Some(([10; 3], VoxelType::U8)), "a cube");
+        assert_eq!(guessed("foot.raw", 2000), Some(([10; 3], VoxelType::U16)), "a cube of wider ones");
+        for (name, bytes) in [("foot.raw", 1001), ("foot_4x5x6_uint8.raw", 121), ("foot.raw", 0)] {
+            assert_eq!(guessed(name, bytes), None, "{name} of {bytes} bytes");
+        }
+    }
 }

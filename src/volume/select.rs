@@ -1,6 +1,74 @@
 //! What to read of a file that holds more than one scalar volume.
 
+use std::fmt;
+
 use super::VolumeError;
+
+/// What a file holds several of, where one of them is a volume.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Several {
+    /// Components of a voxel.
+    Components {
+        /// How many.
+        count: usize,
+        /// What they are, where the file says.
+        kind: String,
+    },
+    /// So many time steps.
+    Times(usize),
+    /// Arrays of these names.
+    Arrays(Vec<String>),
+}
+
+impl fmt::Display for Several {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plural = |count: usize| if count == 1 { "" } else { "s" };
+        match self {
+            Self::Components { count, kind } => {
+                write!(formatter, "{count} component{} per voxel", plural(*count))?;
+                if kind.is_empty() { Ok(()) } else { write!(formatter, " ({kind})") }
+            }
+            Self::Times(count) => write!(formatter, "{count} time step{}", plural(*count)),
+            Self::Arrays(names) => write!(formatter, "the arrays {}", names.join(", ")),
+        }
+    }
+}
+
+impl Several {
+    /// The name of the flag that chooses one, and how many there are.
+    fn counted(&self) -> (&'static str, usize) {
+        match self {
+            Self::Components { count, .. } => ("component", *count),
+            Self::Times(count) => ("time", *count),
+            Self::Arrays(names) => ("array", names.len()),
+        }
+    }
+
+    /// The flag that chooses one, and what it may say.
+    #[must_use]
+    pub fn flag(&self) -> String {
+        match (self, self.counted()) {
+            (Self::Arrays(_), _) => "--array NAME".to_owned(),
+            (_, (name, count)) => format!("--{name} N, from 0 to {}", count.saturating_sub(1)),
+        }
+    }
+
+    /// The one of them that `asked` is; `source` is the file that holds them.
+    fn number(self, source: &str, asked: Option<usize>) -> Result<usize, VolumeError> {
+        let (name, count) = self.counted();
+        match asked {
+            None if count == 1 => Ok(0),
+            None => Err(VolumeError::Choose { source_name: source.to_owned(), there: self }),
+            Some(index) if index < count => Ok(index),
+            Some(index) => Err(VolumeError::NoSuch {
+                source_name: source.to_owned(),
+                asked: format!("--{name} {index}"),
+                there: self.to_string(),
+            }),
+        }
+    }
+}
 
 /// Which of the volumes in a file is meant; nothing need be said about a file that holds one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -24,33 +92,25 @@ impl Selection {
         }
     }
 
-    /// Which of `there` components of the file `source` to read; `kind` says what they are, if the file does.
-    pub(super) fn component(&self, source: &str, there: usize, kind: &str) -> Result<usize, VolumeError> {
-        let kind = if kind.is_empty() { String::new() } else { format!(" ({kind})") };
-        choose(source, self.component, there, "component", &format!("component{} per voxel{kind}", plural(there)))
+    /// Which of `count` components of the file `source` to read; `kind` says what they are, if the file does.
+    pub(super) fn component(&self, source: &str, count: usize, kind: &str) -> Result<usize, VolumeError> {
+        Several::Components { count, kind: kind.to_owned() }.number(source, self.component)
     }
 
-    /// Which of `there` time steps of the file `source` to read.
-    pub(super) fn time(&self, source: &str, there: usize) -> Result<usize, VolumeError> {
-        choose(source, self.time, there, "time", &format!("time step{}", plural(there)))
+    /// Which of `count` time steps of the file `source` to read.
+    pub(super) fn time(&self, source: &str, count: usize) -> Result<usize, VolumeError> {
+        Several::Times(count).number(source, self.time)
     }
 
     /// Which of the arrays `names` of the file `source` to read.
     pub(super) fn array(&self, source: &str, names: &[&str]) -> Result<usize, VolumeError> {
-        let there = || format!("the arrays {}", names.join(", "));
-        match (&self.array, names) {
-            (None, [_]) => Ok(0),
-            (None, _) => Err(VolumeError::Choose {
-                source_name: source.to_owned(),
-                there: there(),
-                way_out: "--array NAME".to_owned(),
-            }),
-            (Some(name), _) => names.iter().position(|there| there == name).ok_or_else(|| VolumeError::NoSuch {
-                source_name: source.to_owned(),
-                asked: format!("--array {name}"),
-                there: there(),
-            }),
-        }
+        let there = Several::Arrays(names.iter().map(|&name| name.to_owned()).collect());
+        let Some(asked) = &self.array else { return there.number(source, None) };
+        names.iter().position(|name| name == asked).ok_or_else(|| VolumeError::NoSuch {
+            source_name: source.to_owned(),
+            asked: format!("--array {asked}"),
+            there: there.to_string(),
+        })
     }
 
     /// Refuses an array of the file `source`, whose format names none.
@@ -70,28 +130,6 @@ impl Selection {
         self.component(source, 1, "")?;
         self.time(source, 1)?;
         self.no_array(source)
-    }
-}
-
-fn plural(there: usize) -> &'static str {
-    if there == 1 { "" } else { "s" }
-}
-
-fn choose(source: &str, asked: Option<usize>, there: usize, flag: &str, what: &str) -> Result<usize, VolumeError> {
-    let there_is = || format!("{there} {what}");
-    match asked {
-        None if there == 1 => Ok(0),
-        None => Err(VolumeError::Choose {
-            source_name: source.to_owned(),
-            there: there_is(),
-            way_out: format!("--{flag} N, from 0 to {}", there.saturating_sub(1)),
-        }),
-        Some(index) if index < there => Ok(index),
-        Some(index) => Err(VolumeError::NoSuch {
-            source_name: source.to_owned(),
-            asked: format!("--{flag} {index}"),
-            there: there_is(),
-        }),
     }
 }
 

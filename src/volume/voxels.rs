@@ -31,6 +31,10 @@ pub enum VoxelType {
 }
 
 impl VoxelType {
+    /// All of them.
+    pub const ALL: [Self; 10] =
+        [Self::U8, Self::I8, Self::U16, Self::I16, Self::U32, Self::I32, Self::U64, Self::I64, Self::F32, Self::F64];
+
     /// numpy's name of the type, for example `uint16`.
     #[must_use]
     pub fn name(self) -> &'static str {
