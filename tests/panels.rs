@@ -8,7 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
+use egui::accesskit::Role;
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::{DVec2, DVec3};
@@ -23,9 +24,11 @@ use relume::spectrum::{Spectrum, standard};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
+use relume::view::load::{Question, Source};
 use relume::view::probe::{Pixel, Ray};
 use relume::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
+use relume::volume::{RawLayout, Selection, Several, VoxelType};
 use support::program::{DIAL, Folder, SCENE};
 
 fn document() -> Document {
@@ -51,6 +54,8 @@ struct App {
     chooser: Chooser,
     /// The folder that files are chosen in.
     folder: Folder,
+    /// Where the picture is.
+    place: Rect,
 }
 
 impl App {
@@ -66,6 +71,7 @@ impl App {
             notices: Vec::new(),
             chooser: Chooser::default(),
             folder: Folder::new(),
+            place: Rect::ZERO,
         };
         Harness::builder().with_size(size).build_ui_state(Self::show, app)
     }
@@ -86,7 +92,7 @@ impl App {
             probe: app.probe.as_ref().map(|(place, probe)| (*place, probe.as_ref())),
             aspect: 1.5,
         };
-        ui::show(ui, &shown, &mut asked);
+        app.place = ui::show(ui, &shown, &mut asked);
         asked.extend(app.chooser.show(ui.ctx()));
         for action in &asked {
             match (action, &mut app.document) {
@@ -402,7 +408,7 @@ fn steps_back_are_bounded_however_much_is_done() {
 fn a_click_on_the_picture_looks_at_the_pixel_there() {
     let mut window = wide(document());
     window.run();
-    let rect = window.get_by_label("picture").rect();
+    let rect = window.state().place;
     let at = rect.min + rect.size() * Vec2::new(0.25, 0.5);
     window.event(Event::PointerMoved(at));
     window.run();
@@ -556,7 +562,7 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
     window.get_by_label("flesh under day").click_accesskit();
     window.run();
     assert!(window.query_by_label("weight").is_some(), "what is asked of the cell");
-    window.get_by_label("lamp: given").click_accesskit();
+    window.get_by_label("lamp: open").click_accesskit();
     window.run();
     assert_eq!(palette(&window).lights.iter().filter(|light| light.spectrum.is_none()).count(), 1);
     window.get_by_label("Solve").click_accesskit();
@@ -661,7 +667,7 @@ fn situations_are_kept_renamed_and_forgotten() {
         document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
     };
     let type_name = |window: &mut Harness<'_, App>, name: &str| {
-        let field = window.get_by_role(egui::accesskit::Role::TextInput);
+        let field = window.get_by_role(Role::TextInput);
         field.focus();
         window.run();
         window.event(Event::Text(name.to_owned()));
@@ -751,15 +757,28 @@ fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits()
 }
 
 #[test]
-fn an_end_of_an_interval_that_is_typed_past_the_other_stops_there() {
-    let mut window = with_histogram();
-    window.run();
-    let before = intervals(&window);
-    type_into(&mut window, "interval 0: from", "9999");
-    window.key_press(Key::Enter);
-    window.run();
-    let stopped = Interval { range: [before[0].range[1]; 2], ..before[0] };
-    assert_eq!(intervals(&window)[0], stopped);
+fn an_end_of_an_interval_that_is_typed_past_the_other_takes_it_along() {
+    for (end, typed) in [("from", 300.0), ("to", -20.0)] {
+        let mut window = with_histogram();
+        window.run();
+        let before = intervals(&window)[0];
+        type_into(&mut window, &format!("interval 0: {end}"), &typed.to_string());
+        window.key_press(Key::Enter);
+        window.run();
+        assert_eq!(intervals(&window)[0], Interval { range: [typed; 2], ..before }, "{end}");
+    }
+}
+
+#[test]
+fn an_end_of_an_interval_that_is_dragged_past_the_other_stops_there() {
+    for (end, by, other) in [("from", 3000.0, 1), ("to", -3000.0, 0)] {
+        let mut window = with_histogram();
+        window.run();
+        let before = intervals(&window)[0];
+        let at = window.get_by_label(&format!("interval 0: {end}")).rect().center();
+        drag_along(&mut window, &[at, at + Vec2::new(by / 2.0, 0.0), at + Vec2::new(by, 0.0)]);
+        assert_eq!(intervals(&window)[0], Interval { range: [before.range[other]; 2], ..before }, "{end}");
+    }
 }
 
 #[test]
@@ -885,7 +904,7 @@ fn a_name_that_is_taken_is_said_to_be_replaced() {
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
     window.run();
-    window.get_by_role(egui::accesskit::Role::TextInput).focus();
+    window.get_by_role(Role::TextInput).focus();
     window.run();
     window.event(Event::Text("evening".to_owned()));
     window.run();
@@ -906,7 +925,7 @@ fn an_empty_window_offers_the_scene_of_the_program() {
     );
     window.get_by_label("Open the built-in scene").click();
     window.run();
-    assert_eq!(window.state().asked, [Action::OpenBuiltIn]);
+    assert_eq!(window.state().asked, [Action::Open(Box::default())]);
 }
 
 #[test]
@@ -1210,9 +1229,13 @@ fn a_picture_is_saved_where_the_dialog_says_and_asks_before_it_replaces_one() {
     window.key_press(Key::Enter);
     until_listed(&mut window);
     assert_eq!(saved_or_opened(&window).len(), 1, "a file that is there is asked for");
+    window.key_press(Key::Enter);
+    until_listed(&mut window);
+    assert_eq!(saved_or_opened(&window).len(), 1, "Enter has chosen the name, and answers nothing");
     window.get_by_label_contains("Overwrite").click();
     until_listed(&mut window);
     assert_eq!(saved_or_opened(&window).len(), 2);
+    assert!(!window.state().chooser.is_open());
 }
 
 #[test]
@@ -1252,7 +1275,104 @@ fn what_can_be_opened_is_listed_and_keys_are_the_dialogs_own() {
     window.get_by_label_contains("  Open").click();
     until_listed(&mut window);
     let path = window.state().folder.path("head.mhd");
-    assert_eq!(saved_or_opened(&window), [Action::Open(path)]);
+    assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(Source::of(&path)))]);
+}
+
+#[test]
+fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
+    let several = [
+        (Several::Times(4), Selection { time: Some(3), ..Selection::default() }),
+        (
+            Several::Components { count: 4, kind: String::new() },
+            Selection { component: Some(3), ..Selection::default() },
+        ),
+        (
+            Several::Arrays(vec!["ct".to_owned(), "pet".to_owned()]),
+            Selection { array: Some("pet".to_owned()), ..Selection::default() },
+        ),
+    ];
+    for (there, chosen) in several {
+        let mut window = wide(document());
+        // What was said before is kept.
+        let mut source = Source::of(Path::new("beat.nrrd"));
+        source.options.downsample = Some([2; 3]);
+        window.state_mut().chooser.ask(source.clone(), Question::Which(there.clone()));
+        window.run();
+        match there {
+            Several::Arrays(_) => window.get_by_label("pet").click(),
+            _ => {
+                let what = if chosen.time.is_some() { "Time step" } else { "Component" };
+                window.get_by_role_and_label(Role::SpinButton, what).focus();
+                window.run();
+                window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+                window.event(Event::Text("3".to_owned()));
+                window.run();
+                window.key_press(Key::Enter);
+            }
+        }
+        window.run();
+        assert_eq!(saved_or_opened(&window), [], "{there} is asked for");
+        window.get_by_label("Open").click();
+        window.run();
+        source.options.selection = chosen;
+        assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(source))], "{there}");
+    }
+}
+
+#[test]
+fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
+    let mut window = wide(document());
+    let source = Source::of(Path::new("foot.raw"));
+    let guess = RawLayout::guessed("foot.raw", 1000).map(Box::new);
+    window.state_mut().chooser.ask(source.clone(), Question::Layout { bytes: 1000, guess });
+    window.run();
+    assert!(window.query_by_label_contains("all 1000 bytes").is_some(), "a cube");
+    window.get_by_label("Open").click();
+    window.run();
+    let cube = RawLayout::new([10; 3], VoxelType::U8);
+    let mut said = source.clone();
+    said.options.raw = Some(cube.clone());
+    assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(said))]);
+
+    // Too few bytes for it are no volume.
+    let guess = Some(Box::new(RawLayout { voxel_type: VoxelType::F64, ..cube }));
+    window.state_mut().chooser.ask(source, Question::Layout { bytes: 1000, guess });
+    window.run();
+    assert!(window.get_by_label("Open").accesskit_node().is_disabled());
+    window.get_by_label("Cancel").click();
+    window.run();
+    assert!(!window.state().chooser.is_open() && saved_or_opened(&window).len() == 1);
+}
+
+#[test]
+fn the_sides_of_a_patient_are_called_so() {
+    for (anatomical, names) in [(false, ["Left", "Front", "Top"]), (true, ["Right", "Anterior", "Superior"])] {
+        let mut scene = document().state().scene.clone();
+        Arc::make_mut(&mut scene.volume).anatomical = anatomical;
+        let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(Document::new(scene)));
+        window.run();
+        for (name, side) in names.into_iter().zip([Side::Left, Side::Front, Side::Top]) {
+            window.get_by_label(name).click();
+            window.run();
+            let asked = window.state().asked.last();
+            assert!(matches!(asked, Some(Action::Edit(Edit::Camera(Move::Axis(it), _))) if *it == side), "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_edge_of_the_panels_is_dragged() {
+    let mut window = wide(document());
+    window.run();
+    let edge = |window: &Harness<'_, App>| window.state().place.left();
+    let narrowest = edge(&window);
+    for to in [420.0, narrowest] {
+        let at = Pos2::new(edge(&window) + 1.0, 500.0);
+        drag_along(&mut window, &[at, Pos2::new(at.x + (to - at.x) / 2.0, 500.0), Pos2::new(to, 500.0)]);
+        window.run();
+        assert!((edge(&window) - to).abs() < 4.0, "{to}: {}", edge(&window));
+        assert!(!window.state().asked.iter().any(|action| matches!(action, Action::Edit(_))), "the camera stays");
+    }
 }
 
 #[test]

@@ -15,8 +15,9 @@ use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
-use relume::view::load::Source;
+use relume::view::load::{Question, Source};
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
+use relume::volume::Several;
 use support::program::{SCENE, labelled};
 
 fn scene() -> Scene {
@@ -280,4 +281,40 @@ fn a_crop_is_what_a_scene_may_state_whatever_is_asked_for() {
     document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
     let [low, high] = document.state().crop().unwrap();
     assert!(low.distance(DVec3::splat(0.25)) < 1e-15 && high.distance(DVec3::splat(0.75)) < 1e-15, "{low} {high}");
+}
+
+#[test]
+fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answer() {
+    let folder = support::program::Folder::new();
+    let header =
+        "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nspace: left-posterior-superior-time\nencoding: raw\n\n";
+    let steps: Vec<u8> = header.bytes().chain(0..128).collect();
+    let folder = folder.with("steps.nrrd", steps).with("foot_8x4x2.raw", (0..64).collect::<Vec<u8>>());
+    let saved_of = |source: &Source| {
+        let (scene, _) = source.scene(&Quiet).unwrap();
+        let document = Document::new(scene);
+        let text = session::text(&folder.path("s.toml"), source, document.opened(), document.state()).unwrap();
+        (document.opened().clone(), parse(&text))
+    };
+
+    let mut source = Source::of(&folder.path("steps.nrrd"));
+    let error = source.scene(&Quiet).unwrap_err();
+    assert_eq!(error.question(), Some(Question::Which(Several::Times(2))));
+    source.options.selection.time = Some(1);
+    let (opened, again) = saved_of(&source);
+    assert_eq!((opened.volume.value([0; 3]), again.volume.value([0; 3])), (Some(64.0), Some(64.0)));
+    let view = opened.camera.view(&opened.volume.geometry, 1.0).unwrap();
+    assert_eq!((view.forward, view.up), (DVec3::Y, DVec3::Z), "a patient is looked at from the front");
+
+    let mut source = Source::of(&folder.path("foot_8x4x2.raw"));
+    let Some(Question::Layout { bytes: 64, guess: Some(guess) }) = source.scene(&Quiet).unwrap_err().question() else {
+        panic!("{:?}", source.scene(&Quiet).unwrap_err())
+    };
+    assert_eq!(guess.dims, [8, 4, 2]);
+    source.options.raw = Some(*guess);
+    let (opened, again) = saved_of(&source);
+    assert_eq!(opened.volume.voxels, again.volume.voxels);
+
+    let error = Source::of(&folder.path("none.raw")).scene(&Quiet).unwrap_err();
+    assert_eq!(error.question(), None, "{error}");
 }

@@ -567,14 +567,14 @@ fn a_file_that_is_no_scene_is_told_of_as_info_does() {
 }
 
 #[test]
-fn a_drop_of_a_file_of_several_volumes_says_how_the_viewer_is_started_with_one() {
+fn a_script_that_drops_a_file_of_several_volumes_is_told_how_one_is_chosen() {
     let Some(screen) = Screen::new() else { return };
     let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nencoding: raw\n\n";
     let steps: Vec<u8> = header.bytes().chain(0..128).collect();
     let folder = folder().with("steps.nrrd", steps);
     let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop steps.nrrd\nsettle\n");
     let notice = report["notices"][0].as_str().unwrap();
-    assert!(notice.contains("steps.nrrd") && notice.contains("start `relume view`"), "{notice}");
+    assert!(notice.contains("steps.nrrd") && notice.contains("--time N, from 0 to 1"), "{notice}");
 }
 
 #[test]

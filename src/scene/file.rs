@@ -39,7 +39,7 @@ const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
 const PEER: &str = include_str!("../../data/scenes/peer.toml");
 
 /// What the command line changes about a scene.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneOptions {
     /// In place of the scene's volume.
     pub volume: Option<PathBuf>,

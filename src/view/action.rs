@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use glam::DVec2;
 
 use super::design::Step;
+use super::load::Source;
 use super::state::Edit;
 use crate::measure::Goal;
 
@@ -37,9 +38,7 @@ pub enum Action {
     /// A dialog in which the file is chosen.
     Choose(File),
     /// Another scene or volume.
-    Open(PathBuf),
-    /// The scene that is part of the program.
-    OpenBuiltIn,
+    Open(Box<Source>),
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
     /// in .png or .exr; `None` is a numbered name in this folder that is free.
     SavePicture(Option<PathBuf>),

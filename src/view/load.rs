@@ -12,14 +12,14 @@ use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, Speed, Uploaded};
 use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
 use crate::tables::{Components, RelightMatrices};
-use crate::volume::{Geometry, Statistics, VolumeError, has_header, is_volume};
+use crate::volume::{Geometry, RawLayout, Several, Statistics, VolumeError, has_header, is_volume};
 use crate::vulkan::give_back_freed;
 
 /// The scene around a volume that has none.
 const AROUND: &str = include_str!("../../data/scenes/volume.toml");
 
 /// What to open.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
     /// A scene file or a volume; without one, the scene that is part of the program.
     pub path: Option<PathBuf>,
@@ -45,6 +45,39 @@ pub enum LoadError {
     Render(#[from] RenderError),
 }
 
+/// What has to be said before a file can be read.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Question {
+    /// Which of several volumes is meant.
+    Which(Several),
+    /// How the voxels of a file without a header lie.
+    Layout {
+        /// Bytes of the file.
+        bytes: u64,
+        /// What its name and its size suggest, where they do.
+        guess: Option<Box<RawLayout>>,
+    },
+}
+
+impl LoadError {
+    /// What would have to be said for it to be opened, where that is all.
+    #[must_use]
+    pub fn question(&self) -> Option<Question> {
+        match self {
+            Self::Volume(VolumeError::NoLayout { bytes, guess, .. }) => {
+                Some(Question::Layout { bytes: *bytes, guess: guess.clone() })
+            }
+            // A scene may say it too, or whoever opens it.
+            Self::Volume(VolumeError::Choose { there, .. })
+            | Self::Scene(SceneError::Volume { source: VolumeError::Choose { there, .. }, .. }) => {
+                Some(Question::Which(there.clone()))
+            }
+            _ => None,
+        }
+    }
+}
+
 /// A scene on the device.
 #[derive(Debug)]
 pub struct Loaded {
@@ -65,15 +98,15 @@ pub struct Loaded {
 /// Something that is being opened on a thread of its own. Dropping it is to give up.
 #[derive(Debug)]
 pub struct Loading {
-    name: String,
+    source: Source,
     listener: Arc<Listener>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Loading {
-    /// Begins `load` of what is called `name`. `progressed` is called now and then, `loaded` at the end.
+    /// Begins to `load` what is at `source`. `progressed` is called now and then, `loaded` at the end.
     pub fn start(
-        name: String,
+        source: Source,
         load: impl FnOnce(&dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
         progressed: impl Fn() + Send + Sync + 'static,
         loaded: impl FnOnce(Result<Loaded, LoadError>) + Send + 'static,
@@ -86,7 +119,13 @@ impl Loading {
             give_back_freed();
             loaded(result);
         });
-        Self { name, listener, thread: Some(thread) }
+        Self { source, listener, thread: Some(thread) }
+    }
+
+    /// What is opened.
+    #[must_use]
+    pub fn source(&self) -> &Source {
+        &self.source
     }
 
     /// Gives up; what is under way may take a moment to hear of it.
@@ -111,7 +150,7 @@ impl Loading {
     #[must_use]
     pub fn progress(&self) -> (String, Option<f32>, String) {
         let (part, stage) = self.listener.progress();
-        (self.name.clone(), part, stage)
+        (self.source.name(), part, stage)
     }
 }
 
@@ -153,7 +192,9 @@ impl Source {
     /// The volume that it is, where it is no scene.
     #[must_use]
     pub fn bare_volume(&self) -> Option<&Path> {
-        self.path.as_deref().filter(|path| is_volume(path, &[]) || has_header(path) || is_raw(path, &self.options))
+        // A layout is that of the file itself, where there is no other volume.
+        let is_raw = self.options.raw.is_some() && self.options.volume.is_none();
+        self.path.as_deref().filter(|path| is_raw || is_volume(path, &[]) || has_header(path))
     }
 
     /// Reads the scene. A volume without one gets a transfer function made from its histogram.
@@ -179,7 +220,9 @@ impl Source {
         if without_scene.is_some() {
             scene.transfer.terms = terms(&statistics, scene.materials.len());
             scene.transfer.opacity_length *= thickness(&scene.volume.geometry);
-            if let Some(side) = flat_side(&scene.volume.geometry) {
+            // Patients stand upright and face whoever looks.
+            let patient = scene.volume.anatomical.then_some(Side::Front);
+            if let Some(side) = flat_side(&scene.volume.geometry).or(patient) {
                 scene.camera = moved(&scene.camera, &scene.camera, &scene.volume.geometry, 1.0, Move::Axis(side));
             }
         }
@@ -238,11 +281,6 @@ pub(super) fn warm_up(
     let mix = scene.opening_mix();
     relight.run(&RelightMatrices::new(&components, planned.positions.len(), background, &mix, &scene.display))?;
     Ok(())
-}
-
-/// Whether `path` is a headerless volume whose layout is given.
-fn is_raw(path: &Path, options: &SceneOptions) -> bool {
-    options.raw.is_some() && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("raw"))
 }
 
 /// Opacities of the materials of a volume that has no scene, from the rarest-valued air up.

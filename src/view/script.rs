@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3};
 use super::action::Action;
 use super::camera::{self, Move};
 use super::design::{Side, Step};
+use super::load::Source;
 use super::state::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
@@ -311,7 +312,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "undo" => Command::Do(Action::Undo),
         "redo" => Command::Do(Action::Redo),
         "restart" => Command::Do(Action::Restart),
-        "open" => Command::Do(Action::Open(file()?)),
+        "open" => Command::Do(Action::Open(Box::new(Source::of(&file()?)))),
         "window" => Command::Do(Action::SaveWindow(file()?)),
         "picture" => Command::Do(Action::SavePicture(Some(file()?))),
         "accumulators" => Command::Do(Action::SaveAccumulators(Some(file()?))),

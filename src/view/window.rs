@@ -320,8 +320,7 @@ impl Viewer {
                 let cost = self.document.as_mut().and_then(Document::redo);
                 self.show_again(cost);
             }
-            Action::Open(path) => self.open(Source::of(&path)),
-            Action::OpenBuiltIn => self.open(Source::default()),
+            Action::Open(source) => self.open(*source),
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),
             Action::SaveAccumulators(path) => self.save_accumulators(path),
@@ -654,8 +653,8 @@ impl Viewer {
                 return;
             }
             WindowEvent::DroppedFile(path) => {
-                let path = path.clone();
-                self.ask(Action::Open(path));
+                let source = Box::new(Source::of(path));
+                self.ask(Action::Open(source));
             }
             _ => {}
         }

@@ -1,12 +1,15 @@
-//! The dialog in which a file is chosen: what is opened, and where something is saved.
+//! The dialog in which a file is chosen: what is opened, and where something is saved; and what is asked where a file does not
+//! say how it is to be read.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use egui::{Context, Vec2, vec2};
-use egui_file_dialog::{DialogState, FileDialog, Filter, OpeningMode};
+use egui::{Context, Id, Modal, Ui, Vec2, vec2};
+use egui_file_dialog::{DialogState, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
 
+use super::reading::Reading;
 use crate::view::action::{Action, File};
+use crate::view::load::{Question, Source};
 use crate::volume;
 
 /// Points that it takes at first.
@@ -27,45 +30,64 @@ impl File {
     /// What is done with `path`, once it is chosen.
     fn action(self, path: PathBuf) -> Action {
         match self {
-            Self::Opened => Action::Open(path),
+            Self::Opened => Action::Open(Box::new(Source::of(&path))),
             Self::Picture | Self::LinearPicture => Action::SavePicture(Some(path)),
             Self::Accumulators => Action::SaveAccumulators(Some(path)),
             Self::Session => Action::SaveSession(Some(path)),
         }
     }
 
-    /// What a name ends in that ends in nothing.
-    fn ending(self) -> Option<&'static str> {
-        match self {
-            Self::Opened => None,
-            Self::Picture => Some("png"),
-            Self::LinearPicture | Self::Accumulators => Some("exr"),
-            Self::Session => Some("toml"),
-        }
+    /// `path`, where it ends in nothing with the end of such files.
+    fn named(self, path: &Path) -> PathBuf {
+        let ending = match self {
+            Self::Opened => return path.to_owned(),
+            Self::Picture => "png",
+            Self::LinearPicture | Self::Accumulators => "exr",
+            Self::Session => "toml",
+        };
+        if path.extension().is_none() { path.with_extension(ending) } else { path.to_owned() }
     }
+}
+
+/// What is asked at a time.
+enum Stage {
+    /// Which file it is to be.
+    File(File, Box<FileDialog>),
+    /// How a file is to be read.
+    Reading(Box<Reading>),
 }
 
 /// The dialog, while there is one.
 #[derive(Default)]
 pub struct Chooser {
-    open: Option<(File, FileDialog)>,
+    stage: Option<Stage>,
     /// The folder that a file was last chosen in.
     folder: Option<PathBuf>,
 }
 
 impl fmt::Debug for Chooser {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { open, folder } = self;
-        let file = open.as_ref().map(|(file, _)| file);
-        formatter.debug_struct("Chooser").field("open", &file).field("folder", folder).finish_non_exhaustive()
+        let Self { stage, folder } = self;
+        let mut fields = formatter.debug_struct("Chooser");
+        match stage {
+            None => {}
+            Some(Stage::File(file, _)) => drop(fields.field("file", file)),
+            Some(Stage::Reading(reading)) => drop(fields.field("reading", reading)),
+        }
+        fields.field("folder", folder).finish_non_exhaustive()
     }
 }
 
 impl Chooser {
-    /// Whether a file is being chosen; nothing else is asked for meanwhile.
+    /// Whether something is asked; nothing else is asked for meanwhile.
     #[must_use]
     pub fn is_open(&self) -> bool {
-        self.open.is_some()
+        self.stage.is_some()
+    }
+
+    /// Asks what has to be said before what is at `source` can be read.
+    pub fn ask(&mut self, source: Source, question: Question) {
+        self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question))));
     }
 
     /// Begins to choose `file`, in the folder of the last one, else in that of `suggested`, whose name a file that is saved has
@@ -90,39 +112,57 @@ impl Chooser {
         } else {
             dialog.save_file();
         }
-        self.open = Some((file, dialog));
+        self.stage = Some(Stage::File(file, Box::new(dialog)));
     }
 
-    /// Shows it. What is to be done with the file, once it is chosen.
+    /// Shows it. What is to be done, once all is said.
     pub fn show(&mut self, context: &Context) -> Option<Action> {
-        let (file, dialog) = self.open.as_mut()?;
-        let window = context.content_rect();
-        let config = dialog.config_mut();
-        config.default_pos = Some((window.center() - SIZE / 2.0).max(window.min));
-        config.max_size = Some(window.size() - vec2(24.0, 48.0));
-        // In small windows there is no room for places.
-        config.show_left_panel = window.width() > SIZE.x;
-        dialog.update(context);
-        if *dialog.state() == DialogState::Open {
-            return None;
-        }
-        let (file, picked) = (*file, dialog.take_picked());
-        self.open = None;
-        let path = picked?;
-        self.folder = path.parent().map(Path::to_owned);
-        match file.ending() {
-            // With the end that it gets, it may be there already: the dialog has not asked whether it may be replaced.
-            Some(ending) if path.extension().is_none() => {
-                let path = path.with_extension(ending);
-                if path.exists() {
+        match self.stage.as_mut()? {
+            Stage::File(file, dialog) => {
+                let file = *file;
+                let picked = pick(context, file, dialog)?;
+                self.stage = None;
+                let picked = picked?;
+                self.folder = picked.parent().map(Path::to_owned);
+                let path = file.named(&picked);
+                // With the end that it gets, it may be there already: the dialog has not asked whether it may be replaced.
+                if path != picked && path.exists() {
                     self.open(file, &path);
                     return None;
                 }
                 Some(file.action(path))
             }
-            _ => Some(file.action(path)),
+            Stage::Reading(reading) => {
+                let answer = modal(context, |ui| reading.show(ui))?;
+                self.stage = None;
+                answer.flatten().map(Action::Open)
+            }
         }
     }
+}
+
+/// The file that is picked in `dialog`, or none, once that is known.
+fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option<PathBuf>> {
+    let window = context.content_rect();
+    let config = dialog.config_mut();
+    // Whether a file may be replaced is asked while no field has the keyboard. The Enter that has chosen its name does not
+    // answer that, too.
+    let answers = file == File::Opened || context.memory(|memory| memory.focused().is_some());
+    config.keybindings.submit = if answers { FileDialogKeyBindings::default().submit } else { Vec::new() };
+    config.default_pos = Some((window.center() - SIZE / 2.0).max(window.min));
+    // In small windows there is no room for places, nor for what the dialog is called.
+    config.show_left_panel = window.width() > SIZE.x;
+    config.title_bar = window.height() > SIZE.y;
+    config.max_size = Some(window.size() - if config.title_bar { vec2(24.0, 48.0) } else { vec2(14.0, 14.0) });
+    dialog.update(context);
+    (*dialog.state() != DialogState::Open).then(|| dialog.take_picked())
+}
+
+/// What is answered to a question in the middle of the window, once it is; nothing where it was closed.
+fn modal<T>(context: &Context, question: impl FnOnce(&mut Ui) -> Option<T>) -> Option<Option<T>> {
+    let shown = Modal::new(Id::new("question")).show(context, question);
+    let closed = shown.should_close();
+    shown.inner.map(Some).or(closed.then_some(None))
 }
 
 /// Whether a file of this name may be a scene or a volume.

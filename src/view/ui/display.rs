@@ -49,6 +49,9 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             if by != display.deficiency {
                 asked.push(Action::Edit(Edit::Deficiency(by)));
             }
+        });
+        ui.horizontal_wrapped(|ui| {
+            ui.label("Observer");
             for observer in Observer::ALL {
                 let (name, help) = match observer {
                     Observer::Cie1931 => {

@@ -24,7 +24,8 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 swatch(ui, &light.spectrum, &state.scene.display, 16.0)
                     .on_hover_text("The light's own colour to whoever looks, at its brightest.");
                 let mut on = stated.is_some_and(|slider| slider.on);
-                ui.add_enabled_ui(by_slider, |ui| {
+                let other_alone = state.light.solo.is_some_and(|alone| alone != index);
+                ui.add_enabled_ui(by_slider && !other_alone, |ui| {
                     let name = RichText::new(&light.name).strong();
                     if !by_slider {
                         on = share > 0.0;
@@ -32,9 +33,11 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                     if ui
                         .checkbox(&mut on, name)
                         .on_hover_text("Switches this light on and off.")
-                        .on_disabled_hover_text(
-                            "The dial mixes now, without switches: move a slider, or press solo, to take over.",
-                        )
+                        .on_disabled_hover_text(if by_slider {
+                            "Another light shines alone: press its solo again for all of them."
+                        } else {
+                            "The dial mixes now, without switches: move a slider, or press solo, to take over."
+                        })
                         .changed()
                     {
                         asked.push(Action::Edit(Edit::On(index, on)));

@@ -1,6 +1,7 @@
 //! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
 
 mod accuracy;
+mod axes;
 mod chooser;
 mod controls;
 mod crop;
@@ -11,6 +12,7 @@ mod notices;
 mod palette;
 mod picture;
 mod probe;
+mod reading;
 mod situations;
 mod spectra;
 mod spectrum;
@@ -19,6 +21,7 @@ mod toolbar;
 mod transfer;
 
 use egui::layers::PaintList;
+use egui::scroll_area::ScrollBarVisibility;
 use egui::style::ScrollStyle;
 use egui::{CentralPanel, Color32, Context, Frame, Order, Panel, Rect, ScrollArea, Ui};
 
@@ -38,8 +41,9 @@ use super::state::Document;
 
 /// Narrower windows open with the picture alone.
 pub const ROOM_FOR_PANELS: f32 = 560.0;
-/// Width of the panels in points.
+/// Width of the panels in points: at first, which is the least, and as far as their edge is dragged.
 const WIDTH: f32 = 300.0;
+const WIDEST: f32 = 520.0;
 
 /// What the panels show.
 #[derive(Debug)]
@@ -70,11 +74,15 @@ pub struct Shown<'a> {
     pub aspect: f64,
 }
 
-/// Sizes that all panels share.
+/// Sizes and inks that all panels share.
 pub fn style(context: &Context) {
     context.all_styles_mut(|style| {
         let font = egui::FontId::proportional(11.5);
         style.text_styles.insert(egui::TextStyle::Small, font);
+        // egui's own text is at 5 to 1 of what is behind it, and its weak text, which explains, at less than 3 to 1.
+        let ink = if style.visuals.dark_mode { 190 } else { 40 };
+        style.visuals.widgets.noninteractive.fg_stroke.color = Color32::from_gray(ink);
+        style.visuals.weak_text_alpha = 0.75;
     });
 }
 
@@ -87,23 +95,24 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         toolbar::keys(ui, shown, asked);
     }
     if shown.panels {
-        Panel::left("panels").frame(frame).resizable(false).exact_size(WIDTH).show(ui, |ui| {
+        Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=WIDEST).show(ui, |ui| {
             toolbar::show(ui, shown, asked);
             ui.separator();
-            // Beside the controls: a bar over them takes what is meant for them.
+            let Some(document) = shown.document else { return };
+            // Beside the controls: a bar over them takes what is meant for them. It is always there: one that comes later
+            // would have widened the panels.
             ui.spacing_mut().scroll = ScrollStyle::solid();
-            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                if let Some(document) = shown.document {
-                    lights::show(ui, document, asked);
-                    dial::show(ui, document, asked);
-                    situations::show(ui, document, shown.plays, asked);
-                    transfer::show(ui, document, asked);
-                    display::show(ui, document, asked);
-                    picture::controls(ui, document, shown.aspect, asked);
-                    crop::show(ui, document, asked);
-                    spectra::show(ui, document, shown.effort, asked);
-                    accuracy::show(ui, document, shown.effort, asked);
-                }
+            let area = ScrollArea::vertical().auto_shrink(false);
+            area.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
+                lights::show(ui, document, asked);
+                dial::show(ui, document, asked);
+                situations::show(ui, document, shown.plays, asked);
+                transfer::show(ui, document, asked);
+                display::show(ui, document, asked);
+                picture::controls(ui, document, shown.aspect, asked);
+                crop::show(ui, document, asked);
+                spectra::show(ui, document, shown.effort, asked);
+                accuracy::show(ui, document, shown.effort, asked);
             });
         });
     }
@@ -112,6 +121,9 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
             picture::show(ui, shown, rect, asked);
+            if let Some(document) = shown.document.filter(|_| shown.panels && shown.loading.is_none()) {
+                axes::show(ui, document, shown.aspect, rect);
+            }
             crop::handles(ui, shown, rect, asked);
             notices::show(ui, shown, rect, asked);
             probe::show(ui, shown, rect, asked);

@@ -1,22 +1,22 @@
 //! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
 
 use egui::{
-    Button, Color32, ComboBox, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui,
-    WidgetInfo, WidgetType, Window, pos2, vec2,
+    Color32, ComboBox, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, WidgetInfo,
+    WidgetType, Window, pos2, vec2,
 };
 
 use super::Shown;
-use super::controls::number;
+use super::controls::{number, toggle};
 use super::spectrum::{curve, plot};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::capital;
 use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
-use crate::scene::{Display, Scene};
+use crate::scene::{Display, Mixing, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
 use crate::view::design::{Look, Side, Step, look, spectrum};
-use crate::view::state::Edit;
+use crate::view::state::{Edit, State};
 
 /// What is known of the design of a palette.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,6 +28,9 @@ pub struct Design<'a> {
     /// What excluded itself in what was solved last.
     pub conflicts: &'a [Conflict],
 }
+
+/// Width of a cell of the matrix, in points.
+const WIDE: f32 = 92.0;
 
 /// What the details below the matrix are of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +54,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                 match &document.state().palette {
                     None => offer(ui, shown.design, asked),
                     Some(palette) => {
-                        matrix(ui, &document.state().scene, palette, asked);
+                        matrix(ui, document.state(), palette, asked);
                         for_whom(ui, &document.state().scene.display);
                         ui.separator();
                         details(ui, &document.state().scene, palette, asked);
@@ -99,15 +102,19 @@ fn choose(ui: &Ui, what: Chosen) {
     ui.data_mut(|data| data.insert_temp(Id::new("palette: chosen"), what));
 }
 
-fn matrix(ui: &mut Ui, scene: &Scene, palette: &Palette, asked: &mut Vec<Action>) {
+fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>) {
+    let scene = &state.scene;
     Grid::new("palette matrix").spacing([6.0, 6.0]).show(ui, |ui| {
         ui.label(RichText::new("target | now, ΔE00").small().weak());
         for (index, light) in palette.lights.iter().enumerate() {
-            member(ui, scene, Side::Light, index, light, asked);
+            ui.vertical(|ui| {
+                member(ui, scene, Side::Light, index, light, asked);
+                alone(ui, state, &light.name, asked);
+            });
         }
         ui.end_row();
         for (row, material) in palette.materials.iter().enumerate() {
-            member(ui, scene, Side::Material, row, material, asked);
+            ui.vertical(|ui| member(ui, scene, Side::Material, row, material, asked));
             for column in 0..palette.lights.len() {
                 cell(ui, scene, palette, row, column);
             }
@@ -127,34 +134,40 @@ fn for_whom(ui: &mut Ui, display: &Display) {
 
 /// The head of a row or a column.
 fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member, asked: &mut Vec<Action>) {
-    ui.vertical(|ui| {
-        ui.horizontal(|ui| {
-            let is_chosen = chosen(ui) == Some(Chosen::Member(side, index));
-            if ui
-                .selectable_label(is_chosen, &member.name)
-                .on_hover_text("Its spectrum, and what that may be.")
-                .clicked()
-            {
-                choose(ui, Chosen::Member(side, index));
-            }
-            let open = member.spectrum.is_none();
-            let word = ui.add(Button::new(RichText::new(if open { "open" } else { "given" }).small()).small());
-            let name = format!("{}: {}", member.name, if open { "open" } else { "given" });
-            word.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &name));
-            let help = "Open: its spectrum is found. Given: it stays as it is now. A click changes it.";
-            if word.on_hover_text(help).clicked() {
-                step(asked, Step::Open(side, index, !open));
-            }
-        });
-        if let Some(spectrum) = spectrum(scene, side, member) {
-            curve(ui, spectrum, vec2(76.0, 18.0));
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        ui.spacing_mut().icon_spacing = 2.0;
+        let is_chosen = chosen(ui) == Some(Chosen::Member(side, index));
+        if ui.selectable_label(is_chosen, &member.name).on_hover_text("Its spectrum, and what that may be.").clicked() {
+            choose(ui, Chosen::Member(side, index));
+        }
+        let mut open = member.spectrum.is_none();
+        let check = ui.checkbox(&mut open, RichText::new("open").small());
+        let name = format!("{}: open", member.name);
+        check.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, open, &name));
+        if check.on_hover_text("Open: its spectrum is found. Otherwise it is given, and stays as it is.").changed() {
+            step(asked, Step::Open(side, index, open));
         }
     });
+    if let Some(spectrum) = spectrum(scene, side, member) {
+        curve(ui, spectrum, vec2(WIDE, 18.0));
+    }
+}
+
+/// Shows the picture under the light `name` alone, where the scene has it.
+fn alone(ui: &mut Ui, state: &State, name: &str, asked: &mut Vec<Action>) {
+    let Some(index) = state.scene.lights.iter().position(|light| light.name == name) else { return };
+    let alone = state.light.solo == Some(index) && state.light.mixing == Mixing::Sliders;
+    let solo = toggle(ui, alone, "solo").on_hover_text("The picture under this light alone, or all again.");
+    solo.widget_info(|| WidgetInfo::selected(WidgetType::Button, true, alone, format!("{name}: solo")));
+    if solo.clicked() {
+        asked.push(Action::Edit(Edit::Solo((!alone).then_some(index))));
+    }
 }
 
 fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize) {
     let Look { achieved, target, difference } = look(scene, palette, row, column);
-    let (rect, response) = ui.allocate_exact_size(vec2(76.0, 34.0), Sense::click());
+    let (rect, response) = ui.allocate_exact_size(vec2(WIDE, 34.0), Sense::click());
     let (left, right) = rect.split_left_right_at_fraction(0.5);
     let ground = ui.visuals().extreme_bg_color;
     for (half, colour) in [(left, target), (right, achieved)] {

@@ -5,6 +5,7 @@ use egui::{Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Re
 use glam::DVec2;
 
 use super::Shown;
+use super::axes::side_name;
 use super::controls::{panel, toggle};
 use super::spectrum::narrow;
 use crate::number::count;
@@ -40,7 +41,10 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
         empty(ui, rect, asked);
         return;
     }
-    let hand = ui.interact(rect, ui.id().with("picture"), Sense::click_and_drag());
+    // The panels' edge is dragged from either side of it.
+    let edge = if shown.panels { ui.style().interaction.resize_grab_radius_side } else { 0.0 };
+    let inside = rect.with_min_x((rect.left() + edge).min(rect.right()));
+    let hand = ui.interact(inside, ui.id().with("picture"), Sense::click_and_drag());
     hand.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
     let followed = hand.hovered() && ui.input(|input| input.modifiers.alt && !input.pointer.any_down());
     if let Some(at) = hand.interact_pointer_pos().filter(|_| hand.clicked()).or(hand.hover_pos().filter(|_| followed)) {
@@ -128,9 +132,13 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
     panel(ui, "Camera", Cost::March, |ui| {
         let mut go = |step: Move| asked.push(Action::Edit(Edit::Camera(step, aspect)));
         ui.horizontal_wrapped(|ui| {
+            ui.spacing_mut().item_spacing.x = 3.0;
             for (number, side) in (1..).zip(Side::ALL) {
-                let help = format!("From this side of the volume (key {number}).");
-                if ui.small_button(format!("{side:?}")).on_hover_text(help).clicked() {
+                let sign = if side.outward().element_sum() < 0.0 { '−' } else { '+' };
+                let axis = ['x', 'y', 'z'][side.outward().abs().max_position()];
+                let help = format!("From this side of the volume, {sign}{axis} (key {number}).");
+                let name = side_name(side, document.state().scene.volume.anatomical);
+                if ui.small_button(name).on_hover_text(help).clicked() {
                     go(Move::Axis(side));
                 }
             }
@@ -166,7 +174,7 @@ fn empty(ui: &mut Ui, rect: Rect, asked: &mut Vec<Action>) {
         FontId::proportional(size),
         ui.visuals().text_color(),
     );
-    let actions = [("Open…", Action::Choose(File::Opened)), ("Open the built-in scene", Action::OpenBuiltIn)];
+    let actions = [("Open…", Action::Choose(File::Opened)), ("Open the built-in scene", Action::Open(Box::default()))];
     for ((text, action), line) in actions.into_iter().zip([0.0, 30.0]) {
         let below = rect.center() + vec2(0.0, 4.5 * size + line);
         let place = Rect::from_center_size(below, vec2(220.0, 26.0).min(rect.size()));

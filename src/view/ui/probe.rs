@@ -1,7 +1,7 @@
 //! The probe: what the pixel under the crosshair is, over the picture.
 
 use egui::style::ScrollStyle;
-use egui::{Color32, Grid, Key, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, Window, pos2, vec2};
+use egui::{Color32, Grid, Key, Label, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, Window, pos2, vec2};
 
 use super::Shown;
 use super::spectrum::{narrow, patch, plot};
@@ -204,14 +204,15 @@ fn bar(ui: &mut Ui, part: f64, colour: Color32) {
 
 /// What parts there are, with how much of the pixel each is, where that is known, and its part in the light.
 fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: impl Fn(&str) -> Option<Color32>) {
-    Grid::new(id).num_columns(4).spacing([8.0, 3.0]).show(ui, |ui| {
+    // Long names do not push the numbers out.
+    Grid::new(id).num_columns(4).spacing([8.0, 3.0]).max_col_width(88.0).show(ui, |ui| {
         for head in ["", "", pixel, light] {
             ui.label(RichText::new(head).small().weak());
         }
         ui.end_row();
         for share in shares {
             bar(ui, share.light, colour(&share.name).unwrap_or(Color32::LIGHT_GRAY));
-            ui.label(&share.name);
+            ui.add(Label::new(&share.name).truncate());
             match share.seen {
                 Some(seen) => ui.label(percent(seen)).on_hover_text("How much of the pixel it is, whatever its shade."),
                 None => ui.label(""),

@@ -33,7 +33,7 @@ const FILES: [Item; 8] = [
     Item {
         text: "Open the built-in scene",
         help: "The scene that is part of the program.",
-        action: || Action::OpenBuiltIn,
+        action: || Action::Open(Box::default()),
         shortcut: None,
         saves: false,
     },

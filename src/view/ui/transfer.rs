@@ -369,6 +369,7 @@ fn row(
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().interact_size.x = 46.0;
+        // Whether it was changed, and then, whether by being dragged.
         let field = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
             // Values in as many digits as their range needs, and parts of the light in four.
             let decimals = if name == "opacity" { 4 } else { places(span / 10.0) };
@@ -378,14 +379,20 @@ fn row(
             if dragged.has_focus() || dragged.dragged() {
                 choose(ui, index);
             }
+            dragged.changed().then_some(dragged.dragged())
         };
-        // One end stops at the other, as where it is dragged.
-        let [low, high] = interval.range;
-        let help = "The value from which it shows fully; at most the next one.";
-        field(ui, &mut now.range[0], span / 500.0, f64::MIN..=high, "from", help);
+        let all = || f64::MIN..=f64::MAX;
+        let help = "The value from which it shows fully. Typed above the next one, it takes that along.";
+        let from_moved = field(ui, &mut now.range[0], span / 500.0, all(), "from", help);
         ui.label("to");
-        let help = "The value up to which it shows fully; at least the one before.";
-        field(ui, &mut now.range[1], span / 500.0, low..=f64::MAX, "to", help);
+        let help = "The value up to which it shows fully. Typed below the one before, it takes that along.";
+        let to_moved = field(ui, &mut now.range[1], span / 500.0, all(), "to", help);
+        let [from, to] = now.range;
+        if from > to {
+            // One that is dragged stops at the other, and one that is typed takes it along.
+            let end = if matches!((from_moved, to_moved), (Some(false), _) | (None, Some(true))) { from } else { to };
+            now.range = [end; 2];
+        }
         ui.label("±").on_hover_text("The ramp: over so many values it falls to nothing on either side.");
         field(
             ui,
@@ -452,7 +459,10 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
         ui.horizontal(|ui| {
             let material = state.scene.materials.get(entry.material);
             swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY), material);
-            ui.add_sized([64.0, 18.0], egui::Label::new(&entry.name).truncate());
+            ui.allocate_ui(Vec2::new(64.0, 18.0), |ui| {
+                ui.set_min_width(64.0);
+                ui.add(egui::Label::new(&entry.name).truncate());
+            });
             if let Some(material) = choose_material(ui, ("label", index), &state.scene.materials, entry.material) {
                 asked.push(Action::Edit(Edit::Label(index, material, entry.opacity)));
             }

@@ -10,14 +10,12 @@ use crate::render::{RenderError, Renderer};
 use crate::view::engine::Engine;
 use crate::view::load::{LoadError, Loaded, Loading, Source};
 use crate::view::state::{Document, Edit};
-use crate::volume::VolumeError;
 use crate::vulkan::VulkanError;
 
 impl Viewer {
     /// Opens something beside the window; what was being opened is given up.
     pub(super) fn open(&mut self, source: Source) {
-        let name = source.name();
-        self.load(name, false, move |renderer, progress| source.load(renderer, progress));
+        self.load(source.clone(), false, move |renderer, progress| source.load(renderer, progress));
     }
 
     /// Brings what is looked at to the device again.
@@ -26,16 +24,16 @@ impl Viewer {
         let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
         let (scene, statistics) = (document.state().scene.clone(), document.statistics().cloned());
         let source = self.source.clone();
-        self.load(source.name(), true, move |renderer, progress| {
+        self.load(source.clone(), true, move |renderer, progress| {
             let statistics = statistics.map_or_else(|| scene.volume.statistics(), Ok)?;
             Loaded::prepare(renderer, scene, statistics, source, progress)
         });
     }
 
-    /// Begins to `load` on a thread what is called `name`, a thing that is looked at already or another one.
+    /// Begins to `load` on a thread what is at `source`, a thing that is looked at already or another one.
     fn load(
         &mut self,
-        name: String,
+        source: Source,
         again: bool,
         load: impl FnOnce(Arc<Renderer>, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
     ) {
@@ -50,7 +48,7 @@ impl Viewer {
         let progressed = move || drop(proxy.send_event(Woken::Progress));
         let renderer = Arc::clone(&screen.renderer);
         self.give_up();
-        self.loading = Some(Loading::start(name, move |progress| load(renderer, progress), progressed, loaded));
+        self.loading = Some(Loading::start(source, move |progress| load(renderer, progress), progressed, loaded));
     }
 
     /// Gives up what is being opened.
@@ -63,15 +61,16 @@ impl Viewer {
     }
 
     pub(super) fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
-        self.loading = None;
+        let opened = self.loading.take().map(|loading| loading.source().clone());
         let loaded = match loaded {
             Ok(loaded) => loaded,
             // The next frame notices it too, and starts again.
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
             Err(error) => {
-                self.tell(&error);
-                if let (true, Some(notice)) = (chooses(&error), self.notices.last_mut()) {
-                    notice.text.push_str("; a window cannot be told: start `relume view` with the file and that");
+                match (opened, error.question()) {
+                    // Nobody is there to answer a script's.
+                    (Some(source), Some(question)) if !self.is_scripted() => self.chooser.ask(source, question),
+                    _ => self.tell(&error),
                 }
                 return;
             }
@@ -134,11 +133,4 @@ impl Viewer {
         }
         Ok(())
     }
-}
-
-/// Whether the file holds several volumes, and nobody has said which.
-fn chooses(error: &LoadError) -> bool {
-    let mut causes = std::iter::successors(Some(error as &dyn std::error::Error), |error| error.source());
-    causes.any(|error| matches!(error.downcast_ref(), Some(VolumeError::Choose { .. })))
-        || matches!(error, LoadError::Volume(VolumeError::Choose { .. }))
 }
