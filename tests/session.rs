@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use relume::palette::ModelTerm;
+use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
 use relume::scene::{self, AccumulateAs, Accuracy, Definition, Interval, Scene, SceneOptions};
 use relume::spectrum::deficiency::Deficiency;
@@ -317,4 +317,24 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
 
     let error = Source::of(&folder.path("none.raw")).scene(&Quiet).unwrap_err();
     assert_eq!(error.question(), None, "{error}");
+}
+
+#[test]
+fn a_volume_alone_shows_all_of_it_in_daylight_and_one_material_under_each_other_light() {
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n";
+    let folder = support::program::Folder::new().with("v.nrrd", header.bytes().chain(0..64).collect::<Vec<u8>>());
+    let (scene, _) = Source::of(&folder.path("v.nrrd")).scene(&Quiet).unwrap();
+    let state = State::new(scene);
+    let palette = state.palette.as_deref().unwrap();
+    let name = |members: &[Member], index: usize| members[index].name.clone();
+    for row in 0..palette.materials.len() {
+        for column in 0..palette.lights.len() {
+            let (material, light) = (name(&palette.materials, row), name(&palette.lights, column));
+            let look = design::look(&state.scene, palette, row, column);
+            let off = look.difference.unwrap();
+            assert!(off < 0.05, "{material} under {light} is ΔE00 {off} from what is asked");
+            let bright = look.achieved.unwrap().0[1];
+            assert_eq!(bright > 0.05, light == "day" || light == material, "{material} under {light}: Y = {bright}");
+        }
+    }
 }
