@@ -574,4 +574,6 @@ fn a_world_is_a_patients_where_the_space_says_so() {
         let volume = open(&[space, "space directions: (1,0,0) (0,1,0) (0,0,1)"], &TWELVE).unwrap();
         assert_eq!(volume.anatomical, anatomical, "{space}");
     }
+    let volume = open(&["space: right-anterior-superior", "spacings: 1 2 3"], &TWELVE).unwrap();
+    assert!(!volume.anatomical, "where the axes point is not said");
 }

@@ -24,7 +24,7 @@ use relume::spectrum::{Spectrum, standard};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
-use relume::view::load::{Question, Source};
+use relume::view::load::{Question, Source, Unknown};
 use relume::view::probe::{Pixel, Ray};
 use relume::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
@@ -1278,6 +1278,11 @@ fn what_can_be_opened_is_listed_and_keys_are_the_dialogs_own() {
     assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(Source::of(&path)))]);
 }
 
+/// What is asked about a file.
+fn asked(unknown: Unknown) -> Question {
+    Question { file: "/data/beat.nrrd".into(), unknown }
+}
+
 #[test]
 fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
     let several = [
@@ -1296,7 +1301,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         // What was said before is kept.
         let mut source = Source::of(Path::new("beat.nrrd"));
         source.options.downsample = Some([2; 3]);
-        window.state_mut().chooser.ask(source.clone(), Question::Which(there.clone()));
+        window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(there.clone())));
         window.run();
         match there {
             Several::Arrays(_) => window.get_by_label("pet").click(),
@@ -1312,7 +1317,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         }
         window.run();
         assert_eq!(saved_or_opened(&window), [], "{there} is asked for");
-        window.get_by_label("Open").click();
+        window.key_press(Key::Enter);
         window.run();
         source.options.selection = chosen;
         assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(source))], "{there}");
@@ -1324,7 +1329,7 @@ fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
     let mut window = wide(document());
     let source = Source::of(Path::new("foot.raw"));
     let guess = RawLayout::guessed("foot.raw", 1000).map(Box::new);
-    window.state_mut().chooser.ask(source.clone(), Question::Layout { bytes: 1000, guess });
+    window.state_mut().chooser.ask(source.clone(), asked(Unknown::Layout { bytes: 1000, guess }));
     window.run();
     assert!(window.query_by_label_contains("all 1000 bytes").is_some(), "a cube");
     window.get_by_label("Open").click();
@@ -1336,11 +1341,20 @@ fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
 
     // Too few bytes for it are no volume.
     let guess = Some(Box::new(RawLayout { voxel_type: VoxelType::F64, ..cube }));
-    window.state_mut().chooser.ask(source, Question::Layout { bytes: 1000, guess });
+    window.state_mut().chooser.ask(source, asked(Unknown::Layout { bytes: 1000, guess }));
     window.run();
     assert!(window.get_by_label("Open").accesskit_node().is_disabled());
-    window.get_by_label("Cancel").click();
-    window.run();
+    // What was said is not lost by a click beside it, nor by the key that leaves a field.
+    for escapes in 0..2 {
+        drag_along(&mut window, &[Pos2::new(900.0, 20.0)]);
+        assert!(window.state().chooser.is_open(), "after {escapes}");
+        if escapes == 0 {
+            window.get_by_role_and_label(Role::SpinButton, "bytes to skip").focus();
+            window.run();
+        }
+        window.key_press(Key::Escape);
+        window.run();
+    }
     assert!(!window.state().chooser.is_open() && saved_or_opened(&window).len() == 1);
 }
 

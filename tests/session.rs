@@ -15,7 +15,7 @@ use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
-use relume::view::load::{Question, Source};
+use relume::view::load::{Question, Source, Unknown};
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
 use relume::volume::Several;
 use support::program::{SCENE, labelled};
@@ -286,8 +286,7 @@ fn a_crop_is_what_a_scene_may_state_whatever_is_asked_for() {
 #[test]
 fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answer() {
     let folder = support::program::Folder::new();
-    let header =
-        "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nspace: left-posterior-superior-time\nencoding: raw\n\n";
+    let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nspace: left-posterior-superior-time\nspace directions: (1,0,0,0) (0,1,0,0) (0,0,1,0) (0,0,0,1)\nencoding: raw\n\n";
     let steps: Vec<u8> = header.bytes().chain(0..128).collect();
     let folder = folder.with("steps.nrrd", steps).with("foot_8x4x2.raw", (0..64).collect::<Vec<u8>>());
     let saved_of = |source: &Source| {
@@ -299,7 +298,17 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
 
     let mut source = Source::of(&folder.path("steps.nrrd"));
     let error = source.scene(&Quiet).unwrap_err();
-    assert_eq!(error.question(), Some(Question::Which(Several::Times(2))));
+    let there = Unknown::Which(Several::Times(2));
+    assert_eq!(error.question(), Some(Question { file: folder.path("steps.nrrd"), unknown: there.clone() }));
+    let scene = SCENE.replace("phantom = \"frog\"", "file = \"steps.nrrd\"");
+    std::fs::write(folder.path("of_steps.toml"), scene).unwrap();
+    let question = Source::of(&folder.path("of_steps.toml")).scene(&Quiet).unwrap_err().question();
+    assert_eq!(question, Some(Question { file: folder.path("steps.nrrd"), unknown: there }), "and not the scene");
+    // What is chosen is of the volume: labels are not asked about.
+    let mut labelled = Source::of(&folder.path("scene.toml"));
+    labelled.options.labels = Some(folder.path("steps.nrrd"));
+    let error = labelled.scene(&Quiet).unwrap_err();
+    assert_eq!(error.question(), None, "{error}");
     source.options.selection.time = Some(1);
     let (opened, again) = saved_of(&source);
     assert_eq!((opened.volume.value([0; 3]), again.volume.value([0; 3])), (Some(64.0), Some(64.0)));
@@ -307,13 +316,17 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     assert_eq!((view.forward, view.up), (DVec3::Y, DVec3::Z), "a patient is looked at from the front");
 
     let mut source = Source::of(&folder.path("foot_8x4x2.raw"));
-    let Some(Question::Layout { bytes: 64, guess: Some(guess) }) = source.scene(&Quiet).unwrap_err().question() else {
-        panic!("{:?}", source.scene(&Quiet).unwrap_err())
-    };
+    let question = source.scene(&Quiet).unwrap_err().question().map(|question| question.unknown);
+    let Some(Unknown::Layout { bytes: 64, guess: Some(guess) }) = question else { panic!("{question:?}") };
     assert_eq!(guess.dims, [8, 4, 2]);
     source.options.raw = Some(*guess);
     let (opened, again) = saved_of(&source);
     assert_eq!(opened.volume.voxels, again.volume.voxels);
+
+    // A layout is of a volume, and not of the scene that names it.
+    let mut scene = Source::of(&folder.path("scene.toml"));
+    scene.options.raw = source.options.raw.clone();
+    assert_eq!(scene.bare_volume(), None);
 
     let error = Source::of(&folder.path("none.raw")).scene(&Quiet).unwrap_err();
     assert_eq!(error.question(), None, "{error}");

@@ -197,7 +197,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
     if volume.anatomical {
-        line("world", "a patient's: x to the left, y to the back, z to the head (LPS)");
+        line("world", "anatomical: x to a patient's left, y to the back, z to the head (LPS)");
     }
     line(
         "values",

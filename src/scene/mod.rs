@@ -323,9 +323,17 @@ pub enum SceneError {
         /// Why.
         source: PaletteError,
     },
-    /// The scene's volume or its labels cannot be had.
+    /// The scene's volume cannot be had.
     #[error("{scene} has no volume to show")]
     Volume {
+        /// The scene.
+        scene: String,
+        /// Why.
+        source: VolumeError,
+    },
+    /// The labels of its voxels cannot be had.
+    #[error("{scene} has no labels to show")]
+    Labels {
         /// The scene.
         scene: String,
         /// Why.

@@ -47,8 +47,17 @@ pub enum LoadError {
 
 /// What has to be said before a file can be read.
 #[derive(Clone, Debug, PartialEq)]
+pub struct Question {
+    /// The file.
+    pub file: PathBuf,
+    /// What of it is not known.
+    pub unknown: Unknown,
+}
+
+/// What a file does not say itself.
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub enum Question {
+pub enum Unknown {
     /// Which of several volumes is meant.
     Which(Several),
     /// How the voxels of a file without a header lie.
@@ -64,17 +73,18 @@ impl LoadError {
     /// What would have to be said for it to be opened, where that is all.
     #[must_use]
     pub fn question(&self) -> Option<Question> {
-        match self {
-            Self::Volume(VolumeError::NoLayout { bytes, guess, .. }) => {
-                Some(Question::Layout { bytes: *bytes, guess: guess.clone() })
+        let (file, unknown) = match self {
+            Self::Volume(VolumeError::NoLayout { path, bytes, guess, .. }) => {
+                (path.clone(), Unknown::Layout { bytes: *bytes, guess: guess.clone() })
             }
             // A scene may say it too, or whoever opens it.
-            Self::Volume(VolumeError::Choose { there, .. })
-            | Self::Scene(SceneError::Volume { source: VolumeError::Choose { there, .. }, .. }) => {
-                Some(Question::Which(there.clone()))
+            Self::Volume(VolumeError::Choose { source_name, there })
+            | Self::Scene(SceneError::Volume { source: VolumeError::Choose { source_name, there }, .. }) => {
+                (source_name.into(), Unknown::Which(there.clone()))
             }
-            _ => None,
-        }
+            _ => return None,
+        };
+        Some(Question { file, unknown })
     }
 }
 
@@ -192,9 +202,7 @@ impl Source {
     /// The volume that it is, where it is no scene.
     #[must_use]
     pub fn bare_volume(&self) -> Option<&Path> {
-        // A layout is that of the file itself, where there is no other volume.
-        let is_raw = self.options.raw.is_some() && self.options.volume.is_none();
-        self.path.as_deref().filter(|path| is_raw || is_volume(path, &[]) || has_header(path))
+        self.path.as_deref().filter(|path| is_volume(path, &[]) || has_header(path))
     }
 
     /// Reads the scene. A volume without one gets a transfer function made from its histogram.

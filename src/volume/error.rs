@@ -318,7 +318,8 @@ fn sound(decoded: u64) -> String {
 
 /// What a name and a size suggest.
 fn perhaps(guess: Option<&RawLayout>) -> String {
-    guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, .. }| {
-        format!("; its name and size suggest --dims {x}x{y}x{z} --type {voxel_type}")
+    guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. }| {
+        let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
+        format!("; perhaps these are --dims {x}x{y}x{z} --type {voxel_type}{before}")
     })
 }

@@ -42,15 +42,15 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume.components = components;
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     let orientation = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("AnatomicalOrientation"));
-    volume.anatomical = orientation.is_some_and(|(_, letters)| is_patient(letters, &volume.geometry));
+    volume.anatomical = orientation.is_some_and(|(_, letters)| is_anatomical(letters, &volume.geometry));
     notes.extend(header.fields.repeated());
     volume.notes = notes;
     Ok(volume)
 }
 
 /// Whether `letters`, the sides of a patient that the axes come from, say of the axes what they are in a world that is
-/// left-posterior-superior, as ITK writes it.
-fn is_patient(letters: &str, geometry: &Geometry) -> bool {
+/// left-posterior-superior. ITK means them so, and writes them of everything that has three axes.
+fn is_anatomical(letters: &str, geometry: &Geometry) -> bool {
     let letters = letters.trim().to_ascii_uppercase();
     let from = letters.chars().map(|letter| "RLAPIS".find(letter));
     let axes = [0, 1, 2].map(|axis| {

@@ -41,8 +41,8 @@ pub struct Volume {
     pub voxels: Voxels,
     /// Where they lie; it has as many voxels as `voxels`.
     pub geometry: Geometry,
-    /// Whether the file says that the world is a patient's, left-posterior-superior as in DICOM: x to the left, y to the
-    /// back, z to the head.
+    /// Whether the file says that its axes are anatomical. The world is left-posterior-superior then, as in DICOM: x to a
+    /// patient's left, y to the back, z to the head.
     pub anatomical: bool,
     /// A voxel means `slope · stored + intercept`.
     pub slope: f64,

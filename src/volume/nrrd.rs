@@ -55,7 +55,9 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume.files = data.paths();
     volume.files.push(path.to_owned());
     volume.components = length(component);
-    volume.anatomical = header.space()?.1.is_some();
+    // Axes without a direction are turned to nothing.
+    let directed = axes.iter().all(|axis| axis.role != Role::Space || axis.direction.is_some());
+    volume.anatomical = directed && header.space()?.1.is_some();
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     volume.metadata.extend(header.pairs);
     notes.extend(header.fields.repeated());

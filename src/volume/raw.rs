@@ -131,7 +131,7 @@ impl RawLayout {
         }
     }
 
-    /// Bytes of a file that it describes, those before the voxels included; `None` where they are too many to count.
+    /// Bytes of one file of all the voxels, those before them included; `None` where they are too many to count.
     #[must_use]
     pub fn bytes(&self) -> Option<u64> {
         let [nx, ny, nz] = self.dims;
@@ -141,17 +141,24 @@ impl RawLayout {
     }
 
     /// What the name of a file of so many bytes suggests, as that of `foot_256x256x256_uint8.raw` does; where it has no
-    /// dimensions, a cube. What is suggested fills the file.
+    /// dimensions, a cube. What is suggested fills the file: where the name has both, what comes before the voxels, too.
     #[must_use]
     pub fn guessed(name: &str, bytes: u64) -> Option<Self> {
-        let words = || name.split(|letter: char| !letter.is_ascii_alphanumeric());
-        let sides = |word: &str| -> Option<[usize; 3]> {
+        let words: Vec<&str> = name.split(|letter: char| !letter.is_ascii_alphanumeric()).collect();
+        let sides = |word: &&str| -> Option<[usize; 3]> {
             let sides: Result<Vec<usize>, _> = word.split('x').map(str::parse).collect();
             sides.ok()?.try_into().ok()
         };
-        let named = words().find_map(|word| word.parse().ok());
+        let dims = words.iter().find_map(sides);
+        // `unsigned char` is not `char`.
+        let two = words.windows(2).find_map(|pair| pair.join(" ").parse().ok());
+        let named: Option<VoxelType> = two.or_else(|| words.iter().rev().find_map(|word| word.parse().ok()));
+        if let (Some(dims), Some(voxel_type)) = (dims, named) {
+            let plain = Self::new(dims, voxel_type);
+            let header_bytes = bytes.checked_sub(plain.bytes()?)?;
+            return Some(Self { header_bytes, ..plain });
+        }
         let types = named.map_or_else(|| vec![VoxelType::U8, VoxelType::U16, VoxelType::F32], |named| vec![named]);
-        let dims = words().find_map(sides);
         let of_type = |&voxel_type: &VoxelType| {
             let voxels = bytes / u64::try_from(voxel_type.bytes()).ok()?;
             let side = whole(count(usize::try_from(voxels).ok()?).cbrt().round());
@@ -310,12 +317,30 @@ mod tests {
     fn a_name_and_a_size_suggest_how_voxels_lie() {
         let guessed = |name: &str, bytes| RawLayout::guessed(name, bytes).map(|it| (it.dims, it.voxel_type));
         assert_eq!(guessed("foot_256x128x64_uint8.raw", 256 * 128 * 64), Some(([256, 128, 64], VoxelType::U8)));
+        assert_eq!(guessed("8x8x8_unsigned_char.raw", 512), Some(([8; 3], VoxelType::U8)), "not a signed one");
+        assert_eq!(
+            guessed("byte_swapped_4x5x6_uint16.raw", 240),
+            Some(([4, 5, 6], VoxelType::U16)),
+            "the last that is one"
+        );
         assert_eq!(guessed("CT-4x5x6.int16.dat", 240), Some(([4, 5, 6], VoxelType::I16)));
         assert_eq!(guessed("ct_4x5x6.raw", 240), Some(([4, 5, 6], VoxelType::U16)), "the size says how wide they are");
         assert_eq!(guessed("foot.raw", 1000), Some(([10; 3], VoxelType::U8)), "a cube");
         assert_eq!(guessed("foot.raw", 2000), Some(([10; 3], VoxelType::U16)), "a cube of wider ones");
-        for (name, bytes) in [("foot.raw", 1001), ("foot_4x5x6_uint8.raw", 121), ("foot.raw", 0)] {
+        let behind = RawLayout::guessed("foot_4x5x6_uint8.raw", 129);
+        assert_eq!(behind.map(|layout| layout.header_bytes), Some(9), "what comes before the voxels");
+        for (name, bytes) in
+            [("foot.raw", 1001), ("foot_4x5x6_uint8.raw", 119), ("foot_4x5x6.raw", 121), ("foot.raw", 0)]
+        {
             assert_eq!(guessed(name, bytes), None, "{name} of {bytes} bytes");
         }
+    }
+
+    #[test]
+    fn more_bytes_than_can_be_counted_are_none() {
+        let layout = RawLayout::new([usize::MAX, 1, 1], VoxelType::F64);
+        assert_eq!(layout.bytes(), None);
+        let layout = RawLayout { header_bytes: u64::MAX, ..RawLayout::new([1; 3], VoxelType::U8) };
+        assert_eq!(layout.bytes(), None);
     }
 }

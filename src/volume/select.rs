@@ -46,8 +46,7 @@ impl Several {
     }
 
     /// The flag that chooses one, and what it may say.
-    #[must_use]
-    pub fn flag(&self) -> String {
+    pub(super) fn flag(&self) -> String {
         match (self, self.counted()) {
             (Self::Arrays(_), _) => "--array NAME".to_owned(),
             (_, (name, count)) => format!("--{name} N, from 0 to {}", count.saturating_sub(1)),

@@ -69,6 +69,8 @@ impl Text<'_> {
             }
         };
         volume.geometry = geometry;
+        // What the file says of its axes is not said of others.
+        volume.anatomical &= file.direction.is_none();
         Ok((volume, stored))
     }
 
@@ -87,7 +89,7 @@ impl Text<'_> {
         if let Some(wanted) = of_phantom.filter(|_| !is_frog) {
             return Err(self.invalid(wanted, "volume.phantom_labels: only the phantom \"frog\" has labels"));
         }
-        let fail = |source| SceneError::Volume { scene: self.name.clone(), source };
+        let fail = |source| SceneError::Labels { scene: self.name.clone(), source };
         let mut labels = match options.labels.clone().or(stated) {
             Some(path) => volume::open(&path, &Selection::default(), progress).map_err(fail)?,
             None if of_phantom.is_some() && options.volume.is_none() => {

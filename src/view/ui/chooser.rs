@@ -1,13 +1,12 @@
-//! The dialog in which a file is chosen: what is opened, and where something is saved; and what is asked where a file does not
-//! say how it is to be read.
+//! The dialog in which a file is chosen: what is opened, and where something is saved. It goes on to what is asked about a file.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use egui::{Context, Id, Modal, Ui, Vec2, vec2};
-use egui_file_dialog::{DialogState, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
+use egui::{Context, Vec2, vec2};
+use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
 
-use super::reading::Reading;
+use super::reading::{Answer, Reading};
 use crate::view::action::{Action, File};
 use crate::view::load::{Question, Source};
 use crate::volume;
@@ -85,6 +84,11 @@ impl Chooser {
         self.stage.is_some()
     }
 
+    /// Asks nothing more.
+    pub fn close(&mut self) {
+        self.stage = None;
+    }
+
     /// Asks what has to be said before what is at `source` can be read.
     pub fn ask(&mut self, source: Source, question: Question) {
         self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question))));
@@ -133,9 +137,12 @@ impl Chooser {
                 Some(file.action(path))
             }
             Stage::Reading(reading) => {
-                let answer = modal(context, |ui| reading.show(ui))?;
+                let answer = reading.show(context)?;
                 self.stage = None;
-                answer.flatten().map(Action::Open)
+                match answer {
+                    Answer::Open(source) => Some(Action::Open(source)),
+                    Answer::GivenUp => None,
+                }
             }
         }
     }
@@ -144,10 +151,11 @@ impl Chooser {
 /// The file that is picked in `dialog`, or none, once that is known.
 fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option<PathBuf>> {
     let window = context.content_rect();
+    let is_folder = dialog.selected_entry().is_some_and(DirectoryEntry::is_dir);
     let config = dialog.config_mut();
     // Whether a file may be replaced is asked while no field has the keyboard. The Enter that has chosen its name does not
     // answer that, too.
-    let answers = file == File::Opened || context.memory(|memory| memory.focused().is_some());
+    let answers = file == File::Opened || is_folder || context.memory(|memory| memory.focused().is_some());
     config.keybindings.submit = if answers { FileDialogKeyBindings::default().submit } else { Vec::new() };
     config.default_pos = Some((window.center() - SIZE / 2.0).max(window.min));
     // In small windows there is no room for places, nor for what the dialog is called.
@@ -156,13 +164,6 @@ fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option
     config.max_size = Some(window.size() - if config.title_bar { vec2(24.0, 48.0) } else { vec2(14.0, 14.0) });
     dialog.update(context);
     (*dialog.state() != DialogState::Open).then(|| dialog.take_picked())
-}
-
-/// What is answered to a question in the middle of the window, once it is; nothing where it was closed.
-fn modal<T>(context: &Context, question: impl FnOnce(&mut Ui) -> Option<T>) -> Option<Option<T>> {
-    let shown = Modal::new(Id::new("question")).show(context, question);
-    let closed = shown.should_close();
-    shown.inner.map(Some).or(closed.then_some(None))
 }
 
 /// Whether a file of this name may be a scene or a volume.

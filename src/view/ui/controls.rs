@@ -60,6 +60,7 @@ fn typed<N: Numeric>(mut response: Response, before: N, value: &mut N, decimals:
     let (was, is) = (before.to_f64(), value.to_f64());
     // What egui takes for the same when it chooses how many digits it shows.
     let shown = 0.5 * 0.1_f64.powf(count(decimals)) + 16.0 * f64::from(f32::EPSILON) * was.abs();
+    let shown = if N::INTEGRAL { 0.0 } else { shown };
     if response.lost_focus() && (is - was).abs() <= shown {
         *value = before;
         response.flags.remove(Flags::CHANGED);

@@ -44,6 +44,8 @@ pub const ROOM_FOR_PANELS: f32 = 560.0;
 /// Width of the panels in points: at first, which is the least, and as far as their edge is dragged.
 const WIDTH: f32 = 300.0;
 const WIDEST: f32 = 520.0;
+/// Points across that are left to the picture.
+const LEAST_PICTURE: f32 = 240.0;
 
 /// What the panels show.
 #[derive(Debug)]
@@ -58,7 +60,7 @@ pub struct Shown<'a> {
     pub notices: &'a [Notice],
     /// Whether the device was lost, and nothing is rendered until somebody asks for it.
     pub stopped: bool,
-    /// Whether a file is being chosen, which keys and the mouse are for.
+    /// Whether something is asked about a file, which keys and the mouse are for.
     pub chooses: bool,
     /// Whether a tour is played.
     pub plays: bool,
@@ -95,7 +97,8 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         toolbar::keys(ui, shown, asked);
     }
     if shown.panels {
-        Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=WIDEST).show(ui, |ui| {
+        let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);
+        Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
             toolbar::show(ui, shown, asked);
             ui.separator();
             let Some(document) = shown.document else { return };

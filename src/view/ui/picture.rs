@@ -164,8 +164,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
 }
 
 fn empty(ui: &mut Ui, rect: Rect, asked: &mut Vec<Action>) {
-    let text =
-        "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti) on this window,\nor open one here.";
+    let text = "Nothing is open.\n\nDrop a scene (.toml) or a volume\n(.mhd, .nrrd, .vti, .raw) on this window,\nor open one here.";
     let size = narrow(f64::from(rect.width()) / 24.0).clamp(10.0, 18.0);
     ui.painter().text(
         rect.center(),

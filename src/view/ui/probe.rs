@@ -46,7 +46,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                 }
             });
         });
-    if !open || ui.input(|input| input.key_pressed(Key::Escape)) {
+    if !open || !shown.chooses && ui.input(|input| input.key_pressed(Key::Escape)) {
         asked.push(Action::Probe(None));
     }
 }

@@ -1,11 +1,9 @@
 //! What is asked about a file before it can be read: which of its volumes is meant, or how its voxels lie.
 
-use std::path::Path;
-
-use egui::{Button, ComboBox, Grid, RichText, Ui};
+use egui::{Button, ComboBox, Context, Grid, Id, Key, Modal, Response, RichText, ScrollArea, Ui, WidgetInfo};
 
 use super::controls::{number, toggle};
-use crate::view::load::{Question, Source};
+use crate::view::load::{Question, Source, Unknown};
 use crate::volume::{ByteOrder, RawLayout, Selection, Several, VoxelType};
 
 /// The question, and the answer so far.
@@ -17,59 +15,93 @@ pub(super) struct Reading {
     chosen: usize,
     /// How headerless voxels lie.
     layout: RawLayout,
+    /// Whether a field had the keyboard in the last frame, which Enter and Escape were for then.
+    typed: bool,
+}
+
+/// What became of a question.
+pub(super) enum Answer {
+    /// This is to be opened.
+    Open(Box<Source>),
+    /// Nothing is.
+    GivenUp,
 }
 
 impl Reading {
     pub(super) fn new(source: Source, question: Question) -> Self {
-        let guess = match &question {
-            Question::Layout { guess, .. } => guess.as_deref().cloned(),
-            Question::Which(_) => None,
+        let guess = match &question.unknown {
+            Unknown::Layout { guess, .. } => guess.as_deref().cloned(),
+            Unknown::Which(_) => None,
         };
         let layout = guess.unwrap_or_else(|| RawLayout::new([1; 3], VoxelType::U8));
-        Self { source: Box::new(source), question, chosen: 0, layout }
+        Self { source: Box::new(source), question, chosen: 0, layout, typed: false }
     }
 
-    /// Shows it. What is to be opened, once that is said; nothing where it is given up.
-    pub(super) fn show(&mut self, ui: &mut Ui) -> Option<Option<Box<Source>>> {
-        ui.set_max_width(360.0);
-        let file = self.source.path.as_deref().and_then(Path::file_name).unwrap_or_default().to_string_lossy();
-        let sound = match &self.question {
-            Question::Which(there) => {
-                ui.heading(format!("{file} holds {there}"));
-                which(ui, there, &mut self.chosen);
+    /// Shows it in the middle of the window, until there is an answer. A click beside it is none.
+    pub(super) fn show(&mut self, context: &Context) -> Option<Answer> {
+        let room = (context.content_rect().height() - 130.0).max(40.0);
+        let pressed = |key: Key| !self.typed && context.input(|input| input.key_pressed(key));
+        let [enter, escape] = [Key::Enter, Key::Escape].map(pressed);
+        let modal = Modal::new(Id::new("question")).show(context, |ui| {
+            ui.set_max_width(360.0);
+            let sound = self.ask(ui, room);
+            ui.add_space(6.0);
+            ui.horizontal(|ui| {
+                let open = ui.add_enabled(sound, Button::new("Open"));
+                let open = open.on_disabled_hover_text("The file has too few bytes for that.").clicked();
+                if open || sound && enter {
+                    return Some(Answer::Open(self.answered()));
+                }
+                (ui.button("Cancel").clicked() || escape).then_some(Answer::GivenUp)
+            })
+            .inner
+        });
+        self.typed = context.memory(|memory| memory.focused().is_some());
+        modal.inner
+    }
+
+    /// Whether what is said may be.
+    fn ask(&mut self, ui: &mut Ui, room: f32) -> bool {
+        let file = self.question.file.file_name().unwrap_or_default().to_string_lossy();
+        match &self.question.unknown {
+            Unknown::Which(Several::Arrays(names)) => {
+                ui.heading(format!("{file} holds several arrays"));
+                ScrollArea::vertical().max_height(room).show(ui, |ui| {
+                    for (index, name) in names.iter().enumerate() {
+                        ui.radio_value(&mut self.chosen, index, name);
+                    }
+                });
                 true
             }
-            Question::Layout { bytes, .. } => {
+            Unknown::Which(there) => {
+                ui.heading(format!("{file} holds {there}"));
+                one_of(ui, there, &mut self.chosen);
+                true
+            }
+            Unknown::Layout { bytes, .. } => {
                 ui.heading(format!("How are the voxels of {file} stored?"));
                 let help = "The file has no header that says so. Its name often does, else whoever made it knows.";
-                ui.label(RichText::new(help).small());
-                lies(ui, &mut self.layout);
+                ScrollArea::vertical().max_height(room).show(ui, |ui| {
+                    ui.label(RichText::new(help).small());
+                    stored(ui, &mut self.layout);
+                });
                 fits(ui, &self.layout, *bytes)
             }
-        };
-        ui.add_space(6.0);
-        ui.horizontal(|ui| {
-            let open = ui.add_enabled(sound, Button::new("Open"));
-            if open.on_disabled_hover_text("The file has too few bytes for that.").clicked() {
-                return Some(Some(self.answered()));
-            }
-            ui.button("Cancel").clicked().then_some(None)
-        })
-        .inner
+        }
     }
 
     fn answered(&self) -> Box<Source> {
         let mut source = self.source.clone();
         let options = &mut source.options;
-        let selection = match &self.question {
-            Question::Which(Several::Components { .. }) => {
+        let selection = match &self.question.unknown {
+            Unknown::Which(Several::Components { .. }) => {
                 Selection { component: Some(self.chosen), ..Selection::default() }
             }
-            Question::Which(Several::Times(_)) => Selection { time: Some(self.chosen), ..Selection::default() },
-            Question::Which(Several::Arrays(names)) => {
+            Unknown::Which(Several::Times(_)) => Selection { time: Some(self.chosen), ..Selection::default() },
+            Unknown::Which(Several::Arrays(names)) => {
                 Selection { array: names.get(self.chosen).cloned(), ..Selection::default() }
             }
-            Question::Layout { .. } => {
+            Unknown::Layout { .. } => {
                 options.raw = Some(self.layout.clone());
                 Selection::default()
             }
@@ -79,33 +111,30 @@ impl Reading {
     }
 }
 
-/// One of several, by name or by number.
-fn which(ui: &mut Ui, there: &Several, chosen: &mut usize) {
+/// One of several, by number.
+fn one_of(ui: &mut Ui, there: &Several, chosen: &mut usize) {
     let (what, count) = match there {
-        Several::Arrays(names) => {
-            for (index, name) in names.iter().enumerate() {
-                ui.radio_value(chosen, index, name);
-            }
-            return;
-        }
         Several::Components { count, .. } => ("Component", *count),
         Several::Times(count) => ("Time step", *count),
+        Several::Arrays(names) => ("Array", names.len()),
     };
     let last = count.saturating_sub(1);
     ui.horizontal(|ui| {
-        let label = ui.label(what);
-        number(ui, chosen, 0, |drag| drag.range(0..=last).speed(0.1)).labelled_by(label.id);
+        ui.label(what);
+        name(&number(ui, chosen, 0, |drag| drag.range(0..=last).speed(0.1)), what);
         ui.label(format!("from 0 to {last}"));
     });
 }
 
 /// What there is to say of headerless voxels.
-fn lies(ui: &mut Ui, layout: &mut RawLayout) {
+fn stored(ui: &mut Ui, layout: &mut RawLayout) {
+    const AXES: [&str; 3] = ["x", "y", "z"];
     Grid::new("layout").num_columns(2).show(ui, |ui| {
         ui.label("Voxels").on_hover_text("Along x, y and z; x varies fastest in the file.");
         ui.horizontal(|ui| {
-            for (side, axis) in layout.dims.iter_mut().zip(["x", "y", "z"]) {
+            for (side, axis) in layout.dims.iter_mut().zip(AXES) {
                 let side = number(ui, side, 0, |drag| drag.range(1..=usize::MAX >> 16));
+                name(&side, &format!("voxels along {axis}"));
                 side.on_hover_text(format!("Voxels along {axis}. Drag, or type a number."));
             }
         });
@@ -130,18 +159,24 @@ fn lies(ui: &mut Ui, layout: &mut RawLayout) {
         ui.end_row();
         ui.label("Skip").on_hover_text("Bytes before the first voxel that are none of it.");
         ui.horizontal(|ui| {
-            number(ui, &mut layout.header_bytes, 0, |drag| drag.range(0..=u64::MAX >> 16));
+            name(&number(ui, &mut layout.header_bytes, 0, |drag| drag.range(0..=u64::MAX >> 16)), "bytes to skip");
             ui.label("bytes");
         });
         ui.end_row();
         ui.label("Spacing").on_hover_text("From voxel to voxel along x, y and z, as in millimetres.");
         ui.horizontal(|ui| {
-            for step in &mut layout.spacing {
-                number(ui, step, 4, |drag| drag.range(1e-6..=1e6).speed(0.01));
+            for (step, axis) in layout.spacing.iter_mut().zip(AXES) {
+                let step = number(ui, step, 6, |drag| drag.range(1e-6..=1e6).speed(0.01));
+                name(&step, &format!("spacing along {axis}"));
             }
         });
         ui.end_row();
     });
+}
+
+/// Says what a number is of, to screen readers and tests.
+fn name(response: &Response, of: &str) {
+    response.widget_info(|| WidgetInfo::labeled(egui::WidgetType::DragValue, true, of));
 }
 
 /// Says whether a file of so many bytes has the voxels of `layout`. Whether it has them all.

@@ -15,6 +15,8 @@ use crate::vulkan::VulkanError;
 impl Viewer {
     /// Opens something beside the window; what was being opened is given up.
     pub(super) fn open(&mut self, source: Source) {
+        // What is asked there is of what was to be opened before.
+        self.chooser.close();
         self.load(source.clone(), false, move |renderer, progress| source.load(renderer, progress));
     }
 
@@ -116,15 +118,20 @@ impl Viewer {
         self.before = self.counts();
         (self.engine, self.measuring) = (None, None);
         self.textures.clear();
-        let was_opening = self.loading.as_ref().map(|loading| loading.progress().0);
+        let was_opening = self.loading.as_ref().map(|loading| loading.source().clone());
         self.give_up();
         let screen = screen.renewed(&self.options)?;
         screen.window.request_redraw();
         self.screen = Some(screen);
-        if let Some(name) = was_opening.filter(|_| self.document.is_some()) {
-            self.note(format!("{name} was not opened: the device was lost, and started again."));
-        } else {
-            self.note("The device was lost, and started again.".to_owned());
+        match was_opening {
+            Some(source) if self.document.is_some() => {
+                self.note(format!("{} was not opened: the device was lost, and started again.", source.name()));
+            }
+            was_opening => {
+                self.note("The device was lost, and started again.".to_owned());
+                // It is what is opened again.
+                self.options.source = was_opening.unwrap_or(std::mem::take(&mut self.options.source));
+            }
         }
         if self.lost.times == 1 {
             self.restore();
