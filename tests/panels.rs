@@ -1375,6 +1375,20 @@ fn the_sides_of_a_patient_are_called_so() {
 }
 
 #[test]
+fn long_names_do_not_widen_the_panels() {
+    let narrow = App::open(Vec2::new(1280.0, 2000.0), Some(document())).state().place.left();
+    let text = format!("{SCENE}{DIAL}");
+    for name in ["flesh", "day"] {
+        let long = format!("{name}-{}", "of-a-very-long-name-".repeat(5));
+        let text = text.replace(name, &long);
+        let scene = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(Document::new(scene)));
+        window.run();
+        assert!((window.state().place.left() - narrow).abs() < 1.0, "{name}: {}", window.state().place.left());
+    }
+}
+
+#[test]
 fn the_edge_of_the_panels_is_dragged() {
     let mut window = wide(document());
     window.run();

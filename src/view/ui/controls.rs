@@ -4,9 +4,12 @@ use std::ops::RangeInclusive;
 
 use egui::emath::Numeric;
 use egui::response::Flags;
-use egui::{Button, CollapsingHeader, Color32, DragValue, Response, RichText, Sense, Slider, SliderClamping, Ui, Vec2};
+use egui::{
+    Button, CollapsingHeader, Color32, DragValue, Response, RichText, Sense, Sides, Slider, SliderClamping, Ui, Vec2,
+};
 
 use crate::number::count;
+use crate::view::action::Action;
 use crate::view::state::Cost;
 
 /// A panel that can be folded, with what its controls cost. The same words everywhere, so that they are learnt once.
@@ -21,6 +24,18 @@ pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&
         contents(ui);
     });
     ui.add_space(4.0);
+}
+
+/// What stands at the left of a line, texts cut off where they are too long for it, and what stands at its right, the outermost
+/// first. Long names would widen the panels.
+pub(super) fn sides(
+    ui: &mut Ui,
+    asked: &mut Vec<Action>,
+    left: impl FnOnce(&mut Ui) -> Option<Action>,
+    right: impl FnOnce(&mut Ui) -> Option<Action>,
+) {
+    let (left, right) = Sides::new().shrink_left().truncate().show(ui, left, right);
+    asked.extend([left, right].into_iter().flatten());
 }
 
 /// A choice that looks like one also while it is not taken.

@@ -1,8 +1,8 @@
 //! The light panel: a slider, a switch, a swatch and a spectrum for each light.
 
-use egui::{RichText, Ui, Vec2};
+use egui::{Checkbox, RichText, Ui, Vec2};
 
-use super::controls::{number, panel, slider, toggle};
+use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
 use crate::scene::Mixing;
 use crate::view::action::Action;
@@ -20,41 +20,31 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let share = shares.get(index).copied().unwrap_or(0.0);
             let stated = state.light.sliders.get(index);
             let by_slider = state.light.mixing == Mixing::Sliders;
-            ui.horizontal(|ui| {
+            let other_alone = state.light.solo.is_some_and(|alone| alone != index);
+            let switch = |ui: &mut Ui| {
                 swatch(ui, &light.spectrum, &state.scene.display, 16.0)
                     .on_hover_text("The light's own colour to whoever looks, at its brightest.");
-                let mut on = stated.is_some_and(|slider| slider.on);
-                let other_alone = state.light.solo.is_some_and(|alone| alone != index);
-                ui.add_enabled_ui(by_slider && !other_alone, |ui| {
-                    let name = RichText::new(&light.name).strong();
-                    if !by_slider {
-                        on = share > 0.0;
-                    }
-                    if ui
-                        .checkbox(&mut on, name)
-                        .on_hover_text("Switches this light on and off.")
-                        .on_disabled_hover_text(if by_slider {
-                            "Another light shines alone: press its solo again for all of them."
-                        } else {
-                            "The dial mixes now, without switches: move a slider, or press solo, to take over."
-                        })
-                        .changed()
-                    {
-                        asked.push(Action::Edit(Edit::On(index, on)));
-                    }
-                });
-                ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                    let alone = state.light.solo == Some(index) && by_slider;
-                    let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all again.");
-                    if solo.clicked() {
-                        asked.push(Action::Edit(Edit::Solo((!alone).then_some(index))));
-                    }
-                    curve(ui, light.spectrum.spectrum(), Vec2::new(56.0, 16.0)).on_hover_ui(|ui| {
-                        ui.label(format!("{}: power from 380 to 780 nm", light.name));
-                        curve(ui, light.spectrum.spectrum(), Vec2::new(260.0, 90.0));
+                let mut on = if by_slider { stated.is_some_and(|slider| slider.on) } else { share > 0.0 };
+                let name = RichText::new(&light.name).strong();
+                let switch = ui.add_enabled(by_slider && !other_alone, Checkbox::new(&mut on, name));
+                let switch =
+                    switch.on_hover_text("Switches this light on and off.").on_disabled_hover_text(if by_slider {
+                        "Another light shines alone: press its solo again for all of them."
+                    } else {
+                        "The dial mixes now, without switches: move a slider, or press solo, to take over."
                     });
+                switch.changed().then_some(Action::Edit(Edit::On(index, on)))
+            };
+            let solo = |ui: &mut Ui| {
+                let alone = state.light.solo == Some(index) && by_slider;
+                let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all again.");
+                curve(ui, light.spectrum.spectrum(), Vec2::new(56.0, 16.0)).on_hover_ui(|ui| {
+                    ui.label(format!("{}: power from 380 to 780 nm", light.name));
+                    curve(ui, light.spectrum.spectrum(), Vec2::new(260.0, 90.0));
                 });
-            });
+                solo.clicked().then(|| Action::Edit(Edit::Solo((!alone).then_some(index))))
+            };
+            sides(ui, asked, switch, solo);
             // What the dial gives a light is shown, and taken over by whoever moves the slider.
             let mut weight = if by_slider { stated.map_or(0.0, |slider| slider.weight) } else { share };
             ui.spacing_mut().slider_width = ui.available_width() - 62.0;

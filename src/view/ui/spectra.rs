@@ -5,7 +5,7 @@ use std::sync::Arc;
 use egui::{ComboBox, Id, Rect, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, pos2, vec2};
 
 use super::accuracy::Effort;
-use super::controls::panel;
+use super::controls::{panel, sides};
 use super::spectrum::{curve, narrow, plot, strip};
 use crate::number::count;
 use crate::scene::Scene;
@@ -109,7 +109,7 @@ fn row(
     (now, then): (&Spectrum, &Spectrum),
     asked: &mut Vec<Action>,
 ) {
-    ui.horizontal(|ui| {
+    let curve_and_name = |ui: &mut Ui| {
         let small = curve(ui, now, vec2(56.0, 16.0)).on_hover_ui(|ui| {
             ui.label(format!("{name}, from 380 to 780 nm"));
             plot(ui, &[(now, ui.visuals().strong_text_color())], vec2(260.0, 90.0));
@@ -127,30 +127,34 @@ fn row(
             }
         }
         ui.label(format!("{name}:"));
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let kind = if side == Side::Light { Kind::Light } else { Kind::Reflectance };
-            let of = |standard: &&&str| {
-                let found = Spectra::standard(scene, side, name, standard).unwrap_or_default();
-                let spectrum = found.materials.first().map(|(_, it)| it.spectrum());
-                spectrum.or(found.lights.first().map(|(_, it)| it.spectrum())) == Some(now)
-            };
-            let known = standard::names(kind).iter().find(of).copied();
-            let shown = known.unwrap_or("no standard");
-            let combo = ComboBox::from_id_salt((kind == Kind::Light, name))
-                .width(116.0)
-                .selected_text(RichText::new(shown).small());
-            combo.show_ui(ui, |ui| {
-                if ui.selectable_label(now == then, "as the scene has it").clicked() {
-                    asked.push(Action::Edit(Edit::Spectra(Arc::new(Spectra::of_scene(opened, side, name)))));
+        None
+    };
+    let standards = |ui: &mut Ui| {
+        let kind = if side == Side::Light { Kind::Light } else { Kind::Reflectance };
+        let of = |standard: &&&str| {
+            let found = Spectra::standard(scene, side, name, standard).unwrap_or_default();
+            let spectrum = found.materials.first().map(|(_, it)| it.spectrum());
+            spectrum.or(found.lights.first().map(|(_, it)| it.spectrum())) == Some(now)
+        };
+        let known = standard::names(kind).iter().find(of).copied();
+        let shown = known.unwrap_or("no standard");
+        let combo = ComboBox::from_id_salt((kind == Kind::Light, name))
+            .width(116.0)
+            .selected_text(RichText::new(shown).small());
+        let mut chosen = None;
+        combo.show_ui(ui, |ui| {
+            if ui.selectable_label(now == then, "as the scene has it").clicked() {
+                chosen = Some(Spectra::of_scene(opened, side, name));
+            }
+            for &standard in standard::names(kind) {
+                if ui.selectable_label(known == Some(standard) && now != then, standard).clicked()
+                    && let Ok(spectra) = Spectra::standard(scene, side, name, standard)
+                {
+                    chosen = Some(spectra);
                 }
-                for &standard in standard::names(kind) {
-                    if ui.selectable_label(known == Some(standard) && now != then, standard).clicked()
-                        && let Ok(spectra) = Spectra::standard(scene, side, name, standard)
-                    {
-                        asked.push(Action::Edit(Edit::Spectra(Arc::new(spectra))));
-                    }
-                }
-            });
+            }
         });
-    });
+        chosen.map(|spectra| Action::Edit(Edit::Spectra(Arc::new(spectra))))
+    };
+    sides(ui, asked, curve_and_name, standards);
 }

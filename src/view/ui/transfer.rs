@@ -8,7 +8,7 @@ use egui::{
 };
 use glam::DVec3;
 
-use super::controls::{number, panel};
+use super::controls::{number, panel, sides};
 use super::spectrum::narrow;
 use crate::number::{count, whole};
 use crate::plan::is_constant;
@@ -341,28 +341,23 @@ fn row(
     let Some(term) = state.scene.transfer.terms.get(index) else { return };
     let interval = Interval::of(term);
     let materials = &state.scene.materials;
-    ui.horizontal(|ui| {
-        let shown = term.material.0.first().map_or(0, |&(_, material)| material);
+    let shown = term.material.0.first().map_or(0, |&(_, material)| material);
+    let material = |ui: &mut Ui| {
         swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY), materials.get(shown));
-        match &interval {
-            None => {
-                ui.label("curves of the scene file");
-            }
-            Some(interval) => {
-                if let Some(material) = choose_material(ui, ("material", index), materials, interval.material) {
-                    choose(ui, index);
-                    asked.push(Action::Edit(Edit::Interval(index, Interval { material, ..*interval })));
-                }
-            }
-        }
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let remove = ui.small_button("remove").on_hover_text("Leaves this out of the transfer function.");
-            remove.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("remove interval {index}")));
-            if remove.clicked() {
-                asked.push(Action::Edit(Edit::RemoveTerm(index)));
-            }
-        });
-    });
+        let Some(interval) = &interval else {
+            ui.label("curves of the scene file");
+            return None;
+        };
+        let material = choose_material(ui, ("material", index), materials, interval.material)?;
+        choose(ui, index);
+        Some(Action::Edit(Edit::Interval(index, Interval { material, ..*interval })))
+    };
+    let remove = |ui: &mut Ui| {
+        let remove = ui.small_button("remove").on_hover_text("Leaves this out of the transfer function.");
+        remove.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("remove interval {index}")));
+        remove.clicked().then_some(Action::Edit(Edit::RemoveTerm(index)))
+    };
+    sides(ui, asked, material, remove);
     let Some(interval) = interval else { return };
     let span = statistics.map_or(1.0, |it| it.max - it.min).max(f64::MIN_POSITIVE);
     let mut now = interval;
@@ -442,7 +437,7 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
 fn choose_material(ui: &mut Ui, id: (&str, usize), materials: &[Material], now: usize) -> Option<usize> {
     let mut material = now;
     let name = |index: usize| materials.get(index).map_or("", |material| &*material.name);
-    ComboBox::from_id_salt(id).selected_text(name(now)).width(120.0).show_ui(ui, |ui| {
+    ComboBox::from_id_salt(id).selected_text(name(now)).width(120.0).truncate().show_ui(ui, |ui| {
         for index in 0..materials.len() {
             ui.selectable_value(&mut material, index, name(index));
         }
@@ -456,23 +451,23 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
     let title = RichText::new("Labels").strong();
     ui.label(title).on_hover_text("Voxels with a label show as that says, whatever their value is.");
     for (index, entry) in labels.declared.iter().enumerate() {
-        ui.horizontal(|ui| {
+        let shown = |ui: &mut Ui| {
             let material = state.scene.materials.get(entry.material);
             swatch(ui, colours.get(entry.material).copied().unwrap_or(Color32::GRAY), material);
-            ui.allocate_ui(Vec2::new(64.0, 18.0), |ui| {
-                ui.set_min_width(64.0);
+            ui.allocate_ui(Vec2::new(56.0, 18.0), |ui| {
+                ui.set_min_width(56.0);
                 ui.add(egui::Label::new(&entry.name).truncate());
             });
-            if let Some(material) = choose_material(ui, ("label", index), &state.scene.materials, entry.material) {
-                asked.push(Action::Edit(Edit::Label(index, material, entry.opacity)));
-            }
+            let material = choose_material(ui, ("label", index), &state.scene.materials, entry.material)?;
+            Some(Action::Edit(Edit::Label(index, material, entry.opacity)))
+        };
+        let hidden = |ui: &mut Ui| {
             let mut opacity = entry.opacity;
             let dragged = number(ui, &mut opacity, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
                 .on_hover_text("What one opacity length of it hides, 0 to 1.");
             dragged.widget_info(|| WidgetInfo::slider(true, opacity, format!("{}: opacity", entry.name)));
-            if dragged.changed() {
-                asked.push(Action::Edit(Edit::Label(index, entry.material, opacity)));
-            }
-        });
+            dragged.changed().then_some(Action::Edit(Edit::Label(index, entry.material, opacity)))
+        };
+        sides(ui, asked, shown, hidden);
     }
 }
