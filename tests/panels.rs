@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use egui::accesskit::Role;
-use egui::{Event, Key, Modifiers, PointerButton, Pos2, Rect, Vec2};
+use egui::{Event, Key, Modifiers, MouseWheelUnit, PointerButton, Pos2, Rect, TouchPhase, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::{DVec2, DVec3};
@@ -21,6 +21,7 @@ use relume::scene::{self, Accuracy, Interval, Mix, Projection, SceneOptions};
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, bradford, d65_white, display_code, linear_srgb_from_xyz};
 use relume::spectrum::observer::{OBSERVER_1964, Observer};
 use relume::spectrum::{Spectrum, standard};
+use relume::view::action::{File, Leaving};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
@@ -1209,8 +1210,9 @@ fn until_listed(window: &mut Harness<'_, App>) {
 }
 
 fn saved_or_opened(window: &Harness<'_, App>) -> Vec<Action> {
-    let is_file =
-        |action: &&Action| matches!(action, Action::SavePicture(_) | Action::SaveSession(_) | Action::Open(_));
+    let is_file = |action: &&Action| {
+        matches!(action, Action::SavePicture(_) | Action::SaveSession(_) | Action::Open(_) | Action::Leave(_))
+    };
     window.state().asked.iter().filter(is_file).cloned().collect()
 }
 
@@ -1320,7 +1322,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         window.key_press(Key::Enter);
         window.run();
         source.options.selection = chosen;
-        assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(source))], "{there}");
+        assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(source)))], "{there}");
     }
 }
 
@@ -1337,7 +1339,7 @@ fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
     let cube = RawLayout::new([10; 3], VoxelType::U8);
     let mut said = source.clone();
     said.options.raw = Some(cube.clone());
-    assert_eq!(saved_or_opened(&window), [Action::Open(Box::new(said))]);
+    assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(said)))]);
 
     // Too few bytes for it are no volume.
     let guess = Some(Box::new(RawLayout { voxel_type: VoxelType::F64, ..cube }));
@@ -1372,6 +1374,68 @@ fn the_sides_of_a_patient_are_called_so() {
             assert!(matches!(asked, Some(Action::Edit(Edit::Camera(Move::Axis(it), _))) if *it == side), "{name}");
         }
     }
+}
+
+#[test]
+fn what_was_changed_is_left_only_once_somebody_says_so() {
+    let leaving = Leaving::Open(Box::new(Source::of(Path::new("other.toml"))));
+    let answers = [
+        ("Cancel", None),
+        ("Open without saving", Some(Action::Leave(leaving.clone()))),
+        ("Save session…", Some(Action::Choose(File::Session))),
+    ];
+    for (button, action) in answers {
+        let mut window = wide(document());
+        window.state_mut().chooser.leave(leaving.clone());
+        window.run();
+        assert!(window.state().chooser.is_open() && !window.state().chooser.asks_to_close());
+        window.get_by_label(button).click();
+        window.step();
+        assert_eq!(window.state().asked.last().cloned(), action, "{button}");
+        assert_eq!(window.state().chooser.is_open(), button.starts_with("Save"), "{button}");
+    }
+}
+
+#[test]
+fn a_document_is_saved_until_it_is_changed_and_again_where_that_is_undone() {
+    let mut document = document();
+    assert!(document.is_saved());
+    document.edit(&Edit::Exposure(2.0));
+    assert!(!document.is_saved());
+    document.undo();
+    assert!(document.is_saved());
+    document.redo();
+    document.save();
+    assert!(document.is_saved());
+    document.undo();
+    assert!(!document.is_saved(), "what is saved is something else");
+    let starting = Document::starting(document.opened().clone(), &Edit::HandOnNode(0));
+    assert!(starting.is_saved());
+}
+
+#[test]
+fn a_wheel_that_was_turned_over_the_panels_moves_no_camera() {
+    let mut window = wide(document());
+    window.run();
+    let place = window.state().place;
+    let turned = |window: &mut Harness<'_, App>, at: Pos2| {
+        window.state_mut().asked.clear();
+        window.event(Event::PointerMoved(at));
+        window.step();
+        window.event(Event::MouseWheel {
+            unit: MouseWheelUnit::Line,
+            delta: Vec2::new(0.0, 3.0),
+            phase: TouchPhase::Move,
+            modifiers: Modifiers::NONE,
+        });
+        window.step();
+        // The rest of it comes while the pointer is over the picture.
+        window.event(Event::PointerMoved(place.center()));
+        window.run();
+        window.state().asked.iter().any(|action| matches!(action, Action::Edit(Edit::Camera(..))))
+    };
+    assert!(!turned(&mut window, Pos2::new(100.0, 400.0)), "over the panels");
+    assert!(turned(&mut window, place.center()), "over the picture");
 }
 
 #[test]

@@ -209,6 +209,9 @@ fn light_that_passes_falls_along_the_ray_as_its_closed_form() {
         for (number, stretch) in ray.stretches.iter().enumerate() {
             let begins = long * f64::from(u32::try_from(number).unwrap());
             near("distance", stretch.distance, begins + long / 2.0, 1e-9);
+            let world = |place| scene.volume.geometry.world_from_index(place);
+            let along = (world(stretch.place) - world(ray.stretches[0].place)).length();
+            near("the place", along, begins, 1e-9);
             near("what passes", stretch.transmittance, passes(begins), 1e-9);
             near("scattering of a", stretch.scattering[0], scattering()[0] * long, 1e-12);
         }

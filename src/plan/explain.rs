@@ -212,7 +212,7 @@ impl Planned {
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "Few enough wavelengths to be faster would change colours by more than {} that is allowed, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side.",
+                "A colour model of fewer numbers would be faster, but would change colours by more than {} that is allowed: in ΔE00 (CIEDE2000), of which 1 can just be seen side by side.",
                 self.allowed(scene)
             )),
             _ => None,

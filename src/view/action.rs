@@ -25,6 +25,16 @@ pub enum File {
     Session,
 }
 
+/// For what somebody leaves what is looked at.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Leaving {
+    /// For another scene or volume.
+    Open(Box<Source>),
+    /// For nothing: the window closes.
+    Close,
+}
+
 /// Something that is asked of the viewer.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -37,8 +47,10 @@ pub enum Action {
     Redo,
     /// A dialog in which the file is chosen.
     Choose(File),
-    /// Another scene or volume.
+    /// Another scene or volume; where what is looked at was changed and not saved, somebody is asked first.
     Open(Box<Source>),
+    /// What is looked at is left, saved or not.
+    Leave(Leaving),
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
     /// in .png or .exr; `None` is a numbered name in this folder that is free.
     SavePicture(Option<PathBuf>),

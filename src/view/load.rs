@@ -8,11 +8,11 @@ use super::camera::{Move, Side, moved};
 use super::job::Listener;
 use crate::number::count;
 use crate::plan::{PlanError, Planned, plan};
-use crate::progress::Progress;
+use crate::progress::{Progress, Quiet};
 use crate::render::{RenderError, Renderer, Speed, Uploaded};
 use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
 use crate::tables::{Components, RelightMatrices};
-use crate::volume::{Geometry, RawLayout, Several, Statistics, VolumeError, has_header, is_volume};
+use crate::volume::{self, Geometry, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 use crate::vulkan::give_back_freed;
 
 /// The scene around a volume that has none.
@@ -222,7 +222,7 @@ impl Source {
                     parsed => parsed?,
                 }
             }
-            (Some(path), None) => scene::load(path, &self.options, progress)?,
+            (Some(path), None) => scene::load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,
         };
         let statistics = scene.volume.statistics()?;
         if without_scene.is_some() {
@@ -289,6 +289,17 @@ pub(super) fn warm_up(
     let mix = scene.opening_mix();
     relight.run(&RelightMatrices::new(&components, planned.positions.len(), background, &mix, &scene.display))?;
     Ok(())
+}
+
+/// What is wrong with the file `path`, which could not be read as a scene. One that is no text of a scene's length is told of as
+/// a volume that is not known.
+fn no_scene(path: &Path, error: SceneError) -> LoadError {
+    // Of what is wrong in a scene's text, the line is said.
+    let is_all_of_it = matches!(&error, SceneError::Invalid { at, .. } if *at == path.display().to_string());
+    match volume::open(path, &Selection::default(), &Quiet) {
+        Err(unknown @ VolumeError::UnknownFormat { .. }) if is_all_of_it => unknown.into(),
+        _ => error.into(),
+    }
 }
 
 /// Opacities of the materials of a volume that has no scene, from the rarest-valued air up.

@@ -279,6 +279,8 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
 pub struct Stretch {
     /// Its middle, in world units behind where the ray enters.
     pub distance: f64,
+    /// The same as a place in the volume, in voxels from the middle of the first.
+    pub place: DVec3,
     /// The mean of the data values.
     pub value: f64,
     /// What of the light behind it it hides.
@@ -333,8 +335,10 @@ impl Ray {
         let storage = || Storage::new(&planned.plan, &scene.volume, statistics);
         let exact = Exact::new(scene, &planned, storage(), labels.as_ref());
         let mut profile = Profile::new(scene);
+        let dims = DVec3::from_array(scene.volume.geometry.dims.map(count));
         let own = march_ray(scene, &planned, &exact, [size, place], progress, |passing: &Passing<'_, f64>| {
-            profile.add(exact.at(passing.place), passing.transmittance);
+            let place = DVec3::from_array(passing.place) * dims - 0.5;
+            profile.add(place, exact.at(passing.place), passing.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -384,8 +388,8 @@ impl<'a> Profile<'a> {
         Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen }
     }
 
-    /// The next sample: its value, the label that decides in its stead, and what passes from there to the eye.
-    fn add(&mut self, (value, label): (f64, Option<usize>), transmittance: &[f64]) {
+    /// The next sample: where it is, its value, the label that decides in its stead, and what passes from there to the eye.
+    fn add(&mut self, place: DVec3, (value, label): (f64, Option<usize>), transmittance: &[f64]) {
         let scene = self.scene;
         let materials = scene.materials.len();
         let entry = label.and_then(|label| scene.labels.as_ref()?.declared.get(label));
@@ -424,6 +428,7 @@ impl<'a> Profile<'a> {
             }
             self.stretches.push(Stretch {
                 distance: 0.0,
+                place: DVec3::ZERO,
                 value: 0.0,
                 opacity: 0.0,
                 transmittance: passes,
@@ -433,6 +438,7 @@ impl<'a> Profile<'a> {
         let here = count(self.samples % self.per_stretch + 1);
         if let Some(stretch) = self.stretches.last_mut() {
             stretch.distance += (at - stretch.distance) / here;
+            stretch.place += (place - stretch.place) / here;
             stretch.value += (value - stretch.value) / here;
             stretch.opacity += (1.0 - stretch.opacity) * hides;
             stretch.scattering.iter_mut().zip(&scattering).for_each(|(sum, depth)| *sum += depth);
@@ -444,6 +450,7 @@ impl<'a> Profile<'a> {
     fn halve(&mut self) {
         let pairs = self.stretches.chunks_exact(2).map(|pair| Stretch {
             distance: f64::midpoint(pair[0].distance, pair[1].distance),
+            place: pair[0].place.midpoint(pair[1].place),
             value: f64::midpoint(pair[0].value, pair[1].value),
             opacity: pair[0].opacity + (1.0 - pair[0].opacity) * pair[1].opacity,
             transmittance: pair[0].transmittance,

@@ -455,6 +455,8 @@ pub struct Document {
     opened: Scene,
     statistics: Option<Statistics>,
     now: State,
+    /// As it was opened, or saved last.
+    saved: State,
     past: Vec<State>,
     future: Vec<State>,
     /// The kind of the edits that are one step back together, while a hand is at it.
@@ -466,7 +468,8 @@ impl Document {
     #[must_use]
     pub fn new(scene: Scene) -> Self {
         let now = State::new(scene.clone());
-        Self { opened: scene, statistics: None, now, past: Vec::new(), future: Vec::new(), gesture: None }
+        let saved = now.clone();
+        Self { opened: scene, statistics: None, now, saved, past: Vec::new(), future: Vec::new(), gesture: None }
     }
 
     /// A scene that was just opened, with `edit` made before anybody looks.
@@ -474,7 +477,19 @@ impl Document {
     pub fn starting(scene: Scene, edit: &Edit) -> Self {
         let mut document = Self::new(scene);
         document.now.apply(edit, &document.opened);
+        document.save();
         document
+    }
+
+    /// It is saved as it is now.
+    pub fn save(&mut self) {
+        self.saved = self.now.clone();
+    }
+
+    /// Whether it is as it was opened, or saved last.
+    #[must_use]
+    pub fn is_saved(&self) -> bool {
+        self.now.cost_from(&self.saved).is_none()
     }
 
     /// The same, where the values of its volume are known to have `statistics`.

@@ -17,7 +17,7 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::WindowId;
 
-use super::action::Action;
+use super::action::{Action, Leaving};
 use super::effort::Curve;
 use super::engine::{Counts, Engine, EngineError};
 use super::export::write_rgba;
@@ -176,6 +176,8 @@ struct Viewer {
     report: Report,
     /// Counts of engines that are gone.
     before: Counts,
+    /// Whether the window closes after this frame.
+    closes: bool,
     failed: Option<ViewError>,
 }
 
@@ -223,6 +225,7 @@ impl Viewer {
             relit: Times::default(),
             report: Report::default(),
             before: Counts::default(),
+            closes: false,
             failed: None,
         }
     }
@@ -320,7 +323,9 @@ impl Viewer {
                 let cost = self.document.as_mut().and_then(Document::redo);
                 self.show_again(cost);
             }
-            Action::Open(source) => self.open(*source),
+            Action::Open(source) if self.would_lose() => self.chooser.leave(Leaving::Open(source)),
+            Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
+            Action::Leave(Leaving::Close) => self.closes = true,
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),
             Action::SaveAccumulators(path) => self.save_accumulators(path),
@@ -560,6 +565,11 @@ impl Viewer {
         }
     }
 
+    /// Whether something was done that is not saved, and somebody is there to be asked.
+    fn would_lose(&self) -> bool {
+        !self.is_scripted() && self.document.as_ref().is_some_and(|document| !document.is_saved())
+    }
+
     fn is_scripted(&self) -> bool {
         self.options.script.is_some() || self.options.frames.is_some()
     }
@@ -567,7 +577,7 @@ impl Viewer {
     /// When the next frame is due.
     fn next(&mut self, events: &ActiveEventLoop, again: Duration, more: bool) {
         let over = self.options.frames.is_some_and(|frames| self.report.frames >= u64::from(frames));
-        if self.failed.is_some() || (over && self.options.script.is_none() && self.loading.is_none()) {
+        if self.failed.is_some() || self.closes || (over && self.options.script.is_none() && self.loading.is_none()) {
             events.exit();
             return;
         }
@@ -641,6 +651,10 @@ impl Viewer {
     /// What the system tells of the window.
     fn hear(&mut self, events: &ActiveEventLoop, event: &WindowEvent) {
         match event {
+            // Whoever asks again, while the question stands, means it.
+            WindowEvent::CloseRequested if self.would_lose() && !self.chooser.asks_to_close() => {
+                self.chooser.leave(Leaving::Close);
+            }
             WindowEvent::CloseRequested => {
                 events.exit();
                 return;
@@ -659,7 +673,8 @@ impl Viewer {
             _ => {}
         }
         let Some(screen) = &mut self.screen else { return };
-        if screen.egui.on_window_event(&screen.window, event).repaint || matches!(event, WindowEvent::Resized(_)) {
+        let due = matches!(event, WindowEvent::Resized(_) | WindowEvent::CloseRequested);
+        if screen.egui.on_window_event(&screen.window, event).repaint || due {
             screen.window.request_redraw();
         }
     }

@@ -3,11 +3,11 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use egui::{Context, Vec2, vec2};
+use egui::{Context, Id, Key, Modal, Vec2, vec2};
 use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
 
 use super::reading::{Answer, Reading};
-use crate::view::action::{Action, File};
+use crate::view::action::{Action, File, Leaving};
 use crate::view::load::{Question, Source};
 use crate::volume;
 
@@ -54,6 +54,8 @@ enum Stage {
     File(File, Box<FileDialog>),
     /// How a file is to be read.
     Reading(Box<Reading>),
+    /// What becomes of changes that are not saved.
+    Leaving(Leaving),
 }
 
 /// The dialog, while there is one.
@@ -72,6 +74,7 @@ impl fmt::Debug for Chooser {
             None => {}
             Some(Stage::File(file, _)) => drop(fields.field("file", file)),
             Some(Stage::Reading(reading)) => drop(fields.field("reading", reading)),
+            Some(Stage::Leaving(leaving)) => drop(fields.field("leaving", leaving)),
         }
         fields.field("folder", folder).finish_non_exhaustive()
     }
@@ -92,6 +95,17 @@ impl Chooser {
     /// Asks what has to be said before what is at `source` can be read.
     pub fn ask(&mut self, source: Source, question: Question) {
         self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question))));
+    }
+
+    /// Asks what becomes of changes that are not saved.
+    pub fn leave(&mut self, leaving: Leaving) {
+        self.stage = Some(Stage::Leaving(leaving));
+    }
+
+    /// Whether it asks that before the window closes.
+    #[must_use]
+    pub fn asks_to_close(&self) -> bool {
+        matches!(self.stage, Some(Stage::Leaving(Leaving::Close)))
     }
 
     /// Begins to choose `file`, in the folder of the last one, else in that of `suggested`, whose name a file that is saved has
@@ -140,9 +154,15 @@ impl Chooser {
                 let answer = reading.show(context)?;
                 self.stage = None;
                 match answer {
-                    Answer::Open(source) => Some(Action::Open(source)),
+                    // What is looked at was given up before it was asked.
+                    Answer::Open(source) => Some(Action::Leave(Leaving::Open(source))),
                     Answer::GivenUp => None,
                 }
+            }
+            Stage::Leaving(leaving) => {
+                let answer = unsaved(context, leaving)?;
+                self.stage = None;
+                answer
             }
         }
     }
@@ -164,6 +184,32 @@ fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option
     config.max_size = Some(window.size() - if config.title_bar { vec2(24.0, 48.0) } else { vec2(14.0, 14.0) });
     dialog.update(context);
     (*dialog.state() != DialogState::Open).then(|| dialog.take_picked())
+}
+
+/// Asks what becomes of changes that are not saved. What is asked for then, or nothing; `None` while there is no answer.
+fn unsaved(context: &Context, leaving: &Leaving) -> Option<Option<Action>> {
+    let (heading, go_on) = match leaving {
+        Leaving::Open(_) => ("Leave what was changed?", "Open without saving"),
+        Leaving::Close => ("Close what was changed?", "Close without saving"),
+    };
+    let escape = context.input(|input| input.key_pressed(Key::Escape));
+    let shown = Modal::new(Id::new("unsaved")).show(context, |ui| {
+        ui.set_max_width(360.0);
+        ui.heading(heading);
+        ui.label("It is not saved as a session, and cannot be had back.");
+        ui.add_space(6.0);
+        ui.horizontal_wrapped(|ui| {
+            if ui.button("Save session…").clicked() {
+                return Some(Some(Action::Choose(File::Session)));
+            }
+            if ui.button(go_on).clicked() {
+                return Some(Some(Action::Leave(leaving.clone())));
+            }
+            (ui.button("Cancel").clicked() || escape).then_some(None)
+        })
+        .inner
+    });
+    shown.inner
 }
 
 /// Whether a file of this name may be a scene or a volume.

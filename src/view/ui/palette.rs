@@ -1,8 +1,8 @@
 //! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
 
 use egui::{
-    Color32, ComboBox, Grid, Id, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, WidgetInfo,
-    WidgetType, Window, pos2, vec2,
+    Color32, ComboBox, Grid, Id, LayerId, Order, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind,
+    Ui, WidgetInfo, WidgetType, Window, pos2, vec2,
 };
 
 use super::Shown;
@@ -39,11 +39,17 @@ enum Chosen {
     Member(Side, usize),
 }
 
+/// Where the editor lies among what is over the picture.
+pub(super) fn layer() -> LayerId {
+    LayerId::new(Order::Middle, Id::new("palette"))
+}
+
 /// Shows the editor over the picture.
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
     let mut open = true;
     Window::new("Palette")
+        .id(layer().id)
         .open(&mut open)
         .default_pos(rect.left_top() + vec2(8.0, 8.0))
         .default_size([480.0, (rect.height() - 20.0).max(80.0)])
@@ -105,7 +111,10 @@ fn choose(ui: &Ui, what: Chosen) {
 fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>) {
     let scene = &state.scene;
     Grid::new("palette matrix").spacing([6.0, 6.0]).show(ui, |ui| {
-        ui.label(RichText::new("target | now, ΔE00").small().weak());
+        ui.label(RichText::new("asked | now, ΔE00").small().weak()).on_hover_text(
+            "A cell is a material under a light: at the left what is asked of it, = where that is another cell's colour, at the right what \
+             it looks like now, and how far that is off in ΔE00, of which 1 can just be seen.",
+        );
         for (index, light) in palette.lights.iter().enumerate() {
             ui.vertical(|ui| {
                 member(ui, scene, Side::Light, index, light, asked);
@@ -172,6 +181,14 @@ fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize
     let ground = ui.visuals().extreme_bg_color;
     for (half, colour) in [(left, target), (right, achieved)] {
         ui.painter().rect_filled(half, 0.0, colour.map_or(ground, screen));
+    }
+    let is_like = palette
+        .cells
+        .iter()
+        .any(|cell| (cell.material, cell.light) == (row, column) && matches!(cell.target, Target::Like { .. }));
+    if is_like {
+        let ink = if target.map_or(0.5, |xyz| xyz.0[1]) > 0.2 { Color32::BLACK } else { Color32::WHITE };
+        ui.painter().text(left.center(), egui::Align2::CENTER_CENTER, "=", egui::FontId::proportional(11.0), ink);
     }
     if target.is_none() {
         // Hatched: nothing is asked, not even black.

@@ -66,7 +66,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             go(Move::Orbit { right: -TURN * right, up: TURN * down });
         }
     }
-    if hand.hovered() {
+    let turned = ui.input(|input| input.events.iter().any(|event| matches!(event, egui::Event::MouseWheel { .. })));
+    let wheel = ui.id().with("the wheel was turned here");
+    if turned {
+        ui.data_mut(|data| data.insert_temp(wheel, hand.hovered()));
+    }
+    // egui goes on scrolling for a while: what is left of it belongs to where it began.
+    if hand.hovered() && ui.data(|data| data.get_temp(wheel).unwrap_or(true)) {
         let (scrolled, pinched) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let closer = NEARER.powf(f64::from(scrolled) / 50.0) * f64::from(pinched);
         if (closer - 1.0).abs() > 1e-6 {

@@ -6,6 +6,7 @@ use egui::{Color32, Grid, Key, Label, Rect, RichText, ScrollArea, Sense, Stroke,
 use super::Shown;
 use super::spectrum::{narrow, patch, plot};
 use super::transfer::colours;
+use crate::number::{brief, readable};
 use crate::spectrum::colour::Lab;
 use crate::view::action::Action;
 use crate::view::probe::{Lit, Probe, Share, Stretch};
@@ -72,7 +73,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         "Under each light",
         "The pixel under each light alone, as strong as the scene states: CIE L*a*b*, and how far that is from the truth in ΔE00, of which 1 can just be seen. The truth is this pixel in full spectra, in double precision, at an eighth of the steps.",
     );
-    Grid::new("lights").num_columns(4).spacing([8.0, 3.0]).show(ui, |ui| {
+    Grid::new("lights").num_columns(4).min_col_width(14.0).spacing([8.0, 3.0]).show(ui, |ui| {
         for lit in std::iter::once(&probe.now).chain(&probe.lights) {
             patch(ui, &lit.shown.code(), 14.0);
             ui.label(&lit.name);
@@ -159,7 +160,7 @@ fn error(ui: &mut Ui, lit: &Lit) {
 }
 
 fn spectra(ui: &mut Ui, probe: &Probe) {
-    let (strong, weak) = (ui.visuals().strong_text_color(), Color32::from_rgb(120, 150, 220));
+    let (strong, weak) = (ui.visuals().strong_text_color(), blue(ui));
     let (Some(spectrum), Some(reflectance)) = (&probe.spectrum, &probe.reflectance) else {
         ui.label(RichText::new("making spectra of the colour model's numbers …").small().weak());
         return;
@@ -187,6 +188,11 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
         let text = format!("made of a colour model's numbers: off by {:.2} % on average", 100.0 * rms);
         ui.label(RichText::new(text).small().weak());
     }
+}
+
+/// The second colour of curves.
+fn blue(ui: &Ui) -> Color32 {
+    if ui.visuals().dark_mode { Color32::from_rgb(120, 150, 220) } else { Color32::from_rgb(30, 70, 170) }
 }
 
 fn percent(part: f64) -> RichText {
@@ -251,8 +257,15 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
             response.on_hover_text(told(document, stretch));
         }
     }
-    let text = format!("value {low:.4} to {high:.4} over {length:.1} units of length; orange: light that still passes");
+    let [from, to] = [low, high].map(brief);
+    let text = format!("value {from} to {to} over {length:.1} units of length; orange: light that still passes");
     ui.label(RichText::new(text).small().weak());
+    let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
+    let brightest = met.iter().filter(|stretch| seen(stretch) > 0.0).max_by(|one, two| seen(one).total_cmp(&seen(two)));
+    if let Some(stretch) = brightest {
+        let text = format!("What it shows is mostly at {}.", place(document, stretch));
+        ui.label(RichText::new(text).small());
+    }
 }
 
 fn range(ray: &[Stretch]) -> [f64; 2] {
@@ -273,14 +286,24 @@ fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
     Color32::from_rgb(channel(Color32::r as fn(&Color32) -> u8), channel(|it| it.g()), channel(|it| it.b()))
 }
 
+/// Where a stretch is, in the volume and in the world.
+fn place(document: &Document, stretch: &Stretch) -> String {
+    let world = document.state().scene.volume.geometry.world_from_index(stretch.place);
+    let [x, y, z] = world.to_array().map(|along| readable(format!("{along:.3e}").parse().unwrap_or(along)));
+    // Without the sign of nothing.
+    let [i, j, k] = stretch.place.to_array().map(|along| along.round() + 0.0);
+    format!("{x} {y} {z} (voxel {i} {j} {k})")
+}
+
 fn told(document: &Document, stretch: &Stretch) -> String {
     let materials = document.state().scene.materials.iter().zip(&stretch.scattering);
     let names: Vec<&str> = materials.filter(|(_, depth)| **depth > 0.0).map(|(it, _)| it.name.as_str()).collect();
     let shown = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
     format!(
-        "At {:.2}: value {:.4}, which shows {shown}. It hides {:.2} %, and {:.2} % of the light in front of it passes.",
+        "At {:.2}, {}: value {}, which shows {shown}. It hides {:.2} %, and {:.2} % of the light in front of it passes.",
         stretch.distance,
-        stretch.value,
+        place(document, stretch),
+        brief(stretch.value),
         100.0 * stretch.opacity,
         100.0 * stretch.transmittance
     )

@@ -137,7 +137,7 @@ fn row(
             spectrum.or(found.lights.first().map(|(_, it)| it.spectrum())) == Some(now)
         };
         let known = standard::names(kind).iter().find(of).copied();
-        let shown = known.unwrap_or("no standard");
+        let shown = known.unwrap_or("a curve of its own");
         let combo = ComboBox::from_id_salt((kind == Kind::Light, name))
             .width(116.0)
             .selected_text(RichText::new(shown).small());

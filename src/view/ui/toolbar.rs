@@ -4,6 +4,7 @@ use egui::{Area, Button, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2
 
 use super::Shown;
 use super::controls::toggle;
+use super::palette;
 use crate::view::action::{Action, File};
 
 const SHIFT: Modifiers = Modifiers::COMMAND.plus(Modifiers::SHIFT);
@@ -125,6 +126,8 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         let palette = ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, shown.design.shown, "Palette"));
         if palette.inner.on_hover_text(help).clicked() {
             asked.push(Action::Palette(!shown.design.shown));
+            // It may lie behind the probe.
+            ui.ctx().move_to_top(palette::layer());
         }
     });
 }

@@ -79,6 +79,10 @@ impl Viewer {
         };
         self.before = self.counts();
         if !again {
+            if !self.is_scripted() {
+                // What went wrong before is over.
+                self.notices.retain(|notice| notice.until.is_some());
+            }
             let mut document = Document::new(loaded.scene.clone());
             if loaded.source.bare_volume().is_some() {
                 // Its lights are there to choose from, and not meant together.

@@ -102,13 +102,14 @@ impl Viewer {
 
     pub(super) fn save_session(&mut self, path: Option<PathBuf>) {
         let path = &self.saving.named(path, SESSION);
-        let Some(document) = &self.document else {
+        let Some(document) = &mut self.document else {
             self.note("There is no session to save: nothing is open.".to_owned());
             return;
         };
         match session::save(path, &self.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
             Ok(()) => {
+                document.save();
                 let ([width, height], path) = (self.report.size, whole_path(path));
                 self.tell_done(format!(
                     "The session is {path}; relume render with --size {width}x{height} makes this picture."
