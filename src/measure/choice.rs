@@ -222,6 +222,7 @@ pub fn curve(
     let settings: Vec<Setting> = std::iter::once(Setting::default())
         .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(voxels(n), dimension, 1.0))))
         .collect();
+    curve.settings = Some(settings.len());
     let measured: Result<(), ChoiceError> =
         settings.iter().try_for_each(|setting| curve.point(setting, FRAMES).map(drop));
     curve.keep();
@@ -238,6 +239,8 @@ struct Curve<'a> {
     device: String,
     known: Known,
     measured: usize,
+    /// How many settings there will be, where that is known.
+    settings: Option<usize>,
     tried: Vec<Tried>,
     /// Where weights are exact none are chosen.
     dimensions: Vec<Option<usize>>,
@@ -246,6 +249,22 @@ struct Curve<'a> {
     bench: Option<Bench<'a>>,
     /// The truth is made for no shorter steps than this, in world units.
     finest: f64,
+}
+
+/// Says of each stage which setting it is for: several stages long, each begins anew.
+struct Numbered<'a> {
+    progress: &'a dyn Progress,
+    which: String,
+}
+
+impl Progress for Numbered<'_> {
+    fn report(&self, stage: &str, done: u64, total: u64) {
+        self.progress.report(&format!("{}: {stage}", self.which), done, total);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.progress.cancelled()
+    }
 }
 
 /// A step of so many octaves of a voxel, to three digits.
@@ -306,6 +325,7 @@ impl<'a> Curve<'a> {
             device,
             known,
             measured: 0,
+            settings: None,
             tried: Vec::new(),
             dimensions,
             scales: &SCALES[..1],
@@ -333,8 +353,12 @@ impl<'a> Curve<'a> {
         if let Some(point) = known.filter(|point| point.frames >= frames) {
             return Ok(point);
         }
-        self.progress.report(&format!("trying {setting}"), self.measured as u64, self.measured as u64 + 4);
-        let progress = self.progress;
+        let number = self.tried.len() + 1;
+        let which = match self.settings {
+            Some(settings) => format!("{number} of {settings} settings"),
+            None => format!("setting {number}"),
+        };
+        let progress = &Numbered { progress: self.progress, which };
         let finest = self.finest;
         let bench = self.bench()?;
         let ready = bench.ready(setting, progress)?;

@@ -26,14 +26,14 @@ use super::load::{LoadError, Loaded, Loading, Source};
 use super::prober::Prober;
 use super::screen::Screen;
 use super::script::{Script, ScriptError};
-use super::state::{Cost, Document, Edit};
+use super::state::{Cost, Document};
 use super::tour::Tour;
 use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{unsigned, whole};
-use crate::palette::{Conflict, PaletteError};
+use crate::palette::PaletteError;
 use crate::render::RenderError;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
-use beside::{Chosen, Solved};
+use beside::{Chosen, Solved, Verdict};
 use replay::Position;
 pub use report::Report;
 use report::{Times, keep};
@@ -162,8 +162,8 @@ struct Viewer {
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
     solving: Option<Job<Result<Solved, PaletteError>>>,
-    /// What excluded itself in what was solved last.
-    conflicts: Vec<Conflict>,
+    /// What excluded itself in palettes that were solved.
+    verdicts: Vec<Verdict>,
     /// The last edit that marches.
     moved: Instant,
     /// What is still to be written, and in which dialog it is said where.
@@ -216,7 +216,7 @@ impl Viewer {
             chosen: None,
             editing: false,
             solving: None,
-            conflicts: Vec::new(),
+            verdicts: Vec::new(),
             moved: begun,
             saving: Saving::default(),
             chooser: Chooser::default(),
@@ -305,10 +305,6 @@ impl Viewer {
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
-                if matches!(edit, Edit::Design(_)) {
-                    // They are of what was asked before.
-                    self.conflicts.clear();
-                }
                 if edit.cost() == Cost::Relight && matches!(self.tour, Some(Tour::Playing { .. })) {
                     self.tour = None;
                 }
@@ -426,7 +422,11 @@ impl Viewer {
             plays: matches!(self.tour, Some(Tour::Playing { .. })),
             panels: self.panels.unwrap_or(wide),
             effort,
-            design: Design { shown: self.editing, running: solving, conflicts: &self.conflicts },
+            design: Design {
+                shown: self.editing,
+                running: solving,
+                conflicts: beside::conflicts(&self.verdicts, self.document.as_ref()),
+            },
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };

@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::Shown;
 use super::controls::{number, panel};
 use super::spectrum::narrow;
+use crate::number::count;
 use crate::scene::View;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
@@ -17,6 +18,12 @@ const CATCH: f32 = 22.0;
 /// Parts of the volume that a hand is as fine as.
 const PARTS: f64 = 1e4;
 const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A part of the volume along an axis, as its voxel too.
+fn part_text(document: &Document, axis: usize, part: f64) -> String {
+    let last = count(document.state().scene.volume.geometry.dims[axis]) - 1.0;
+    format!("{part:.4} of the volume, voxel {:.1} of 0 to {last}", part * last)
+}
 
 fn hidden() -> Id {
     Id::new("crop box is hidden")
@@ -57,9 +64,11 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 for (end, word) in ["from", "to"].into_iter().enumerate() {
                     ui.label(word);
                     let value = &mut next[end][axis];
-                    let dragged = number(ui, value, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
-                        .on_hover_text("As a part of the volume, 0 to 1. Drag, or type a number.");
+                    let dragged = number(ui, value, 4, |drag| drag.speed(0.002).range(0.0..=1.0));
                     let value = *value;
+                    let dragged = dragged.on_hover_ui(|ui| {
+                        ui.label(format!("{}. Drag, or type a part from 0 to 1.", part_text(document, axis, value)));
+                    });
                     dragged.widget_info(|| WidgetInfo::slider(true, value, format!("crop {name}: {word}")));
                 }
                 if next != now {
@@ -86,7 +95,7 @@ struct Map<'a> {
 impl Map<'_> {
     /// Where a point is: right, up and forward of the eye, the first two as the picture's half is 1 where it is.
     fn seen(&self, parts: DVec3) -> DVec3 {
-        let last = DVec3::from_array(self.geometry.dims.map(crate::number::count)) - 1.0;
+        let last = DVec3::from_array(self.geometry.dims.map(count)) - 1.0;
         // An axis of one voxel is one voxel thick.
         let index = DVec3::select(last.cmpgt(DVec3::ZERO), parts * last, parts - 0.5);
         let from_eye = self.geometry.world_from_index(index) - self.view.eye;
@@ -174,7 +183,12 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
                     }
                 }
             }
-            hand.on_hover_text(format!("Drag this side of the box: {name} {word} {:.4}", crop[end][axis]));
+            hand.on_hover_ui(|ui| {
+                ui.label(format!(
+                    "Drag this side of the box: {name} {word} {}",
+                    part_text(document, axis, crop[end][axis])
+                ));
+            });
         }
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::{NEWS_OF_MEASURING, Viewer, Woken};
 use crate::measure::{Choice, ChoiceError, Goal};
-use crate::palette::{self, Palette, PaletteError, Solution};
+use crate::palette::{self, Conflict, Palette, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::RenderError;
 use crate::view::action::Action;
@@ -15,6 +15,9 @@ use crate::view::job::Job;
 use crate::view::prober::StepError;
 use crate::view::state::{Document, Edit};
 use crate::vulkan::VulkanError;
+
+/// Palettes whose conflicts are remembered.
+const MOST_VERDICTS: usize = 20;
 
 /// ΔE00 that is hardly seen.
 const UNSEEN: f64 = 0.5;
@@ -26,8 +29,25 @@ pub(super) type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 pub(super) enum Solved {
     /// A palette to begin with.
     Offered(Palette),
-    /// The open spectra of one, and what of it changes with them.
-    Found(Box<Solution>, Option<Step>),
+    /// The open spectra of one.
+    Found {
+        /// What was asked.
+        palette: Arc<Palette>,
+        /// What was found.
+        solution: Box<Solution>,
+        /// What of the palette changes with it.
+        step: Option<Step>,
+    },
+}
+
+/// What excludes itself in a palette that was solved.
+pub(super) type Verdict = (Arc<Palette>, Vec<Conflict>);
+
+/// What excludes itself in the palette of `document`, where that was solved: also after a step back.
+pub(super) fn conflicts<'a>(verdicts: &'a [Verdict], document: Option<&Document>) -> &'a [Conflict] {
+    let now = document.and_then(|document| document.state().palette.as_ref());
+    let verdict = verdicts.iter().find(|(of, _)| Some(of) == now);
+    verdict.map_or(&[], |(_, conflicts)| conflicts)
 }
 
 impl Viewer {
@@ -108,11 +128,13 @@ impl Viewer {
             self.note("There is no palette to solve: offer one for the materials first.".to_owned());
             return;
         };
-        self.begin_to_solve(move |progress| Ok(Solved::Found(Box::new(palette::solve(&palette, progress)?), step)));
+        self.begin_to_solve(move |progress| {
+            let solution = Box::new(palette::solve(&palette, progress)?);
+            Ok(Solved::Found { palette, solution, step })
+        });
     }
 
     fn begin_to_solve(&mut self, solve: impl FnOnce(&dyn Progress) -> Result<Solved, PaletteError> + Send + 'static) {
-        self.conflicts.clear();
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
         self.solving = Some(Job::start(wake, solve));
@@ -126,13 +148,18 @@ impl Viewer {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
             (Ok(Solved::Offered(palette)), _) => self.ask(Action::Edit(Edit::Design(Step::Take(Arc::new(palette))))),
-            (Ok(Solved::Found(solution, step)), Some(document)) => {
+            (Ok(Solved::Found { palette, solution, step }), Some(document)) => {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 self.report.solved.push(solution.worst());
                 // The editor tells why, and offers ways out, where anybody sees that not all is as asked.
-                self.conflicts = if solution.worst() > UNSEEN { solution.conflicts } else { Vec::new() };
-                self.editing |= !self.conflicts.is_empty();
+                let conflicts = if solution.worst() > UNSEEN { solution.conflicts } else { Vec::new() };
+                self.editing |= !conflicts.is_empty();
+                self.verdicts.retain(|(of, _)| *of != palette);
+                self.verdicts.push((palette, conflicts));
+                if self.verdicts.len() > MOST_VERDICTS {
+                    self.verdicts.remove(0);
+                }
             }
         }
         true

@@ -94,7 +94,7 @@ impl Viewer {
             (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);
-        self.conflicts.clear();
+        self.verdicts.clear();
         // Pictures are counted anew.
         let looked_at = self.prober.place().filter(|_| again);
         self.prober.look(None);
