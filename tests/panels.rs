@@ -745,6 +745,17 @@ fn a_typed_number_holds_once_enter_is_pressed_and_is_one_step_back() {
 }
 
 #[test]
+fn a_number_that_no_hand_may_reach_stays_as_the_scene_has_it() {
+    // A step that no field goes down to, and more exposure than its slider has.
+    let text = format!("{SCENE}{DIAL}[accuracy]\nstep = 0.001\n[display]\nexposure = 1000\n");
+    let scene = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(scene)));
+    window.run();
+    assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
+    assert!(window.state().document.as_ref().unwrap().is_saved());
+}
+
+#[test]
 fn a_field_that_is_left_as_it_was_changes_nothing_though_it_shows_fewer_digits() {
     let mut document = document();
     let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();

@@ -52,7 +52,9 @@ pub(super) fn number<N: Numeric>(
     with: impl FnOnce(DragValue<'_>) -> DragValue<'_>,
 ) -> Response {
     let before = *value;
-    let response = ui.add(with(DragValue::new(value).update_while_editing(false).max_decimals(decimals)));
+    // What a scene has stays as it is, also where a hand may not go.
+    let field = DragValue::new(value).update_while_editing(false).max_decimals(decimals);
+    let response = ui.add(with(field.clamp_existing_to_range(false)));
     typed(response, before, value, decimals)
 }
 
