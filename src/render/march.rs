@@ -21,8 +21,14 @@ use crate::vulkan::{
 const DISPATCH: Duration = Duration::from_millis(50);
 /// Samples that the first dispatch of a march takes, before its speed is known.
 const FIRST_SAMPLES: f64 = 2e7;
-/// How much more a dispatch may do than the slowest, for each `dispatch` of time since: a device that was held up recovers.
-const RECOVERY: f64 = 0.1;
+/// Part of its time that a march was slow in: what holds up a dispatch now and then takes less.
+const SLOW: f64 = 0.1;
+/// How much more a dispatch may do than fitted where the march was slow.
+const BOLDNESS: f64 = 1.5;
+/// The same after a march of pictures of another size.
+const BOLDNESS_ELSEWHERE: f64 = 4.0;
+/// Least samples along a ray per dispatch: of fewer, what a ray begins with would take longer.
+const SHORTEST_SLICE: u32 = 16;
 /// Most samples along a ray per dispatch.
 pub(super) const SLICE: u32 = 16_384;
 /// Components of the largest matrices that are marched: larger ones would not stay in registers.
@@ -146,28 +152,35 @@ pub struct March {
     left: Accumulators,
 }
 
-/// How long a dispatch may take, about, and how much an earlier march of the same plan did in that time where it was slowest.
+/// How long a dispatch may take, about, and how much fits into that as far as is known.
 #[derive(Clone, Copy, Debug)]
 pub struct Speed {
     dispatch: Duration,
     /// Samples of the first dispatch, where known.
     first: Option<f64>,
-    /// Samples that fitted where it was slowest.
-    least: f64,
+    /// Samples of any dispatch, at most: rows that meet the volume follow rows that do not.
+    most: f64,
 }
 
 impl Speed {
     /// A device that nothing is known of, with dispatches of about `dispatch`.
     #[must_use]
     pub fn unknown(dispatch: Duration) -> Self {
-        // The first then takes so little that even a slow device is done in time.
-        Self { dispatch, first: Some(FIRST_SAMPLES / 16.0), least: f64::INFINITY }
+        // So little that even a slow device is done in time.
+        let most = FIRST_SAMPLES / 32.0;
+        Self { dispatch, first: Some(most), most }
+    }
+
+    /// What it says of pictures of another size.
+    #[must_use]
+    pub fn elsewhere(self) -> Self {
+        Self { most: self.most * BOLDNESS_ELSEWHERE / BOLDNESS, ..self }
     }
 }
 
 impl Default for Speed {
     fn default() -> Self {
-        Self { dispatch: DISPATCH, first: None, least: f64::INFINITY }
+        Self { dispatch: DISPATCH, first: None, most: f64::INFINITY }
     }
 }
 
@@ -569,8 +582,7 @@ impl March {
     /// How fast it has been so far.
     #[must_use]
     pub fn speed(&self) -> Speed {
-        let Schedule { dispatch, budget, least, .. } = self.schedule;
-        Speed { dispatch, first: Some(budget.min(least)), least }
+        self.schedule.speed()
     }
 
     /// The next dispatch, on the renderer that began it.
@@ -666,7 +678,7 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
 }
 
 /// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into `dispatch` at the
-/// speed of the last one, but at most twice as many as at the slowest: rows that meet the volume follow rows that do not.
+/// speed of the last one, but hardly more than where it was slow: rows that meet the volume follow rows that do not.
 #[derive(Debug)]
 struct Schedule {
     dispatching: Dispatching,
@@ -677,20 +689,41 @@ struct Schedule {
     rows: u32,
     sample: u32,
     slice: u32,
-    /// Most samples per dispatch.
+    /// Samples of the next dispatch, at most.
     budget: f64,
-    /// Samples that fit where the march was slowest; what once held it up is forgotten, [`RECOVERY`].
-    least: f64,
-    /// Those of the dispatch under way.
+    /// Samples of any dispatch, at most, as far as an earlier march has told.
+    most: f64,
+    /// Samples of the dispatch under way.
     taken: f64,
+    /// Of each dispatch that was done, the samples that would have fitted and its seconds; those that fitted fewest first.
+    done: Vec<[f64; 2]>,
 }
 
 impl Schedule {
     fn new(size: [u32; 2], samples: u32, dispatching: Dispatching, layers: usize, speed: Speed) -> Self {
         let unknown = || speed.first.unwrap_or(FIRST_SAMPLES / count(layers.max(1)));
         let budget = dispatching.samples.map_or_else(unknown, f64::from);
-        let Speed { dispatch, least, .. } = speed;
-        Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, least, taken: 0.0 }
+        let Speed { dispatch, most, .. } = speed;
+        let (done, taken) = (Vec::new(), 0.0);
+        Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, most, taken, done }
+    }
+
+    /// Samples that fit where it was slow so far. The slowest dispatch may have been held up by something else.
+    fn slow(&self) -> f64 {
+        let most = 2.0 * self.dispatch.as_secs_f64();
+        let counted = self.done.get(1..).filter(|counted| !counted.is_empty()).unwrap_or(&self.done);
+        let mut left = SLOW * counted.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
+        let slow = counted.iter().find(|[_, seconds]| {
+            left -= seconds.min(most);
+            left <= 0.0
+        });
+        slow.map_or(f64::INFINITY, |[fitting, _]| *fitting)
+    }
+
+    /// How fast it has been.
+    fn speed(&self) -> Speed {
+        let slow = self.slow();
+        Speed { dispatch: self.dispatch, first: Some(slow.min(self.budget)), most: BOLDNESS * slow }
     }
 
     fn is_done(&self) -> bool {
@@ -703,13 +736,14 @@ impl Schedule {
             return None;
         }
         if self.sample == 0 {
-            // Whole rays where a row of groups has room for them.
+            // Whole rays where a row of groups has room for them, or else equal parts of them.
             let width = f64::from(self.size[0]);
             let Dispatching { group, slice: longest, .. } = self.dispatching;
             let groups = self.budget / (width * f64::from(group[1]) * f64::from(self.samples.min(longest)));
-            self.rows = group[1] * unsigned(whole(groups)).clamp(1, self.size[1]);
-            let slice = self.budget / (width * f64::from(self.rows));
-            self.slice = unsigned(whole(slice)).clamp(longest.min(64), longest);
+            self.rows = group[1] * unsigned(whole(groups.round())).clamp(1, self.size[1]);
+            let parts = width * f64::from(self.rows) * f64::from(self.samples) / self.budget;
+            let parts = unsigned(whole(parts.round())).max(1);
+            self.slice = self.samples.div_ceil(parts).clamp(longest.min(SHORTEST_SLICE), longest);
         }
         let end_sample = self.sample.saturating_add(self.slice);
         let band = Band { first_row: self.row, first_sample: self.sample, end_sample };
@@ -729,10 +763,12 @@ impl Schedule {
         if self.dispatching.samples.is_some() {
             return;
         }
-        let fitting = self.taken * self.dispatch.as_secs_f64() / time.as_secs_f64().max(1e-6);
-        let since = time.as_secs_f64() / self.dispatch.as_secs_f64();
-        self.least = fitting.min(self.least * (1.0 + RECOVERY * since));
-        self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(2.0 * self.least);
+        let seconds = time.as_secs_f64().max(1e-6);
+        let fitting = self.taken * self.dispatch.as_secs_f64() / seconds;
+        let place = self.done.partition_point(|[known, _]| *known < fitting);
+        self.done.insert(place, [fitting, seconds]);
+        let most = self.most.min(BOLDNESS * self.slow());
+        self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(most);
     }
 }
 
@@ -806,25 +842,43 @@ mod tests {
         assert_eq!(theirs.map(|layout| layout.size as usize), Some(size_of::<MarchUniform>()), "size");
     }
 
-    /// Pictures whose middle takes twenty times as long as what is above and below, one after another.
-    #[test]
-    fn a_dispatch_that_enters_the_volume_takes_little_longer_than_it_may() {
+    /// Pictures whose middle takes twenty times as long as what is above and below, one after another, the first on a device
+    /// that nothing is known of; in each, the dispatch `held_up` takes half a second more.
+    fn marched(pictures: usize, held_up: Option<usize>) -> Vec<Vec<Duration>> {
         let (size, samples, aim) = ([800_u32, 800], 300, Duration::from_millis(10));
         let seconds =
             |row: u32| 3.0e-9 * f64::from(size[0] * samples) * if (250..550).contains(&row) { 1.0 } else { 0.05 };
         let mut speed = Speed::unknown(aim);
-        for picture in 0..3 {
+        let picture = |_| {
             let mut schedule = Schedule::new(size, samples, Dispatching::default(), 1, speed);
-            let mut dispatches = 0;
+            let mut dispatches = Vec::new();
             while let Some((band, rows)) = schedule.next() {
-                let took = Duration::from_secs_f64((band.first_row..band.first_row + rows).map(seconds).sum());
-                assert!(picture == 0 || took < 3 * aim, "picture {picture}, row {}: {took:?}", band.first_row);
-                schedule.took(took);
-                dispatches += 1;
+                let part = f64::from(band.end_sample.min(samples) - band.first_sample) / f64::from(samples);
+                let took = part * (band.first_row..band.first_row + rows).map(seconds).sum::<f64>();
+                let more = if held_up == Some(dispatches.len()) { 0.5 } else { 0.0 };
+                schedule.took(Duration::from_secs_f64(took + more));
+                dispatches.push(Duration::from_secs_f64(took));
             }
-            assert!(dispatches < 60, "{dispatches} for 22 times 10 ms and what is empty");
-            speed = Speed { dispatch: aim, first: Some(schedule.budget.min(schedule.least)), least: schedule.least };
+            speed = schedule.speed();
+            dispatches
+        };
+        (0..pictures).map(picture).collect()
+    }
+
+    #[test]
+    fn a_dispatch_that_enters_the_volume_takes_little_longer_than_it_may() {
+        for (picture, dispatches) in marched(4, None).iter().enumerate() {
+            let longest = dispatches.iter().max();
+            assert!(longest < Some(&Duration::from_millis(18)), "picture {picture}: {longest:?}, not 10 ms");
+            let count = dispatches.len();
+            assert!(picture == 0 || count < 60, "{count} for 22 times 10 ms and what is empty");
         }
+    }
+
+    #[test]
+    fn a_dispatch_that_was_held_up_does_not_cut_the_next_picture_into_crumbs() {
+        let [calm, held] = [None, Some(20)].map(|held_up| marched(4, held_up).iter().map(Vec::len).collect::<Vec<_>>());
+        assert!(held.iter().zip(&calm).skip(1).all(|(held, calm)| 4 * held <= 5 * calm), "{held:?}, not {calm:?}");
     }
 
     /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.

@@ -124,6 +124,21 @@ pub const fn names(kind: Kind) -> &'static [&'static str] {
     }
 }
 
+/// The name of the standard of this kind that is this spectrum, where one is.
+pub fn name_of(spectrum: &Spectrum, kind: Kind) -> Option<&'static str> {
+    static LIGHTS: LazyLock<Vec<Spectrum>> =
+        LazyLock::new(|| ILLUMINANTS.iter().filter_map(|name| Some(light(name).ok()?.spectrum().clone())).collect());
+    static REFLECTANCES: LazyLock<Vec<Spectrum>> =
+        LazyLock::new(|| PATCHES.iter().filter_map(|name| Some(reflectance(name).ok()?.spectrum().clone())).collect());
+    let spectra: &[Spectrum] = match kind {
+        Kind::Light => &LIGHTS,
+        Kind::Reflectance => &REFLECTANCES,
+        Kind::Absorption => &[],
+    };
+    let index = spectra.iter().position(|known| known == spectrum)?;
+    names(kind).get(index).copied()
+}
+
 /// A sentence part for error messages: the standard of this kind that `name` is nearly the name of, else all of them.
 pub fn hint(name: &str, kind: Kind) -> String {
     let names = names(kind);
@@ -192,6 +207,20 @@ mod tests {
         assert_eq!(edit_distance("fl1", "fl11"), 2);
         assert_eq!(edit_distance("", "abc"), 6);
         assert_eq!(edit_distance("kitten", "sitting"), 6);
+    }
+
+    #[test]
+    fn every_standard_is_known_by_its_spectrum() {
+        for name in ILLUMINANTS {
+            assert_eq!(light(name).ok().and_then(|found| name_of(found.spectrum(), Kind::Light)), Some(name));
+        }
+        for name in PATCHES {
+            assert_eq!(
+                reflectance(name).ok().and_then(|found| name_of(found.spectrum(), Kind::Reflectance)),
+                Some(name)
+            );
+        }
+        assert_eq!(name_of(&Spectrum::constant(0.123), Kind::Reflectance), None);
     }
 
     #[test]

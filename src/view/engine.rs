@@ -23,8 +23,8 @@ use crate::vulkan::{StorageImage, give_back_freed};
 
 /// How long one dispatch of a march may take, about.
 pub(super) const DISPATCH: Duration = Duration::from_millis(8);
-/// How long the work of a frame may take, about: with a dispatch, or a relight, and panels on top it is well under 50 ms.
-const SLICE: Duration = Duration::from_millis(12);
+/// How long a step may take, about: between two frames, nobody waits for it longer than for a frame.
+const SLICE: Duration = Duration::from_millis(16);
 /// How long a picture may take while a hand moves the camera, about.
 const COARSE: Duration = Duration::from_millis(60);
 /// Most pixels of the window, across and down, that a pixel of a coarse picture stands for.
@@ -88,19 +88,28 @@ pub struct Engine {
     speeds: BTreeMap<usize, Speed>,
     counts: Counts,
     changed: Instant,
-    /// From a change of what is marched to its first picture, and to its finest.
-    latency: Latency,
+    /// What is there of what was asked for then.
+    reached: Reached,
     /// Marches that were finished.
     pictures: u64,
 }
 
-/// Times from a change of what is marched.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Latency {
-    /// To the first picture, where there is one since.
-    pub first: Option<Duration>,
-    /// To the finest picture, where there is one since.
-    pub finest: Option<Duration>,
+/// Which pictures there are of what was last asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reached {
+    /// A first one.
+    pub first: bool,
+    /// The finest.
+    pub finest: bool,
+}
+
+/// What a step has done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stepped {
+    /// Whether the picture is another.
+    pub shown: bool,
+    /// Whether anything was done on the device: else what is to be done waits for what is made beside the window.
+    pub worked: bool,
 }
 
 /// A plan under way.
@@ -182,7 +191,7 @@ impl Engine {
             speeds: BTreeMap::new(),
             counts: Counts::default(),
             changed: Instant::now(),
-            latency: Latency::default(),
+            reached: Reached::default(),
             pictures: 0,
         }
     }
@@ -193,7 +202,7 @@ impl Engine {
         self.size = size;
         self.wanted = Some(Box::new(scene.clone()));
         self.failed = false;
-        self.latency = Latency::default();
+        self.reached = Reached::default();
         self.changed = Instant::now();
         if self.marching.as_ref().is_some_and(|marching| marching.level < self.coarse) {
             self.marching = None;
@@ -207,25 +216,40 @@ impl Engine {
         *self.state = state.clone();
     }
 
-    /// Goes on for about 12 ms with what there is to do; `hand_rests` allows pictures finer than the first. Says whether
-    /// the picture is another.
+    /// Lights the picture as it was last asked for. Says whether it is another.
     ///
     /// # Errors
     ///
     /// [`EngineError`]. What failed is not tried again before something else is asked for.
-    pub fn step(&mut self, hand_rests: bool) -> Result<bool, EngineError> {
-        let done = self.advance(hand_rests);
+    pub fn show(&mut self) -> Result<bool, EngineError> {
+        let shown = self.follow_observer().and_then(|()| Ok(self.relight()?));
+        self.attempted(shown)
+    }
+
+    /// Goes on for about 16 ms with what there is to do; `hand_rests` allows pictures finer than the first.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::show`].
+    pub fn step(&mut self, hand_rests: bool) -> Result<Stepped, EngineError> {
+        let stepped = self.advance(hand_rests);
+        self.attempted(stepped)
+    }
+
+    fn attempted<T>(&mut self, done: Result<T, EngineError>) -> Result<T, EngineError> {
         if done.is_err() {
             (self.wanted, self.marching, self.unlit, self.failed) = (None, None, false, true);
         }
         done
     }
 
-    fn advance(&mut self, hand_rests: bool) -> Result<bool, EngineError> {
+    fn advance(&mut self, hand_rests: bool) -> Result<Stepped, EngineError> {
         let begun = Instant::now();
         self.follow_observer()?;
-        let mut shown = self.relight()?;
-        while begun.elapsed() < SLICE && self.has_work(hand_rests) {
+        let shown = self.relight()?;
+        let mut stepped = Stepped { shown, worked: shown };
+        // A dispatch begins only where it will be done in time.
+        while begun.elapsed() + DISPATCH <= SLICE && self.has_work(hand_rests) {
             if self.marching.is_none() && !self.begin()? {
                 break;
             }
@@ -234,16 +258,17 @@ impl Engine {
                 marching.march.step(&self.renderer)?;
                 marching.spent += dispatched.elapsed();
                 self.counts.dispatches += 1;
+                stepped.worked = true;
             }
             if self.marching.as_ref().is_some_and(|marching| marching.march.is_done()) {
                 self.finish()?;
-                // Else it is the first thing of the next frame: the last dispatch has used this one up.
-                if begun.elapsed() < SLICE {
-                    shown |= self.relight()?;
+                // Else it is the first thing of the next step.
+                if begun.elapsed() + DISPATCH <= SLICE {
+                    stepped.shown |= self.relight()?;
                 }
             }
         }
-        Ok(shown)
+        Ok(stepped)
     }
 
     /// Whether [`Self::step`] has anything to do.
@@ -316,7 +341,8 @@ impl Engine {
         }
         let Some(level) = level else { return Ok(false) };
         let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
-        let speed = self.speeds.get(&level).copied().unwrap_or_else(|| Speed::unknown(DISPATCH));
+        let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
+        let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| Speed::unknown(DISPATCH));
         let march = self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)?;
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
@@ -391,10 +417,7 @@ impl Engine {
         self.lit = Some(Lit { relight, by: None, level, size: self.size, accumulators, components });
         self.unlit = true;
         if self.wanted.is_none() && self.planning.is_none() {
-            self.latency.first.get_or_insert_with(|| self.changed.elapsed());
-            if level == 1 {
-                self.latency.finest.get_or_insert_with(|| self.changed.elapsed());
-            }
+            self.reached = Reached { first: true, finest: self.reached.finest || level == 1 };
         }
         Ok(())
     }
@@ -488,10 +511,16 @@ impl Engine {
         self.counts
     }
 
-    /// How long pictures took since [`Self::look`] was last called.
+    /// Which pictures there are of what [`Self::look`] last asked for.
     #[must_use]
-    pub fn latency(&self) -> Latency {
-        self.latency
+    pub fn reached(&self) -> Reached {
+        self.reached
+    }
+
+    /// How long ago [`Self::look`] was last called.
+    #[must_use]
+    pub fn since_change(&self) -> Duration {
+        self.changed.elapsed()
     }
 
     /// What is computed for each pixel.

@@ -19,7 +19,7 @@ use winit::window::WindowId;
 
 use super::action::{Action, Leaving};
 use super::effort::Curve;
-use super::engine::{Counts, Engine, EngineError};
+use super::engine::{Counts, Engine, EngineError, Reached, Stepped};
 use super::export::write_rgba;
 use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
@@ -43,6 +43,10 @@ use saving::Saving;
 const REST: Duration = Duration::from_millis(150);
 /// How often the device may be lost before a picture is there, until the window is given up.
 const MOST_LOSSES: u32 = 4;
+/// Time between two frames that show nothing but how far a march is.
+const NEWS_OF_MARCHING: Duration = Duration::from_millis(100);
+/// How long until what waits for something made beside the window is looked after again.
+const PATIENCE: Duration = Duration::from_millis(4);
 /// Least time between two pieces of news of what is measured.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
 /// Notices that are kept.
@@ -166,6 +170,10 @@ struct Viewer {
     verdicts: Vec<Verdict>,
     /// The last edit that marches.
     moved: Instant,
+    /// Which pictures of what was asked for were shown.
+    reached: Reached,
+    /// When the next frame is due at the latest, where the picture is gone on with until then.
+    marches_until: Option<Instant>,
     /// What is still to be written, and in which dialog it is said where.
     saving: Saving,
     chooser: Chooser,
@@ -218,6 +226,8 @@ impl Viewer {
             solving: None,
             verdicts: Vec::new(),
             moved: begun,
+            reached: Reached::default(),
+            marches_until: None,
             saving: Saving::default(),
             chooser: Chooser::default(),
             script: Position::default(),
@@ -354,7 +364,7 @@ impl Viewer {
         engine.light(state);
         if cost == Cost::March {
             engine.look(&state.scene, self.report.size);
-            self.moved = Instant::now();
+            (self.moved, self.reached) = (Instant::now(), Reached::default());
         }
     }
 
@@ -366,22 +376,66 @@ impl Viewer {
         [left, top, edge(high.x).saturating_sub(left), edge(high.y).saturating_sub(top)]
     }
 
-    /// One frame; a device that is lost in it is opened anew.
-    fn frame(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+    /// Does what nobody is heard during. A device that is lost in it is opened anew; what else fails ends the window.
+    fn attempt(&mut self, events: &ActiveEventLoop, work: impl FnOnce(&mut Self) -> Result<(), ViewError>) {
         let (begun, shown) = (Instant::now(), self.report.first_picture_ms.is_some());
-        let drawn = self.draw(events);
+        let done = work(self);
         if shown {
             let took = 1000.0 * begun.elapsed().as_secs_f64();
             self.report.stall_ms = self.report.stall_ms.max(took);
         }
-        match drawn {
+        let done = match done {
             Err(ViewError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => self.recover(lost),
-            drawn => drawn,
+            done => done,
+        };
+        if let Err(error) = done {
+            self.failed = Some(error);
+            events.exit();
+        }
+    }
+
+    /// Goes on with the picture between two frames: they take time that it may be finished in.
+    fn go_on(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        let rests = self.hand_rests();
+        let mut stepped = Stepped::default();
+        if let (Some(screen), Some(engine)) = (&mut self.screen, &mut self.engine)
+            && engine.has_work(rests)
+        {
+            screen.surface.wait()?;
+            let begun = Instant::now();
+            let made = engine.step(rests);
+            let took = 1000.0 * begun.elapsed().as_secs_f64();
+            self.report.longest_step_ms = self.report.longest_step_ms.max(took);
+            stepped = self.made(made)?;
+        }
+        let Some(due) = self.marches_until else { return Ok(()) };
+        let (now, more) = (Instant::now(), self.engine.as_ref().is_some_and(|engine| engine.has_work(rests)));
+        if stepped.shown || !more || now >= due {
+            self.marches_until = None;
+            self.screen.iter().for_each(|screen| screen.window.request_redraw());
+        } else if stepped.worked {
+            events.set_control_flow(ControlFlow::Poll);
+        } else {
+            events.set_control_flow(ControlFlow::WaitUntil(due.min(now + PATIENCE)));
+        }
+        Ok(())
+    }
+
+    /// What the engine has made, or nothing: why not is told.
+    fn made<T: Default>(&mut self, made: Result<T, EngineError>) -> Result<T, VulkanError> {
+        match made {
+            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
+            Err(error) => {
+                self.tell(&error);
+                Ok(T::default())
+            }
+            Ok(made) => Ok(made),
         }
     }
 
     /// One frame. Says when the next one is due: at once, later, or when something happens.
     fn draw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        self.marches_until = None;
         let (begun, before) = (Instant::now(), self.counts());
         if let Some(screen) = &mut self.screen {
             screen.surface.wait()?;
@@ -448,7 +502,9 @@ impl Viewer {
         }
         self.fit(place, output.pixels_per_point);
         // Panels were laid out before a tour that is played went on: where it has ended, they are once more.
-        let stepped = self.step()? | self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
+        let shown = self.engine.as_mut().map_or(Ok(false), Engine::show);
+        self.made(shown)?;
+        let stepped = self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
         let failed = !self.written();
         self.save_tour(failed);
         self.save_pictures();
@@ -487,6 +543,7 @@ impl Viewer {
             (None, Some(path)) => self.saving.capture = Some(path),
             _ => {}
         }
+        self.note_reached();
         self.report.frames += 1;
         let (took, now) = (1000.0 * begun.elapsed().as_secs_f64(), self.counts());
         self.drawn.add(took);
@@ -520,31 +577,20 @@ impl Viewer {
         self.moved.elapsed() > REST || self.is_scripted()
     }
 
-    /// Goes on with the picture. Says whether there is more to do.
-    fn step(&mut self) -> Result<bool, VulkanError> {
-        let rests = self.hand_rests();
-        let Some(engine) = &mut self.engine else { return Ok(false) };
-        let begun = Instant::now();
-        let before = engine.latency();
-        let stepped = engine.step(rests);
-        let took = 1000.0 * begun.elapsed().as_secs_f64();
-        self.report.longest_step_ms = self.report.longest_step_ms.max(took);
-        let (after, more) = (engine.latency(), engine.has_work(rests));
-        if let (None, Some(first)) = (before.first, after.first) {
-            keep(&mut self.report.coarse_ms, 1000.0 * first.as_secs_f64());
-            let since_start = 1000.0 * self.begun.elapsed().as_secs_f64();
-            self.report.first_picture_ms.get_or_insert(since_start);
+    /// Notes which pictures the frame has shown first.
+    fn note_reached(&mut self) {
+        let Some(engine) = &self.engine else { return };
+        let (before, after) = (self.reached, engine.reached());
+        let took = 1000.0 * engine.since_change().as_secs_f64();
+        if after.first && !before.first {
+            keep(&mut self.report.coarse_ms, took);
+            self.report.first_picture_ms.get_or_insert(1000.0 * self.begun.elapsed().as_secs_f64());
         }
-        if let (None, Some(finest)) = (before.finest, after.finest) {
-            keep(&mut self.report.finest_ms, 1000.0 * finest.as_secs_f64());
+        if after.finest && !before.finest {
+            keep(&mut self.report.finest_ms, took);
             self.lost.times = 0;
         }
-        match stepped {
-            Ok(_) => {}
-            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => return Err(lost),
-            Err(error) => self.tell(&error),
-        }
-        Ok(more)
+        self.reached = after;
     }
 
     fn status(&self) -> Status {
@@ -583,27 +629,51 @@ impl Viewer {
         }
         events.set_control_flow(ControlFlow::Wait);
         let Some(screen) = &self.screen else { return };
-        let unfinished = self.engine.as_ref().is_some_and(|engine| engine.has_work(true));
-        let waits = until_next(again, unfinished, self.hand_rests());
+        let (rests, engine) = (self.hand_rests(), self.engine.as_ref());
+        let [busy, unfinished] = [rests, true].map(|rests| engine.is_some_and(|engine| engine.has_work(rests)));
         // Frames would take time of what is measured, and a script has nothing to do before that.
-        let waits =
-            if self.measuring.is_some() { waits.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { waits };
-        let driven = self.is_scripted() && self.measuring.is_none();
-        if more || waits.is_zero() || driven || self.saving.capture.is_some() {
-            screen.window.request_redraw();
-        } else if let Some(due) = Instant::now().checked_add(waits).filter(|_| waits < Duration::from_secs(3600)) {
-            events.set_control_flow(ControlFlow::WaitUntil(due));
+        let again =
+            if self.measuring.is_some() { again.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { again };
+        // What a script waits for comes without frames.
+        let driven = self.is_scripted() && self.measuring.is_none() && !(busy && self.settles());
+        let at_once = more || driven || self.saving.capture.is_some();
+        let now = Instant::now();
+        match if at_once { Next::Frame } else { next(again, busy, unfinished) } {
+            Next::Frame => screen.window.request_redraw(),
+            Next::March(most) => {
+                self.marches_until = Some(now + most);
+                events.set_control_flow(ControlFlow::Poll);
+            }
+            Next::Rest(most) => {
+                if let Some(due) = now.checked_add(most).filter(|_| most < Duration::from_secs(3600)) {
+                    events.set_control_flow(ControlFlow::WaitUntil(due));
+                }
+            }
         }
     }
 }
 
-/// When the next frame is due, which the panels want `again` after this one. A picture that is `unfinished` is gone on with as
-/// soon as the hand rests: it may have come to rest while a coarse picture was made.
-fn until_next(again: Duration, unfinished: bool, hand_rests: bool) -> Duration {
-    match (unfinished, hand_rests) {
-        (false, _) => again,
-        (true, false) => again.min(REST),
-        (true, true) => Duration::ZERO,
+/// What is done after a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Next {
+    /// Another one.
+    Frame,
+    /// The picture is gone on with, for so long at most.
+    March(Duration),
+    /// Nothing, for so long at most.
+    Rest(Duration),
+}
+
+/// What is done after a frame, where the panels want one `again`. What there is to march while a hand moves makes the engine
+/// `busy`; what is `unfinished` is gone on with as soon as the hand rests: it may have come to rest while a coarse picture was
+/// made.
+fn next(again: Duration, busy: bool, unfinished: bool) -> Next {
+    if again.is_zero() {
+        Next::Frame
+    } else if busy {
+        Next::March(again.min(NEWS_OF_MARCHING))
+    } else {
+        Next::Rest(if unfinished { again.min(REST) } else { again })
     }
 }
 
@@ -618,9 +688,13 @@ impl ApplicationHandler<Woken> for Viewer {
     }
 
     fn new_events(&mut self, _events: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(screen)) = (cause, &self.screen) {
+        if let (StartCause::ResumeTimeReached { .. }, None, Some(screen)) = (cause, self.marches_until, &self.screen) {
             screen.window.request_redraw();
         }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        self.attempt(events, |viewer| viewer.go_on(events));
     }
 
     fn user_event(&mut self, _events: &ActiveEventLoop, woken: Woken) {
@@ -660,10 +734,7 @@ impl Viewer {
                 return;
             }
             WindowEvent::RedrawRequested => {
-                if let Err(error) = self.frame(events) {
-                    self.failed = Some(error);
-                    events.exit();
-                }
+                self.attempt(events, |viewer| viewer.draw(events));
                 return;
             }
             WindowEvent::DroppedFile(path) => {
@@ -686,9 +757,14 @@ mod tests {
 
     #[test]
     fn a_coarse_picture_that_took_longer_than_the_hand_moved_is_refined() {
-        assert_eq!(until_next(Duration::MAX, true, true), Duration::ZERO, "at once: nothing else would wake it");
-        assert_eq!(until_next(Duration::MAX, true, false), REST, "when the hand rests");
-        assert_eq!(until_next(Duration::MAX, false, true), Duration::MAX, "a finished picture needs no frame");
-        assert_eq!(until_next(REST / 2, true, false), REST / 2, "or when the panels want one");
+        assert_eq!(
+            next(Duration::MAX, true, true),
+            Next::March(NEWS_OF_MARCHING),
+            "at once: nothing else would wake it"
+        );
+        assert_eq!(next(Duration::MAX, false, true), Next::Rest(REST), "when the hand rests");
+        assert_eq!(next(Duration::MAX, false, false), Next::Rest(Duration::MAX), "a finished picture needs no frame");
+        assert_eq!(next(REST / 2, false, true), Next::Rest(REST / 2), "or when the panels want one");
+        assert_eq!(next(Duration::ZERO, true, true), Next::Frame, "at once, if they want it");
     }
 }

@@ -131,12 +131,7 @@ fn row(
     };
     let standards = |ui: &mut Ui| {
         let kind = if side == Side::Light { Kind::Light } else { Kind::Reflectance };
-        let of = |standard: &&&str| {
-            let found = Spectra::standard(scene, side, name, standard).unwrap_or_default();
-            let spectrum = found.materials.first().map(|(_, it)| it.spectrum());
-            spectrum.or(found.lights.first().map(|(_, it)| it.spectrum())) == Some(now)
-        };
-        let known = standard::names(kind).iter().find(of).copied();
+        let known = standard::name_of(now, kind);
         let shown = known.unwrap_or("a curve of its own");
         let combo = ComboBox::from_id_salt((kind == Kind::Light, name))
             .width(116.0)

@@ -42,6 +42,13 @@ impl Viewer {
             && !self.is_saving()
     }
 
+    /// Whether the script waits until nothing is left to do.
+    pub(super) fn settles(&self) -> bool {
+        let script = self.options.script.as_ref();
+        self.script.waits == 0
+            && script.is_some_and(|script| script.command(self.script.next) == Some(&Command::Settle))
+    }
+
     /// What a line of a script is about; why it cannot be done where nothing is open.
     fn open_document(&self) -> Result<&Document, String> {
         self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
