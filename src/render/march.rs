@@ -708,22 +708,29 @@ impl Schedule {
         Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, most, taken, done }
     }
 
-    /// Samples that fit where it was slow so far. The slowest dispatch may have been held up by something else.
-    fn slow(&self) -> f64 {
-        let most = 2.0 * self.dispatch.as_secs_f64();
-        let counted = self.done.get(1..).filter(|counted| !counted.is_empty()).unwrap_or(&self.done);
+    /// Samples that fit where it was slow so far, where that can be told: what takes no time says how long it takes to begin.
+    /// The slowest dispatch may have been held up by something else.
+    fn slow(&self) -> Option<f64> {
+        let [least, most] = [0.15, 2.0].map(|part| part * self.dispatch.as_secs_f64());
+        let counted: Vec<_> = self.done.iter().filter(|[_, seconds]| *seconds >= least).collect();
+        let counted = counted.get(1..)?;
         let mut left = SLOW * counted.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
         let slow = counted.iter().find(|[_, seconds]| {
             left -= seconds.min(most);
             left <= 0.0
         });
-        slow.map_or(f64::INFINITY, |[fitting, _]| *fitting)
+        slow.map(|[fitting, _]| *fitting)
     }
 
     /// How fast it has been.
     fn speed(&self) -> Speed {
-        let slow = self.slow();
-        Speed { dispatch: self.dispatch, first: Some(slow.min(self.budget)), most: BOLDNESS * slow }
+        let dispatch = self.dispatch;
+        if let Some(slow) = self.slow() {
+            return Speed { dispatch, first: Some(slow.min(self.budget)), most: BOLDNESS * slow };
+        }
+        let taken = self.done.iter().map(|[fitting, seconds]| fitting * seconds / dispatch.as_secs_f64());
+        let most = self.most.max(BOLDNESS_ELSEWHERE * taken.fold(0.0, f64::max));
+        Speed { dispatch, first: Some(self.budget), most }
     }
 
     fn is_done(&self) -> bool {
@@ -767,7 +774,7 @@ impl Schedule {
         let fitting = self.taken * self.dispatch.as_secs_f64() / seconds;
         let place = self.done.partition_point(|[known, _]| *known < fitting);
         self.done.insert(place, [fitting, seconds]);
-        let most = self.most.min(BOLDNESS * self.slow());
+        let most = self.most.min(self.slow().map_or(f64::INFINITY, |slow| BOLDNESS * slow));
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(most);
     }
 }
@@ -873,6 +880,31 @@ mod tests {
             let count = dispatches.len();
             assert!(picture == 0 || count < 60, "{count} for 22 times 10 ms and what is empty");
         }
+    }
+
+    /// Nor does a march of a few pixels, of which nothing takes any time.
+    #[test]
+    fn a_picture_of_a_few_pixels_says_nothing_of_a_large_one() {
+        let aim = Duration::from_millis(10);
+        let dispatches = |size: [u32; 2], speed: Speed| {
+            let mut schedule = Schedule::new(size, 300, Dispatching::default(), 1, speed);
+            let mut dispatches = 0;
+            while schedule.next().is_some() {
+                schedule.took(Duration::from_secs_f64(4.0e-4 + 1.0e-9 * schedule.taken));
+                dispatches += 1;
+            }
+            (dispatches, schedule.speed())
+        };
+        let mut speed = Speed::unknown(aim);
+        for _ in 0..4 {
+            speed = dispatches([20, 16], speed).1;
+        }
+        let ((small, _), (unknown, known)) =
+            (dispatches([800, 800], speed), dispatches([800, 800], Speed::unknown(aim)));
+        assert!(small <= unknown, "{small} dispatches, not {unknown}");
+        let (_, known) = dispatches([800, 800], known);
+        let (least, _) = dispatches([800, 800], known);
+        assert!((18..30).contains(&least), "{least} dispatches of 10 ms for 192");
     }
 
     #[test]

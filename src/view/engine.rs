@@ -199,6 +199,10 @@ impl Engine {
     /// Asks for pictures of `size` (width, height) of `scene`. The march of a picture for any other is given up, but for
     /// the coarsest: a hand that never rests sees that one.
     pub fn look(&mut self, scene: &Scene, size: [usize; 2]) {
+        if size != self.size {
+            // What was quick enough of a small window may not be of a large one.
+            self.coarse = self.coarse.max(FINER);
+        }
         self.size = size;
         self.wanted = Some(Box::new(scene.clone()));
         self.failed = false;
