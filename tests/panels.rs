@@ -1055,7 +1055,7 @@ fn is_painted(window: &Harness<'_, App>, text: &str) -> bool {
 }
 
 #[test]
-fn no_tooltip_is_seen_while_a_button_is_held() {
+fn no_tooltip_is_seen_while_a_button_is_held_nor_until_the_pointer_goes_on() {
     let mut window = with_histogram();
     window.run();
     let dial = window.get_by_label("light dial").rect().center();
@@ -1071,6 +1071,13 @@ fn no_tooltip_is_seen_while_a_button_is_held() {
         window.run_steps(60);
         assert!(!is_painted(&window, help), "held at {place}");
     }
+    let last = dial + Vec2::new(30.0, 20.0);
+    window.event(Event::PointerButton { pos: last, button, pressed: false, modifiers: Modifiers::NONE });
+    window.run_steps(60);
+    assert!(!is_painted(&window, help), "nor where something was moved to just now");
+    window.event(Event::PointerMoved(last - Vec2::new(20.0, 0.0)));
+    window.run_steps(60);
+    assert!(is_painted(&window, help), "who goes on is told again");
 }
 
 #[test]

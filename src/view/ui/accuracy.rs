@@ -169,6 +169,15 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
 fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     let (frame, whole) = ui.allocate_exact_size(vec2(ui.available_width(), 134.0), Sense::hover());
     whole.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "time against error"));
+    // Whoever has waited for it sees it, and nobody else is led away from what is looked at.
+    let (id, new) = (ui.id().with("settings"), curve.settings.len());
+    let known: Option<usize> = ui.data(|data| data.get_temp(id));
+    if known != Some(new) {
+        ui.data_mut(|data| data.insert_temp(id, new));
+        if ui.is_rect_visible(ui.min_rect()) {
+            whole.scroll_to_me(Some(egui::Align::BOTTOM));
+        }
+    }
     // Room for the numbers of the axes.
     let rect = egui::Rect::from_min_max(frame.min + vec2(34.0, 10.0), frame.max - vec2(12.0, 24.0));
     let visuals = ui.visuals().clone();

@@ -23,7 +23,7 @@ mod transfer;
 use egui::layers::PaintList;
 use egui::scroll_area::ScrollBarVisibility;
 use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Context, Frame, Order, Panel, Rect, ScrollArea, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Pos2, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
 pub use chooser::Chooser;
@@ -137,10 +137,26 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             rect
         })
         .inner;
-    if ui.input(|input| input.pointer.any_down()) {
+    if is_in_use(ui.ctx()) {
         hide_tooltips(ui.ctx());
     }
     picture
+}
+
+/// Whether something is held, or was until now: the pointer has not gone on since.
+fn is_in_use(context: &Context) -> bool {
+    const GONE_ON: f32 = 12.0;
+    let id = Id::new("held at");
+    let (down, pointer) = context.input(|input| (input.pointer.any_down(), input.pointer.latest_pos()));
+    context.data_mut(|data| {
+        let held = if down { pointer } else { data.get_temp(id) };
+        let held = held.filter(|held: &Pos2| pointer.is_some_and(|pointer| pointer.distance(*held) < GONE_ON));
+        match held {
+            Some(held) => drop(data.insert_temp(id, held)),
+            None => data.remove::<Pos2>(id),
+        }
+        held.is_some()
+    })
 }
 
 /// Whoever holds something wants to see it, and egui keeps a tooltip that is there until the pointer has left what it is of.

@@ -56,7 +56,9 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         .resizable(false)
         .constrain_to(rect)
         .show(ui.ctx(), |ui| {
-            ScrollArea::both().max_height((rect.height() - 56.0).max(80.0)).show(ui, |ui| {
+            let height = (rect.height() - 56.0).max(80.0);
+            // Also in a window that was smaller, and is not any more.
+            ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(480.0).show(ui, |ui| {
                 match &document.state().palette {
                     None => offer(ui, shown.design, asked),
                     Some(palette) => {

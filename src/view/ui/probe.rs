@@ -26,16 +26,22 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
     // It opens beside what is looked at; where it is, and where it was put, it stays.
     let right = (rect.right() - WIDTH - 30.0).max(rect.left());
     let left = if at.x + 20.0 > right { rect.left() + 8.0 } else { right };
+    // Where it is as wide as the picture, it leaves half of that free, where the pixel is.
+    let narrow_picture = rect.width() < 1.5 * WIDTH;
+    let height = if narrow_picture { 0.5 * rect.height() } else { rect.height() };
+    let top = if narrow_picture && at.y < rect.center().y { rect.center().y } else { rect.top() + 8.0 };
+    let height = (height - 60.0).max(80.0);
     Window::new("Probe")
         .open(&mut open)
-        .default_pos(pos2(left, rect.top() + 8.0))
-        .default_size([WIDTH, (rect.height() - 20.0).max(80.0)])
+        .default_pos(pos2(left, top))
+        .default_size([WIDTH, height + 40.0])
         .resizable(false)
         .constrain_to(rect)
         .show(ui.ctx(), |ui| {
             // Where not all fits, a bar says so.
             ui.spacing_mut().scroll = ScrollStyle::solid();
-            let area = ScrollArea::vertical().max_height((rect.height() - 60.0).max(80.0));
+            // Also in a window that was smaller, and is not any more.
+            let area = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
             area.show(ui, |ui| match probe {
                 None => {
                     ui.set_width(WIDTH);
