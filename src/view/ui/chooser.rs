@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use egui::{Context, Id, Key, Modal, Vec2, vec2};
+use egui::{Color32, Context, Id, Key, Modal, Theme, Vec2, vec2};
 use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
 
 use super::reading::{Answer, Reading};
@@ -182,8 +182,24 @@ fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option
     config.show_left_panel = window.width() > SIZE.x;
     config.title_bar = window.height() > SIZE.y;
     config.max_size = Some(window.size() - if config.title_bar { vec2(24.0, 48.0) } else { vec2(14.0, 14.0) });
-    dialog.update(context);
+    in_its_colours(context, || {
+        dialog.update(context);
+    });
     (*dialog.state() != DialogState::Open).then(|| dialog.take_picked())
+}
+
+/// Shows the dialog so that all of it can be read: its search field is black in the light theme, too, and it writes the name of
+/// what is selected in the colour that is behind what is selected.
+fn in_its_colours(context: &Context, show: impl FnOnce()) {
+    let (theme, style) = (context.options(|options| options.theme_preference), context.style_of(Theme::Dark));
+    context.set_theme(Theme::Dark);
+    context.style_mut_of(Theme::Dark, |style| {
+        style.visuals.selection.bg_fill = Color32::from_rgb(90, 160, 240);
+        style.visuals.selection.stroke.color = Color32::BLACK;
+    });
+    show();
+    context.set_style_of(Theme::Dark, style);
+    context.set_theme(theme);
 }
 
 /// Asks what becomes of changes that are not saved. What is asked for then, or nothing; `None` while there is no answer.

@@ -58,8 +58,9 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         .show(ui.ctx(), |ui| {
             let height = (rect.height() - 56.0).max(80.0);
             // Also in a window that was smaller, and is not any more.
-            ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(480.0).show(ui, |ui| {
-                match &document.state().palette {
+            ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(480.0).show(
+                ui,
+                |ui| match &document.state().palette {
                     None => offer(ui, shown.design, asked),
                     Some(palette) => {
                         matrix(ui, document.state(), palette, asked);
@@ -71,8 +72,8 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                         solve(ui, shown.design, asked);
                         conflicts(ui, palette, shown.design, asked);
                     }
-                }
-            });
+                },
+            );
         });
     if !open {
         asked.push(Action::Palette(false));

@@ -70,8 +70,10 @@ impl Viewer {
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
             Err(error) => {
                 match (opened, error.question()) {
-                    // Nobody is there to answer a script's.
-                    (Some(source), Some(question)) if !self.is_scripted() => self.chooser.ask(source, question),
+                    // Nobody is there to answer a script's, and what is being asked is not taken away: the error says it, too.
+                    (Some(source), Some(question)) if !self.is_scripted() && !self.chooser.is_open() => {
+                        self.chooser.ask(source, question);
+                    }
                     _ => self.tell(&error),
                 }
                 return;
