@@ -272,6 +272,8 @@ fn damaged_and_incredible_compression_is_refused() {
 fn flags_of_headerless_volumes_that_do_not_fit_are_refused() {
     let folder = Folder::new().with("v.raw", [0; 64]);
     folder.refused(1, &["info", "v.raw"], &["raw voxels have no header", "v.raw.toml"]);
+    let folder = folder.with("foot_2x4x8_uint8.raw", [0; 64]);
+    folder.refused(1, &["info", "foot_2x4x8_uint8.raw"], &["--dims 2x4x8 --type uint8"]);
     folder.refused(1, &["info", "v.raw", "--dims", "4x4x5", "--type", "uint8"], &["64", "80"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4"], &["--type"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4", "--type", "uint8"], &["three whole numbers"]);

@@ -12,6 +12,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::{DMat3, DVec3};
 use relume::progress::Quiet;
+use relume::scene::SceneOptions;
 use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
 use tempfile::TempDir;
 
@@ -389,6 +390,9 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
     let both = ["dimension: 5", "sizes: 2 3 1 1 2", "kinds: complex space space space time"];
     let files = Files::new(&header(&both), &TWELVE);
     files.refused(&["2 components", "complex"]);
+    let error =
+        files.select(&Selection { component: Some(1), ..Selection::default() }).map(|it| it.voxels).unwrap_err();
+    assert!(error.to_string().contains("--time N, from 0 to 1"), "one after the other is asked for: {error}");
     let volume = files.select(&Selection { component: Some(1), time: Some(1), array: None }).unwrap();
     assert_eq!(volume.voxels, Voxels::U8(vec![8, 10, 12]));
     let stub = ["dimension: 5", "sizes: 2 6 1 1 1", "kinds: vector space space space stub"];
@@ -573,7 +577,19 @@ fn a_world_is_a_patients_where_the_space_says_so() {
     for (space, anatomical) in spaces {
         let volume = open(&[space, "space directions: (1,0,0) (0,1,0) (0,0,1)"], &TWELVE).unwrap();
         assert_eq!(volume.anatomical, anatomical, "{space}");
+        assert_eq!(volume.downsample([1, 2, 1]).unwrap().anatomical, anatomical, "{space}, in larger voxels");
     }
     let volume = open(&["space: right-anterior-superior", "spacings: 1 2 3"], &TWELVE).unwrap();
     assert!(!volume.anatomical, "where the axes point is not said");
+    let files = Files::new(&header(&[spaces[0].0, "space directions: (1,0,0) (0,1,0) (0,0,1)"]), &TWELVE);
+    for (direction, anatomical) in [("", true), ("direction = [0, 1, 0, 1, 0, 0, 0, 0, 1]", false)] {
+        let scene = format!(
+            "version = 1\n[volume]\nfile = \"v.nhdr\"\n{direction}\n[materials.bone]\nreflectance = 0.5\n[transfer]\n\
+             intervals = [{{ material = \"bone\", range = [1, 9], opacity = 0.9 }}]\n[lights.day]\nspectrum = \"D65\"\n\
+             kind = \"ambient\"\n"
+        );
+        files.with("scene.toml", scene.as_bytes());
+        let scene = relume::scene::load(&files.0.path().join("scene.toml"), &SceneOptions::default(), &Quiet).unwrap();
+        assert_eq!(scene.volume.anatomical, anatomical, "what a scene says of its axes is not said by the file");
+    }
 }
