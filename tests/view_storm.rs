@@ -310,8 +310,8 @@ fn what_is_done_again_and_again_takes_no_more_memory() {
 /// Rounds until all is there that is kept for the next one.
 const ROUNDS: usize = 6;
 
-/// Bytes that come and go with the heaps of threads, and what the validation layer keeps of each march and of each swapchain. A
-/// picture that is kept has more.
+/// Bytes that come and go with the heaps of threads, and what the validation layer keeps of each march and of each swapchain. Of
+/// what each round keeps, a picture for one, so many rounds have more, also where it first fills what is there already.
 const ROUNDS_ALLOWANCE: u64 = 10 << 20;
 
 #[test]

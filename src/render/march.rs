@@ -23,6 +23,8 @@ const DISPATCH: Duration = Duration::from_millis(50);
 const FIRST_SAMPLES: f64 = 2e7;
 /// Part of its time that a march was slow in: what holds up a dispatch now and then takes less.
 const SLOW: f64 = 0.1;
+/// Part of what a dispatch may take that it takes at least, if it is to tell how fast the device is.
+const TELLING: f64 = 0.15;
 /// How much more a dispatch may do than fitted where the march was slow.
 const BOLDNESS: f64 = 1.5;
 /// The same after a march of pictures of another size.
@@ -46,7 +48,7 @@ const ITERATIONS: usize = 65_000;
 pub struct Dispatching {
     /// Pixels of a workgroup, across and down.
     pub group: [u32; 2],
-    /// Most samples of a dispatch, unless one row of groups has more; `None` is as many as take about 50 ms.
+    /// Most samples of a dispatch, unless the least part of one row of groups has more; `None` is as many as take about 50 ms.
     pub samples: Option<u32>,
     /// Most samples along a ray in one dispatch, 1 to 16,384.
     pub slice: u32,
@@ -163,12 +165,13 @@ pub struct Speed {
 }
 
 impl Speed {
-    /// A device that nothing is known of, with dispatches of about `dispatch`.
-    #[must_use]
-    pub fn unknown(dispatch: Duration) -> Self {
+    /// A device of this kind that nothing is known of, with dispatches of about `dispatch`.
+    pub(super) fn unknown(dispatch: Duration, kind: DeviceKind) -> Self {
         // So little that even a slow device is done in time.
-        let most = FIRST_SAMPLES / 32.0;
-        Self { dispatch, first: Some(most), most }
+        let first = FIRST_SAMPLES / 32.0;
+        // How fast a software device passes what is empty says nothing of the rest. Any other one may find out.
+        let most = if kind == DeviceKind::Software { first } else { f64::INFINITY };
+        Self { dispatch, first: Some(first), most }
     }
 
     /// What it says of pictures of another size.
@@ -341,7 +344,9 @@ impl Renderer {
         size: [usize; 2],
         progress: &dyn Progress,
     ) -> Result<Accumulators, RenderError> {
-        let mut march = self.begin_march(scene, planned, uploaded, size, self.speed)?;
+        let known =
+            self.learnt().as_ref().filter(|(plan, _)| *plan == planned.plan).map(|(_, speed)| speed.elsewhere());
+        let mut march = self.begin_march(scene, planned, uploaded, size, known.unwrap_or(self.speed))?;
         while !march.is_done() {
             if progress.cancelled() {
                 return Err(RenderError::Cancelled);
@@ -349,6 +354,7 @@ impl Renderer {
             march.step(self)?;
             progress.report("marching", march.rows_done().into(), size[1] as u64);
         }
+        *self.learnt() = Some((planned.plan.clone(), march.speed()));
         march.finish(self)
     }
 
@@ -689,14 +695,17 @@ struct Schedule {
     rows: u32,
     sample: u32,
     slice: u32,
-    /// Samples of the next dispatch, at most.
+    /// Samples of the next dispatch, about.
     budget: f64,
-    /// Samples of any dispatch, at most, as far as an earlier march has told.
+    /// Samples of any dispatch, at most, about, as far as an earlier march has told.
     most: f64,
     /// Samples of the dispatch under way.
     taken: f64,
-    /// Of each dispatch that was done, the samples that would have fitted and its seconds; those that fitted fewest first.
-    done: Vec<[f64; 2]>,
+    /// Of each dispatch that took long enough to tell, the samples that would have fitted and its seconds; those that fitted
+    /// fewest first. What takes no time says how long it takes to begin.
+    told: Vec<[f64; 2]>,
+    /// Samples of the largest of the others.
+    untold: f64,
 }
 
 impl Schedule {
@@ -704,18 +713,30 @@ impl Schedule {
         let unknown = || speed.first.unwrap_or(FIRST_SAMPLES / count(layers.max(1)));
         let budget = dispatching.samples.map_or_else(unknown, f64::from);
         let Speed { dispatch, most, .. } = speed;
-        let (done, taken) = (Vec::new(), 0.0);
-        Self { dispatching, dispatch, size, samples, row: 0, rows: 0, sample: 0, slice: 0, budget, most, taken, done }
+        Self {
+            dispatching,
+            dispatch,
+            size,
+            samples,
+            row: 0,
+            rows: 0,
+            sample: 0,
+            slice: 0,
+            budget,
+            most,
+            taken: 0.0,
+            told: Vec::new(),
+            untold: 0.0,
+        }
     }
 
-    /// Samples that fit where it was slow so far, where that can be told: what takes no time says how long it takes to begin.
-    /// The slowest dispatch may have been held up by something else.
+    /// Samples that fit where it was slow so far, where that can be told. The slowest dispatch may have been held up by
+    /// something else.
     fn slow(&self) -> Option<f64> {
-        let [least, most] = [0.15, 2.0].map(|part| part * self.dispatch.as_secs_f64());
-        let counted: Vec<_> = self.done.iter().filter(|[_, seconds]| *seconds >= least).collect();
-        let counted = counted.get(1..)?;
-        let mut left = SLOW * counted.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
-        let slow = counted.iter().find(|[_, seconds]| {
+        let most = 2.0 * self.dispatch.as_secs_f64();
+        let told = self.told.get(1..)?;
+        let mut left = SLOW * told.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
+        let slow = told.iter().find(|[_, seconds]| {
             left -= seconds.min(most);
             left <= 0.0
         });
@@ -725,12 +746,13 @@ impl Schedule {
     /// How fast it has been.
     fn speed(&self) -> Speed {
         let dispatch = self.dispatch;
-        if let Some(slow) = self.slow() {
-            return Speed { dispatch, first: Some(slow.min(self.budget)), most: BOLDNESS * slow };
-        }
-        let taken = self.done.iter().map(|[fitting, seconds]| fitting * seconds / dispatch.as_secs_f64());
-        let most = self.most.max(BOLDNESS_ELSEWHERE * taken.fold(0.0, f64::max));
-        Speed { dispatch, first: Some(self.budget), most }
+        let most = match (self.slow(), self.told.first()) {
+            (Some(slow), _) => BOLDNESS * slow,
+            // It is all that there is to go by.
+            (None, Some([fitting, _])) => BOLDNESS * fitting,
+            (None, None) => self.most.max(BOLDNESS_ELSEWHERE * self.untold),
+        };
+        Speed { dispatch, first: Some(self.budget.min(most)), most }
     }
 
     fn is_done(&self) -> bool {
@@ -747,9 +769,13 @@ impl Schedule {
             let width = f64::from(self.size[0]);
             let Dispatching { group, slice: longest, .. } = self.dispatching;
             let groups = self.budget / (width * f64::from(group[1]) * f64::from(self.samples.min(longest)));
-            self.rows = group[1] * unsigned(whole(groups.round())).clamp(1, self.size[1]);
+            // Of so many as are asked for, no more; else about as many as fit.
+            let is_limit = self.dispatching.samples.is_some();
+            let fewer = |number: f64| if is_limit { number.floor() } else { number.round() };
+            let more = |number: f64| if is_limit { number.ceil() } else { number.round() };
+            self.rows = group[1] * unsigned(whole(fewer(groups))).clamp(1, self.size[1]);
             let parts = width * f64::from(self.rows) * f64::from(self.samples) / self.budget;
-            let parts = unsigned(whole(parts.round())).max(1);
+            let parts = unsigned(whole(more(parts))).max(1);
             self.slice = self.samples.div_ceil(parts).clamp(longest.min(SHORTEST_SLICE), longest);
         }
         let end_sample = self.sample.saturating_add(self.slice);
@@ -770,10 +796,14 @@ impl Schedule {
         if self.dispatching.samples.is_some() {
             return;
         }
-        let seconds = time.as_secs_f64().max(1e-6);
-        let fitting = self.taken * self.dispatch.as_secs_f64() / seconds;
-        let place = self.done.partition_point(|[known, _]| *known < fitting);
-        self.done.insert(place, [fitting, seconds]);
+        let (seconds, aim) = (time.as_secs_f64().max(1e-6), self.dispatch.as_secs_f64());
+        let fitting = self.taken * aim / seconds;
+        if seconds >= TELLING * aim {
+            let place = self.told.partition_point(|[known, _]| *known < fitting);
+            self.told.insert(place, [fitting, seconds]);
+        } else {
+            self.untold = self.untold.max(self.taken);
+        }
         let most = self.most.min(self.slow().map_or(f64::INFINITY, |slow| BOLDNESS * slow));
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(most);
     }
@@ -855,7 +885,7 @@ mod tests {
         let (size, samples, aim) = ([800_u32, 800], 300, Duration::from_millis(10));
         let seconds =
             |row: u32| 3.0e-9 * f64::from(size[0] * samples) * if (250..550).contains(&row) { 1.0 } else { 0.05 };
-        let mut speed = Speed::unknown(aim);
+        let mut speed = Speed::unknown(aim, DeviceKind::Software);
         let picture = |_| {
             let mut schedule = Schedule::new(size, samples, Dispatching::default(), 1, speed);
             let mut dispatches = Vec::new();
@@ -882,6 +912,18 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_fast_gpu_is_known_within_its_first_march() {
+        let speed = Speed::unknown(Duration::from_millis(8), DeviceKind::Discrete);
+        let mut schedule = Schedule::new([1280, 800], 400, Dispatching::default(), 1, speed);
+        let mut dispatches = 0;
+        while schedule.next().is_some() {
+            schedule.took(Duration::from_secs_f64(5.0e-5 + 1.0e-11 * schedule.taken));
+            dispatches += 1;
+        }
+        assert!(dispatches < 12, "{dispatches} for 4 ms");
+    }
+
     /// Nor does a march of a few pixels, of which nothing takes any time.
     #[test]
     fn a_picture_of_a_few_pixels_says_nothing_of_a_large_one() {
@@ -895,12 +937,12 @@ mod tests {
             }
             (dispatches, schedule.speed())
         };
-        let mut speed = Speed::unknown(aim);
+        let mut speed = Speed::unknown(aim, DeviceKind::Software);
         for _ in 0..4 {
             speed = dispatches([20, 16], speed).1;
         }
         let ((small, _), (unknown, known)) =
-            (dispatches([800, 800], speed), dispatches([800, 800], Speed::unknown(aim)));
+            (dispatches([800, 800], speed), dispatches([800, 800], Speed::unknown(aim, DeviceKind::Software)));
         assert!(small <= unknown, "{small} dispatches, not {unknown}");
         let (_, known) = dispatches([800, 800], known);
         let (least, _) = dispatches([800, 800], known);
@@ -910,6 +952,7 @@ mod tests {
     #[test]
     fn a_dispatch_that_was_held_up_does_not_cut_the_next_picture_into_crumbs() {
         let [calm, held] = [None, Some(20)].map(|held_up| marched(4, held_up).iter().map(Vec::len).collect::<Vec<_>>());
+        assert!(calm.iter().all(|calm| *calm > 21), "{calm:?}: none is held up");
         assert!(held.iter().zip(&calm).skip(1).all(|(held, calm)| 4 * held <= 5 * calm), "{held:?}, not {calm:?}");
     }
 

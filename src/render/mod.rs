@@ -10,7 +10,7 @@ mod store;
 mod upload;
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed, TableMemory};
@@ -135,8 +135,10 @@ fn without_gradients(format: VolumeFormat) -> &'static str {
 pub struct Renderer {
     device: Device,
     dispatching: Dispatching,
-    /// How the marches begin that are made at one go.
+    /// How marches begin of a plan that nothing is known of.
     speed: Speed,
+    /// The plan of the last march that was made at one go, and how fast that was.
+    learnt: Mutex<Option<(ScenePlan, Speed)>>,
     pipelines: Mutex<Pipelines>,
     marches: AtomicU64,
     longest_dispatch: AtomicU64,
@@ -167,6 +169,7 @@ impl Renderer {
             device,
             dispatching,
             speed: Speed::default(),
+            learnt: Mutex::default(),
             pipelines: Mutex::default(),
             marches: AtomicU64::default(),
             longest_dispatch: AtomicU64::default(),
@@ -185,11 +188,23 @@ impl Renderer {
         self.longest_dispatch.load(Ordering::Relaxed)
     }
 
-    /// The same renderer for a device that others wait for: dispatches of [`Self::march`] take about `dispatch`, and the first
-    /// of each as little as on a device that nothing is known of.
+    /// The same renderer for a device that others wait for: dispatches of [`Self::march`] take about `dispatch`, and of a plan
+    /// that nothing is known of far less.
     #[must_use]
     pub fn with_dispatches_of(self, dispatch: Duration) -> Self {
-        Self { speed: Speed::unknown(dispatch), ..self }
+        let speed = Speed::unknown(dispatch, self.device.info().kind);
+        Self { speed, ..self }
+    }
+
+    /// The plan of the last march that was made at one go, and how fast that was.
+    fn learnt(&self) -> MutexGuard<'_, Option<(ScenePlan, Speed)>> {
+        self.learnt.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How marches begin of a plan that nothing is known of.
+    #[must_use]
+    pub fn speed(&self) -> Speed {
+        self.speed
     }
 
     /// The same renderer with its marches cut otherwise. A slice out of range takes the nearest end.

@@ -126,17 +126,19 @@ pub const fn names(kind: Kind) -> &'static [&'static str] {
 
 /// The name of the standard of this kind that is this spectrum, where one is.
 pub fn name_of(spectrum: &Spectrum, kind: Kind) -> Option<&'static str> {
-    static LIGHTS: LazyLock<Vec<Spectrum>> =
-        LazyLock::new(|| ILLUMINANTS.iter().filter_map(|name| Some(light(name).ok()?.spectrum().clone())).collect());
-    static REFLECTANCES: LazyLock<Vec<Spectrum>> =
-        LazyLock::new(|| PATCHES.iter().filter_map(|name| Some(reflectance(name).ok()?.spectrum().clone())).collect());
-    let spectra: &[Spectrum] = match kind {
+    type Named = Vec<(&'static str, Spectrum)>;
+    static LIGHTS: LazyLock<Named> = LazyLock::new(|| {
+        ILLUMINANTS.iter().filter_map(|name| Some((*name, light(name).ok()?.spectrum().clone()))).collect()
+    });
+    static REFLECTANCES: LazyLock<Named> = LazyLock::new(|| {
+        PATCHES.iter().filter_map(|name| Some((*name, reflectance(name).ok()?.spectrum().clone()))).collect()
+    });
+    let named: &[(&str, Spectrum)] = match kind {
         Kind::Light => &LIGHTS,
         Kind::Reflectance => &REFLECTANCES,
         Kind::Absorption => &[],
     };
-    let index = spectra.iter().position(|known| known == spectrum)?;
-    names(kind).get(index).copied()
+    named.iter().find(|(_, known)| known == spectrum).map(|(name, _)| *name)
 }
 
 /// A sentence part for error messages: the standard of this kind that `name` is nearly the name of, else all of them.

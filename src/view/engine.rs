@@ -199,7 +199,8 @@ impl Engine {
     /// Asks for pictures of `size` (width, height) of `scene`. The march of a picture for any other is given up, but for
     /// the coarsest: a hand that never rests sees that one.
     pub fn look(&mut self, scene: &Scene, size: [usize; 2]) {
-        if size != self.size {
+        let pixels = |[width, height]: [usize; 2]| width * height;
+        if pixels(size) > pixels(self.size) {
             // What was quick enough of a small window may not be of a large one.
             self.coarse = self.coarse.max(FINER);
         }
@@ -280,7 +281,9 @@ impl Engine {
     pub fn has_work(&self, hand_rests: bool) -> bool {
         let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level > 1);
         let wanted = self.wanted.is_some() || self.planning.is_some() || self.fitting.is_some();
-        self.unlit || wanted || self.marching.is_some() || (hand_rests && finer)
+        // Where nothing can be lit, or no more be made, frames look after it.
+        let unlit = self.unlit && !self.failed && self.lit.is_some();
+        unlit || wanted || self.marching.is_some() || (hand_rests && finer)
     }
 
     /// Takes the colour model that was fitted for whoever looks, or begins to fit it; until it is there, the picture is as
@@ -346,7 +349,7 @@ impl Engine {
         let Some(level) = level else { return Ok(false) };
         let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
         let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
-        let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| Speed::unknown(DISPATCH));
+        let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer.speed());
         let march = self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)?;
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });

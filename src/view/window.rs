@@ -46,7 +46,7 @@ const MOST_LOSSES: u32 = 4;
 /// Time between two frames that show nothing but how far a march is.
 const NEWS_OF_MARCHING: Duration = Duration::from_millis(100);
 /// How long until what waits for something made beside the window is looked after again.
-const PATIENCE: Duration = Duration::from_millis(4);
+const LOOKED_AFTER: Duration = Duration::from_millis(4);
 /// Least time between two pieces of news of what is measured.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
 /// Notices that are kept.
@@ -174,6 +174,9 @@ struct Viewer {
     reached: Reached,
     /// When the next frame is due at the latest, where the picture is gone on with until then.
     marches_until: Option<Instant>,
+    turn: Turn,
+    /// What was done before the last frame was over.
+    counted: Counts,
     /// What is still to be written, and in which dialog it is said where.
     saving: Saving,
     chooser: Chooser,
@@ -187,6 +190,19 @@ struct Viewer {
     /// Whether the window closes after this frame.
     closes: bool,
     failed: Option<ViewError>,
+}
+
+/// Who has had the last turn of the system's events: frames and slices of a march take turns, and what a hand does is heard
+/// before either.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Turn {
+    /// A slice of a march.
+    #[default]
+    Marched,
+    /// A frame, an earlier time.
+    Drawn,
+    /// A frame, this time.
+    Drawing,
 }
 
 /// What became of the device.
@@ -228,6 +244,8 @@ impl Viewer {
             moved: begun,
             reached: Reached::default(),
             marches_until: None,
+            turn: Turn::default(),
+            counted: Counts::default(),
             saving: Saving::default(),
             chooser: Chooser::default(),
             script: Position::default(),
@@ -396,6 +414,11 @@ impl Viewer {
 
     /// Goes on with the picture between two frames: they take time that it may be finished in.
     fn go_on(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
+        if self.turn == Turn::Drawing {
+            // Hands are heard before.
+            self.turn = Turn::Drawn;
+            return Ok(());
+        }
         let rests = self.hand_rests();
         let mut stepped = Stepped::default();
         if let (Some(screen), Some(engine)) = (&mut self.screen, &mut self.engine)
@@ -408,17 +431,34 @@ impl Viewer {
             self.report.longest_step_ms = self.report.longest_step_ms.max(took);
             stepped = self.made(made)?;
         }
+        self.turn = Turn::Marched;
         let Some(due) = self.marches_until else { return Ok(()) };
-        let (now, more) = (Instant::now(), self.engine.as_ref().is_some_and(|engine| engine.has_work(rests)));
-        if stepped.shown || !more || now >= due {
+        let now = Instant::now();
+        if stepped.shown || !self.is_busy() || now >= due {
             self.marches_until = None;
-            self.screen.iter().for_each(|screen| screen.window.request_redraw());
+            events.set_control_flow(ControlFlow::Wait);
+            self.redraw();
         } else if stepped.worked {
             events.set_control_flow(ControlFlow::Poll);
         } else {
-            events.set_control_flow(ControlFlow::WaitUntil(due.min(now + PATIENCE)));
+            events.set_control_flow(ControlFlow::WaitUntil(due.min(now + LOOKED_AFTER)));
         }
         Ok(())
+    }
+
+    /// Whether there is something to march while the hand does what it does.
+    fn is_busy(&self) -> bool {
+        let rests = self.hand_rests();
+        self.engine.as_ref().is_some_and(|engine| engine.has_work(rests))
+    }
+
+    /// Asks for a frame: at once, or after the slice of a march whose turn it is.
+    fn redraw(&mut self) {
+        if self.turn != Turn::Marched && self.is_busy() {
+            self.marches_until = Some(Instant::now());
+        } else {
+            self.screen.iter().for_each(|screen| screen.window.request_redraw());
+        }
     }
 
     /// What the engine has made, or nothing: why not is told.
@@ -435,8 +475,8 @@ impl Viewer {
 
     /// One frame. Says when the next one is due: at once, later, or when something happens.
     fn draw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
-        self.marches_until = None;
-        let (begun, before) = (Instant::now(), self.counts());
+        (self.marches_until, self.turn) = (None, Turn::Drawing);
+        let begun = Instant::now();
         if let Some(screen) = &mut self.screen {
             screen.surface.wait()?;
         }
@@ -501,10 +541,10 @@ impl Viewer {
             self.document.iter_mut().for_each(Document::rest);
         }
         self.fit(place, output.pixels_per_point);
-        // Panels were laid out before a tour that is played went on: where it has ended, they are once more.
         let shown = self.engine.as_mut().map_or(Ok(false), Engine::show);
         self.made(shown)?;
-        let stepped = self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
+        // Panels were laid out before a tour that is played went on: where it has ended, they are once more.
+        let news = self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
         let failed = !self.written();
         self.save_tour(failed);
         self.save_pictures();
@@ -527,7 +567,7 @@ impl Viewer {
             Ok(captured) => captured,
             Err(error @ VulkanError::OutOfMemory { .. }) if capture.is_some() => {
                 self.tell(&error);
-                self.next(events, Duration::ZERO, stepped);
+                self.next(events, Duration::ZERO, news);
                 return Ok(());
             }
             Err(error) => return Err(error.into()),
@@ -547,10 +587,11 @@ impl Viewer {
         self.report.frames += 1;
         let (took, now) = (1000.0 * begun.elapsed().as_secs_f64(), self.counts());
         self.drawn.add(took);
+        let before = std::mem::replace(&mut self.counted, now);
         if now.relights > before.relights && now.dispatches == before.dispatches {
             self.relit.add(took);
         }
-        self.next(events, again, stepped);
+        self.next(events, again, news);
         Ok(())
     }
 
@@ -603,7 +644,7 @@ impl Viewer {
                 (_, _, Some(_)) => Some("opening"),
                 (Some(_), _, None) => Some("measuring"),
                 (None, Some(_), None) => Some("solving"),
-                (None, None, None) => None,
+                (None, None, None) => matches!(self.tour, Some(Tour::Saving { .. })).then_some("saving the tour"),
             },
             finest: engine.is_some_and(Engine::is_finest),
             counts: self.counts(),
@@ -621,34 +662,30 @@ impl Viewer {
     }
 
     /// When the next frame is due.
-    fn next(&mut self, events: &ActiveEventLoop, again: Duration, more: bool) {
+    fn next(&mut self, events: &ActiveEventLoop, again: Duration, news: bool) {
         let over = self.options.frames.is_some_and(|frames| self.report.frames >= u64::from(frames));
         if self.failed.is_some() || self.closes || (over && self.options.script.is_none() && self.loading.is_none()) {
             events.exit();
             return;
         }
         events.set_control_flow(ControlFlow::Wait);
-        let Some(screen) = &self.screen else { return };
-        let (rests, engine) = (self.hand_rests(), self.engine.as_ref());
-        let [busy, unfinished] = [rests, true].map(|rests| engine.is_some_and(|engine| engine.has_work(rests)));
+        let (busy, unfinished) = (self.is_busy(), self.engine.as_ref().is_some_and(|engine| engine.has_work(true)));
         // Frames would take time of what is measured, and a script has nothing to do before that.
         let again =
             if self.measuring.is_some() { again.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { again };
-        // What a script waits for comes without frames.
+        // The picture that `settle` of a script waits for comes without frames.
         let driven = self.is_scripted() && self.measuring.is_none() && !(busy && self.settles());
-        let at_once = more || driven || self.saving.capture.is_some();
-        let now = Instant::now();
+        let at_once = news || driven || self.saving.capture.is_some();
         match if at_once { Next::Frame } else { next(again, busy, unfinished) } {
-            Next::Frame => screen.window.request_redraw(),
-            Next::March(most) => {
-                self.marches_until = Some(now + most);
-                events.set_control_flow(ControlFlow::Poll);
-            }
+            Next::Frame => self.redraw(),
+            Next::March(most) => self.marches_until = Some(Instant::now() + most),
             Next::Rest(most) => {
-                if let Some(due) = now.checked_add(most).filter(|_| most < Duration::from_secs(3600)) {
-                    events.set_control_flow(ControlFlow::WaitUntil(due));
-                }
+                let due = Instant::now().checked_add(most).filter(|_| most < Duration::from_secs(3600));
+                due.into_iter().for_each(|due| events.set_control_flow(ControlFlow::WaitUntil(due)));
             }
+        }
+        if self.marches_until.is_some() {
+            events.set_control_flow(ControlFlow::Poll);
         }
     }
 }
@@ -694,7 +731,9 @@ impl ApplicationHandler<Woken> for Viewer {
     }
 
     fn about_to_wait(&mut self, events: &ActiveEventLoop) {
-        self.attempt(events, |viewer| viewer.go_on(events));
+        if !events.exiting() {
+            self.attempt(events, |viewer| viewer.go_on(events));
+        }
     }
 
     fn user_event(&mut self, _events: &ActiveEventLoop, woken: Woken) {
@@ -711,9 +750,7 @@ impl ApplicationHandler<Woken> for Viewer {
             // Something else was opened since.
             Woken::Loaded { .. } => {}
         }
-        if let Some(screen) = &self.screen {
-            screen.window.request_redraw();
-        }
+        self.redraw();
     }
 
     fn window_event(&mut self, events: &ActiveEventLoop, _window: WindowId, event: WindowEvent) {
@@ -746,7 +783,7 @@ impl Viewer {
         let Some(screen) = &mut self.screen else { return };
         let due = matches!(event, WindowEvent::Resized(_) | WindowEvent::CloseRequested);
         if screen.egui.on_window_event(&screen.window, event).repaint || due {
-            screen.window.request_redraw();
+            self.redraw();
         }
     }
 }

@@ -170,8 +170,8 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     let (frame, whole) = ui.allocate_exact_size(vec2(ui.available_width(), 134.0), Sense::hover());
     whole.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "time against error"));
     // Whoever has waited for it sees it, and nobody else is led away from what is looked at.
-    let (id, new) = (ui.id().with("settings"), curve.settings.len());
-    let known: Option<usize> = ui.data(|data| data.get_temp(id));
+    let (id, new) = (ui.id().with("measured"), curve.settings.iter().map(|it| it.point.frame_ms).sum::<f64>());
+    let known: Option<f64> = ui.data(|data| data.get_temp(id));
     if known != Some(new) {
         ui.data_mut(|data| data.insert_temp(id, new));
         if ui.is_rect_visible(ui.min_rect()) {

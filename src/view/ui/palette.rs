@@ -1,8 +1,9 @@
 //! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
 
+use egui::style::ScrollStyle;
 use egui::{
-    Color32, ComboBox, Grid, Id, LayerId, Order, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind,
-    Ui, WidgetInfo, WidgetType, Window, pos2, vec2,
+    Button, Color32, ComboBox, Grid, Id, LayerId, Order, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke,
+    StrokeKind, Ui, WidgetInfo, WidgetType, Window, pos2, vec2,
 };
 
 use super::Shown;
@@ -58,9 +59,12 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         .show(ui.ctx(), |ui| {
             let height = (rect.height() - 56.0).max(80.0);
             // Also in a window that was smaller, and is not any more.
-            ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(480.0).show(
-                ui,
-                |ui| match &document.state().palette {
+            ui.spacing_mut().scroll = ScrollStyle::solid();
+            let width = (rect.width() - 40.0).clamp(80.0, 480.0);
+            let area = ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(width);
+            area.show(ui, |ui| {
+                ui.set_max_width(width);
+                match &document.state().palette {
                     None => offer(ui, shown.design, asked),
                     Some(palette) => {
                         matrix(ui, document.state(), palette, asked);
@@ -69,11 +73,11 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
                         details(ui, &document.state().scene, palette, asked);
                         ui.separator();
                         model(ui, palette, asked);
-                        solve(ui, shown.design, asked);
+                        solve(ui, palette, shown.design, asked);
                         conflicts(ui, palette, shown.design, asked);
                     }
-                },
-            );
+                }
+            });
         });
     if !open {
         asked.push(Action::Palette(false));
@@ -281,6 +285,13 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
             }
         }
     });
+    if found.is_some() && material.spectrum.is_some() && light.spectrum.is_some() {
+        let text = format!(
+            "{} and {} are both given: to solve changes nothing here. Tick the one whose spectrum is to be found.",
+            material.name, light.name
+        );
+        ui.label(RichText::new(text).small());
+    }
 }
 
 fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, index: usize, asked: &mut Vec<Action>) {
@@ -366,14 +377,16 @@ fn is_running(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) -> bool 
     true
 }
 
-fn solve(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
+fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Action>) {
     if is_running(ui, design, asked) {
         return;
     }
     ui.horizontal(|ui| {
         let help =
             "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
-        if ui.button("Solve").on_hover_text(help).clicked() {
+        let opens = palette.materials.iter().chain(&palette.lights).any(|member| member.spectrum.is_none());
+        let solve = ui.add_enabled(opens, Button::new("Solve")).on_hover_text(help);
+        if solve.on_disabled_hover_text("All is given. Tick what is open: its spectrum is to be found.").clicked() {
             asked.push(Action::Solve(None));
         }
         if ui

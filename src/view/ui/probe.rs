@@ -226,7 +226,9 @@ fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: 
             bar(ui, share.light, colour(&share.name).unwrap_or(Color32::LIGHT_GRAY));
             ui.add(Label::new(&share.name).truncate());
             match share.seen {
-                Some(seen) => ui.label(percent(seen)).on_hover_text("How much of the pixel it is, whatever its shade."),
+                Some(seen) => ui.label(percent(seen)).on_hover_text(
+                    "How much of the pixel it is, whatever its shade. X-ray materials hide nothing: with them it may be more than all.",
+                ),
                 None => ui.label(""),
             };
             ui.label(percent(share.light)).on_hover_text("Its part in the brightness of the pixel.");

@@ -37,7 +37,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
         }
         let id = Id::new("name of a situation");
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
-        ui.horizontal(|ui| {
+        // Where a word is longer, the panels do not get wider: the picture would be marched anew.
+        ui.horizontal_wrapped(|ui| {
             let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(84.0));
             field.on_hover_text("What the light of now is to be called.");
             let given = name.trim().to_owned();

@@ -36,11 +36,11 @@ pub struct Report {
     /// Frames by how long they took, the longest of them last: median, 95th of a hundred, longest. Of more than 65,536 frames,
     /// the first two are of a part of them, evenly chosen.
     pub frame_ms: [f64; 3],
-    /// The same of frames that showed another light and marched nothing.
+    /// The same of frames that showed another light, where nothing was marched since the last one.
     pub relit_ms: [f64; 3],
-    /// The longest call into the engine.
+    /// The longest slice of a march.
     pub longest_step_ms: f64,
-    /// The longest that nobody was heard after the first picture was there: from a frame's begin to its end.
+    /// The longest that nobody was heard after the first picture was there: during a frame, or a slice of a march.
     pub stall_ms: f64,
     /// How often the device was lost, and opened again.
     pub losses: u64,
