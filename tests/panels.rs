@@ -1101,6 +1101,18 @@ fn lights_that_are_turned_on_again_where_the_dial_mixes_leave_the_dial_and_the_s
 }
 
 #[test]
+fn what_ends_where_it_began_is_no_step_back() {
+    let mut document = document();
+    let places = [0.2, 0.5, 0.2].map(|x| Edit::Hand(DVec2::new(x, 0.1)));
+    document.edit(&places[0]);
+    document.rest();
+    document.edit(&places[1]);
+    document.edit(&places[2]);
+    document.rest();
+    assert!(document.undo().is_some() && !document.can_undo());
+}
+
+#[test]
 fn after_a_tour_the_situation_that_the_hand_stands_on_is_the_one_that_is_shown() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));

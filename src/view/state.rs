@@ -555,9 +555,12 @@ impl Document {
         state
     }
 
-    /// The hand has let go: the next edit is a step back of its own.
+    /// The hand has let go: the next edit is a step back of its own. One that ended where it began is none.
     pub fn rest(&mut self) {
-        self.gesture = None;
+        let nothing = |before: &State| self.now.cost_from(before).is_none();
+        if self.gesture.take().is_some() && self.past.last().is_some_and(nothing) {
+            self.past.pop();
+        }
     }
 
     /// Whether there is a step back.

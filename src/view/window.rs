@@ -9,7 +9,7 @@ mod saving;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use egui::{Context, Rect, TexturesDelta, ViewportId};
+use egui::{Context, Rect, TexturesDelta, Vec2, ViewportId};
 use egui_winit::accesskit_winit;
 use winit::application::ApplicationHandler;
 use winit::error::{EventLoopError, OsError};
@@ -487,9 +487,13 @@ impl Viewer {
         let status = self.status();
         let loading = self.loading.as_ref().map(Loading::progress).or_else(|| self.first_march());
         let Some(screen) = &mut self.screen else { return Ok(()) };
-        let size = screen.window.inner_size();
-        let points = f64::from(size.width) / f64::from(self.context.pixels_per_point());
-        let wide = points >= f64::from(ui::ROOM_FOR_PANELS);
+        // To ask the window once more would wait for the screen.
+        let (scale, points) = (
+            egui_winit::pixels_per_point(&self.context, &screen.window),
+            raw.screen_rect.map_or(Vec2::ZERO, |rect| rect.size()),
+        );
+        let size = [points.x, points.y].map(|points| unsigned(whole(f64::from((points * scale).round()))));
+        let wide = points.x >= ui::ROOM_FOR_PANELS;
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
         let running = self.measuring.as_ref().map(Job::progress);
         let effort = Effort {
@@ -555,7 +559,7 @@ impl Viewer {
         let picture = self.engine.as_ref().and_then(Engine::picture).map(|picture| (picture, place));
         let Some(screen) = &mut self.screen else { return Ok(()) };
         let shown = screen.surface.show(Frame {
-            size: [size.width, size.height],
+            size,
             background,
             picture,
             textures: &mut self.textures,
@@ -574,7 +578,7 @@ impl Viewer {
         };
         match (captured, capture) {
             (Some(pixels), Some(path)) => {
-                let size = [size.width as usize, size.height as usize];
+                let size = size.map(|pixels| pixels as usize);
                 if let Err(error) = write_rgba(&path, size, &pixels) {
                     self.tell(&error);
                 }

@@ -50,10 +50,16 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             if ui.add_enabled(on, egui::Checkbox::new(&mut shown, "box")).on_hover_text(help).changed() {
                 ui.data_mut(|data| data.insert_temp(hidden(), !shown));
             }
-            let changed = document.state().scene.crop != document.opened().crop;
-            let reset = ui.add_enabled(changed, egui::Button::new("Reset crop").small());
-            if reset.on_hover_text("The part that the scene shows.").clicked() {
-                asked.push(Action::Edit(Edit::ResetCrop));
+            // Who wants no box takes the tick away: of a scene without one, all of it is the box.
+            let all = [DVec3::ZERO, DVec3::ONE];
+            let opened = document.opened().crop;
+            let (changed, reset) = match opened {
+                Some(_) => (document.state().scene.crop != opened, Edit::ResetCrop),
+                None => (crop.is_some_and(|crop| crop != all), Edit::Crop(Some(all))),
+            };
+            let button = ui.add_enabled(changed, egui::Button::new("Reset crop").small());
+            if button.on_hover_text("The part that the scene shows, or all of it.").clicked() {
+                asked.push(Action::Edit(reset));
             }
         });
         let Some(now) = crop else { return };

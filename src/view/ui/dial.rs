@@ -127,7 +127,9 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
         let colour = if node.on { visuals.text_color() } else { visuals.weak_text_color() };
         if node.on {
             let weight = weights.get(index).copied().unwrap_or(0.0);
-            let thick = Stroke::new(0.5 + 3.0 * narrow(weight), visuals.selection.bg_fill);
+            // What is behind selected text is too pale for a line on white.
+            let ink = if visuals.dark_mode { visuals.selection.bg_fill } else { visuals.selection.stroke.color };
+            let thick = Stroke::new(0.5 + 3.0 * narrow(weight), ink);
             if state.light.mixing == Mixing::Dial {
                 ui.painter().line_segment([place, map.screen_from_dial(state.light.hand)], thick);
             }

@@ -10,6 +10,7 @@ use crate::view::action::File;
 use crate::view::engine::Engine;
 use crate::view::export::ExportError;
 use crate::view::job::Job;
+use crate::view::load::Source;
 use crate::view::session;
 use crate::view::state::Edit;
 use crate::view::tour::Tour;
@@ -110,6 +111,8 @@ impl Viewer {
             Err(error) => self.tell(&error),
             Ok(()) => {
                 document.save();
+                let title = Source::of(path).title();
+                self.screen.iter().for_each(|screen| screen.window.set_title(&title));
                 let ([width, height], path) = (self.report.size, whole_path(path));
                 self.tell_done(format!(
                     "The session is {path}; relume render with --size {width}x{height} makes this picture."
