@@ -27,6 +27,7 @@ use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
 use relume::view::load::{Question, Source, Unknown};
 use relume::view::probe::{Pixel, Ray};
+use relume::view::tour::Tour;
 use relume::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use relume::view::{Action, Cost, Document, Edit, Mixing, Probe};
 use relume::volume::{RawLayout, Selection, Several, VoxelType};
@@ -52,6 +53,8 @@ struct App {
     design: bool,
     conflicts: Vec<Conflict>,
     notices: Vec<Notice>,
+    tour: Option<Tour>,
+    several: bool,
     chooser: Chooser,
     /// The folder that files are chosen in.
     folder: Folder,
@@ -70,6 +73,8 @@ impl App {
             design: false,
             conflicts: Vec::new(),
             notices: Vec::new(),
+            tour: None,
+            several: false,
             chooser: Chooser::default(),
             folder: Folder::new(),
             place: Rect::ZERO,
@@ -85,7 +90,8 @@ impl App {
             loading: None,
             notices: &app.notices,
             stopped: false,
-            plays: false,
+            several: app.several,
+            tour: app.tour.as_ref(),
             chooses: app.chooser.is_open(),
             panels: app.panels,
             design: Design { shown: app.design, running: None, conflicts: &app.conflicts },
@@ -778,7 +784,198 @@ fn an_end_of_an_interval_that_is_typed_past_the_other_takes_it_along() {
         window.key_press(Key::Enter);
         window.run();
         assert_eq!(intervals(&window)[0], Interval { range: [typed; 2], ..before }, "{end}");
+        assert!(is_painted(&window, "along: no interval ends before it begins"), "{end}: and says so");
     }
+}
+
+#[test]
+fn what_is_typed_and_is_no_number_changes_nothing_and_says_so() {
+    for text in ["thick", "0,5", "inf", "1e999", ""] {
+        for label in ["interval 0: opacity", "day: strength"] {
+            let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+            window.run();
+            // A slider has its field at its right.
+            let named = window.get_by_label(label).rect();
+            let in_line = |place: &Rect| (place.center().y - named.center().y).abs() < 5.0;
+            let field = window.get_all_by_role(Role::SpinButton).map(|node| node.rect()).find(in_line).unwrap_or(named);
+            click_at(&mut window, field.center());
+            window.run();
+            window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+            window.run();
+            window.key_press(Key::Delete);
+            window.run();
+            window.event(Event::Text(text.to_owned()));
+            window.run();
+            window.key_press(Key::Enter);
+            window.run();
+            assert!(window.state().asked.is_empty(), "{label} {text}: {:?}", window.state().asked);
+            assert!(is_painted(&window, &format!("“{text}” is no number")), "{label} {text}");
+        }
+    }
+}
+
+#[test]
+fn a_side_of_the_crop_box_that_is_typed_past_the_other_stops_there_and_says_so() {
+    let mut document = document();
+    document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    type_into(&mut window, "crop x: to", "0.1");
+    window.key_press(Key::Enter);
+    window.run();
+    let [low, high] = window.state().document.as_ref().unwrap().state().crop().unwrap();
+    assert!((low.x - 0.25).abs() < 1e-9 && (high.x - 0.25).abs() < 2e-3, "{low} {high}");
+    assert!(is_painted(&window, "It stops at “from”, which is 0.2500"));
+}
+
+#[test]
+fn a_click_that_closes_a_popup_looks_at_no_pixel() {
+    let mut window = wide(document());
+    window.run();
+    let picture = window.get_by_label("picture").rect();
+    window.get_by_label("File").click();
+    window.run();
+    click_at(&mut window, picture.center());
+    assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
+    click_at(&mut window, picture.center() + Vec2::new(20.0, 0.0));
+    assert!(matches!(window.state().asked.last(), Some(Action::Probe(Some(_)))), "{:?}", window.state().asked);
+}
+
+#[test]
+fn nodes_that_a_session_has_left_out_are_brought_back() {
+    let mut document = document();
+    document.edit(&Edit::NodeOn(1, false));
+    // As it opens again once it was saved.
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(document.state().scene.clone())));
+    window.run();
+    window.get_by_label("Reset nodes").click();
+    window.run();
+    let on = |window: &Harness<'_, App>| {
+        let nodes = &window.state().document.as_ref().unwrap().state().scene.dial.nodes;
+        nodes.iter().map(|node| node.on).collect::<Vec<_>>()
+    };
+    assert_eq!(on(&window), [true, true]);
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(on(&window), [true, false]);
+}
+
+#[test]
+fn what_colours_the_light_that_passes_is_named() {
+    let text = SCENE.replace(
+        "[materials.flesh]",
+        "[materials.stain]\nreflectance = 0\nabsorption = { 380 = 1, 560 = 1, 580 = 0, 780 = 0 }\n[materials.flesh]",
+    );
+    let scene = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let mut document = Document::new(scene);
+    document.edit(&Edit::AddInterval(Interval {
+        material: document.state().scene.materials.iter().position(|material| material.name == "stain").unwrap(),
+        range: [-1e6, 1e6],
+        ramp: 0.0,
+        opacity: 0.0,
+        absorption: 0.05,
+    }));
+    let mut window = wide(document.clone());
+    let probe = probed_of(&document);
+    assert!(probe.absorbed.iter().sum::<f64>() > 0.1, "{:?}", probe.absorbed);
+    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probe)));
+    window.run();
+    assert!(window.query_by_label("What colours its light").is_some());
+    // There, and in the legend of the ray.
+    let named = window.query_all_by_label("stain").filter(|node| node.rect().left() > 300.0).count();
+    assert_eq!(named, 2);
+}
+
+#[test]
+fn a_picture_that_nothing_of_the_volume_is_seen_in_says_why_and_what_to_do() {
+    let mut thin = document();
+    thin.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
+    thin.edit(&Edit::Crop(Some([DVec3::new(0.0, 0.0, 0.5), DVec3::new(1.0, 1.0, 0.501)])));
+    let mut window = wide(thin);
+    window.run();
+    assert!(window.query_by_label_contains("a thin sheet, seen from its edge").is_some());
+    window.get_by_label("Look at its face").click();
+    window.run();
+    window.run();
+    assert!(window.query_by_label_contains("seen from its edge").is_none(), "{:?}", window.state().asked);
+    let mut beside = document();
+    beside.edit(&Edit::Camera(Move::Pan { right: 50.0, up: 0.0 }, 1.5));
+    let mut window = wide(beside);
+    window.run();
+    window.get_by_label("Reset the camera").click();
+    window.run();
+    window.run();
+    assert!(window.query_by_label("Reset the camera").is_none());
+    assert!(wide(document()).query_by_label("Reset the camera").is_none(), "nothing is said of what is seen");
+}
+
+#[test]
+fn a_window_over_a_picture_that_was_small_goes_back_to_where_it_was() {
+    let mut window = wide(document());
+    window.state_mut().design = true;
+    window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
+    window.run();
+    let title = |window: &Harness<'_, App>, name: &str| window.get_by_role_and_label(Role::Window, name).rect().min;
+    for name in ["Probe", "Palette"] {
+        let (small, large) = (Vec2::new(640.0, 480.0), Vec2::new(1280.0, 720.0));
+        let before = title(&window, name);
+        for size in [small, large] {
+            window.set_size(size);
+            window.run();
+            window.run();
+        }
+        assert_eq!(title(&window, name), before, "{name}");
+        let at = before + Vec2::new(40.0, 10.0);
+        drag_along(&mut window, &[at, at + Vec2::new(30.0, 40.0), at + Vec2::new(60.0, 90.0)]);
+        window.run();
+        let put = title(&window, name);
+        assert_ne!(put, before, "{name}");
+        for size in [small, large] {
+            window.set_size(size);
+            window.run();
+            window.run();
+        }
+        assert_eq!(title(&window, name), put, "{name}: where a hand has put it");
+    }
+}
+
+#[test]
+fn a_tour_that_is_saved_says_how_far_it_is_and_can_be_given_up() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.state_mut().tour = Some(Tour::Saving { path: "tour.png".into(), frames: 50, saved: 12, size: None });
+    window.run();
+    assert!(window.query_by_label_contains("12 of 50 pictures").is_some());
+    window.get_by_label("Cancel").click();
+    window.run();
+    assert_eq!(window.state().asked.last(), Some(&Action::Tour(None)));
+}
+
+#[test]
+fn another_volume_of_a_file_is_asked_for_where_there_are_several() {
+    for several in [false, true] {
+        let mut window = wide(document());
+        window.state_mut().several = several;
+        file_menu(&mut window, "Another volume of this file");
+        window.run();
+        assert_eq!(window.state().asked.contains(&Action::Another), several);
+    }
+}
+
+#[test]
+fn another_time_step_is_looked_at_as_the_one_before() {
+    let mut before = document();
+    before.edit(&Edit::Camera(Move::Orbit { right: 30.0, up: 10.0 }, 1.5));
+    before.edit(&Edit::HandOnNode(1));
+    before.edit(&Edit::RemoveTerm(0));
+    let scene = before.opened().clone();
+    let after = before.clone().beside(scene.clone(), true).unwrap();
+    assert!(after.state().cost_from(before.state()).is_none());
+    let other = before.clone().beside(scene.clone(), false).unwrap();
+    assert_eq!(other.state().scene.transfer, scene.transfer, "other values are shown as they open");
+    assert_eq!(other.state().scene.camera, before.state().scene.camera);
+    let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
+    let smaller = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    assert!(before.beside(smaller, true).is_none(), "another grid is another thing");
 }
 
 #[test]
@@ -933,7 +1130,7 @@ fn an_empty_window_offers_the_scene_of_the_program() {
     window.run();
     assert!(
         window.query_by_label_contains("nothing is open  |").is_some()
-            && window.query_by_label_contains("preparing").is_none()
+            && window.query_by_label_contains("coarse").is_none()
     );
     window.get_by_label("Open the built-in scene").click();
     window.run();
@@ -975,7 +1172,7 @@ fn what_the_probe_says_of_materials_are_parts_of_a_whole() {
     let mut window = wide(document());
     window.state_mut().probe = Some((DVec2::splat(0.5), Some(probe)));
     window.run();
-    for label in ["of the pixel", "blue: reflected, as a share"] {
+    for label in ["of the pixel", "blue: of even light, as a share"] {
         assert!(window.query_by_label(label).is_some(), "{label}");
     }
     assert!(window.query_all_by_label("of its light").count() >= 1);
@@ -1283,6 +1480,43 @@ fn a_name_without_an_extension_gets_that_of_the_file() {
     until_listed(&mut window);
     let path = window.state().folder.path("mine.toml");
     assert_eq!(saved_or_opened(&window), [Action::SaveSession(Some(path))]);
+}
+
+#[test]
+fn escape_leaves_the_dialog_also_from_its_field_and_files_of_other_kinds_are_not_listed() {
+    let mut window = wide(document());
+    for name in ["earlier.toml", "picture.png"] {
+        std::fs::write(window.state().folder.path(name), "").unwrap();
+    }
+    file_menu(&mut window, "Save session as");
+    until_listed(&mut window);
+    assert!(window.query_by_label_contains("earlier.toml").is_some());
+    assert!(window.query_by_label_contains("picture.png").is_none(), "no session");
+    assert!(window.ctx.memory(|memory| memory.focused().is_some()), "the name can be typed at once");
+    window.key_press(Key::Escape);
+    window.run();
+    assert!(!window.state().chooser.is_open());
+    assert_eq!(saved_or_opened(&window), []);
+}
+
+#[test]
+fn a_scene_without_its_volume_is_shown_the_one_that_is_chosen() {
+    let mut window = wide(document());
+    for name in ["head.mhd", "notes.pdf"] {
+        std::fs::write(window.state().folder.path(name), "").unwrap();
+    }
+    let (scene, volume) = (window.state().folder.path("scene.toml"), window.state().folder.path("head.mhd"));
+    let mut source = Source::of(&scene);
+    window.state_mut().chooser.ask_volume(source.clone(), &scene);
+    window.run();
+    until_listed(&mut window);
+    assert!(is_painted(&window, "Which volume is scene.toml to show?"));
+    window.get_by_label_contains("head.mhd").click();
+    window.run();
+    window.get_by_label_contains("  Open").click();
+    until_listed(&mut window);
+    source.options.volume = Some(volume);
+    assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(source)))]);
 }
 
 #[test]

@@ -142,7 +142,9 @@ fn the_spectrum_of_a_pixel_is_what_its_media_reflect_and_its_colour_is_the_one_s
     for (found, expected) in spectrum.samples().iter().zip(expected.samples()) {
         near("power", *found, *expected, 1e-6 * light.sum());
     }
-    for (found, expected) in probe.reflectance.as_ref().unwrap().samples().iter().zip(reflected.samples()) {
+    // Of even light, that is what the pixel sends all in all.
+    let even = &reflected + &behind;
+    for (found, expected) in probe.reflectance.as_ref().unwrap().samples().iter().zip(even.samples()) {
         near("reflectance", *found, *expected, 1e-6);
     }
     assert_eq!(probe.spectral_error, None, "exact");
@@ -205,6 +207,14 @@ fn light_that_passes_falls_along_the_ray_as_its_closed_form() {
             let parts = (0..81).map(|band| luminance.samples()[band] / luminance.sum() * at(band));
             parts.sum::<f64>()
         };
+        let taken = |band: usize| {
+            let (absorbed, passed) = (absorption * shape.samples()[band], absorption * shape.samples()[band] + grey);
+            luminance.samples()[band] / luminance.sum() * absorbed / passed * -(-passed * 64.0).exp_m1()
+        };
+        near("what is absorbed", ray.absorbed[0], (0..81).map(taken).sum(), 1e-9);
+        assert_eq!(ray.absorbed[1], 0.0, "what absorbs nothing");
+        let all = ray.seen.iter().sum::<f64>() + ray.absorbed.iter().sum::<f64>() + passes(64.0);
+        near("what is seen, what is absorbed and what passes", all, 1.0, 1e-9);
         let long = 64.0 / f64::from(u32::try_from(ray.stretches.len()).unwrap());
         for (number, stretch) in ray.stretches.iter().enumerate() {
             let begins = long * f64::from(u32::try_from(number).unwrap());

@@ -15,10 +15,10 @@ use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
-use relume::view::load::{Question, Source, Unknown};
+use relume::view::load::{Question, Source, Unknown, is_one_of_several};
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
 use relume::volume::Several;
-use support::program::{SCENE, labelled};
+use support::program::{Folder, SCENE, labelled};
 
 fn scene() -> Scene {
     parse(&format!("# a frog\n{}", labelled()))
@@ -285,7 +285,7 @@ fn a_crop_is_what_a_scene_may_state_whatever_is_asked_for() {
 
 #[test]
 fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answer() {
-    let folder = support::program::Folder::new();
+    let folder = Folder::new();
     let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nspace: left-posterior-superior-time\nspace directions: (1,0,0,0) (0,1,0,0) (0,0,1,0) (0,0,0,1)\nencoding: raw\n\n";
     let steps: Vec<u8> = header.bytes().chain(0..128).collect();
     let folder = folder.with("steps.nrrd", steps).with("foot_8x4x2.raw", (0..64).collect::<Vec<u8>>());
@@ -335,7 +335,7 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
 #[test]
 fn a_volume_alone_shows_all_of_it_in_daylight_and_one_material_under_each_other_light() {
     let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n";
-    let folder = support::program::Folder::new().with("v.nrrd", header.bytes().chain(0..64).collect::<Vec<u8>>());
+    let folder = Folder::new().with("v.nrrd", header.bytes().chain(0..64).collect::<Vec<u8>>());
     let (scene, _) = Source::of(&folder.path("v.nrrd")).scene(&Quiet).unwrap();
     let state = State::new(scene);
     let palette = state.palette.as_deref().unwrap();
@@ -350,4 +350,39 @@ fn a_volume_alone_shows_all_of_it_in_daylight_and_one_material_under_each_other_
             assert_eq!(bright > 0.05, light == "day" || light == material, "{material} under {light}: Y = {bright}");
         }
     }
+}
+
+#[test]
+fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
+    let header = "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 4 2\nencoding: raw\n\n";
+    let steps: Vec<u8> = header.bytes().chain(0..128).collect();
+    let text = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "file = \"steps.nrrd\"\ntime = 1");
+    let folder = Folder::new().with("steps.nrrd", steps).with("steps.toml", text);
+    let stated = Source::of(&folder.path("steps.toml"));
+    let (scene, _) = stated.scene(&Quiet).unwrap();
+    assert!(is_one_of_several(&scene, &stated) && !is_one_of_several(&parse(SCENE), &Source::default()));
+    let mut other = stated.reselected();
+    let question = other.scene(&Quiet).unwrap_err().question();
+    assert_eq!(question.map(|question| question.unknown), Some(Unknown::Which(Several::Times(2))));
+    other.options.selection.time = Some(0);
+    assert!(other.is_another_of(&stated) && !stated.is_another_of(&other));
+    let (first, statistics) = other.scene(&Quiet).unwrap();
+    assert_eq!([statistics.min, statistics.max], [0.0, 63.0], "the first half of the file");
+    let document = Document::new(scene).beside(first, true).unwrap();
+    let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
+    assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");
+}
+
+#[test]
+fn a_scene_whose_volume_is_not_there_is_known_to_lack_that_alone() {
+    let without = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "");
+    let missing = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "file = \"gone.nrrd\"");
+    let folder = Folder::new().with("without.toml", without).with("missing.toml", missing);
+    for name in ["without.toml", "missing.toml"] {
+        let path = folder.path(name);
+        let error = Source::of(&path).scene(&Quiet).unwrap_err();
+        assert_eq!(error.scene_without_volume(), Some(&*path), "{error}");
+    }
+    let error = Source::of(&folder.path("gone.toml")).scene(&Quiet).unwrap_err();
+    assert_eq!(error.scene_without_volume(), None, "{error}");
 }

@@ -135,6 +135,7 @@ impl SceneArgs {
             volume: self.volume.clone(),
             raw: self.raw.layout(),
             selection: self.selection.selection(),
+            reselects: false,
             labels: self.labels.clone(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),

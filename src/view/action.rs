@@ -49,6 +49,8 @@ pub enum Action {
     Choose(File),
     /// Another scene or volume; where what is looked at was changed and not saved, somebody is asked first.
     Open(Box<Source>),
+    /// Another of the volumes in the file that is looked at: it is asked which, and looked at in the same way.
+    Another,
     /// What is looked at is left, saved or not.
     Leave(Leaving),
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends

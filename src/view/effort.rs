@@ -28,7 +28,8 @@ pub struct Curve {
     pub settings: Vec<Measured>,
     camera: Camera,
     transfer: Transfer,
-    size: [usize; 2],
+    /// Pixels of the pictures, across and down.
+    pub size: [usize; 2],
 }
 
 impl Curve {

@@ -29,6 +29,12 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
+    /// Pixels across and down.
+    #[must_use]
+    pub fn size(&self) -> [usize; 2] {
+        self.accumulators.size
+    }
+
     /// Writes the picture to `path`: the PNG that is shown, or linear OpenEXR, by its extension.
     ///
     /// # Errors

@@ -86,6 +86,17 @@ impl LoadError {
         };
         Some(Question { file, unknown })
     }
+
+    /// The scene that names no volume, or one that is not there.
+    #[must_use]
+    pub fn scene_without_volume(&self) -> Option<&Path> {
+        match self {
+            Self::Scene(
+                SceneError::NoVolume { scene } | SceneError::Volume { scene, source: VolumeError::Open { .. } },
+            ) => Some(Path::new(scene)),
+            _ => None,
+        }
+    }
 }
 
 /// A scene on the device.
@@ -103,6 +114,14 @@ pub struct Loaded {
     pub statistics: Statistics,
     /// What it was read from.
     pub source: Source,
+}
+
+/// Whether `scene`, which was read from `source`, shows one of several volumes in a file.
+#[must_use]
+pub fn is_one_of_several(scene: &Scene, source: &Source) -> bool {
+    let text: toml_edit::DocumentMut = scene.text.parse().unwrap_or_default();
+    let states = |key: &str| text.get("volume").is_some_and(|volume| volume.get(key).is_some());
+    source.options.selection != Selection::default() || ["component", "time", "array"].into_iter().any(states)
 }
 
 /// Something that is being opened on a thread of its own. Dropping it is to give up.
@@ -183,6 +202,19 @@ impl Source {
         let options = SceneOptions { volume: None, ..self.options.clone() };
         let alone = Self { path: self.options.volume.clone(), options };
         if self.path.is_none() && alone.bare_volume().is_some() { alone } else { self }
+    }
+
+    /// The same where it is yet to be said which of the volumes in its file is meant.
+    #[must_use]
+    pub fn reselected(&self) -> Self {
+        let options = SceneOptions { selection: Selection::default(), reselects: true, ..self.options.clone() };
+        Self { options, ..self.clone() }
+    }
+
+    /// Whether it was [`Self::reselected`] from `other`, and is perhaps another of the volumes in its file.
+    #[must_use]
+    pub fn is_another_of(&self, other: &Self) -> bool {
+        self.options.reselects && self.reselected() == other.reselected()
     }
 
     /// What a window is called that shows it.

@@ -113,7 +113,7 @@ pub struct Probe {
     pub lights: Vec<Lit>,
     /// What reaches the eye as it is lit now; `None` before the numbers of a colour model are turned into spectra.
     pub spectrum: Option<Spectrum>,
-    /// What the materials would send to the eye where light of power 1 at all wavelengths shone from each place.
+    /// What materials and background would send to the eye where light of power 1 at all wavelengths shone from each place.
     pub reflectance: Option<Spectrum>,
     /// Of spectra that are made of a colour model's numbers: the root of their mean squared error, as a share of what white
     /// sends there. `None` where they are exact.
@@ -127,6 +127,9 @@ pub struct Probe {
     /// How much of each material of the scene is seen along the ray, whatever its shade: 1 fills the pixel. Empty before
     /// the ray was marched.
     pub seen: Vec<f64>,
+    /// What each material of the scene takes by absorbing of the light that would pass to the eye, as a grey eye sees it. Empty
+    /// before the ray was marched.
+    pub absorbed: Vec<f64>,
     /// What the ray meets, from the eye on: nothing where it misses what is shown of the volume. `None` before it was marched.
     pub ray: Option<Vec<Stretch>>,
 }
@@ -169,13 +172,18 @@ impl Probe {
             spectrum: spectrum(mix),
             reflectance: reflected.map(|reflected| {
                 let components = reflected.components.iter().cycle().zip(&numbers.weights);
-                components.fold(Spectrum::constant(0.0), |sum, (part, &weight)| &sum + &part.scaled(weight.into()))
+                let sent =
+                    components.fold(Spectrum::constant(0.0), |sum, (part, &weight)| &sum + &part.scaled(weight.into()));
+                // The background is lit from every place.
+                let behind = reflected.behind.iter().zip(&numbers.transmittance);
+                behind.fold(sent, |sum, (part, &passed)| &sum + &part.scaled(count(positions) * f64::from(passed)))
             }),
             spectral_error: reflected.and_then(|reflected| Some(reflected.reconstruction.as_ref()?.rms)),
             shares,
             positions: of_positions,
             transmittance: through.sum(),
             seen: ray.map_or_else(Vec::new, |ray| ray.seen.clone()),
+            absorbed: ray.map_or_else(Vec::new, |ray| ray.absorbed.clone()),
             ray: ray.map(|ray| ray.stretches.clone()),
         }
     }
@@ -194,7 +202,10 @@ impl Probe {
             })
         };
         let share = |share: &Share| json!({"name": share.name, "weight": share.weight, "light": share.light});
-        let materials = scene.materials.iter().map(|material| &material.name);
+        let by_name = |parts: &[f64]| {
+            let materials = scene.materials.iter().map(|material| material.name.clone());
+            materials.zip(parts.to_vec()).collect::<std::collections::BTreeMap<_, _>>()
+        };
         let samples = |spectrum: &Option<Spectrum>| spectrum.as_ref().map(|spectrum| spectrum.samples().to_vec());
         json!({
             "pixel": self.place,
@@ -207,7 +218,8 @@ impl Probe {
             "shares": self.shares.iter().map(share).collect::<Vec<_>>(),
             "positions": self.positions.iter().map(share).collect::<Vec<_>>(),
             "transmittance": self.transmittance,
-            "seen": materials.zip(&self.seen).collect::<std::collections::BTreeMap<_, _>>(),
+            "seen": by_name(&self.seen),
+            "absorbed": by_name(&self.absorbed),
             "ray": self.ray.iter().flatten().map(|stretch| json!({
                 "distance": stretch.distance,
                 "value": stretch.value,
@@ -289,6 +301,8 @@ pub struct Stretch {
     pub transmittance: f64,
     /// Optical depth that each material of the scene scatters with.
     pub scattering: Vec<f64>,
+    /// Optical depth that each absorbs with, where it absorbs most.
+    pub absorption: Vec<f64>,
 }
 
 /// A ray in full spectra: what it meets, and what truly comes back.
@@ -303,6 +317,8 @@ pub struct Ray {
     /// How much of each material of the scene is seen along it, whatever its shade; to a grey eye, where what passes has a
     /// colour.
     pub seen: Vec<f64>,
+    /// What each material of the scene takes of the light by absorbing it, to that eye.
+    pub absorbed: Vec<f64>,
 }
 
 /// Why a ray cannot be followed.
@@ -348,9 +364,9 @@ impl Ray {
             Err(ReferenceError::TooManySamples { .. }) => own.clone(),
             marched => marched?,
         };
-        let (stretches, seen) = profile.end();
         let components = Components::new(scene, &planned);
-        Ok(Self { components, positions: planned.positions.len(), marched: [truth, own], stretches, seen })
+        let Profile { stretches, seen, absorbed, .. } = profile;
+        Ok(Self { components, positions: planned.positions.len(), marched: [truth, own], stretches, seen, absorbed })
     }
 
     /// Its colour under `mix`: at an eighth of the picture's steps, and at its own.
@@ -372,6 +388,7 @@ struct Profile<'a> {
     samples: usize,
     stretches: Vec<Stretch>,
     seen: Vec<f64>,
+    absorbed: Vec<f64>,
 }
 
 impl<'a> Profile<'a> {
@@ -384,8 +401,8 @@ impl<'a> Profile<'a> {
                 luminance.samples().map(|sample| sample / luminance.sum()).to_vec()
             }
         };
-        let seen = vec![0.0; scene.materials.len()];
-        Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen }
+        let none = vec![0.0; scene.materials.len()];
+        Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen: none.clone(), absorbed: none }
     }
 
     /// The next sample: where it is, its value, the label that decides in its stead, and what passes from there to the eye.
@@ -405,19 +422,24 @@ impl<'a> Profile<'a> {
         let lengths = scene.accuracy.step_length / scene.transfer.opacity_length;
         let occluding = scene.materials.iter().zip(&medium.scattering).filter(|(material, _)| !material.xray);
         let grey: f64 = occluding.map(|(_, depth)| depth * lengths).sum();
-        let absorbing: Vec<(&Spectrum, f64)> = (scene.materials.iter().zip(&medium.absorption))
-            .filter_map(|(material, &depth)| Some((material.absorption.as_ref()?.spectrum(), depth * lengths)))
-            .filter(|(_, depth)| *depth > 0.0)
+        let [scattering, absorption] = [medium.scattering, medium.absorption]
+            .map(|depths| depths.into_iter().map(|depth| depth * lengths).collect::<Vec<f64>>());
+        let absorbing: Vec<(usize, &Spectrum, f64)> = (scene.materials.iter().zip(&absorption).enumerate())
+            .filter_map(|(index, (material, &depth))| Some((index, material.absorption.as_ref()?.spectrum(), depth)))
+            .filter(|(_, _, depth)| *depth > 0.0)
             .collect();
         let (mut passes, mut hides, mut gain) = (0.0, 0.0, 0.0);
         for ((&eye, &passed), band) in self.eye.iter().zip(transmittance).zip(0..BANDS) {
-            let depth = absorbing.iter().fold(grey, |sum, (shape, depth)| sum + depth * shape.samples()[band]);
+            let depth = absorbing.iter().fold(grey, |sum, (_, shape, depth)| sum + depth * shape.samples()[band]);
             let opacity = -(-depth).exp_m1();
             passes += eye * passed;
             hides += eye * opacity;
-            gain += eye * passed * if depth > 0.0 { opacity / depth } else { 1.0 };
+            let each = eye * passed * if depth > 0.0 { opacity / depth } else { 1.0 };
+            gain += each;
+            for &(index, shape, depth) in &absorbing {
+                self.absorbed[index] += each * depth * shape.samples()[band];
+            }
         }
-        let scattering: Vec<f64> = medium.scattering.iter().map(|depth| depth * lengths).collect();
         for (seen, depth) in self.seen.iter_mut().zip(&scattering) {
             *seen += gain * depth;
         }
@@ -433,6 +455,7 @@ impl<'a> Profile<'a> {
                 opacity: 0.0,
                 transmittance: passes,
                 scattering: vec![0.0; materials],
+                absorption: vec![0.0; materials],
             });
         }
         let here = count(self.samples % self.per_stretch + 1);
@@ -441,26 +464,27 @@ impl<'a> Profile<'a> {
             stretch.place += (place - stretch.place) / here;
             stretch.value += (value - stretch.value) / here;
             stretch.opacity += (1.0 - stretch.opacity) * hides;
-            stretch.scattering.iter_mut().zip(&scattering).for_each(|(sum, depth)| *sum += depth);
+            let depths = [(&mut stretch.scattering, &scattering), (&mut stretch.absorption, &absorption)];
+            for (sums, depths) in depths {
+                sums.iter_mut().zip(depths).for_each(|(sum, depth)| *sum += depth);
+            }
         }
         self.samples += 1;
     }
 
     /// Makes one stretch of every two; there is an even number.
     fn halve(&mut self) {
+        let sum = |one: &[f64], two: &[f64]| one.iter().zip(two).map(|(one, two)| one + two).collect();
         let pairs = self.stretches.chunks_exact(2).map(|pair| Stretch {
             distance: f64::midpoint(pair[0].distance, pair[1].distance),
             place: pair[0].place.midpoint(pair[1].place),
             value: f64::midpoint(pair[0].value, pair[1].value),
             opacity: pair[0].opacity + (1.0 - pair[0].opacity) * pair[1].opacity,
             transmittance: pair[0].transmittance,
-            scattering: pair[0].scattering.iter().zip(&pair[1].scattering).map(|(one, two)| one + two).collect(),
+            scattering: sum(&pair[0].scattering, &pair[1].scattering),
+            absorption: sum(&pair[0].absorption, &pair[1].absorption),
         });
         self.stretches = pairs.collect();
         self.per_stretch *= 2;
-    }
-
-    fn end(self) -> (Vec<Stretch>, Vec<f64>) {
-        (self.stretches, self.seen)
     }
 }

@@ -168,9 +168,6 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         for key in ["phantom", "labels", "phantom_labels", "dims", "type", "byte_order", "header_bytes", "slices"] {
             table.remove(key);
         }
-        for key in ["component", "time", "array"] {
-            table.remove(key);
-        }
         table.insert("file", value(utf8(&place(path)?)?));
     }
     if let Some(layout) = &options.raw {
@@ -180,6 +177,11 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         table.insert("header_bytes", value(i64::try_from(layout.header_bytes).unwrap_or(i64::MAX)));
         if !table.contains_key("spacing") {
             table.insert("spacing", value(numbers(layout.spacing)));
+        }
+    }
+    if volume.is_some() || options.reselects {
+        for key in ["component", "time", "array"] {
+            table.remove(key);
         }
     }
     for (key, number) in [("component", options.selection.component), ("time", options.selection.time)] {

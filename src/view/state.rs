@@ -10,7 +10,9 @@ use super::design::{self, Spectra, Step};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{Accuracy, Dial, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along};
+use crate::scene::{
+    Accuracy, Dial, DialNode, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along,
+};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::volume::Statistics;
@@ -53,7 +55,7 @@ pub enum Edit {
     NodePlace(usize, DVec2),
     /// Whether a node takes part; its place is kept.
     NodeOn(usize, bool),
-    /// The nodes as the scene has them.
+    /// The nodes where the scene has them, all of them taking part.
     ResetDial,
     /// A situation of the dial, by its index.
     Situation(usize),
@@ -155,6 +157,12 @@ impl Edit {
             | Self::Spectra(_) => Cost::March,
         }
     }
+}
+
+/// The nodes of the dial where `opened` has them, all of them taking part: a session may have left some out.
+#[must_use]
+pub fn reset_nodes(opened: &Scene) -> Vec<DialNode> {
+    opened.dial.nodes.iter().map(|node| DialNode { on: true, ..node.clone() }).collect()
 }
 
 /// The nodes that take part in a situation, by its index, where the dial has them as the scene was opened with.
@@ -339,7 +347,7 @@ impl State {
                     node.on = on;
                 }
             }
-            Edit::ResetDial => scene.dial.nodes.clone_from(&opened.dial.nodes),
+            Edit::ResetDial => scene.dial.nodes = reset_nodes(opened),
             Edit::Situation(index) => {
                 if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
                     take_part(&mut scene.dial, opened, index);
@@ -496,6 +504,29 @@ impl Document {
     #[must_use]
     pub fn with_statistics(self, statistics: Statistics) -> Self {
         Self { statistics: Some(statistics), ..self }
+    }
+
+    /// Another volume of the same file, where `scene` opens with it: looked at as the one before, also in what its values show
+    /// as where they are `alike`, as those of time steps are. `None` where they lie on another grid.
+    #[must_use]
+    pub fn beside(self, scene: Scene, alike: bool) -> Option<Self> {
+        let mut next = Self::new(scene);
+        let opened = &next.opened;
+        if opened.volume.geometry != self.opened.volume.geometry {
+            return None;
+        }
+        let before = self.now.scene;
+        let scene = Scene {
+            source: opened.source.clone(),
+            text: Arc::clone(&opened.text),
+            base: opened.base.clone(),
+            inputs: opened.inputs.clone(),
+            volume: Arc::clone(&opened.volume),
+            transfer: if alike { before.transfer } else { opened.transfer.clone() },
+            ..before
+        };
+        next.now = State { scene, ..self.now };
+        Some(next)
     }
 
     /// What the values of its volume are like, where that is known.

@@ -26,6 +26,8 @@ pub enum Tour {
         frames: u16,
         /// How many there are.
         saved: u16,
+        /// Pixels of the first one, across and down: all are to be of the same size.
+        size: Option<[usize; 2]>,
     },
 }
 
@@ -40,7 +42,7 @@ impl Tour {
     /// One that is saved in `frames` pictures named after `path`.
     #[must_use]
     pub fn saving(path: PathBuf, frames: u16) -> Self {
-        Self::Saving { path, frames: frames.max(1), saved: 0 }
+        Self::Saving { path, frames: frames.max(1), saved: 0, size: None }
     }
 
     /// Where the hand is now.

@@ -144,6 +144,11 @@ struct Viewer {
     document: Option<Document>,
     /// What the document was read from.
     source: Source,
+    /// Whether that is one of several volumes in a file.
+    several: bool,
+    /// What the window is to be called by what it shows, and what it is called.
+    title: String,
+    named: String,
     loading: Option<Loading>,
     /// What was being opened before, and may still be at work.
     given_up: Vec<Loading>,
@@ -225,6 +230,9 @@ impl Viewer {
             screen: None,
             document: None,
             source: Source::default(),
+            several: false,
+            title: String::new(),
+            named: String::new(),
             loading: None,
             given_up: Vec::new(),
             lost: Lost::default(),
@@ -349,6 +357,7 @@ impl Viewer {
             }
             Action::Open(source) if self.would_lose() => self.chooser.leave(Leaving::Open(source)),
             Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
+            Action::Another => self.open_another(),
             Action::Leave(Leaving::Close) => self.closes = true,
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),
@@ -359,7 +368,7 @@ impl Viewer {
                 self.lost.times = 1;
                 self.restore();
             }
-            Action::Tour(seconds) => self.tour = seconds.map(Tour::playing),
+            Action::Tour(seconds) => self.tour(seconds),
             Action::SaveTour(path, frames) => self.begin_tour(path, frames),
             Action::Panels(shown) => self.panels = Some(shown),
             Action::Probe(place) => self.prober.look(place),
@@ -517,7 +526,8 @@ impl Viewer {
             notices: &self.notices,
             stopped: self.lost.stopped,
             chooses: self.chooser.is_open(),
-            plays: matches!(self.tour, Some(Tour::Playing { .. })),
+            several: self.several,
+            tour: self.tour.as_ref(),
             panels: self.panels.unwrap_or(wide),
             effort,
             design: Design {
@@ -587,6 +597,7 @@ impl Viewer {
             (None, Some(path)) => self.saving.capture = Some(path),
             _ => {}
         }
+        self.name_window();
         self.note_reached();
         self.report.frames += 1;
         let (took, now) = (1000.0 * begun.elapsed().as_secs_f64(), self.counts());
@@ -636,6 +647,17 @@ impl Viewer {
             self.lost.times = 0;
         }
         self.reached = after;
+    }
+
+    /// Calls the window by what it shows, with a mark where that was changed and is not saved.
+    fn name_window(&mut self) {
+        let Some(screen) = &self.screen else { return };
+        let changed = self.document.as_ref().is_some_and(|document| !document.is_saved());
+        let title = if changed { format!("*{}", self.title) } else { self.title.clone() };
+        if self.named != title {
+            screen.window.set_title(&title);
+            self.named = title;
+        }
     }
 
     fn status(&self) -> Status {

@@ -148,7 +148,11 @@ impl VolumeFile {
     /// What to read of a file that holds several volumes.
     pub(super) fn selection(&self, options: &SceneOptions) -> Selection {
         let stated = Selection { component: self.component, time: self.time, array: self.array.clone() };
-        if options.volume.is_some() { options.selection.clone() } else { options.selection.or(&stated) }
+        if options.volume.is_some() || options.reselects {
+            options.selection.clone()
+        } else {
+            options.selection.or(&stated)
+        }
     }
 
     /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.

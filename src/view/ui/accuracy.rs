@@ -79,9 +79,13 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
         }
         if let Some((curve, is_of_this)) = effort.curve {
             plot(ui, &scene.accuracy, curve, asked);
-            if !is_of_this {
-                ui.label(RichText::new("measured of another view: measure again for this one").small().weak());
-            }
+            let [width, height] = curve.size;
+            let of = if is_of_this {
+                format!("measured of this view, {width}×{height} pixels")
+            } else {
+                format!("measured of another view, {width}×{height} pixels: measure again for this one")
+            };
+            ui.label(RichText::new(of).small().weak());
         }
     });
 }
@@ -238,5 +242,9 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     say(rect.left_center() - vec2(8.0, 0.0), Align2::RIGHT_CENTER, "ΔE00".to_owned());
     say(rect.left_bottom() + vec2(0.0, 9.0), Align2::LEFT_TOP, format!("{fast:.1} ms"));
     say(rect.right_bottom() + vec2(0.0, 9.0), Align2::RIGHT_TOP, format!("{slow:.1} ms a frame"));
-    ui.label(RichText::new("right: slower; up: farther from the truth; ring: now").small().weak());
+    ui.label(
+        RichText::new("right: slower; up: farther from the truth; ring: now; both scales are logarithmic")
+            .small()
+            .weak(),
+    );
 }

@@ -13,6 +13,10 @@ const LENGTH: f64 = 20.0;
 /// Points from the middle to the edge of what is drawn.
 const ROOM: f32 = 32.0;
 
+/// The colours of x, y and z, as other programs have them.
+pub(super) const COLOURS: [Color32; 3] =
+    [Color32::from_rgb(255, 110, 100), Color32::from_rgb(120, 220, 110), Color32::from_rgb(110, 170, 255)];
+
 /// What the ends of the axes are called, those of x, y and z, first the one that looks down the axis.
 const ENDS: [[&str; 2]; 3] = [["", "x"], ["", "y"], ["", "z"]];
 /// The same of a patient.
@@ -40,10 +44,8 @@ pub(super) fn show(ui: &Ui, document: &Document, aspect: f64, rect: Rect) {
     let Some(view) = scene.camera.view(&scene.volume.geometry, aspect) else { return };
     let middle = rect.left_bottom() + vec2(ROOM + 6.0, -ROOM - 6.0);
     let names = if scene.volume.anatomical { PATIENT } else { ENDS };
-    let colours =
-        [Color32::from_rgb(255, 110, 100), Color32::from_rgb(120, 220, 110), Color32::from_rgb(110, 170, 255)];
     let mut ends: Vec<(f64, DVec3, &str, Color32)> = Vec::new();
-    for ((axis, names), colour) in DVec3::AXES.into_iter().zip(names).zip(colours) {
+    for ((axis, names), colour) in DVec3::AXES.into_iter().zip(names).zip(COLOURS) {
         for (end, name) in [-axis, axis].into_iter().zip(names) {
             if !name.is_empty() {
                 ends.push((end.dot(view.forward), end, name, colour));
@@ -53,7 +55,7 @@ pub(super) fn show(ui: &Ui, document: &Document, aspect: f64, rect: Rect) {
     // The nearest last, over the others.
     ends.sort_by(|one, other| other.0.total_cmp(&one.0));
     let painter = ui.painter_at(rect);
-    painter.circle_filled(middle, ROOM, Color32::from_black_alpha(120));
+    painter.circle_filled(middle, ROOM, Color32::from_black_alpha(190));
     for (depth, end, name, colour) in ends {
         let at = vec2(narrow(LENGTH * end.dot(view.right)), narrow(-LENGTH * end.dot(view.up)));
         let colour = if depth > 0.2 { colour.gamma_multiply(0.6) } else { colour };

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use egui::{Color32, Context, Id, Key, Modal, Theme, Vec2, vec2};
+use egui::{Align2, Color32, Context, Id, Key, Modal, Theme, Vec2, vec2};
 use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
 
 use super::reading::{Answer, Reading};
@@ -38,13 +38,21 @@ impl File {
 
     /// `path`, where it ends in nothing with the end of such files.
     fn named(self, path: &Path) -> PathBuf {
-        let ending = match self {
-            Self::Opened => return path.to_owned(),
-            Self::Picture => "png",
-            Self::LinearPicture | Self::Accumulators => "exr",
-            Self::Session => "toml",
-        };
-        if path.extension().is_none() { path.with_extension(ending) } else { path.to_owned() }
+        match self.kind() {
+            Some((_, ending)) if path.extension().is_none() => path.with_extension(ending),
+            _ => path.to_owned(),
+        }
+    }
+
+    /// What such files are called that are saved, and what their names end in.
+    fn kind(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Opened => None,
+            Self::Picture => Some(("PNG pictures", "png")),
+            Self::LinearPicture => Some(("OpenEXR pictures", "exr")),
+            Self::Accumulators => Some(("Accumulators", "exr")),
+            Self::Session => Some(("Scenes and sessions", "toml")),
+        }
     }
 }
 
@@ -52,6 +60,8 @@ impl File {
 enum Stage {
     /// Which file it is to be.
     File(File, Box<FileDialog>),
+    /// Which volume a scene is to show.
+    Volume(Box<Source>, Box<FileDialog>),
     /// How a file is to be read.
     Reading(Box<Reading>),
     /// What becomes of changes that are not saved.
@@ -64,15 +74,18 @@ pub struct Chooser {
     stage: Option<Stage>,
     /// The folder that a file was last chosen in.
     folder: Option<PathBuf>,
+    /// Whether a field had the keyboard in the last frame.
+    typed: bool,
 }
 
 impl fmt::Debug for Chooser {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stage, folder } = self;
+        let Self { stage, folder, .. } = self;
         let mut fields = formatter.debug_struct("Chooser");
         match stage {
             None => {}
             Some(Stage::File(file, _)) => drop(fields.field("file", file)),
+            Some(Stage::Volume(source, _)) => drop(fields.field("source", source)),
             Some(Stage::Reading(reading)) => drop(fields.field("reading", reading)),
             Some(Stage::Leaving(leaving)) => drop(fields.field("leaving", leaving)),
         }
@@ -97,6 +110,16 @@ impl Chooser {
         self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question))));
     }
 
+    /// Asks which volume `scene` is to show, that at `source` names none that is there.
+    pub fn ask_volume(&mut self, source: Source, scene: &Path) {
+        let name = scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folder = self.folder.as_deref().or(scene.parent());
+        let mut dialog = dialog(&format!("Which volume is {name} to show?"), folder);
+        dialog = dialog.add_file_filter(VOLUMES, Filter::new(is_known)).default_file_filter(VOLUMES);
+        dialog.pick_file();
+        self.stage = Some(Stage::Volume(Box::new(source), Box::new(dialog)));
+    }
+
     /// Asks what becomes of changes that are not saved.
     pub fn leave(&mut self, leaving: Leaving) {
         self.stage = Some(Stage::Leaving(leaving));
@@ -112,22 +135,16 @@ impl Chooser {
     /// at first.
     pub fn open(&mut self, file: File, suggested: &Path) {
         let name = &*suggested.file_name().unwrap_or_default().to_string_lossy();
-        let mut dialog = FileDialog::new()
-            .title(file.title())
-            .id("chooser")
-            .opening_mode(OpeningMode::AlwaysInitialDir)
-            .default_file_name(name)
-            .default_size(SIZE)
-            .min_size([240.0, 160.0]);
-        let folder = self.folder.as_deref().or(suggested.parent()).filter(|folder| folder.is_dir());
-        if let Some(folder) = folder {
-            dialog = dialog.initial_directory(folder.to_owned());
-        }
+        let folder = self.folder.as_deref().or(suggested.parent());
+        let mut dialog = dialog(file.title(), folder).default_file_name(name);
         if file == File::Opened {
-            const KNOWN: &str = "Scenes and volumes";
             dialog = dialog.add_file_filter(KNOWN, Filter::new(is_known)).default_file_filter(KNOWN);
             dialog.pick_file();
         } else {
+            // Files of its kind are listed, and whoever wants another end says so.
+            if let Some((kind, ending)) = file.kind() {
+                dialog = dialog.add_save_extension(kind, ending).default_save_extension(kind);
+            }
             dialog.save_file();
         }
         self.stage = Some(Stage::File(file, Box::new(dialog)));
@@ -135,21 +152,21 @@ impl Chooser {
 
     /// Shows it. What is to be done, once all is said.
     pub fn show(&mut self, context: &Context) -> Option<Action> {
+        // The library takes the first Escape for the field that has the keyboard, and the next one for itself.
+        let escape = self.typed && context.input(|input| input.key_pressed(Key::Escape));
+        let picked = match self.stage.as_mut()? {
+            Stage::File(..) | Stage::Volume(..) if escape => Some(None),
+            Stage::File(file, dialog) => pick(context, *file, dialog),
+            Stage::Volume(_, dialog) => pick(context, File::Opened, dialog),
+            Stage::Reading(_) | Stage::Leaving(_) => None,
+        };
+        self.typed = context.memory(|memory| memory.focused().is_some());
+        if let Some(picked) = picked {
+            let stage = self.stage.take()?;
+            return self.picked(stage, picked?);
+        }
         match self.stage.as_mut()? {
-            Stage::File(file, dialog) => {
-                let file = *file;
-                let picked = pick(context, file, dialog)?;
-                self.stage = None;
-                let picked = picked?;
-                self.folder = picked.parent().map(Path::to_owned);
-                let path = file.named(&picked);
-                // With the end that it gets, it may be there already: the dialog has not asked whether it may be replaced.
-                if path != picked && path.exists() {
-                    self.open(file, &path);
-                    return None;
-                }
-                Some(file.action(path))
-            }
+            Stage::File(..) | Stage::Volume(..) => None,
             Stage::Reading(reading) => {
                 let answer = reading.show(context)?;
                 self.stage = None;
@@ -166,6 +183,45 @@ impl Chooser {
             }
         }
     }
+
+    /// What is done with a file that was `picked`.
+    fn picked(&mut self, stage: Stage, picked: PathBuf) -> Option<Action> {
+        self.folder = picked.parent().map(Path::to_owned);
+        match stage {
+            Stage::File(file, _) => {
+                let path = file.named(&picked);
+                // With the end that it gets, it may be there already: the dialog has not asked whether it may be replaced.
+                if path != picked && path.exists() {
+                    self.open(file, &path);
+                    return None;
+                }
+                Some(file.action(path))
+            }
+            Stage::Volume(mut source, _) => {
+                source.options.volume = Some(picked);
+                Some(Action::Leave(Leaving::Open(source)))
+            }
+            Stage::Reading(_) | Stage::Leaving(_) => None,
+        }
+    }
+}
+
+/// What can be opened, and what of it a scene shows.
+const KNOWN: &str = "Scenes and volumes";
+const VOLUMES: &str = "Volumes";
+
+/// A dialog that begins in `folder`, where that is one.
+fn dialog(title: &str, folder: Option<&Path>) -> FileDialog {
+    let dialog = FileDialog::new()
+        .title(title)
+        .id("chooser")
+        .opening_mode(OpeningMode::AlwaysInitialDir)
+        .default_size(SIZE)
+        .min_size([240.0, 160.0]);
+    match folder.filter(|folder| folder.is_dir()) {
+        Some(folder) => dialog.initial_directory(folder.to_owned()),
+        None => dialog,
+    }
 }
 
 /// The file that is picked in `dialog`, or none, once that is known.
@@ -177,7 +233,8 @@ fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option
     // answer that, too.
     let answers = file == File::Opened || is_folder || context.memory(|memory| memory.focused().is_some());
     config.keybindings.submit = if answers { FileDialogKeyBindings::default().submit } else { Vec::new() };
-    config.default_pos = Some((window.center() - SIZE / 2.0).max(window.min));
+    // In the middle, also of a window that grows or shrinks.
+    config.anchor = Some((Align2::CENTER_CENTER, Vec2::ZERO));
     // In small windows there is no room for places, nor for what the dialog is called.
     config.show_left_panel = window.width() > SIZE.x;
     config.title_bar = window.height() > SIZE.y;

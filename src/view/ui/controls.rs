@@ -1,16 +1,22 @@
 //! What several panels are made of.
 
+use std::cell::RefCell;
 use std::ops::RangeInclusive;
+use std::time::{Duration, Instant};
 
 use egui::emath::Numeric;
 use egui::response::Flags;
 use egui::{
-    Button, CollapsingHeader, Color32, DragValue, Response, RichText, Sense, Sides, Slider, SliderClamping, Ui, Vec2,
+    Button, CollapsingHeader, Color32, Context, DragValue, Id, Popup, PopupCloseBehavior, Response, RichText, Sense,
+    Sides, Slider, SliderClamping, Ui, Vec2,
 };
 
 use crate::number::count;
 use crate::view::action::Action;
 use crate::view::state::Cost;
+
+/// How long it is told that something typed was refused.
+const LONG_ENOUGH: Duration = Duration::from_secs(5);
 
 /// A panel that can be folded, with what its controls cost. The same words everywhere, so that they are learnt once.
 pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&mut Ui)) {
@@ -53,8 +59,11 @@ pub(super) fn number<N: Numeric>(
 ) -> Response {
     let before = *value;
     // What a scene has stays as it is, also where a hand may not go.
+    let (id, refused) = (ui.next_auto_id(), RefCell::new(None));
     let field = DragValue::new(value).update_while_editing(false).max_decimals(decimals);
-    let response = ui.add(with(field.clamp_existing_to_range(false)));
+    let field = field.clamp_existing_to_range(false).custom_parser(|text| parsed(text, &refused));
+    let response = ui.add(with(field));
+    tell(id, &response, refused);
     typed(response, before, value, decimals)
 }
 
@@ -67,9 +76,56 @@ pub(super) fn slider(
     with: impl FnOnce(Slider<'_>) -> Slider<'_>,
 ) -> Response {
     let before = *value;
+    // A slider's answer is now its own, now its field's.
+    let (id, refused) = (ui.next_auto_id(), RefCell::new(None));
     let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(decimals);
-    let response = ui.add(with(slider).update_while_editing(false));
+    let response = ui.add(with(slider).update_while_editing(false).custom_parser(|text| parsed(text, &refused)));
+    tell(id, &response, refused);
     typed(response, before, value, decimals)
+}
+
+/// The number that `text` is; why it is none goes to `refused`. Spaces may part digits, and a minus may be a long one.
+fn parsed(text: &str, refused: &RefCell<Option<String>>) -> Option<f64> {
+    let digits: String = text.chars().filter(|letter| !letter.is_whitespace()).collect();
+    let number = digits.replace('−', "-").parse().ok().filter(|number: &f64| number.is_finite());
+    if number.is_none() {
+        *refused.borrow_mut() = Some(format!("“{text}” is no number, such as 0.25: nothing was changed."));
+    }
+    number
+}
+
+/// Says why what was typed was `refused`, or what was said before.
+fn tell(id: Id, field: &Response, refused: RefCell<Option<String>>) {
+    refused.into_inner().into_iter().for_each(|text| say(&field.ctx, id, text));
+    show_said(id, field);
+}
+
+/// Says beside a field for a while what became of what was typed there.
+pub(super) fn say_beside(field: &Response, text: String) {
+    say(&field.ctx, field.id, text);
+}
+
+fn say(context: &Context, field: Id, text: String) {
+    context.data_mut(|data| data.insert_temp(field.with("said"), (text, Instant::now())));
+    context.request_repaint();
+}
+
+/// Shows what is said beside a `field`, which it is called by here, until that can have been read.
+fn show_said(id: Id, field: &Response) {
+    let id = id.with("said");
+    let Some((text, since)) = field.ctx.data(|data| data.get_temp::<(String, Instant)>(id)) else { return };
+    let left = LONG_ENOUGH.saturating_sub(since.elapsed());
+    if left.is_zero() || field.has_focus() {
+        field.ctx.data_mut(|data| data.remove::<(String, Instant)>(id));
+        return;
+    }
+    field.ctx.request_repaint_after(left);
+    // No tooltip: those are not shown over what was just used.
+    Popup::from_response(field)
+        .id(id)
+        .open(true)
+        .close_behavior(PopupCloseBehavior::IgnoreClicks)
+        .show(|ui| ui.label(text));
 }
 
 /// A field that is left as it was has changed nothing, though it shows fewer digits than there are.
@@ -78,7 +134,9 @@ fn typed<N: Numeric>(mut response: Response, before: N, value: &mut N, decimals:
     // What egui takes for the same when it chooses how many digits it shows.
     let shown = 0.5 * 0.1_f64.powf(count(decimals)) + 16.0 * f64::from(f32::EPSILON) * was.abs();
     let shown = if N::INTEGRAL { 0.0 } else { shown };
-    if response.lost_focus() && (is - was).abs() <= shown {
+    // A slider calls it a change, too, when what is in its field changes.
+    let most = if response.lost_focus() { shown } else { 0.0 };
+    if (is - was).abs() <= most {
         *value = before;
         response.flags.remove(Flags::CHANGED);
     }

@@ -1,20 +1,24 @@
 //! The crop box: which part of the volume is shown, in numbers and by handles on the picture.
 
-use egui::{Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
+use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
 use glam::DVec3;
 
 use super::Shown;
-use super::controls::{number, panel};
+use super::axes::COLOURS;
+use super::controls::{number, panel, say_beside};
 use super::spectrum::narrow;
 use crate::number::count;
 use crate::scene::View;
 use crate::view::action::Action;
+use crate::view::camera::{Move, Side};
 use crate::view::state::{Cost, Document, Edit};
 use crate::volume::Geometry;
 
 /// Points across a handle, and across where it is caught.
 const HANDLE: f32 = 9.0;
 const CATCH: f32 = 22.0;
+/// Points across what is hardly seen.
+const THINNEST_SEEN: f32 = 2.0;
 /// Parts of the volume that a hand is as fine as.
 const PARTS: f64 = 1e4;
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -72,6 +76,11 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                     let value = &mut next[end][axis];
                     let dragged = number(ui, value, 4, |drag| drag.speed(0.002).range(0.0..=1.0));
                     let value = *value;
+                    let other = now[1 - end][axis];
+                    if dragged.changed() && !dragged.dragged() && if end == 0 { value > other } else { value < other } {
+                        let word = ["to", "from"][end];
+                        say_beside(&dragged, format!("It stops at “{word}”, which is {other:.4}: move that first."));
+                    }
                     let dragged = dragged.on_hover_ui(|ui| {
                         ui.label(format!("{}. Drag, or type a part from 0 to 1.", part_text(document, axis, value)));
                     });
@@ -138,6 +147,34 @@ impl Map<'_> {
     }
 }
 
+/// Why nothing of the volume is to be seen in the picture of `rect`, and what would mend it: it lies beside the picture, or
+/// what the crop leaves of it is seen from its edge.
+pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Option<(&'static str, &'static str, Move)> {
+    let scene = &document.state().scene;
+    let geometry = &scene.volume.geometry;
+    let map = Map { view: scene.camera.view(geometry, aspect)?, geometry, rect };
+    let shown = document.state().crop().unwrap_or([DVec3::ZERO, DVec3::ONE]);
+    let corners = (0..8_usize).map(|bits| DVec3::from_array(std::array::from_fn(|axis| shown[bits >> axis & 1][axis])));
+    // With a corner behind the eye, the eye is in the volume or close to it.
+    let corners: Vec<Pos2> = corners.map(|corner| map.place(map.seen(corner))).collect::<Option<_>>()?;
+    if !Rect::from_points(&corners).intersects(rect) {
+        return Some(("The volume is beside the picture.", "Reset the camera", Move::Reset));
+    }
+    let spread = |normal: Vec2| {
+        let along = || corners.iter().map(|corner| corner.to_vec2().dot(normal));
+        along().fold(f32::NEG_INFINITY, f32::max) - along().fold(f32::INFINITY, f32::min)
+    };
+    // The shortest way across a convex shape is across one of its edges.
+    let edges = corners.iter().flat_map(|one| corners.iter().map(move |other| (*other - *one).normalized().rot90()));
+    let thickness = edges.filter(|normal| *normal != Vec2::ZERO).map(spread).fold(f32::INFINITY, f32::min);
+    let thin = (geometry.extent() * (shown[1] - shown[0])).min_position();
+    let outward = geometry.direction.col(thin);
+    let face =
+        Side::ALL.into_iter().max_by(|one, other| outward.dot(one.outward()).total_cmp(&outward.dot(other.outward())));
+    let told = ("What is shown is a thin sheet, seen from its edge.", "Look at its face", Move::Axis(face?));
+    (thickness < THINNEST_SEEN).then_some(told)
+}
+
 /// Shows the box over the picture, where there is one, with a handle on each side.
 pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.loading.is_none()) else { return };
@@ -153,8 +190,8 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
         for axis in (0..3).filter(|axis| from >> axis & 1 == 0) {
             if let Some(edge) = map.edge(corner(from), corner(from | 1 << axis)) {
                 // Light on dark things and dark on light ones.
-                painter.line_segment(edge, Stroke::new(2.5, egui::Color32::from_black_alpha(140)));
-                painter.line_segment(edge, Stroke::new(1.0, egui::Color32::WHITE));
+                painter.line_segment(edge, Stroke::new(2.5, Color32::from_black_alpha(140)));
+                painter.line_segment(edge, Stroke::new(1.0, Color32::WHITE));
             }
         }
     }
@@ -166,14 +203,21 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             let caught = Rect::from_center_size(at, Vec2::splat(CATCH));
             let hand = ui.interact(caught, ui.id().with(("crop", axis, end)), Sense::drag());
             hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
-            let fill = if hand.hovered() || hand.dragged() { egui::Color32::YELLOW } else { egui::Color32::WHITE };
+            let near = hand.hovered() || hand.dragged();
+            let fill = if near { Color32::YELLOW } else { COLOURS[axis] };
             painter.rect(
                 Rect::from_center_size(at, Vec2::splat(HANDLE)),
                 2.0,
                 fill,
-                Stroke::new(1.0, egui::Color32::BLACK),
+                Stroke::new(1.0, Color32::BLACK),
                 egui::StrokeKind::Outside,
             );
+            // Which way it goes, as the axes in the corner have it.
+            let sign = if end == 0 { '−' } else { '+' };
+            let (beside, font) = (at + vec2(HANDLE, 0.0), FontId::proportional(11.5));
+            for (away, colour) in [(vec2(1.0, 1.0), Color32::BLACK), (Vec2::ZERO, fill)] {
+                painter.text(beside + away, Align2::LEFT_CENTER, format!("{sign}{name}"), font.clone(), colour);
+            }
             if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
                 let mut step = DVec3::ZERO;
                 step[axis] = 0.01;

@@ -1,16 +1,14 @@
 //! The light dial: nodes that stand for lights, and a hand between them that mixes them.
 
-use egui::{
-    Align2, FontId, Key, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2,
-};
+use egui::{Align2, Key, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
 use glam::DVec2;
 
 use super::controls::panel;
-use super::spectrum::{narrow, paint_swatch};
+use super::spectrum::{narrow, paint_swatch, readable_text};
 use crate::number::count;
 use crate::scene::{Dial, Mixing};
 use crate::view::action::Action;
-use crate::view::state::{Cost, Document, Edit};
+use crate::view::state::{Cost, Document, Edit, reset_nodes};
 
 /// Points between the outermost nodes and the edge, for their names.
 const MARGIN: f32 = 28.0;
@@ -36,6 +34,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         nodes(ui, document, &map, asked);
         move_hand(ui, document, &map, &hand, asked);
         draw_hand(ui, document, &map);
+        names(ui, document, &map);
         hand.on_hover_text(
             "Drag the hand between the lights: the nearer, the stronger. Click a node for that light alone. \
              Right-click a node to leave it out, drag it with Shift to move it.",
@@ -50,9 +49,10 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         };
         ui.label(RichText::new(now).small().weak()).on_hover_text(help);
         // It stays where it is: what stands below would move while a hand reaches for it.
-        let moved = document.opened().dial.nodes != dial.nodes;
+        let moved = reset_nodes(document.opened()) != dial.nodes;
         let reset = ui.add_enabled(moved, egui::Button::new("Reset nodes"));
-        if reset.on_disabled_hover_text("The nodes are as the scene has them.").clicked() {
+        let reset = reset.on_hover_text("All of them take part, where the scene has them.");
+        if reset.on_disabled_hover_text("All nodes take part, where the scene has them.").clicked() {
             asked.push(Action::Edit(Edit::ResetDial));
         }
     });
@@ -141,15 +141,23 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
         if touched.hovered() || touched.has_focus() {
             ui.painter().circle_stroke(place, 1.6 * NODE, Stroke::new(1.0, colour));
         }
-        let away = (place - map.middle).normalized();
-        let below = away.y >= 0.0;
+    }
+}
+
+/// What the nodes are called, over everything else: also over a hand that lies on a name.
+fn names(ui: &Ui, document: &Document, map: &Map) {
+    let visuals = ui.visuals();
+    for node in &document.state().scene.dial.nodes {
+        let place = map.screen_from_dial(node.place);
+        let colour = if node.on { visuals.text_color() } else { visuals.weak_text_color() };
+        let below = (place - map.middle).y >= 0.0;
         let (align, at) = if below {
             (Align2::CENTER_TOP, place + vec2(0.0, NODE + 2.0))
         } else {
             (Align2::CENTER_BOTTOM, place - vec2(0.0, NODE + 2.0))
         };
         let text = if node.on { node.light.clone() } else { format!("({})", node.light) };
-        ui.painter().text(at, align, text, FontId::proportional(12.0), colour);
+        readable_text(ui, at, align, text, 12.0, colour);
     }
 }
 

@@ -7,6 +7,7 @@ mod controls;
 mod crop;
 mod dial;
 mod display;
+mod floating;
 mod lights;
 mod notices;
 mod palette;
@@ -23,7 +24,7 @@ mod transfer;
 use egui::layers::PaintList;
 use egui::scroll_area::ScrollBarVisibility;
 use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Pos2, Rect, ScrollArea, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, ScrollArea, Ui};
 
 pub use accuracy::Effort;
 pub use chooser::Chooser;
@@ -38,6 +39,7 @@ use glam::DVec2;
 use super::action::Action;
 use super::probe::Probe;
 use super::state::Document;
+use super::tour::Tour;
 
 /// Narrower windows open with the picture alone.
 pub const ROOM_FOR_PANELS: f32 = 560.0;
@@ -62,8 +64,10 @@ pub struct Shown<'a> {
     pub stopped: bool,
     /// Whether something is asked about a file, which keys and the mouse are for.
     pub chooses: bool,
-    /// Whether a tour is played.
-    pub plays: bool,
+    /// Whether it is one of several volumes in a file.
+    pub several: bool,
+    /// The tour that is played or saved, if one is.
+    pub tour: Option<&'a Tour>,
     /// Whether there are panels beside the picture.
     pub panels: bool,
     /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
@@ -90,6 +94,8 @@ pub fn style(context: &Context) {
 
 /// Shows everything but the picture. What is asked for is added to `asked`; the answer is where the picture belongs.
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
+    // A click that closes it is for nothing else.
+    let popup = Popup::is_any_open(ui.ctx());
     // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
     Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
@@ -109,7 +115,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             area.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
                 lights::show(ui, document, asked);
                 dial::show(ui, document, asked);
-                situations::show(ui, document, shown.plays, asked);
+                situations::show(ui, document, shown.tour, asked);
                 transfer::show(ui, document, asked);
                 display::show(ui, document, asked);
                 picture::controls(ui, document, shown.aspect, asked);
@@ -123,7 +129,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         .frame(Frame::NONE)
         .show(ui, |ui| {
             let rect = ui.available_rect_before_wrap();
-            picture::show(ui, shown, rect, asked);
+            picture::show(ui, shown, rect, popup, asked);
             if let Some(document) = shown.document.filter(|_| shown.panels && shown.loading.is_none()) {
                 axes::show(ui, document, shown.aspect, rect);
             }

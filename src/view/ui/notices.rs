@@ -5,9 +5,11 @@ use std::time::{Duration, Instant};
 use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
+use super::crop::out_of_sight;
 use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
+use crate::view::tour::Tour;
 
 /// How long it is told that something was done.
 const LONG_ENOUGH: Duration = Duration::from_secs(8);
@@ -45,6 +47,18 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             notice(ui, "No light arrives: the picture is black.", "Turn the lights on", || {
                 asked.extend(lit(document).into_iter().map(Action::Edit));
             });
+        }
+        if let Some(document) = shown.document.filter(|_| shown.loading.is_none())
+            && let Some((text, button, step)) = out_of_sight(document, shown.aspect, rect)
+        {
+            notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
+        }
+        if let Some(Tour::Saving { frames, saved, .. }) = shown.tour {
+            let text = format!(
+                "The tour is being saved, {saved} of {frames} pictures so far. The picture goes with it, and then comes back to the \
+                 light that the panels show."
+            );
+            notice(ui, &text, "Cancel", || asked.push(Action::Tour(None)));
         }
         if shown.stopped {
             let text = "The device was lost again before it had shown a picture. Perhaps this scene takes it too long.";

@@ -1,14 +1,13 @@
 //! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
 
-use egui::style::ScrollStyle;
 use egui::{
     Button, Color32, ComboBox, Grid, Id, LayerId, Order, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke,
-    StrokeKind, Ui, WidgetInfo, WidgetType, Window, pos2, vec2,
+    StrokeKind, Ui, WidgetInfo, WidgetType, pos2, vec2,
 };
 
-use super::Shown;
 use super::controls::{number, toggle};
 use super::spectrum::{curve, plot};
+use super::{Shown, floating};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::capital;
 use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
@@ -48,37 +47,30 @@ pub(super) fn layer() -> LayerId {
 /// Shows the editor over the picture.
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
-    let mut open = true;
-    Window::new("Palette")
-        .id(layer().id)
-        .open(&mut open)
-        .default_pos(rect.left_top() + vec2(8.0, 8.0))
-        .default_size([480.0, (rect.height() - 20.0).max(80.0)])
-        .resizable(false)
-        .constrain_to(rect)
-        .show(ui.ctx(), |ui| {
-            let height = (rect.height() - 56.0).max(80.0);
-            // Also in a window that was smaller, and is not any more.
-            ui.spacing_mut().scroll = ScrollStyle::solid();
-            let width = (rect.width() - 40.0).clamp(80.0, 480.0);
-            let area = ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(width);
-            area.show(ui, |ui| {
-                ui.set_max_width(width);
-                match &document.state().palette {
-                    None => offer(ui, shown.design, asked),
-                    Some(palette) => {
-                        matrix(ui, document.state(), palette, asked);
-                        for_whom(ui, &document.state().scene.display);
-                        ui.separator();
-                        details(ui, &document.state().scene, palette, asked);
-                        ui.separator();
-                        model(ui, palette, asked);
-                        solve(ui, palette, shown.design, asked);
-                        conflicts(ui, palette, shown.design, asked);
-                    }
+    let at = rect.left_top() + vec2(8.0, 8.0);
+    let size = vec2(480.0, (rect.height() - 20.0).max(80.0));
+    let open = floating::show(ui, ("Palette", layer().id), rect, (at, size), |ui| {
+        let height = (rect.height() - 56.0).max(80.0);
+        // Also in a window that was smaller, and is not any more.
+        let width = (rect.width() - 40.0).clamp(80.0, 480.0);
+        let area = ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(width);
+        area.show(ui, |ui| {
+            ui.set_max_width(width);
+            match &document.state().palette {
+                None => offer(ui, shown.design, asked),
+                Some(palette) => {
+                    matrix(ui, document.state(), palette, asked);
+                    for_whom(ui, &document.state().scene.display);
+                    ui.separator();
+                    details(ui, &document.state().scene, palette, asked);
+                    ui.separator();
+                    model(ui, palette, asked);
+                    solve(ui, palette, shown.design, asked);
+                    conflicts(ui, palette, shown.design, asked);
                 }
-            });
+            }
         });
+    });
     if !open {
         asked.push(Action::Palette(false));
     }

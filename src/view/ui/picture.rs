@@ -24,8 +24,9 @@ const NEARER: f64 = 1.1;
 /// What the camera does at the mouse.
 pub(super) const HELP: &str = "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll, wheel to go nearer. Click to look at a pixel.";
 
-/// Moves the camera by what the hand does over the picture, and says what to do where there is none.
-pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
+/// Moves the camera by what the hand does over the picture, and says what to do where there is none. A click while there is a
+/// `popup` closes that.
+pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, asked: &mut Vec<Action>) {
     if let Some((name, part, stage)) = shown.loading {
         let at = Rect::from_center_size(rect.center(), vec2(rect.width().min(340.0) - 20.0, 60.0));
         ui.scope_builder(UiBuilder::new().max_rect(at), |ui| {
@@ -47,7 +48,9 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
     let hand = ui.interact(inside, ui.id().with("picture"), Sense::click_and_drag());
     hand.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "picture"));
     let followed = hand.hovered() && ui.input(|input| input.modifiers.alt && !input.pointer.any_down());
-    if let Some(at) = hand.interact_pointer_pos().filter(|_| hand.clicked()).or(hand.hover_pos().filter(|_| followed)) {
+    if let Some(at) =
+        hand.interact_pointer_pos().filter(|_| hand.clicked() && !popup).or(hand.hover_pos().filter(|_| followed))
+    {
         let part = (at - rect.min) / rect.size();
         asked.push(Action::Probe(Some(DVec2::new(part.x.into(), part.y.into()))));
     }

@@ -1,11 +1,10 @@
 //! The probe: what the pixel under the crosshair is, over the picture.
 
-use egui::style::ScrollStyle;
-use egui::{Color32, Grid, Key, Label, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, Window, pos2, vec2};
+use egui::{Color32, Grid, Id, Key, Label, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
-use super::Shown;
-use super::spectrum::{narrow, patch, plot};
+use super::spectrum::{code, narrow, patch, plot};
 use super::transfer::colours;
+use super::{Shown, floating};
 use crate::number::{brief, readable};
 use crate::spectrum::colour::Lab;
 use crate::view::action::Action;
@@ -22,7 +21,6 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
     for (width, colour) in [(3.0, Color32::BLACK), (1.0, Color32::WHITE)] {
         ui.painter().circle_stroke(at, 6.0, Stroke::new(width, colour));
     }
-    let mut open = true;
     // It opens beside what is looked at; where it is, and where it was put, it stays.
     let right = (rect.right() - WIDTH - 30.0).max(rect.left());
     let left = if at.x + 20.0 > right { rect.left() + 8.0 } else { right };
@@ -31,28 +29,18 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
     let height = if narrow_picture { 0.5 * rect.height() } else { rect.height() };
     let top = if narrow_picture && at.y < rect.center().y { rect.center().y } else { rect.top() + 8.0 };
     let height = (height - 60.0).max(80.0);
-    Window::new("Probe")
-        .open(&mut open)
-        .default_pos(pos2(left, top))
-        .default_size([WIDTH, height + 40.0])
-        .resizable(false)
-        .constrain_to(rect)
-        .show(ui.ctx(), |ui| {
-            // Where not all fits, a bar says so.
-            ui.spacing_mut().scroll = ScrollStyle::solid();
-            // Also in a window that was smaller, and is not any more.
-            let area = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
-            area.show(ui, |ui| match probe {
-                None => {
-                    ui.set_width(WIDTH);
-                    ui.label("The picture is on its way.");
-                }
-                Some(probe) => {
-                    ui.set_width(WIDTH);
-                    contents(ui, document, probe);
-                }
-            });
+    let size = vec2(WIDTH, height + 40.0);
+    let open = floating::show(ui, ("Probe", Id::new("Probe")), rect, (pos2(left, top), size), |ui| {
+        // Also in a window that was smaller, and is not any more.
+        let area = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
+        area.show(ui, |ui| {
+            ui.set_width(WIDTH);
+            match probe {
+                None => drop(ui.label("The picture is on its way.")),
+                Some(probe) => contents(ui, document, probe),
+            }
         });
+    });
     if !open || !shown.chooses && ui.input(|input| input.key_pressed(Key::Escape)) {
         asked.push(Action::Probe(None));
     }
@@ -116,6 +104,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
             });
         }
     }
+    absorbers(ui, document, probe, &colours);
     if probe.positions.len() > 1 {
         section(
             ui,
@@ -137,6 +126,29 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
             ui.label(RichText::new("The ray misses the volume, or what is shown of it.").small());
         }
         Some(met) => ray(ui, document, met, &colours),
+    }
+}
+
+/// What takes light on its way to the eye.
+fn absorbers(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
+    let materials = document.state().scene.materials.iter().zip(colours).zip(&probe.absorbed);
+    let taking: Vec<_> = materials.filter(|(_, taken)| **taken > 0.0005).collect();
+    if taking.is_empty() {
+        return;
+    }
+    section(
+        ui,
+        "What colours its light",
+        "The materials that absorb along the ray, and how much each takes of the light that is on its way to the eye. They need \
+         not reflect any: what they show is the light that they leave.",
+    );
+    for ((material, &colour), &taken) in taking {
+        ui.horizontal(|ui| {
+            bar(ui, taken, colour);
+            ui.label(&material.name);
+            ui.label(percent(taken));
+            ui.label(RichText::new("taken").small().weak());
+        });
     }
 }
 
@@ -177,17 +189,14 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
     let scaled = spectrum.scaled(most(reflectance) / most(spectrum));
     let scaled = if scaled.is_finite() { scaled } else { spectrum.clone() };
     plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 74.0)).on_hover_text(
-        "What comes back from this pixel at each wavelength. Blue: of light that is alike at all of them, as a share. \
-         White or black: of the light that shines now, scaled to the same height.",
+        "What comes from this pixel at each wavelength, reflected or let through. Blue: of light that is alike at all of them, as a \
+         share. White or black: of the light that shines now, scaled to the same height.",
     );
     ui.horizontal(|ui| {
-        ui.label(RichText::new("blue: reflected, as a share").small().color(weak));
+        ui.label(RichText::new("blue: of even light, as a share").small().color(weak));
         ui.label(
-            RichText::new(format!(
-                "{}: the light that arrives",
-                if ui.visuals().dark_mode { "white" } else { "black" }
-            ))
-            .small(),
+            RichText::new(format!("{}: of the light of now", if ui.visuals().dark_mode { "white" } else { "black" }))
+                .small(),
         );
     });
     if let Some(rms) = probe.spectral_error {
@@ -265,8 +274,20 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
             response.on_hover_text(told(document, stretch));
         }
     }
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let materials = &document.state().scene.materials;
+        for (index, (material, &colour)) in materials.iter().zip(colours).enumerate() {
+            let depth = |of: &[f64]| of.get(index).is_some_and(|depth| *depth > 0.0);
+            if met.iter().any(|stretch| depth(&stretch.scattering) || depth(&stretch.absorption)) {
+                patch(ui, &code(colour), 9.0);
+                ui.label(RichText::new(&material.name).small());
+            }
+        }
+    });
     let [from, to] = [low, high].map(brief);
-    let text = format!("value {from} to {to} over {length:.1} units of length; orange: light that still passes");
+    let text =
+        format!("thin line: value, {from} to {to}, over {length:.1} units of length; orange: light that still passes");
     ui.label(RichText::new(text).small().weak());
     let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
     let brightest = met.iter().filter(|stretch| seen(stretch) > 0.0).max_by(|one, two| seen(one).total_cmp(&seen(two)));
@@ -281,12 +302,14 @@ fn range(ray: &[Stretch]) -> [f64; 2] {
     [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
 }
 
-/// The colours of what a stretch scatters with, mixed.
+/// The colours of what a stretch scatters and absorbs with, mixed.
 fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
-    let all: f64 = stretch.scattering.iter().sum();
+    let depths: Vec<f64> = stretch.scattering.iter().zip(&stretch.absorption).map(|(one, other)| one + other).collect();
+    let all: f64 = depths.iter().sum();
     let channel = |of: fn(&Color32) -> u8| {
-        let parts = stretch.scattering.iter().zip(colours);
-        let sum: f64 = parts.map(|(depth, colour)| depth / all.max(f64::MIN_POSITIVE) * f64::from(of(colour))).sum();
+        let sum: f64 = (depths.iter().zip(colours))
+            .map(|(depth, colour)| depth / all.max(f64::MIN_POSITIVE) * f64::from(of(colour)))
+            .sum();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of bytes is one")]
         let byte = sum.round().clamp(0.0, 255.0) as u8;
         byte
@@ -304,11 +327,17 @@ fn place(document: &Document, stretch: &Stretch) -> String {
 }
 
 fn told(document: &Document, stretch: &Stretch) -> String {
-    let materials = document.state().scene.materials.iter().zip(&stretch.scattering);
-    let names: Vec<&str> = materials.filter(|(_, depth)| **depth > 0.0).map(|(it, _)| it.name.as_str()).collect();
-    let shown = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
+    let materials = &document.state().scene.materials;
+    let named = |depths: &[f64], does: &str| {
+        let there = materials.iter().zip(depths).filter(|(_, depth)| **depth > 0.0);
+        let names: Vec<&str> = there.map(|(material, _)| material.name.as_str()).collect();
+        (!names.is_empty()).then(|| format!("{does} {}", names.join(", ")))
+    };
+    let shown = [named(&stretch.scattering, "shows"), named(&stretch.absorption, "is coloured by")];
+    let shown: Vec<String> = shown.into_iter().flatten().collect();
+    let shown = if shown.is_empty() { "shows nothing".to_owned() } else { shown.join(" and ") };
     format!(
-        "At {:.2}, {}: value {}, which shows {shown}. It hides {:.2} %, and {:.2} % of the light in front of it passes.",
+        "At {:.2}, {}: value {}, which {shown}. It hides {:.2} %, and {:.2} % of the light in front of it passes.",
         stretch.distance,
         place(document, stretch),
         brief(stretch.value),

@@ -6,6 +6,7 @@ use super::controls::{panel, toggle};
 use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
+use crate::view::tour::Tour;
 
 /// How long a tour takes, in seconds.
 const SECONDS: f64 = 8.0;
@@ -13,7 +14,7 @@ const SECONDS: f64 = 8.0;
 const FRAMES: u16 = 50;
 
 /// Shows them, and the controls that keep and tour them, where there is a dial.
-pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Vec<Action>) {
+pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked: &mut Vec<Action>) {
     let state = document.state();
     let situations = &state.scene.dial.situations;
     if state.scene.dial.nodes.len() < 2 {
@@ -72,18 +73,20 @@ pub(super) fn show(ui: &mut Ui, document: &Document, plays: bool, asked: &mut Ve
         });
         ui.data_mut(|data| data.insert_temp(id, name));
         ui.horizontal(|ui| {
-            let enough = situations.len() > 1;
+            let (plays, saves) = (matches!(tour, Some(Tour::Playing { .. })), matches!(tour, Some(Tour::Saving { .. })));
+            let enough = situations.len() > 1 && !saves;
+            let none = if saves { "The pictures of a tour are being saved." } else { "A tour takes two situations." };
             let (text, seconds) = if plays { ("Stop", None) } else { ("Tour", Some(SECONDS)) };
             let play = ui.add_enabled(enough, egui::Button::new(text));
             let help = "Moves the hand from each situation to the next; one step back undoes it.";
-            if play.on_hover_text(help).on_disabled_hover_text("A tour takes two situations.").clicked() {
+            if play.on_hover_text(help).on_disabled_hover_text(none).clicked() {
                 asked.push(Action::Tour(seconds));
             }
             let save = ui.add_enabled(enough, egui::Button::new(format!("Save {FRAMES} pictures")));
             let help = format!(
                 "Saves {FRAMES} pictures of the way as relume-tour-0001-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-0002-0001.png."
             );
-            if save.on_hover_text(help).clicked() {
+            if save.on_hover_text(help).on_disabled_hover_text(none).clicked() {
                 asked.push(Action::SaveTour(None, FRAMES));
             }
         });

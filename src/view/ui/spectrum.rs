@@ -69,15 +69,16 @@ pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> 
         ui.painter().line(points.collect(), Stroke::new(1.5, *colour));
     }
     self::strip(ui, rect.x_range(), strip);
-    let most = format!("{high:.2}");
-    ui.painter().text(
-        rect.left_top() + Vec2::splat(2.0),
-        Align2::LEFT_TOP,
-        most,
-        FontId::proportional(9.0),
-        weak.color,
-    );
+    readable_text(ui, rect.left_top() + Vec2::splat(2.0), Align2::LEFT_TOP, format!("{high:.2}"), 9.0, weak.color);
     response
+}
+
+/// Text in a plot, over what lies behind it.
+pub(super) fn readable_text(ui: &Ui, at: Pos2, align: Align2, text: String, size: f32, colour: Color32) {
+    let galley = ui.painter().layout_no_wrap(text, FontId::proportional(size), colour);
+    let rect = align.anchor_size(at, galley.size());
+    ui.painter().rect_filled(rect.expand2(Vec2::new(1.0, 0.0)), 1.0, ui.visuals().extreme_bg_color.gamma_multiply(0.8));
+    ui.painter().galley(rect.min, galley, colour);
 }
 
 /// The colours of the wavelengths and some of their numbers, under a curve as wide as `across`.
@@ -105,6 +106,12 @@ fn of_wavelength(band: usize) -> Color32 {
         (xyz.iter().sum::<f64>() / OBSERVER[1].samples().iter().copied().fold(f64::MIN_POSITIVE, f64::max)).min(1.0);
     let code = display_code(LinearSrgb(linear.map(|part| (part - white) / most * seen)));
     Color32::from_hex(&code).unwrap_or(Color32::BLACK)
+}
+
+/// `#rrggbb`.
+pub(super) fn code(colour: Color32) -> String {
+    let [red, green, blue, _] = colour.to_array();
+    format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
 /// A square of a colour as it is shown, and its name to screen readers.

@@ -29,11 +29,11 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
     let status = shown.status;
     ui.horizontal(|ui| {
         let at = match (status.marching, status.beside, status.finest) {
-            (Some(part), _, _) => format!("marching {:.0} %", 100.0 * part),
+            (Some(part), _, _) => format!("refining {:.0} %", 100.0 * part),
             (None, Some(beside), _) => beside.to_owned(),
             (None, None, true) => "at rest".to_owned(),
             (None, None, false) if shown.document.is_none() => "nothing is open".to_owned(),
-            (None, None, false) => "preparing".to_owned(),
+            (None, None, false) => "coarse, until the hand rests".to_owned(),
         };
         let Counts { marches, relights, .. } = status.counts;
         let [width, height] = status.size;

@@ -23,7 +23,7 @@ struct Item {
 }
 
 /// Lines of more modifiers come before those of fewer: a shortcut takes more modifiers than it names.
-const FILES: [Item; 8] = [
+const FILES: [Item; 9] = [
     Item {
         text: "Open…",
         help: "Another scene or volume, as if it were dropped on the window.",
@@ -35,6 +35,13 @@ const FILES: [Item; 8] = [
         text: "Open the built-in scene",
         help: "The scene that is part of the program.",
         action: || Action::Open(Box::default()),
+        shortcut: None,
+        saves: false,
+    },
+    Item {
+        text: "Another volume of this file…",
+        help: "Another of its time steps, components or arrays, looked at in the same way.",
+        action: || Action::Another,
         shortcut: None,
         saves: false,
     },
@@ -141,9 +148,12 @@ fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
             Some(shortcut) => button.shortcut_text(ui.ctx().format_shortcut(shortcut)),
             None => button,
         };
-        let enabled = !item.saves || shown.document.is_some();
-        if ui.add_enabled(enabled, button).on_hover_text(item.help).clicked() {
-            asked.push((item.action)());
+        let action = (item.action)();
+        let enabled = if action == Action::Another { shown.several } else { !item.saves || shown.document.is_some() };
+        let line = ui.add_enabled(enabled, button).on_hover_text(item.help);
+        let line = if action == Action::Another { line.on_disabled_hover_text("It holds no other.") } else { line };
+        if line.clicked() {
+            asked.push(action);
             ui.close();
         }
     }

@@ -3,13 +3,13 @@
 use std::ops::RangeInclusive;
 
 use egui::{
-    Color32, ComboBox, CursorIcon, Id, Pos2, Rect, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2, WidgetInfo,
-    WidgetType, pos2, vec2,
+    Color32, ComboBox, CursorIcon, Id, Pos2, Rect, Response, RichText, Sense, Shape, Stroke, StrokeKind, Ui, Vec2,
+    WidgetInfo, WidgetType, pos2, vec2,
 };
 use glam::DVec3;
 
-use super::controls::{number, panel, sides};
-use super::spectrum::narrow;
+use super::controls::{number, panel, say_beside, sides};
+use super::spectrum::{code, narrow};
 use crate::number::{count, whole};
 use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
@@ -27,6 +27,10 @@ const HEIGHT: f32 = 110.0;
 const HANDLE: f32 = 9.0;
 /// Parts of the range of values that the ends of an interval are dragged by.
 const PARTS: f64 = 1000.0;
+
+const HELP: &str = "Grey: how often each value occurs, on a log scale. Drag an interval's inside to shift it, its corners to \
+    move an end, its feet to widen its ramps, and the middle of its top for its opacity; the height is the square root of the \
+    opacity.";
 
 /// Shows the transfer function and the labels.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
@@ -140,10 +144,6 @@ impl Map {
     fn new(ui: &mut Ui, statistics: &Statistics) -> Self {
         let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), HEIGHT), Sense::hover());
         response.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "histogram and intervals"));
-        response.on_hover_text(
-            "Grey: how often each value occurs, on a log scale. Drag an interval, its corners, its feet, and its top; the height \
-             is the opacity, its square root.",
-        );
         let span = statistics.max - statistics.min;
         let span = if span > 0.0 && span.is_finite() { span } else { 1.0 };
         Self { rect: rect.shrink(HANDLE / 2.0), low: statistics.min, span }
@@ -202,7 +202,13 @@ fn ends(ui: &mut Ui, statistics: &Statistics) {
     let end = |value: f64| RichText::new(format!("{value:.places$}")).small().weak();
     ui.horizontal(|ui| {
         ui.label(end(statistics.min));
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(end(statistics.max)));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.label(end(statistics.max));
+            ui.with_layout(egui::Layout::top_down(egui::Align::Center), |ui| {
+                // Not over the histogram itself: it would lie on what is dragged there, and on the numbers below.
+                ui.label(RichText::new("what can be dragged?").small().weak()).on_hover_text(HELP);
+            });
+        });
     });
 }
 
@@ -289,8 +295,7 @@ fn body(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<A
     } else {
         ui.data_mut(|data| data.remove::<(Interval, f64)>(id));
     }
-    hand.on_hover_cursor(CursorIcon::ResizeHorizontal)
-        .on_hover_text("Drag it to shift both its ends; its corners, its feet and its top move one thing each.");
+    hand.on_hover_cursor(CursorIcon::ResizeHorizontal);
 }
 
 fn handles(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
@@ -364,7 +369,6 @@ fn row(
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().interact_size.x = 46.0;
-        // Whether it was changed, and then, whether by being dragged.
         let field = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
             // Values in as many digits as their range needs, and parts of the light in four.
             let decimals = if name == "opacity" { 4 } else { places(span / 10.0) };
@@ -374,19 +378,25 @@ fn row(
             if dragged.has_focus() || dragged.dragged() {
                 choose(ui, index);
             }
-            dragged.changed().then_some(dragged.dragged())
+            dragged
         };
         let all = || f64::MIN..=f64::MAX;
         let help = "The value from which it shows fully. Typed above the next one, it takes that along.";
-        let from_moved = field(ui, &mut now.range[0], span / 500.0, all(), "from", help);
+        let from_field = field(ui, &mut now.range[0], span / 500.0, all(), "from", help);
         ui.label("to");
         let help = "The value up to which it shows fully. Typed below the one before, it takes that along.";
-        let to_moved = field(ui, &mut now.range[1], span / 500.0, all(), "to", help);
+        let to_field = field(ui, &mut now.range[1], span / 500.0, all(), "to", help);
         let [from, to] = now.range;
+        let is_typed = |field: &Response| field.changed() && !field.dragged();
         if from > to {
             // One that is dragged stops at the other, and one that is typed takes it along.
-            let end = if matches!((from_moved, to_moved), (Some(false), _) | (None, Some(true))) { from } else { to };
-            now.range = [end; 2];
+            let from_rules = is_typed(&from_field) || !from_field.changed() && to_field.dragged();
+            now.range = [if from_rules { from } else { to }; 2];
+        }
+        for (field, other) in [(&from_field, "to"), (&to_field, "from")] {
+            if from > to && is_typed(field) {
+                say_beside(field, format!("It took “{other}” along: no interval ends before it begins."));
+            }
         }
         ui.label("±").on_hover_text("The ramp: over so many values it falls to nothing on either side.");
         field(
@@ -420,9 +430,7 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(14.0), Sense::hover());
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
-    let [red, green, blue, _] = colour.to_array();
-    let code = format!("#{red:02x}{green:02x}{blue:02x}");
-    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, &code));
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, code(colour)));
     let absorption = material.and_then(|material| material.absorption.as_ref());
     let help = if absorption.is_some_and(|it| !is_constant(it.spectrum())) {
         "The present light to whoever looks, seen through as much of the material as lets a tenth pass where it absorbs most, times \

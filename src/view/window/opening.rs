@@ -8,8 +8,9 @@ use super::{MOST_LOSSES, ViewError, Viewer, Woken};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::view::engine::Engine;
-use crate::view::load::{LoadError, Loaded, Loading, Source};
+use crate::view::load::{LoadError, Loaded, Loading, Source, is_one_of_several};
 use crate::view::state::{Document, Edit};
+use crate::volume::Selection;
 use crate::vulkan::VulkanError;
 
 impl Viewer {
@@ -18,6 +19,11 @@ impl Viewer {
         // What is asked there is of what was to be opened before.
         self.chooser.close();
         self.load(source.clone(), false, move |renderer, progress| source.load(renderer, progress));
+    }
+
+    /// Opens another of the volumes in the file that is looked at.
+    pub(super) fn open_another(&mut self) {
+        self.open(self.source.reselected());
     }
 
     /// Brings what is looked at to the device again.
@@ -69,10 +75,13 @@ impl Viewer {
             // The next frame notices it too, and starts again.
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
             Err(error) => {
-                match (opened, error.question()) {
-                    // Nobody is there to answer a script's, and what is being asked is not taken away: the error says it, too.
-                    (Some(source), Some(question)) if !self.is_scripted() && !self.chooser.is_open() => {
-                        self.chooser.ask(source, question);
+                // Nobody is there to answer a script's, and what is being asked is not taken away: the error says it, too.
+                let opened = opened.filter(|_| !self.is_scripted() && !self.chooser.is_open());
+                match (opened, error.question(), error.scene_without_volume()) {
+                    (Some(source), Some(question), _) => self.chooser.ask(source, question),
+                    (Some(source), None, Some(scene)) => {
+                        self.tell(&error);
+                        self.chooser.ask_volume(source, scene);
                     }
                     _ => self.tell(&error),
                 }
@@ -85,14 +94,11 @@ impl Viewer {
                 // What went wrong before is over.
                 self.notices.retain(|notice| notice.until.is_some());
             }
-            let mut document = Document::new(loaded.scene.clone());
-            if loaded.source.bare_volume().is_some() {
-                // Its lights are there to choose from, and not meant together.
-                document = Document::starting(loaded.scene.clone(), &Edit::HandOnNode(0));
-            }
+            let document = self.document_of(&loaded);
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
-            self.screen.iter().for_each(|screen| screen.window.set_title(&self.source.title()));
+            self.several = is_one_of_several(&loaded.scene, &self.source);
+            self.title = self.source.title();
             (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);
@@ -108,6 +114,22 @@ impl Viewer {
         self.engine = Some(engine);
         // The next frame looks: only there is the size of the picture known.
         self.place = Rect::ZERO;
+    }
+
+    /// How what was opened is looked at first.
+    fn document_of(&mut self, loaded: &Loaded) -> Document {
+        let scene = &loaded.scene;
+        let other_times = |source: &Source| Selection { time: None, ..source.options.selection.clone() };
+        let alike = other_times(&loaded.source) == other_times(&self.source);
+        let before = self.document.take().filter(|_| loaded.source.is_another_of(&self.source));
+        before.and_then(|before| before.beside(scene.clone(), alike)).unwrap_or_else(|| {
+            if loaded.source.bare_volume().is_some() {
+                // Its lights are there to choose from, and not meant together.
+                Document::starting(scene.clone(), &Edit::HandOnNode(0))
+            } else {
+                Document::new(scene.clone())
+            }
+        })
     }
 
     /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a

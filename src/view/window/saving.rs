@@ -101,6 +101,23 @@ impl Viewer {
         self.tour = Some(Tour::saving(path, frames));
     }
 
+    /// Plays a tour in so many `seconds`; without them, ends the one that is played or saved.
+    pub(super) fn tour(&mut self, seconds: Option<f64>) {
+        if let Some(Tour::Saving { frames, saved, .. }) = self.tour {
+            self.tell_done(format!("The tour was given up: {saved} of its {frames} pictures are there."));
+            self.end_saved_tour();
+        }
+        self.tour = seconds.map(Tour::playing);
+    }
+
+    /// What was there before a tour was saved is shown again.
+    fn end_saved_tour(&mut self) {
+        self.tour = None;
+        if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
+            engine.light(document.state());
+        }
+    }
+
     pub(super) fn save_session(&mut self, path: Option<PathBuf>) {
         let path = &self.saving.named(path, SESSION);
         let Some(document) = &mut self.document else {
@@ -111,8 +128,7 @@ impl Viewer {
             Err(error) => self.tell(&error),
             Ok(()) => {
                 document.save();
-                let title = Source::of(path).title();
-                self.screen.iter().for_each(|screen| screen.window.set_title(&title));
+                self.title = Source::of(path).title();
                 let ([width, height], path) = (self.report.size, whole_path(path));
                 self.tell_done(format!(
                     "The session is {path}; relume render with --size {width}x{height} makes this picture."
@@ -195,7 +211,7 @@ impl Viewer {
 
     /// Saves the picture of a tour that is there, and shows what was there before once all are saved, or one `failed`.
     pub(super) fn save_tour(&mut self, failed: bool) {
-        let Some(Tour::Saving { path, frames, saved }) = &mut self.tour else { return };
+        let Some(Tour::Saving { path, frames, saved, size }) = &mut self.tour else { return };
         if !self.saving.writing.is_empty() {
             return;
         }
@@ -204,10 +220,7 @@ impl Viewer {
                 "The pictures of the tour are there, the last of them {}.",
                 whole_path(&numbered(path, *saved))
             );
-            self.tour = None;
-            if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
-                engine.light(document.state());
-            }
+            self.end_saved_tour();
             if !failed {
                 self.tell_done(there);
             }
@@ -215,6 +228,14 @@ impl Viewer {
         }
         let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
         let Some(snapshot) = snapshot else { return };
+        if *size.get_or_insert(snapshot.size()) != snapshot.size() {
+            let text = format!(
+                "The window has another size now: the tour was given up after {saved} of its {frames} pictures."
+            );
+            self.note(text);
+            self.end_saved_tour();
+            return;
+        }
         *saved += 1;
         let path = numbered(path, *saved);
         self.begin(None, move || snapshot.write_picture(&path));
