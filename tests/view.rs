@@ -578,17 +578,6 @@ fn a_script_that_drops_a_file_of_several_volumes_is_told_how_one_is_chosen() {
 }
 
 #[test]
-fn a_tour_whose_pictures_would_differ_in_size_is_given_up() {
-    let Some(screen) = Screen::new() else { return };
-    let folder = folder();
-    let script = "size 320 300\nsettle\nhand 0.3 0.2\nkeep noon\ntour tour.png 2000\nframes 20\nsize 400 380\nsettle\n";
-    let report = screen.script(&folder, "scene.toml", script);
-    let notice = report["notices"][0].as_str().unwrap();
-    assert!(notice.contains("another size") && notice.contains("of its 2000 pictures"), "{notice}");
-    assert!(folder.path("tour-0001.png").exists() && !folder.path("tour-1999.png").exists());
-}
-
-#[test]
 fn a_light_of_intensity_0_is_off_as_the_scene_opens_and_there_to_be_turned_on() {
     let folder = folder()
         .with("dark.toml", format!("{SCENE}{DIAL}").replace("intensity = 0.5", "intensity = 0"))
@@ -627,7 +616,7 @@ fn what_a_hand_saves_has_a_name_of_its_own_each_time() {
     let folder = folder().with("relume-0002.png", "kept");
     // The menu of files, and its line "Save picture".
     let click = |[x, y]: [u32; 2]| format!("pointer {x} {y}\nframes 2\npress\nrelease\nframes 2\nsettle\n");
-    let save = [[22, 17], [60, 147]].map(click).concat();
+    let save = [[22, 17], [60, 168]].map(click).concat();
     screen.script(&folder, "dial.toml", &format!("size 1280 800\nsettle\n{save}{save}"));
     let names = folder.names();
     assert!(

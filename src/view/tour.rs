@@ -45,6 +45,14 @@ impl Tour {
         Self::Saving { path, frames: frames.max(1), saved: 0, size: None }
     }
 
+    /// Whether a picture of this size belongs to a tour that is saved: the first one decides.
+    pub fn takes(&mut self, picture: [usize; 2]) -> bool {
+        match self {
+            Self::Playing { .. } => false,
+            Self::Saving { size, .. } => *size.get_or_insert(picture) == picture,
+        }
+    }
+
     /// Where the hand is now.
     #[must_use]
     pub fn edit(&self) -> Edit {
@@ -55,5 +63,17 @@ impl Tour {
             }
             Self::Saving { frames, saved, .. } => Edit::Tour((*saved).into(), usize::from(*frames - 1)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pictures_of_a_tour_have_the_size_of_the_first() {
+        let mut tour = Tour::saving("tour.png".into(), 3);
+        assert!(tour.takes([4, 3]) && tour.takes([4, 3]) && !tour.takes([3, 4]) && tour.takes([4, 3]));
+        assert!(!Tour::playing(1.0).takes([4, 3]));
     }
 }

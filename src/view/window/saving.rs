@@ -211,7 +211,7 @@ impl Viewer {
 
     /// Saves the picture of a tour that is there, and shows what was there before once all are saved, or one `failed`.
     pub(super) fn save_tour(&mut self, failed: bool) {
-        let Some(Tour::Saving { path, frames, saved, size }) = &mut self.tour else { return };
+        let Some(Tour::Saving { path, frames, saved, .. }) = &self.tour else { return };
         if !self.saving.writing.is_empty() {
             return;
         }
@@ -228,7 +228,9 @@ impl Viewer {
         }
         let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
         let Some(snapshot) = snapshot else { return };
-        if *size.get_or_insert(snapshot.size()) != snapshot.size() {
+        let fits = self.tour.as_mut().is_some_and(|tour| tour.takes(snapshot.size()));
+        let Some(Tour::Saving { path, frames, saved, .. }) = &mut self.tour else { return };
+        if !fits {
             let text = format!(
                 "The window has another size now: the tour was given up after {saved} of its {frames} pictures."
             );
