@@ -951,6 +951,98 @@ fn a_tour_that_is_saved_says_how_far_it_is_and_can_be_given_up() {
 }
 
 #[test]
+fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
+    let mut document = document();
+    let here = document.state().scene.dial.nodes[1].place;
+    assert_eq!(document.state().scene.dial.situations[0].hand, here);
+    for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::NodePlace(0, here), Edit::ResetDial] {
+        document.edit(&edit);
+        document.edit(&Edit::Situation(0));
+        assert_eq!(light_names(&document.state().mix()), ["lamp"], "{edit:?}");
+        let now = document.state().scene.dial.nodes[1].place;
+        assert_eq!(document.state().scene.dial.situations[0].hand, now, "{edit:?}");
+    }
+}
+
+#[test]
+fn nodes_are_put_on_a_regular_polygon() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::NodePlace(0, DVec2::new(0.3, 0.2)));
+    window.run();
+    window.get_by_label("Polygon").click();
+    window.run();
+    let nodes = &window.state().document.as_ref().unwrap().state().scene.dial.nodes;
+    assert!((nodes[0].place + nodes[1].place).length() < 1e-9 && (nodes[0].place.length() - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
+    let width = |scale: f64| {
+        let mut document = document();
+        let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+        document.edit(&Edit::Interval(0, Interval { range: [1.234_567_89 * scale, 2.0 * scale], ..stated }));
+        let mut statistics = document.opened().volume.statistics().unwrap();
+        (statistics.min, statistics.max) = (-3.0 * scale, 3.0 * scale);
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
+        window.run();
+        let left = window.state().place.left();
+        // A field that is left as it was changes nothing, though it shows few digits.
+        type_into(&mut window, "interval 0: from", "");
+        window.key_press(Key::Enter);
+        window.run();
+        assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
+        left
+    };
+    for scale in [1e300, 1e12, 1e-12, 1e-300] {
+        assert!((width(scale) - width(10.0)).abs() < 0.5, "{scale}");
+    }
+}
+
+#[test]
+fn a_transfer_function_that_shows_no_value_says_so() {
+    let mut window = with_histogram();
+    window.run();
+    assert!(window.query_by_label_contains("nothing is shown").is_none());
+    let mut document = document();
+    let statistics = document.opened().volume.statistics().unwrap();
+    for index in [0, 1] {
+        let stated = Interval::of(&document.state().scene.transfer.terms[index]).unwrap();
+        document.edit(&Edit::Interval(index, Interval { range: [1e4, 2e4], ..stated }));
+    }
+    let mut window = wide(document.clone().with_statistics(statistics.clone()));
+    window.run();
+    assert!(window.query_by_label_contains("nothing is shown").is_some());
+    window.get_all_by_label("Reset transfer").last().unwrap().click();
+    window.run();
+    window.run();
+    assert!(window.query_by_label_contains("nothing is shown").is_none());
+    // Where it opened so, there is nothing to go back to.
+    let mut window = wide(Document::new(document.state().scene.clone()).with_statistics(statistics));
+    window.run();
+    window.get_by_label("Show all values").click();
+    window.run();
+    window.run();
+    assert!(window.query_by_label_contains("nothing is shown").is_none());
+}
+
+#[test]
+fn a_side_of_the_crop_box_that_faces_the_eye_says_that_it_cannot_be_dragged() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Axis(Side::Front), 1.5));
+    document.edit(&Edit::Camera(Move::Projection, 1.5));
+    document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
+    let mut window = wide(document);
+    window.run();
+    let handle = window.get_by_label("crop box: y to").rect().center();
+    window.event(Event::PointerMoved(handle));
+    window.run_steps(60);
+    assert!(is_painted(&window, "faces you: turn the camera to drag it"));
+    window.event(Event::PointerMoved(window.get_by_label("crop box: x to").rect().center()));
+    window.run_steps(60);
+    assert!(is_painted(&window, "Drag this side of the box"));
+}
+
+#[test]
 fn another_volume_of_a_file_is_asked_for_where_there_are_several() {
     for several in [false, true] {
         let mut window = wide(document());
@@ -1567,7 +1659,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
         // What was said before is kept.
         let mut source = Source::of(Path::new("beat.nrrd"));
         source.options.downsample = Some([2; 3]);
-        window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(there.clone())));
+        window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(there.clone())), &Selection::default());
         window.run();
         match there {
             Several::Arrays(_) => window.get_by_label("pet").click(),
@@ -1591,11 +1683,28 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
 }
 
 #[test]
+fn another_of_several_volumes_is_chosen_from_the_one_that_is_shown() {
+    let mut window = wide(document());
+    let shown = Selection { time: Some(2), ..Selection::default() };
+    let source = Source::of(Path::new("beat.nrrd"));
+    window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(Several::Times(4))), &shown);
+    window.run();
+    window.key_press(Key::Enter);
+    window.run();
+    let expected = Source { options: SceneOptions { selection: shown, ..SceneOptions::default() }, ..source };
+    assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(expected)))]);
+}
+
+#[test]
 fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
     let mut window = wide(document());
     let source = Source::of(Path::new("foot.raw"));
     let guess = RawLayout::guessed("foot.raw", 1000).map(Box::new);
-    window.state_mut().chooser.ask(source.clone(), asked(Unknown::Layout { bytes: 1000, guess }));
+    window.state_mut().chooser.ask(
+        source.clone(),
+        asked(Unknown::Layout { bytes: 1000, guess }),
+        &Selection::default(),
+    );
     window.run();
     assert!(window.query_by_label_contains("all 1000 bytes").is_some(), "a cube");
     window.get_by_label("Open").click();
@@ -1607,7 +1716,7 @@ fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
 
     // Too few bytes for it are no volume.
     let guess = Some(Box::new(RawLayout { voxel_type: VoxelType::F64, ..cube }));
-    window.state_mut().chooser.ask(source, asked(Unknown::Layout { bytes: 1000, guess }));
+    window.state_mut().chooser.ask(source, asked(Unknown::Layout { bytes: 1000, guess }), &Selection::default());
     window.run();
     assert!(window.get_by_label("Open").accesskit_node().is_disabled());
     // What was said is not lost by a click beside it, nor by the key that leaves a field.

@@ -15,9 +15,9 @@ use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
-use relume::view::load::{Question, Source, Unknown, is_one_of_several};
+use relume::view::load::{Question, Source, Unknown, selection};
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
-use relume::volume::Several;
+use relume::volume::{Selection, Several};
 use support::program::{Folder, SCENE, labelled};
 
 fn scene() -> Scene {
@@ -360,7 +360,9 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     let folder = Folder::new().with("steps.nrrd", steps).with("steps.toml", text);
     let stated = Source::of(&folder.path("steps.toml"));
     let (scene, _) = stated.scene(&Quiet).unwrap();
-    assert!(is_one_of_several(&scene, &stated) && !is_one_of_several(&parse(SCENE), &Source::default()));
+    let time = |time| Selection { time: Some(time), ..Selection::default() };
+    assert_eq!(selection(&scene, &stated), time(1));
+    assert_eq!(selection(&parse(SCENE), &Source::default()), Selection::default());
     let mut other = stated.reselected();
     let question = other.scene(&Quiet).unwrap_err().question();
     assert_eq!(question.map(|question| question.unknown), Some(Unknown::Which(Several::Times(2))));
@@ -368,6 +370,7 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     assert!(other.is_another_of(&stated) && !stated.is_another_of(&other));
     let (first, statistics) = other.scene(&Quiet).unwrap();
     assert!(statistics.min.abs() < 1e-9 && (statistics.max - 63.0).abs() < 1e-9, "the first half: {statistics:?}");
+    assert_eq!(selection(&first, &other), time(0));
     let document = Document::new(scene).beside(first, true).unwrap();
     let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
     assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");

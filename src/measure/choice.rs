@@ -251,15 +251,28 @@ struct Curve<'a> {
     finest: f64,
 }
 
-/// Says of each stage which setting it is for: several stages long, each begins anew.
+/// Says of each stage which setting it is for: several stages long, each begins anew. Where the number of settings is known,
+/// what is done of a stage is done of its setting.
 struct Numbered<'a> {
     progress: &'a dyn Progress,
-    which: String,
+    number: usize,
+    settings: Option<usize>,
 }
 
 impl Progress for Numbered<'_> {
     fn report(&self, stage: &str, done: u64, total: u64) {
-        self.progress.report(&format!("{}: {stage}", self.which), done, total);
+        match self.settings {
+            None => self.progress.report(&format!("setting {}: {stage}", self.number), done, total),
+            Some(settings) => {
+                let (before, all) = ((self.number.saturating_sub(1)) as u64, settings as u64);
+                let name = format!("{} of {settings} settings: {stage}", self.number);
+                self.progress.report(
+                    &name,
+                    before.saturating_mul(total).saturating_add(done),
+                    all.saturating_mul(total),
+                );
+            }
+        }
     }
 
     fn cancelled(&self) -> bool {
@@ -354,11 +367,7 @@ impl<'a> Curve<'a> {
             return Ok(point);
         }
         let number = self.tried.len() + 1;
-        let which = match self.settings {
-            Some(settings) => format!("{number} of {settings} settings"),
-            None => format!("setting {number}"),
-        };
-        let progress = &Numbered { progress: self.progress, which };
+        let progress = &Numbered { progress: self.progress, number, settings: self.settings };
         let finest = self.finest;
         let bench = self.bench()?;
         let ready = bench.ready(setting, progress)?;

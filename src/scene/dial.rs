@@ -55,6 +55,9 @@ impl Situation {
     }
 }
 
+/// As near to a node as this is on it: the corners of a polygon are rounded, and so is who types one.
+const ON_IT: f64 = 1e-9;
+
 impl Dial {
     /// The regular polygon of these lights, the first at the top, then clockwise.
     #[must_use]
@@ -66,6 +69,20 @@ impl Dial {
             on: true,
         };
         Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, situations: Vec::new() }
+    }
+
+    /// Puts the nodes, which stay as many, where `nodes` has them. Situations on a node go with it: they mean its light.
+    pub(crate) fn rearrange(&mut self, nodes: Vec<DialNode>) {
+        let before = std::mem::replace(&mut self.nodes, nodes);
+        for situation in &mut self.situations {
+            let is_meant = |node: &&DialNode| node.place.distance(situation.hand) < ON_IT;
+            let nodes = || before.iter().zip(&self.nodes).filter(|(node, _)| is_meant(node));
+            // Of several at one place, one that takes part there.
+            let meant = nodes().find(|(node, _)| situation.has_on(node)).or_else(|| nodes().next());
+            if let Some((_, now)) = meant {
+                situation.hand = now.place;
+            }
+        }
     }
 
     /// The node of the light `name`.
@@ -103,8 +120,6 @@ impl Dial {
     /// share it), and a node that is off weighs 0. All zero where no node is on.
     #[must_use]
     pub fn weights(&self, hand: DVec2) -> Vec<f64> {
-        /// As near as this is on it: the corners of a polygon are rounded, and so is who types one.
-        const ON_IT: f64 = 1e-9;
         let distance = |node: &DialNode| {
             let far = (node.place.x - hand.x).hypot(node.place.y - hand.y);
             if far < ON_IT { 0.0 } else { far }

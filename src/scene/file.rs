@@ -225,6 +225,9 @@ impl Text<'_> {
     fn deserialize<T: serde::de::DeserializeOwned>(&self) -> Result<T, SceneError> {
         toml::from_str(self.text).map_err(|error| {
             let mut message = with_suggestion(error.message());
+            if message == "missing field `version`" {
+                message += "; write version = 1";
+            }
             if Path::new(&self.name).extension().is_some_and(|ending| ending != "toml") {
                 message += "; this is no scene: scenes are TOML files";
             }

@@ -116,12 +116,15 @@ pub struct Loaded {
     pub source: Source,
 }
 
-/// Whether `scene`, which was read from `source`, shows one of several volumes in a file.
+/// Which of the volumes in a file `scene` shows, which was read from `source`: what that says, else what its own text does.
 #[must_use]
-pub fn is_one_of_several(scene: &Scene, source: &Source) -> bool {
+pub fn selection(scene: &Scene, source: &Source) -> Selection {
     let text: toml_edit::DocumentMut = scene.text.parse().unwrap_or_default();
-    let states = |key: &str| text.get("volume").is_some_and(|volume| volume.get(key).is_some());
-    source.options.selection != Selection::default() || ["component", "time", "array"].into_iter().any(states)
+    let stated = |key: &str| text.get("volume").and_then(|volume| volume.get(key));
+    let number = |key: &str| stated(key).and_then(toml_edit::Item::as_integer).and_then(|it| it.try_into().ok());
+    let array = stated("array").and_then(toml_edit::Item::as_str).map(str::to_owned);
+    let stated = Selection { component: number("component"), time: number("time"), array };
+    if source.options.reselects { source.options.selection.clone() } else { source.options.selection.or(&stated) }
 }
 
 /// Something that is being opened on a thread of its own. Dropping it is to give up.
@@ -217,12 +220,19 @@ impl Source {
         self.options.reselects && self.reselected() == other.reselected()
     }
 
-    /// What a window is called that shows it.
+    /// What a window is called that shows it, or what was chosen of it.
     #[must_use]
-    pub fn title(&self) -> String {
+    pub fn title(&self, Selection { component, time, array }: &Selection) -> String {
         let file = self.path.as_ref().and_then(|path| path.file_name());
         let name = file.map_or_else(|| self.name(), |file| file.to_string_lossy().into_owned());
-        format!("{name} — Relume")
+        let numbers = [("component", component), ("time", time)];
+        let numbers = numbers.map(|(name, number)| number.map(|number| format!("{name} {number}")));
+        let of_it: Vec<String> = array.iter().cloned().chain(numbers.into_iter().flatten()).collect();
+        if of_it.is_empty() {
+            format!("{name} — Relume")
+        } else {
+            format!("{name} ({}) — Relume", of_it.join(", "))
+        }
     }
 
     /// How it is called.
@@ -416,7 +426,11 @@ mod tests {
 
     #[test]
     fn a_window_is_called_by_the_file_that_it_shows() {
-        assert_eq!(Source::of(Path::new("data/stained_frog.toml")).title(), "stained_frog.toml — Relume");
-        assert_eq!(Source::default().title(), "the default scene — Relume");
+        let title = |file: &str, chosen: &Selection| Source::of(Path::new(file)).title(chosen);
+        let all = Selection::default();
+        assert_eq!(title("data/stained_frog.toml", &all), "stained_frog.toml — Relume");
+        assert_eq!(Source::default().title(&all), "the default scene — Relume");
+        let chosen = Selection { time: Some(3), array: Some("ct".to_owned()), component: None };
+        assert_eq!(title("beat.nrrd", &chosen), "beat.nrrd (ct, time 3) — Relume");
     }
 }

@@ -57,6 +57,8 @@ pub enum Edit {
     NodeOn(usize, bool),
     /// The nodes where the scene has them, all of them taking part.
     ResetDial,
+    /// The nodes at the corners of a regular polygon, all of them taking part.
+    Polygon,
     /// A situation of the dial, by its index.
     Situation(usize),
     /// The place of the hand and which nodes take part, from now on a situation of this name; one that has it gives way.
@@ -134,6 +136,7 @@ impl Edit {
             | Self::NodePlace(..)
             | Self::NodeOn(..)
             | Self::ResetDial
+            | Self::Polygon
             | Self::Situation(_)
             | Self::Keep(_)
             | Self::Rename(..)
@@ -163,6 +166,12 @@ impl Edit {
 #[must_use]
 pub fn reset_nodes(opened: &Scene) -> Vec<DialNode> {
     opened.dial.nodes.iter().map(|node| DialNode { on: true, ..node.clone() }).collect()
+}
+
+/// The nodes of `dial` at the corners of a regular polygon, all of them taking part.
+#[must_use]
+pub fn polygon(dial: &Dial) -> Vec<DialNode> {
+    Dial::regular(dial.nodes.iter().map(|node| node.light.as_str())).nodes
 }
 
 /// The nodes that take part in a situation, by its index, where the dial has them as the scene was opened with.
@@ -338,8 +347,10 @@ impl State {
                 }
             }
             Edit::NodePlace(index, place) => {
-                if let Some(node) = scene.dial.nodes.get_mut(index) {
+                let mut nodes = scene.dial.nodes.clone();
+                if let Some(node) = nodes.get_mut(index) {
                     node.place = finite(place);
+                    scene.dial.rearrange(nodes);
                 }
             }
             Edit::NodeOn(index, on) => {
@@ -347,7 +358,8 @@ impl State {
                     node.on = on;
                 }
             }
-            Edit::ResetDial => scene.dial.nodes = reset_nodes(opened),
+            Edit::ResetDial => scene.dial.rearrange(reset_nodes(opened)),
+            Edit::Polygon => scene.dial.rearrange(polygon(&scene.dial)),
             Edit::Situation(index) => {
                 if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
                     take_part(&mut scene.dial, opened, index);

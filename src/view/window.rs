@@ -32,6 +32,8 @@ use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{unsigned, whole};
 use crate::palette::PaletteError;
 use crate::render::RenderError;
+use crate::scene::Accuracy;
+use crate::volume::Selection;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 use beside::{Chosen, Solved, Verdict};
 use replay::Position;
@@ -144,8 +146,8 @@ struct Viewer {
     document: Option<Document>,
     /// What the document was read from.
     source: Source,
-    /// Whether that is one of several volumes in a file.
-    several: bool,
+    /// Which of several volumes in a file that is.
+    selection: Selection,
     /// What the window is to be called by what it shows, and what it is called.
     title: String,
     named: String,
@@ -167,7 +169,7 @@ struct Viewer {
     curve: Option<Curve>,
     measuring: Option<Job<Chosen>>,
     /// What the setting that was chosen last came to.
-    chosen: Option<String>,
+    chosen: Option<(Accuracy, String)>,
     /// Whether the palette's editor is there, and what is being solved.
     editing: bool,
     solving: Option<Job<Result<Solved, PaletteError>>>,
@@ -230,7 +232,7 @@ impl Viewer {
             screen: None,
             document: None,
             source: Source::default(),
-            several: false,
+            selection: Selection::default(),
             title: String::new(),
             named: String::new(),
             loading: None,
@@ -512,7 +514,10 @@ impl Viewer {
                 .as_ref()
                 .zip(self.document.as_ref())
                 .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
-            chosen: self.chosen.as_deref(),
+            // It is told of as long as it holds.
+            chosen: (self.chosen.as_ref().zip(self.document.as_ref()))
+                .filter(|((accuracy, _), document)| *accuracy == document.state().scene.accuracy)
+                .map(|((_, told), _)| told.as_str()),
             running: running.as_ref().map(|(part, stage)| (*part, stage.as_str())),
         };
         let solving = self.solving.as_ref().map(Job::progress);
@@ -526,7 +531,7 @@ impl Viewer {
             notices: &self.notices,
             stopped: self.lost.stopped,
             chooses: self.chooser.is_open(),
-            several: self.several,
+            several: self.selection != Selection::default(),
             tour: self.tour.as_ref(),
             panels: self.panels.unwrap_or(wide),
             effort,

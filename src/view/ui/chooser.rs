@@ -9,7 +9,7 @@ use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBin
 use super::reading::{Answer, Reading};
 use crate::view::action::{Action, File, Leaving};
 use crate::view::load::{Question, Source};
-use crate::volume;
+use crate::volume::{self, Selection};
 
 /// Points that it takes at first.
 const SIZE: Vec2 = vec2(620.0, 380.0);
@@ -105,9 +105,9 @@ impl Chooser {
         self.stage = None;
     }
 
-    /// Asks what has to be said before what is at `source` can be read.
-    pub fn ask(&mut self, source: Source, question: Question) {
-        self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question))));
+    /// Asks what has to be said before what is at `source` can be read. What is `shown` of a file is what it begins with.
+    pub fn ask(&mut self, source: Source, question: Question, shown: &Selection) {
+        self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question, shown))));
     }
 
     /// Asks which volume `scene` is to show, that at `source` names none that is there.

@@ -62,6 +62,7 @@ pub(super) fn number<N: Numeric>(
     let (id, refused) = (ui.next_auto_id(), RefCell::new(None));
     let field = DragValue::new(value).update_while_editing(false).max_decimals(decimals);
     let field = field.clamp_existing_to_range(false).custom_parser(|text| parsed(text, &refused));
+    let field = if N::INTEGRAL { field } else { field.custom_formatter(text) };
     let response = ui.add(with(field));
     tell(id, &response, refused);
     typed(response, before, value, decimals)
@@ -82,6 +83,29 @@ pub(super) fn slider(
     let response = ui.add(with(slider).update_while_editing(false).custom_parser(|text| parsed(text, &refused)));
     tell(id, &response, refused);
     typed(response, before, value, decimals)
+}
+
+/// Digits behind the first one of a number that is shown with an exponent.
+const DIGITS: i32 = 4;
+
+/// The exponent that `value` is shown with where it would take too many digits without, to so many `decimals`.
+fn exponent(value: f64, decimals: usize) -> Option<i32> {
+    let is_long = value.is_finite() && value != 0.0 && (value.abs() >= 1e9 || decimals > 7);
+    is_long.then(|| whole_exponent(value))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "exponents of f64 are few")]
+fn whole_exponent(value: f64) -> i32 {
+    value.abs().log10().floor() as i32
+}
+
+/// `value` to so many decimals at most, or with an exponent and few digits where those would be many.
+pub(super) fn text(value: f64, decimals: RangeInclusive<usize>) -> String {
+    if exponent(value, *decimals.end()).is_none() {
+        return egui::emath::format_with_decimals_in_range(value, decimals);
+    }
+    let few = format!("{value:.4e}").parse().unwrap_or(value);
+    format!("{few:e}")
 }
 
 /// The number that `text` is; why it is none goes to `refused`. Spaces may part digits, and a minus may be a long one.
@@ -132,7 +156,10 @@ fn show_said(id: Id, field: &Response) {
 fn typed<N: Numeric>(mut response: Response, before: N, value: &mut N, decimals: usize) -> Response {
     let (was, is) = (before.to_f64(), value.to_f64());
     // What egui takes for the same when it chooses how many digits it shows.
-    let shown = 0.5 * 0.1_f64.powf(count(decimals)) + 16.0 * f64::from(f32::EPSILON) * was.abs();
+    let shown = match exponent(was, decimals) {
+        Some(exponent) => 0.51 * 10_f64.powi(exponent - DIGITS),
+        None => 0.5 * 0.1_f64.powf(count(decimals)) + 16.0 * f64::from(f32::EPSILON) * was.abs(),
+    };
     let shown = if N::INTEGRAL { 0.0 } else { shown };
     // A slider calls it a change, too, when what is in its field changes.
     let most = if response.lost_focus() { shown } else { 0.0 };

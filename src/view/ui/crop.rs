@@ -17,6 +17,8 @@ use crate::volume::Geometry;
 /// Points across a handle, and across where it is caught.
 const HANDLE: f32 = 9.0;
 const CATCH: f32 = 22.0;
+/// Points that a hundredth of the volume must be long on the screen for a hand to drag along it.
+const SHORTEST_WAY: f32 = 0.15;
 /// Points across what is hardly seen.
 const THINNEST_SEEN: f32 = 2.0;
 /// Parts of the volume that a hand is as fine as.
@@ -203,8 +205,17 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             let caught = Rect::from_center_size(at, Vec2::splat(CATCH));
             let hand = ui.interact(caught, ui.id().with(("crop", axis, end)), Sense::drag());
             hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
-            let near = hand.hovered() || hand.dragged();
-            let fill = if near { Color32::YELLOW } else { COLOURS[axis] };
+            let mut step = DVec3::ZERO;
+            step[axis] = 0.01;
+            // A side that faces the eye cannot be dragged along.
+            let along = map.place(map.seen(middle + step)).map(|there| there - at);
+            let along = along.filter(|along| along.length() > SHORTEST_WAY);
+            let near = along.is_some() && (hand.hovered() || hand.dragged());
+            let fill = match along {
+                None => COLOURS[axis].gamma_multiply(0.4),
+                Some(_) if near => Color32::YELLOW,
+                Some(_) => COLOURS[axis],
+            };
             painter.rect(
                 Rect::from_center_size(at, Vec2::splat(HANDLE)),
                 2.0,
@@ -218,26 +229,21 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             for (away, colour) in [(vec2(1.0, 1.0), Color32::BLACK), (Vec2::ZERO, fill)] {
                 painter.text(beside + away, Align2::LEFT_CENTER, format!("{sign}{name}"), font.clone(), colour);
             }
-            if let (true, Some(pointer)) = (hand.dragged(), hand.interact_pointer_pos()) {
-                let mut step = DVec3::ZERO;
-                step[axis] = 0.01;
-                let Some(along) = map.place(map.seen(middle + step)).map(|there| there - at) else { continue };
-                // An axis that points at the eye cannot be dragged along.
-                if along.length() > 0.05 {
-                    let steps = f64::from((pointer - at).dot(along) / along.length_sq());
-                    let part = crop[end][axis] + 0.01 * steps.clamp(-25.0, 25.0);
-                    let mut next = crop;
-                    next[end][axis] = (part.clamp(0.0, 1.0) * PARTS).round() / PARTS;
-                    if next != crop {
-                        asked.push(Action::Edit(Edit::Crop(Some(ordered(next, crop)))));
-                    }
+            if let (true, Some(pointer), Some(along)) = (hand.dragged(), hand.interact_pointer_pos(), along) {
+                let steps = f64::from((pointer - at).dot(along) / along.length_sq());
+                let part = crop[end][axis] + 0.01 * steps.clamp(-25.0, 25.0);
+                let mut next = crop;
+                next[end][axis] = (part.clamp(0.0, 1.0) * PARTS).round() / PARTS;
+                if next != crop {
+                    asked.push(Action::Edit(Edit::Crop(Some(ordered(next, crop)))));
                 }
             }
             hand.on_hover_ui(|ui| {
-                ui.label(format!(
-                    "Drag this side of the box: {name} {word} {}",
-                    part_text(document, axis, crop[end][axis])
-                ));
+                let help = match along {
+                    Some(_) => "Drag this side of the box",
+                    None => "This side of the box faces you: turn the camera to drag it, or type its number",
+                };
+                ui.label(format!("{help}: {name} {word} {}", part_text(document, axis, crop[end][axis])));
             });
         }
     }

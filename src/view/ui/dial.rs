@@ -8,7 +8,7 @@ use super::spectrum::{narrow, paint_swatch, readable_text};
 use crate::number::count;
 use crate::scene::{Dial, Mixing};
 use crate::view::action::Action;
-use crate::view::state::{Cost, Document, Edit, reset_nodes};
+use crate::view::state::{Cost, Document, Edit, polygon, reset_nodes};
 
 /// Points between the outermost nodes and the edge, for their names.
 const MARGIN: f32 = 28.0;
@@ -49,12 +49,19 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         };
         ui.label(RichText::new(now).small().weak()).on_hover_text(help);
         // It stays where it is: what stands below would move while a hand reaches for it.
-        let moved = reset_nodes(document.opened()) != dial.nodes;
-        let reset = ui.add_enabled(moved, egui::Button::new("Reset nodes"));
-        let reset = reset.on_hover_text("All of them take part, where the scene has them.");
-        if reset.on_disabled_hover_text("All nodes take part, where the scene has them.").clicked() {
-            asked.push(Action::Edit(Edit::ResetDial));
-        }
+        ui.horizontal(|ui| {
+            let moved = reset_nodes(document.opened()) != dial.nodes;
+            let reset = ui.add_enabled(moved, egui::Button::new("Reset nodes"));
+            let reset = reset.on_hover_text("All of them take part, where the scene has them.");
+            if reset.on_disabled_hover_text("All nodes take part, where the scene has them.").clicked() {
+                asked.push(Action::Edit(Edit::ResetDial));
+            }
+            let even = ui.add_enabled(polygon(dial) != dial.nodes, egui::Button::new("Polygon"));
+            let even = even.on_hover_text("All of them take part, at the corners of a regular polygon.");
+            if even.on_disabled_hover_text("They are the corners of a regular polygon.").clicked() {
+                asked.push(Action::Edit(Edit::Polygon));
+            }
+        });
     });
 }
 

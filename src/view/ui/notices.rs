@@ -6,6 +6,7 @@ use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
 use super::crop::out_of_sight;
+use super::transfer::nothing_shown;
 use crate::scene::Mixing;
 use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
@@ -52,6 +53,12 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             && let Some((text, button, step)) = out_of_sight(document, shown.aspect, rect)
         {
             notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
+        }
+        if let Some((button, edit)) =
+            shown.document.filter(|_| shown.loading.is_none()).and_then(nothing_shown)
+        {
+            let text = "No value of this volume is in an interval of the transfer function: nothing is shown.";
+            notice(ui, text, button, || asked.push(Action::Edit(edit)));
         }
         if let Some(Tour::Saving { frames, saved, .. }) = shown.tour {
             let text = format!(

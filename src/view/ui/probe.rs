@@ -86,7 +86,8 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         section(
             ui,
             "What it shows",
-            "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. Each column adds up to 100 %.",
+            "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. Each column adds up to 100 %. Where no label says what a voxel is, its value \
+             does: at the edge of something bright there are all values in between, and so materials that are not there.",
         );
         shares(ui, ["shares", "of the pixel", "of its light"], &probe.shares, of);
     } else if !probe.seen.is_empty() {

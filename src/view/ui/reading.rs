@@ -28,13 +28,19 @@ pub(super) enum Answer {
 }
 
 impl Reading {
-    pub(super) fn new(source: Source, question: Question) -> Self {
+    pub(super) fn new(source: Source, question: Question, shown: &Selection) -> Self {
+        let chosen = match &question.unknown {
+            Unknown::Layout { .. } => None,
+            Unknown::Which(Several::Components { count, .. }) => shown.component.filter(|index| index < count),
+            Unknown::Which(Several::Times(count)) => shown.time.filter(|index| index < count),
+            Unknown::Which(Several::Arrays(names)) => names.iter().position(|name| Some(name) == shown.array.as_ref()),
+        };
         let guess = match &question.unknown {
             Unknown::Layout { guess, .. } => guess.as_deref().cloned(),
             Unknown::Which(_) => None,
         };
         let layout = guess.unwrap_or_else(|| RawLayout::new([1; 3], VoxelType::U8));
-        Self { source: Box::new(source), question, chosen: 0, layout, typed: false }
+        Self { source: Box::new(source), question, chosen: chosen.unwrap_or(0), layout, typed: false }
     }
 
     /// Shows it in the middle of the window, until there is an answer. A click beside it is none.

@@ -21,6 +21,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         return;
     }
     let here = document.situation();
+    let mut places = state.scene.dial.nodes.iter().zip(&document.opened().dial.nodes);
+    let are_moved = places.any(|(node, opened)| node.place != opened.place);
     panel(ui, "Light situations", Cost::Relight, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
         // An empty row would be seen.
@@ -28,8 +30,11 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             ui.horizontal_wrapped(|ui| {
                 for (index, situation) in situations.iter().enumerate() {
                     let label = toggle(ui, here == Some(index), &situation.name);
-                    let label =
-                        if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
+                    let on_a_node = state.scene.dial.nodes.iter().any(|node| node.place == situation.hand);
+                    let moved = "The nodes have been moved: it may be another light than it was.";
+                    let help = [situation.caption.as_str(), if are_moved && !on_a_node { moved } else { "" }];
+                    let help: Vec<&str> = help.into_iter().filter(|line| !line.is_empty()).collect();
+                    let label = if help.is_empty() { label } else { label.on_hover_text(help.join("\n")) };
                     if label.clicked() {
                         ask(Edit::Situation(index));
                     }
@@ -40,7 +45,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
         // Where a word is longer, the panels do not get wider: the picture would be marched anew.
         ui.horizontal_wrapped(|ui| {
-            let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(84.0));
+            let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(64.0));
             field.on_hover_text("What the light of now is to be called.");
             let given = name.trim().to_owned();
             let can = !given.is_empty() && state.light.mixing == Mixing::Dial;

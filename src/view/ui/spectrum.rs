@@ -73,12 +73,13 @@ pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> 
     response
 }
 
-/// Text in a plot, over what lies behind it.
+/// Text in a plot, with an edge that parts it from what lies behind it.
 pub(super) fn readable_text(ui: &Ui, at: Pos2, align: Align2, text: String, size: f32, colour: Color32) {
-    let galley = ui.painter().layout_no_wrap(text, FontId::proportional(size), colour);
-    let rect = align.anchor_size(at, galley.size());
-    ui.painter().rect_filled(rect.expand2(Vec2::new(1.0, 0.0)), 1.0, ui.visuals().extreme_bg_color.gamma_multiply(0.8));
-    ui.painter().galley(rect.min, galley, colour);
+    let (font, edge) = (FontId::proportional(size), ui.visuals().extreme_bg_color);
+    let around = [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y));
+    for (away, colour) in around.map(|away| (away, edge)).into_iter().chain([(Vec2::ZERO, colour)]) {
+        ui.painter().text(at + away, align, &text, font.clone(), colour);
+    }
 }
 
 /// The colours of the wavelengths and some of their numbers, under a curve as wide as `across`.

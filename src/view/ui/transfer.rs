@@ -8,7 +8,7 @@ use egui::{
 };
 use glam::DVec3;
 
-use super::controls::{number, panel, say_beside, sides};
+use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
 use crate::number::{count, whole};
 use crate::plan::is_constant;
@@ -199,7 +199,7 @@ fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
 /// The values at both ends of the histogram.
 fn ends(ui: &mut Ui, statistics: &Statistics) {
     let places = places(statistics.max - statistics.min);
-    let end = |value: f64| RichText::new(format!("{value:.places$}")).small().weak();
+    let end = |value: f64| RichText::new(text(value, places..=places)).small().weak();
     ui.horizontal(|ui| {
         ui.label(end(statistics.min));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -227,6 +227,34 @@ fn outline(ui: &Ui, term: &Term, map: &Map, colours: &[Color32], chosen: bool) {
         painter.add(Shape::convex_polygon(piece, fill.gamma_multiply(0.75), Stroke::NONE));
     }
     painter.line(points, stroke);
+}
+
+/// Whether no value that occurs, and no label, shows anything; and what would.
+pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)> {
+    let (statistics, scene) = (document.statistics()?, &document.state().scene);
+    let bins = &statistics.histogram;
+    let width = (statistics.max - statistics.min) / count(bins.len().max(1));
+    let edge = |bin: usize| statistics.min + width * count(bin);
+    let occurs = |[low, high]: [f64; 2]| {
+        let overlaps = |bin: usize| edge(bin) <= high && edge(bin + 1) >= low;
+        bins.iter().enumerate().any(|(bin, &voxels)| voxels > 0 && overlaps(bin))
+    };
+    let shows = |curve: &[(f64, f64)]| {
+        let pieces = curve.windows(2).map(|pair| [pair[0], pair[1]]);
+        let ends = curve.first().into_iter().map(|&(value, height)| [(f64::NEG_INFINITY, height), (value, height)]);
+        let ends = ends.chain(curve.last().map(|&(value, height)| [(value, height), (f64::INFINITY, height)]));
+        pieces.chain(ends).any(|piece| piece.iter().any(|end| end.1 > 0.0) && occurs(piece.map(|end| end.0)))
+    };
+    let labels = scene.labels.iter().flat_map(|labels| &labels.declared);
+    let by_label = labels.into_iter().any(|label| label.opacity > 0.0 || label.absorption > 0.0);
+    if by_label || scene.transfer.terms.iter().any(|term| shows(&term.opacity) || shows(&term.absorption)) {
+        return None;
+    }
+    if scene.transfer != document.opened().transfer {
+        return Some(("Reset transfer", Edit::ResetTransfer));
+    }
+    let range = [statistics.min, statistics.max];
+    Some(("Show all values", Edit::AddInterval(Interval { range, ramp: 0.0, ..middle(statistics) })))
 }
 
 /// What of an interval can be dragged.
@@ -366,7 +394,8 @@ fn row(
     let Some(interval) = interval else { return };
     let span = statistics.map_or(1.0, |it| it.max - it.min).max(f64::MIN_POSITIVE);
     let mut now = interval;
-    ui.horizontal(|ui| {
+    // Long numbers go on in another line: they would widen the panels.
+    ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().interact_size.x = 46.0;
         let field = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {

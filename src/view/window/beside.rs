@@ -100,7 +100,9 @@ impl Viewer {
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
                     self.ask(Action::Edit(Edit::Accuracy(accuracy)));
-                    self.chosen = Some(format!("Chosen, {}: {}.", choice.setting, choice.why));
+                    let told = format!("Chosen, {}: {}.", choice.setting, choice.why);
+                    let taken = self.document.as_ref().map(|document| document.state().scene.accuracy.clone());
+                    self.chosen = taken.map(|accuracy| (accuracy, told));
                     if self.is_scripted() {
                         self.report.choices.push(choice);
                     }

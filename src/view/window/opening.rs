@@ -8,7 +8,7 @@ use super::{MOST_LOSSES, ViewError, Viewer, Woken};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::view::engine::Engine;
-use crate::view::load::{LoadError, Loaded, Loading, Source, is_one_of_several};
+use crate::view::load::{LoadError, Loaded, Loading, Source, selection};
 use crate::view::state::{Document, Edit};
 use crate::volume::Selection;
 use crate::vulkan::VulkanError;
@@ -78,7 +78,11 @@ impl Viewer {
                 // Nobody is there to answer a script's, and what is being asked is not taken away: the error says it, too.
                 let opened = opened.filter(|_| !self.is_scripted() && !self.chooser.is_open());
                 match (opened, error.question(), error.scene_without_volume()) {
-                    (Some(source), Some(question), _) => self.chooser.ask(source, question),
+                    (Some(source), Some(question), _) => {
+                        let none = Selection::default();
+                        let shown = if source.is_another_of(&self.source) { &self.selection } else { &none };
+                        self.chooser.ask(source, question, shown);
+                    }
                     (Some(source), None, Some(scene)) => {
                         self.tell(&error);
                         self.chooser.ask_volume(source, scene);
@@ -97,8 +101,8 @@ impl Viewer {
             let document = self.document_of(&loaded);
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
-            self.several = is_one_of_several(&loaded.scene, &self.source);
-            self.title = self.source.title();
+            self.selection = selection(&loaded.scene, &self.source);
+            self.title = self.source.title(&self.selection);
             (self.curve, self.chosen) = (None, None);
         }
         (self.measuring, self.solving) = (None, None);

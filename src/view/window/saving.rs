@@ -128,7 +128,7 @@ impl Viewer {
             Err(error) => self.tell(&error),
             Ok(()) => {
                 document.save();
-                self.title = Source::of(path).title();
+                self.title = Source::of(path).title(&self.selection);
                 let ([width, height], path) = (self.report.size, whole_path(path));
                 self.tell_done(format!(
                     "The session is {path}; relume render with --size {width}x{height} makes this picture."
