@@ -184,8 +184,7 @@ fn the_hand_of_the_dial_is_dragged_and_snaps_onto_a_node() {
     let mut window = wide(document());
     window.run();
     let rect = window.get_by_label("light dial").rect();
-    let dial = window.state().document.as_ref().unwrap().state().scene.dial.clone();
-    let nodes = ui::node_places(&dial, rect);
+    let nodes = ui::node_places(window.state().document.as_ref().unwrap(), rect);
     let to = |window: &mut Harness<'_, App>, place: Pos2| {
         window.event(Event::PointerMoved(place));
         window.run();
@@ -965,6 +964,60 @@ fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
 }
 
 #[test]
+fn the_dial_holds_the_hand_of_every_situation_and_stays_while_nodes_move_within_it() {
+    let mut document = document();
+    let rect = Rect::from_min_size(Pos2::ZERO, Vec2::new(255.0, 210.0));
+    let before = ui::node_places(&document, rect);
+    document.edit(&Edit::NodePlace(0, DVec2::new(0.0, 0.2)));
+    assert_eq!(ui::node_places(&document, rect)[1], before[1], "the other node stays");
+    // Nothing is far away where the hand is far away.
+    document.edit(&Edit::Hand(DVec2::new(1e6, 0.0)));
+    let far = ui::node_places(&document, rect);
+    assert!(far[0].distance(far[1]) > 10.0, "{far:?}");
+    let mut window = App::open(Vec2::new(1280.0, 720.0), Some(document));
+    window.run();
+    let dial = window.get_by_label("light dial").rect();
+    let outside = dial.center() + Vec2::new(0.0, 300.0);
+    drag_along(&mut window, &[dial.center(), dial.center() + Vec2::new(0.0, 80.0), outside]);
+    let state = window.state().document.as_ref().unwrap().state();
+    assert!(state.light.hand.y > -2.0, "a hand stays in the dial: {}", state.light.hand);
+}
+
+#[test]
+fn a_hand_on_a_node_goes_back_with_it() {
+    for edit in [Edit::ResetDial, Edit::Polygon] {
+        let mut document = document();
+        document.edit(&Edit::NodePlace(1, DVec2::new(0.4, 0.2)));
+        document.edit(&Edit::HandOnNode(1));
+        document.edit(&edit);
+        assert_eq!(light_names(&document.state().mix()), ["lamp"], "{edit:?}");
+    }
+}
+
+#[test]
+fn enter_keeps_a_situation_and_moved_nodes_are_told_of_where_it_lies_between_them() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.3)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_role(Role::TextInput).focus();
+    window.run();
+    window.event(Event::Text("noon".to_owned()));
+    window.run();
+    window.key_press(Key::Enter);
+    window.run();
+    let names = |window: &Harness<'_, App>| -> Vec<String> {
+        let dial = &window.state().document.as_ref().unwrap().state().scene.dial;
+        dial.situations.iter().map(|situation| situation.name.clone()).collect()
+    };
+    assert_eq!(names(&window), ["evening", "noon"]);
+    assert!(window.query_by_label_contains("Nodes were moved").is_none());
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::NodePlace(0, DVec2::new(0.5, 0.5)));
+    window.run();
+    assert!(window.query_by_label_contains("Nodes were moved").is_some());
+}
+
+#[test]
 fn nodes_are_put_on_a_regular_polygon() {
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.state_mut().document.as_mut().unwrap().edit(&Edit::NodePlace(0, DVec2::new(0.3, 0.2)));
@@ -999,10 +1052,29 @@ fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
 }
 
 #[test]
+fn values_that_differ_in_their_last_digits_alone_can_be_typed() {
+    for (low, span, typed) in [(1.0, 1e-5, "1.000004"), (1e9, 1000.0, "1000000123"), (-3e-20, 1e-21, "-2.95e-20")] {
+        let mut document = document();
+        let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
+        let interval = Interval { range: [low + 0.3 * span, low + 0.6 * span], ramp: 0.0, ..stated };
+        document.edit(&Edit::Interval(0, interval));
+        let mut statistics = document.opened().volume.statistics().unwrap();
+        (statistics.min, statistics.max) = (low, low + span);
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
+        window.run();
+        type_into(&mut window, "interval 0: from", typed);
+        window.key_press(Key::Enter);
+        window.run();
+        let from = intervals(&window)[0].range[0];
+        assert_eq!(from.to_bits(), typed.parse::<f64>().unwrap().to_bits(), "{typed}: {from}");
+    }
+}
+
+#[test]
 fn a_transfer_function_that_shows_no_value_says_so() {
     let mut window = with_histogram();
     window.run();
-    assert!(window.query_by_label_contains("nothing is shown").is_none());
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
     let mut document = document();
     let statistics = document.opened().volume.statistics().unwrap();
     for index in [0, 1] {
@@ -1011,18 +1083,18 @@ fn a_transfer_function_that_shows_no_value_says_so() {
     }
     let mut window = wide(document.clone().with_statistics(statistics.clone()));
     window.run();
-    assert!(window.query_by_label_contains("nothing is shown").is_some());
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_some());
     window.get_all_by_label("Reset transfer").last().unwrap().click();
     window.run();
     window.run();
-    assert!(window.query_by_label_contains("nothing is shown").is_none());
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
     // Where it opened so, there is nothing to go back to.
     let mut window = wide(Document::new(document.state().scene.clone()).with_statistics(statistics));
     window.run();
     window.get_by_label("Show all values").click();
     window.run();
     window.run();
-    assert!(window.query_by_label_contains("nothing is shown").is_none());
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
 }
 
 #[test]
@@ -1060,14 +1132,28 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     before.edit(&Edit::HandOnNode(1));
     before.edit(&Edit::RemoveTerm(0));
     let scene = before.opened().clone();
-    let after = before.clone().beside(scene.clone(), true).unwrap();
-    assert!(after.state().cost_from(before.state()).is_none());
-    let other = before.clone().beside(scene.clone(), false).unwrap();
-    assert_eq!(other.state().scene.transfer, scene.transfer, "other values are shown as they open");
-    assert_eq!(other.state().scene.camera, before.state().scene.camera);
+    assert!(before.lies_as(&scene));
+    let after = before.clone().beside(scene.clone(), false);
+    assert!(after.state().cost_from(before.state()).is_none(), "also a transfer function that was changed");
+    let mut back = after.clone();
+    while back.can_undo() {
+        back.undo();
+    }
+    assert!(
+        back.is_saved() && !after.is_saved() && back.state().scene.camera == scene.camera,
+        "with the same steps back"
+    );
+    // What nobody has changed is what the other volume opens with, where its values are others.
+    let mut other = scene.clone();
+    other.transfer.terms.remove(0);
+    let untouched = Document::new(scene.clone());
+    for (alike, terms) in [(true, &scene.transfer), (false, &other.transfer)] {
+        let after = untouched.clone().beside(other.clone(), alike);
+        assert!(after.is_saved() && after.state().scene.transfer == *terms, "{alike}");
+    }
     let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
     let smaller = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    assert!(before.beside(smaller, true).is_none(), "another grid is another thing");
+    assert!(!before.lies_as(&smaller), "another grid is another thing");
 }
 
 #[test]
@@ -1222,7 +1308,7 @@ fn an_empty_window_offers_the_scene_of_the_program() {
     window.run();
     assert!(
         window.query_by_label_contains("nothing is open  |").is_some()
-            && window.query_by_label_contains("coarse").is_none()
+            && window.query_by_label_contains("preparing").is_none()
     );
     window.get_by_label("Open the built-in scene").click();
     window.run();
@@ -1599,7 +1685,7 @@ fn a_scene_without_its_volume_is_shown_the_one_that_is_chosen() {
     }
     let (scene, volume) = (window.state().folder.path("scene.toml"), window.state().folder.path("head.mhd"));
     let mut source = Source::of(&scene);
-    window.state_mut().chooser.ask_volume(source.clone(), &scene);
+    window.state_mut().chooser.ask_volume(source.clone(), (&scene, false));
     window.run();
     until_listed(&mut window);
     assert!(is_painted(&window, "Which volume is scene.toml to show?"));

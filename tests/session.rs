@@ -15,7 +15,7 @@ use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
-use relume::view::load::{Question, Source, Unknown, selection};
+use relume::view::load::{Question, Source, Unknown};
 use relume::view::{Document, Edit, Mixing, SessionError, State, session};
 use relume::volume::{Selection, Several};
 use support::program::{Folder, SCENE, labelled};
@@ -361,8 +361,8 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     let stated = Source::of(&folder.path("steps.toml"));
     let (scene, _) = stated.scene(&Quiet).unwrap();
     let time = |time| Selection { time: Some(time), ..Selection::default() };
-    assert_eq!(selection(&scene, &stated), time(1));
-    assert_eq!(selection(&parse(SCENE), &Source::default()), Selection::default());
+    assert_eq!(scene.volume.selection, time(1));
+    assert_eq!(parse(SCENE).volume.selection, Selection::default());
     let mut other = stated.reselected();
     let question = other.scene(&Quiet).unwrap_err().question();
     assert_eq!(question.map(|question| question.unknown), Some(Unknown::Which(Several::Times(2))));
@@ -370,8 +370,8 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     assert!(other.is_another_of(&stated) && !stated.is_another_of(&other));
     let (first, statistics) = other.scene(&Quiet).unwrap();
     assert!(statistics.min.abs() < 1e-9 && (statistics.max - 63.0).abs() < 1e-9, "the first half: {statistics:?}");
-    assert_eq!(selection(&first, &other), time(0));
-    let document = Document::new(scene).beside(first, true).unwrap();
+    assert_eq!(first.volume.selection, time(0));
+    let document = Document::new(scene).beside(first, true);
     let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
     assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");
 }
@@ -381,11 +381,30 @@ fn a_scene_whose_volume_is_not_there_is_known_to_lack_that_alone() {
     let without = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "");
     let missing = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "file = \"gone.nrrd\"");
     let folder = Folder::new().with("without.toml", without).with("missing.toml", missing);
-    for name in ["without.toml", "missing.toml"] {
+    for (name, is_named) in [("without.toml", false), ("missing.toml", true)] {
         let path = folder.path(name);
         let error = Source::of(&path).scene(&Quiet).unwrap_err();
-        assert_eq!(error.scene_without_volume(), Some(&*path), "{error}");
+        assert_eq!(error.scene_without_volume(), Some((&*path, is_named)), "{error}");
     }
     let error = Source::of(&folder.path("gone.toml")).scene(&Quiet).unwrap_err();
     assert_eq!(error.scene_without_volume(), None, "{error}");
+}
+
+#[test]
+fn a_volume_that_was_moved_is_read_as_the_scene_says_and_keeps_its_labels() {
+    let text = labelled().replace(
+        "phantom = \"frog\"\nphantom_labels = true\ndims = [32, 30, 18]",
+        "file = \"gone.raw\"\ntype = \"uint8\"\ndims = [4, 4, 4]\nlabels = \"labels.nrrd\"",
+    );
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n";
+    let labels: Vec<u8> = header.bytes().chain([2; 64]).collect();
+    let folder = Folder::new().with("moved.raw", [7; 64]).with("labels.nrrd", labels).with("moved.toml", text);
+    let source = Source::of(&folder.path("moved.toml"));
+    let error = source.scene(&Quiet).unwrap_err();
+    let (_, is_named) = error.scene_without_volume().unwrap();
+    assert!(is_named, "{error}");
+    let (scene, _) = source.with_volume(&folder.path("moved.raw"), is_named).scene(&Quiet).unwrap();
+    assert_eq!(scene.volume.geometry.dims, [4; 3]);
+    assert!(scene.labels.is_some());
+    assert!(scene.text.contains("moved.raw"), "{}", scene.text);
 }

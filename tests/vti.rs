@@ -230,6 +230,10 @@ fn tags_inside_and_between_arrays_change_no_value() {
         // The active array of the cells, because none of the points is.
         let labels = choose(name, None, None).unwrap();
         assert_eq!(labels.voxels, ramp("UInt8", CELLS), "{name}");
+        assert_eq!(labels.selection.array.as_deref(), Some("labels"), "{name}: it says which of several it is");
+        let asking = Selection { asks: true, ..Selection::default() };
+        let there = volume::open(&path(name), &asking, &Quiet).map(|volume| volume.voxels).unwrap_err().to_string();
+        assert!(there.contains("flow_Float32, flow_UInt16, labels"), "{there}");
         assert!(
             labels
                 .metadata

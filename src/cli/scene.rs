@@ -74,7 +74,7 @@ pub(crate) struct SelectionArgs {
 
 impl SelectionArgs {
     pub(crate) fn selection(&self) -> Selection {
-        Selection { component: self.component, time: self.time, array: self.array.clone() }
+        Selection { component: self.component, time: self.time, array: self.array.clone(), asks: false }
     }
 }
 
@@ -135,7 +135,6 @@ impl SceneArgs {
             volume: self.volume.clone(),
             raw: self.raw.layout(),
             selection: self.selection.selection(),
-            reselects: false,
             labels: self.labels.clone(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),

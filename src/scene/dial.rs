@@ -47,6 +47,14 @@ pub struct DialNode {
     pub on: bool,
 }
 
+impl DialNode {
+    /// Whether it lies there.
+    #[must_use]
+    pub fn lies_at(&self, place: DVec2) -> bool {
+        self.place.distance(place) < ON_IT
+    }
+}
+
 impl Situation {
     /// Whether the node takes part that the dial has as `stated`.
     #[must_use]
@@ -75,11 +83,8 @@ impl Dial {
     pub(crate) fn rearrange(&mut self, nodes: Vec<DialNode>) {
         let before = std::mem::replace(&mut self.nodes, nodes);
         for situation in &mut self.situations {
-            let is_meant = |node: &&DialNode| node.place.distance(situation.hand) < ON_IT;
-            let nodes = || before.iter().zip(&self.nodes).filter(|(node, _)| is_meant(node));
-            // Of several at one place, one that takes part there.
-            let meant = nodes().find(|(node, _)| situation.has_on(node)).or_else(|| nodes().next());
-            if let Some((_, now)) = meant {
+            let is_meant = |node: &DialNode| node.lies_at(situation.hand) && situation.has_on(node);
+            if let Some((_, now)) = before.iter().zip(&self.nodes).find(|(node, _)| is_meant(node)) {
                 situation.hand = now.place;
             }
         }

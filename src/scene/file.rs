@@ -47,8 +47,6 @@ pub struct SceneOptions {
     pub raw: Option<RawLayout>,
     /// What to read of it where its file holds several, before what the scene says.
     pub selection: Selection,
-    /// Whether what the scene says of that does not hold.
-    pub reselects: bool,
     /// In place of the scene's labels.
     pub labels: Option<PathBuf>,
     /// In place of the scene's `downsample`.

@@ -10,7 +10,7 @@ use crate::number::count;
 use crate::plan::{PlanError, Planned, plan};
 use crate::progress::{Progress, Quiet};
 use crate::render::{RenderError, Renderer, Speed, Uploaded};
-use crate::scene::{self, Scene, SceneError, SceneOptions, Term};
+use crate::scene::{self, Definition, Scene, SceneError, SceneOptions, Term};
 use crate::tables::{Components, RelightMatrices};
 use crate::volume::{self, Geometry, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 use crate::vulkan::give_back_freed;
@@ -87,13 +87,14 @@ impl LoadError {
         Some(Question { file, unknown })
     }
 
-    /// The scene that names no volume, or one that is not there.
+    /// The scene that has no volume, and whether it names one, which is not there.
     #[must_use]
-    pub fn scene_without_volume(&self) -> Option<&Path> {
+    pub fn scene_without_volume(&self) -> Option<(&Path, bool)> {
         match self {
-            Self::Scene(
-                SceneError::NoVolume { scene } | SceneError::Volume { scene, source: VolumeError::Open { .. } },
-            ) => Some(Path::new(scene)),
+            Self::Scene(SceneError::NoVolume { scene }) => Some((Path::new(scene), false)),
+            Self::Scene(SceneError::Volume { scene, source: VolumeError::Open { .. } }) => {
+                Some((Path::new(scene), true))
+            }
             _ => None,
         }
     }
@@ -114,17 +115,6 @@ pub struct Loaded {
     pub statistics: Statistics,
     /// What it was read from.
     pub source: Source,
-}
-
-/// Which of the volumes in a file `scene` shows, which was read from `source`: what that says, else what its own text does.
-#[must_use]
-pub fn selection(scene: &Scene, source: &Source) -> Selection {
-    let text: toml_edit::DocumentMut = scene.text.parse().unwrap_or_default();
-    let stated = |key: &str| text.get("volume").and_then(|volume| volume.get(key));
-    let number = |key: &str| stated(key).and_then(toml_edit::Item::as_integer).and_then(|it| it.try_into().ok());
-    let array = stated("array").and_then(toml_edit::Item::as_str).map(str::to_owned);
-    let stated = Selection { component: number("component"), time: number("time"), array };
-    if source.options.reselects { source.options.selection.clone() } else { source.options.selection.or(&stated) }
 }
 
 /// Something that is being opened on a thread of its own. Dropping it is to give up.
@@ -207,22 +197,38 @@ impl Source {
         if self.path.is_none() && alone.bare_volume().is_some() { alone } else { self }
     }
 
+    /// The same with the volume at `path`: where the scene names one, in the place of that file, which was moved; what the scene
+    /// says of it, its labels too, still holds.
+    #[must_use]
+    pub fn with_volume(mut self, path: &Path, is_named: bool) -> Self {
+        let name = path.to_str().filter(|_| is_named && self.options.volume.is_none());
+        match name {
+            Some(name) => {
+                let text = format!("volume.file={}", toml_edit::value(name).to_string().trim());
+                self.options.definitions.push(Definition::new(&text));
+            }
+            None => self.options.volume = Some(path.to_owned()),
+        }
+        self
+    }
+
     /// The same where it is yet to be said which of the volumes in its file is meant.
     #[must_use]
     pub fn reselected(&self) -> Self {
-        let options = SceneOptions { selection: Selection::default(), reselects: true, ..self.options.clone() };
+        let options =
+            SceneOptions { selection: Selection { asks: true, ..Selection::default() }, ..self.options.clone() };
         Self { options, ..self.clone() }
     }
 
     /// Whether it was [`Self::reselected`] from `other`, and is perhaps another of the volumes in its file.
     #[must_use]
     pub fn is_another_of(&self, other: &Self) -> bool {
-        self.options.reselects && self.reselected() == other.reselected()
+        self.options.selection.asks && self.reselected() == other.reselected()
     }
 
     /// What a window is called that shows it, or what was chosen of it.
     #[must_use]
-    pub fn title(&self, Selection { component, time, array }: &Selection) -> String {
+    pub fn title(&self, Selection { component, time, array, .. }: &Selection) -> String {
         let file = self.path.as_ref().and_then(|path| path.file_name());
         let name = file.map_or_else(|| self.name(), |file| file.to_string_lossy().into_owned());
         let numbers = [("component", component), ("time", time)];
@@ -430,7 +436,7 @@ mod tests {
         let all = Selection::default();
         assert_eq!(title("data/stained_frog.toml", &all), "stained_frog.toml — Relume");
         assert_eq!(Source::default().title(&all), "the default scene — Relume");
-        let chosen = Selection { time: Some(3), array: Some("ct".to_owned()), component: None };
+        let chosen = Selection { time: Some(3), array: Some("ct".to_owned()), ..Selection::default() };
         assert_eq!(title("beat.nrrd", &chosen), "beat.nrrd (ct, time 3) — Relume");
     }
 }

@@ -179,7 +179,7 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
             table.insert("spacing", value(numbers(layout.spacing)));
         }
     }
-    if volume.is_some() || options.reselects {
+    if volume.is_some() || options.selection.asks {
         for key in ["component", "time", "array"] {
             table.remove(key);
         }

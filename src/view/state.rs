@@ -11,7 +11,7 @@ use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
 use crate::scene::{
-    Accuracy, Dial, DialNode, Interval, LabelEntry, LightState, Mix, Mixing, Scene, Situation, Slider, along,
+    Accuracy, Dial, DialNode, Interval, LabelEntry, Labels, LightState, Mix, Mixing, Scene, Situation, Slider, along,
 };
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
@@ -358,8 +358,14 @@ impl State {
                     node.on = on;
                 }
             }
-            Edit::ResetDial => scene.dial.rearrange(reset_nodes(opened)),
-            Edit::Polygon => scene.dial.rearrange(polygon(&scene.dial)),
+            Edit::ResetDial | Edit::Polygon => {
+                let nodes = if *edit == Edit::Polygon { polygon(&scene.dial) } else { reset_nodes(opened) };
+                // A hand on a node stays on it.
+                if let Some(node) = scene.dial.nodes.iter().position(|node| node.on && node.lies_at(light.hand)) {
+                    light.hand = nodes.get(node).map_or(light.hand, |node| node.place);
+                }
+                scene.dial.rearrange(nodes);
+            }
             Edit::Situation(index) => {
                 if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
                     take_part(&mut scene.dial, opened, index);
@@ -518,27 +524,40 @@ impl Document {
         Self { statistics: Some(statistics), ..self }
     }
 
-    /// Another volume of the same file, where `scene` opens with it: looked at as the one before, also in what its values show
-    /// as where they are `alike`, as those of time steps are. `None` where they lie on another grid.
+    /// Whether the volume of `scene` lies on the same grid.
     #[must_use]
-    pub fn beside(self, scene: Scene, alike: bool) -> Option<Self> {
-        let mut next = Self::new(scene);
-        let opened = &next.opened;
-        if opened.volume.geometry != self.opened.volume.geometry {
-            return None;
-        }
-        let before = self.now.scene;
-        let scene = Scene {
-            source: opened.source.clone(),
-            text: Arc::clone(&opened.text),
-            base: opened.base.clone(),
-            inputs: opened.inputs.clone(),
-            volume: Arc::clone(&opened.volume),
-            transfer: if alike { before.transfer } else { opened.transfer.clone() },
-            ..before
+    pub fn lies_as(&self, scene: &Scene) -> bool {
+        scene.volume.geometry == self.opened.volume.geometry
+    }
+
+    /// Another volume of the same file, on the same grid, where `scene` opens with it: looked at as the one before, with the same
+    /// steps back. A transfer function that nobody has changed gives way to that of `scene`, but where the values of both are
+    /// `alike`, as those of time steps are.
+    #[must_use]
+    pub fn beside(self, scene: Scene, alike: bool) -> Self {
+        let before = &self.opened;
+        let onto = |state: State| {
+            let now = state.scene;
+            let labels = match (now.labels, &scene.labels) {
+                (Some(now), Some(read)) => Some(Labels { declared: now.declared, ..read.clone() }),
+                (_, read) => read.clone(),
+            };
+            let keeps = alike || now.transfer != before.transfer;
+            let scene = Scene {
+                source: scene.source.clone(),
+                text: Arc::clone(&scene.text),
+                base: scene.base.clone(),
+                inputs: scene.inputs.clone(),
+                volume: Arc::clone(&scene.volume),
+                labels,
+                transfer: if keeps { now.transfer } else { scene.transfer.clone() },
+                ..now
+            };
+            State { scene, ..state }
         };
-        next.now = State { scene, ..self.now };
-        Some(next)
+        let [past, future] = [self.past, self.future].map(|states| states.into_iter().map(onto).collect());
+        let [now, saved] = [self.now, self.saved].map(onto);
+        Self { now, saved, past, future, statistics: None, gesture: None, opened: scene.clone() }
     }
 
     /// What the values of its volume are like, where that is known.

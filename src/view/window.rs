@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use egui::{Context, Rect, TexturesDelta, Vec2, ViewportId};
 use egui_winit::accesskit_winit;
+use glam::DVec2;
 use winit::application::ApplicationHandler;
 use winit::error::{EventLoopError, OsError};
 use winit::event::{StartCause, WindowEvent};
@@ -29,7 +30,7 @@ use super::script::{Script, ScriptError};
 use super::state::{Cost, Document};
 use super::tour::Tour;
 use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
-use crate::number::{unsigned, whole};
+use crate::number::{count, unsigned, whole};
 use crate::palette::PaletteError;
 use crate::render::RenderError;
 use crate::scene::Accuracy;
@@ -148,9 +149,10 @@ struct Viewer {
     source: Source,
     /// Which of several volumes in a file that is.
     selection: Selection,
-    /// What the window is to be called by what it shows, and what it is called.
+    /// What the window is called by what it shows.
     title: String,
-    named: String,
+    /// What it was called last, with or without a mark.
+    title_shown: String,
     loading: Option<Loading>,
     /// What was being opened before, and may still be at work.
     given_up: Vec<Loading>,
@@ -234,7 +236,7 @@ impl Viewer {
             source: Source::default(),
             selection: Selection::default(),
             title: String::new(),
-            named: String::new(),
+            title_shown: String::new(),
             loading: None,
             given_up: Vec::new(),
             lost: Lost::default(),
@@ -630,8 +632,23 @@ impl Viewer {
         }
         self.place = place;
         let [_, _, width, height] = self.pixels(pixels_per_point).map(|pixels| pixels.max(1));
-        self.report.size = [width as usize, height as usize];
+        let before = std::mem::replace(&mut self.report.size, [width as usize, height as usize]);
+        self.look_at_the_same(before);
         self.show_again(Some(Cost::March));
+    }
+
+    /// Looks at what it looked at in a picture of another size, or at nothing where that is no longer in the picture.
+    fn look_at_the_same(&mut self, before: [usize; 2]) {
+        let (Some(place), Some(document)) = (self.prober.place(), &self.document) else { return };
+        let scene = &document.state().scene;
+        let half = |[width, height]: [usize; 2]| {
+            let aspect = count(width.max(1)) / count(height.max(1));
+            scene.camera.view(&scene.volume.geometry, aspect).map(|view| DVec2::from_array(view.half))
+        };
+        let (Some(was), Some(is)) = (half(before), half(self.report.size)) else { return };
+        let there = (place - 0.5) * was / is + 0.5;
+        let inside = there.cmpge(DVec2::ZERO).all() && there.cmple(DVec2::ONE).all();
+        self.prober.look(inside.then_some(there));
     }
 
     fn hand_rests(&self) -> bool {
@@ -659,14 +676,15 @@ impl Viewer {
         let Some(screen) = &self.screen else { return };
         let changed = self.document.as_ref().is_some_and(|document| !document.is_saved());
         let title = if changed { format!("*{}", self.title) } else { self.title.clone() };
-        if self.named != title {
+        if self.title_shown != title {
             screen.window.set_title(&title);
-            self.named = title;
+            self.title_shown = title;
         }
     }
 
     fn status(&self) -> Status {
         let engine = self.engine.as_ref();
+        let is_held = engine.is_some_and(|it| it.picture().is_some() && !it.is_finest()) && !self.hand_rests();
         Status {
             device: self.report.device.clone(),
             size: self.report.size,
@@ -675,7 +693,8 @@ impl Viewer {
                 (_, _, Some(_)) => Some("opening"),
                 (Some(_), _, None) => Some("measuring"),
                 (None, Some(_), None) => Some("solving"),
-                (None, None, None) => matches!(self.tour, Some(Tour::Saving { .. })).then_some("saving the tour"),
+                (None, None, None) if matches!(self.tour, Some(Tour::Saving { .. })) => Some("saving the tour"),
+                (None, None, None) => is_held.then_some("coarse, until the hand rests"),
             },
             finest: engine.is_some_and(Engine::is_finest),
             counts: self.counts(),

@@ -50,6 +50,8 @@ pub struct Volume {
     pub intercept: f64,
     /// Numbers per voxel in the file, of which one was read.
     pub components: usize,
+    /// Which of several volumes in the file it is.
+    pub selection: Selection,
     /// Voxels of the file that each voxel is the mean of, along each axis.
     pub blocks: [usize; 3],
     /// The file as it was asked for, or the name of the phantom.
@@ -80,6 +82,7 @@ impl Volume {
             slope: 1.0,
             intercept: 0.0,
             components: 1,
+            selection: Selection::default(),
             blocks: [1; 3],
             source: source.to_owned(),
             files: Vec::new(),

@@ -62,7 +62,7 @@ impl Volume {
         let Self { source, files, metadata, .. } = self;
         let (source, files, metadata) = (source.clone(), files.clone(), metadata.clone());
         let blocks = std::array::from_fn(|axis| self.blocks[axis] * block[axis]);
-        Self { voxels, geometry, blocks, source, files, metadata, notes, ..*self }
+        Self { voxels, geometry, selection: self.selection.clone(), blocks, source, files, metadata, notes, ..*self }
     }
 }
 

@@ -78,6 +78,8 @@ pub struct Selection {
     pub time: Option<usize>,
     /// The name of an array.
     pub array: Option<String>,
+    /// Whether what is not said here is asked for: also where a file has a usual array, or a scene says which it shows.
+    pub asks: bool,
 }
 
 impl Selection {
@@ -88,6 +90,7 @@ impl Selection {
             component: self.component.or(otherwise.component),
             time: self.time.or(otherwise.time),
             array: self.array.clone().or_else(|| otherwise.array.clone()),
+            asks: self.asks || otherwise.asks,
         }
     }
 
@@ -197,12 +200,15 @@ mod tests {
         assert!(message.contains("ct, pet") && message.contains("--array NAME"), "{message}");
         assert_eq!((none.time("f", 1).unwrap(), none.array("f", &["ct"]).unwrap()), (0, 0));
 
-        let chosen = Selection { component: Some(2), time: Some(4), array: Some("pet".to_owned()) };
+        let chosen = Selection { component: Some(2), time: Some(4), array: Some("pet".to_owned()), asks: false };
         assert_eq!(chosen.component("f", 3, "").unwrap(), 2);
         assert_eq!(chosen.array("f", &["ct", "pet"]).unwrap(), 1);
         let message = chosen.time("f", 4).unwrap_err().to_string();
         assert!(message.contains("--time 4") && message.contains("4 time steps"), "{message}");
         assert!(chosen.only("f").is_err(), "component 2 of one");
-        assert!(Selection { component: Some(0), time: Some(0), array: None }.only("f").is_ok(), "all there is");
+        assert!(
+            Selection { component: Some(0), time: Some(0), array: None, asks: false }.only("f").is_ok(),
+            "all there is"
+        );
     }
 }

@@ -186,7 +186,7 @@ impl Place {
     /// Bytes of what comes back.
     fn volume(&self) -> Option<usize> {
         let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
-        let first = Selection { component: Some(0), time: Some(0), array: None };
+        let first = Selection { component: Some(0), time: Some(0), array: None, asks: false };
         let opened = match open(&Selection::default()) {
             Err(VolumeError::Choose { .. }) => open(&first),
             opened => opened,

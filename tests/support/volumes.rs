@@ -64,8 +64,12 @@ fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<Volum
     }
     let several = |there: usize, index| (there > 1).then_some(index);
     let part = |time, component| {
-        let selection =
-            Selection { component: several(components, component), time: several(times, time), array: None };
+        let selection = Selection {
+            component: several(components, component),
+            time: several(times, time),
+            array: None,
+            asks: false,
+        };
         open(&selection).unwrap_or_else(|error| panic!("{name}: {error}"))
     };
     let volumes: Vec<Vec<Volume>> =

@@ -47,6 +47,7 @@ impl Text<'_> {
         if let Some(blocks) = file.blocks(options) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
+        volume.selection = Selection { asks: false, ..selection.or(&volume.selection) };
         let stored = volume.geometry;
         if let Some(spacing) = &file.spacing {
             let changed = volume.with_spacing(DVec3::from_array(*spacing.get_ref()));
@@ -147,8 +148,8 @@ impl VolumeFile {
 
     /// What to read of a file that holds several volumes.
     pub(super) fn selection(&self, options: &SceneOptions) -> Selection {
-        let stated = Selection { component: self.component, time: self.time, array: self.array.clone() };
-        if options.volume.is_some() || options.reselects {
+        let stated = Selection { component: self.component, time: self.time, array: self.array.clone(), asks: false };
+        if options.volume.is_some() || options.selection.asks {
             options.selection.clone()
         } else {
             options.selection.or(&stated)

@@ -60,8 +60,8 @@ impl File {
 enum Stage {
     /// Which file it is to be.
     File(File, Box<FileDialog>),
-    /// Which volume a scene is to show.
-    Volume(Box<Source>, Box<FileDialog>),
+    /// Which volume a scene is to show, and whether it names one, which was moved.
+    Volume(Box<Source>, bool, Box<FileDialog>),
     /// How a file is to be read.
     Reading(Box<Reading>),
     /// What becomes of changes that are not saved.
@@ -85,7 +85,7 @@ impl fmt::Debug for Chooser {
         match stage {
             None => {}
             Some(Stage::File(file, _)) => drop(fields.field("file", file)),
-            Some(Stage::Volume(source, _)) => drop(fields.field("source", source)),
+            Some(Stage::Volume(source, ..)) => drop(fields.field("source", source)),
             Some(Stage::Reading(reading)) => drop(fields.field("reading", reading)),
             Some(Stage::Leaving(leaving)) => drop(fields.field("leaving", leaving)),
         }
@@ -110,14 +110,14 @@ impl Chooser {
         self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question, shown))));
     }
 
-    /// Asks which volume `scene` is to show, that at `source` names none that is there.
-    pub fn ask_volume(&mut self, source: Source, scene: &Path) {
+    /// Asks which volume `scene` at `source` is to show: it names none, or one that is not there.
+    pub fn ask_volume(&mut self, source: Source, (scene, is_named): (&Path, bool)) {
         let name = scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let folder = self.folder.as_deref().or(scene.parent());
         let mut dialog = dialog(&format!("Which volume is {name} to show?"), folder);
         dialog = dialog.add_file_filter(VOLUMES, Filter::new(is_known)).default_file_filter(VOLUMES);
         dialog.pick_file();
-        self.stage = Some(Stage::Volume(Box::new(source), Box::new(dialog)));
+        self.stage = Some(Stage::Volume(Box::new(source), is_named, Box::new(dialog)));
     }
 
     /// Asks what becomes of changes that are not saved.
@@ -152,12 +152,13 @@ impl Chooser {
 
     /// Shows it. What is to be done, once all is said.
     pub fn show(&mut self, context: &Context) -> Option<Action> {
-        // The library takes the first Escape for the field that has the keyboard, and the next one for itself.
+        // The library takes the first Escape for the field that has the keyboard. Where something is saved that is the name, and
+        // whoever leaves that leaves the dialog.
         let escape = self.typed && context.input(|input| input.key_pressed(Key::Escape));
         let picked = match self.stage.as_mut()? {
-            Stage::File(..) | Stage::Volume(..) if escape => Some(None),
+            Stage::File(file, _) if escape && *file != File::Opened => Some(None),
             Stage::File(file, dialog) => pick(context, *file, dialog),
-            Stage::Volume(_, dialog) => pick(context, File::Opened, dialog),
+            Stage::Volume(.., dialog) => pick(context, File::Opened, dialog),
             Stage::Reading(_) | Stage::Leaving(_) => None,
         };
         self.typed = context.memory(|memory| memory.focused().is_some());
@@ -197,9 +198,8 @@ impl Chooser {
                 }
                 Some(file.action(path))
             }
-            Stage::Volume(mut source, _) => {
-                source.options.volume = Some(picked);
-                Some(Action::Leave(Leaving::Open(source)))
+            Stage::Volume(source, is_named, _) => {
+                Some(Action::Leave(Leaving::Open(Box::new(source.with_volume(&picked, is_named)))))
             }
             Stage::Reading(_) | Stage::Leaving(_) => None,
         }

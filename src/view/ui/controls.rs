@@ -11,7 +11,7 @@ use egui::{
     Sides, Slider, SliderClamping, Ui, Vec2,
 };
 
-use crate::number::count;
+use crate::number::whole;
 use crate::view::action::Action;
 use crate::view::state::Cost;
 
@@ -50,22 +50,20 @@ pub(super) fn toggle(ui: &mut Ui, on: bool, text: &str) -> Response {
 }
 
 /// A number that is dragged, or typed: what is typed holds, as one step, once Enter or another place is pressed. It is shown
-/// to so many `decimals`; `with` says the rest of it.
+/// to so many `decimals`, of less than none to tens, hundreds and so on; `with` says the rest of it.
 pub(super) fn number<N: Numeric>(
     ui: &mut Ui,
     value: &mut N,
-    decimals: usize,
+    decimals: i32,
     with: impl FnOnce(DragValue<'_>) -> DragValue<'_>,
 ) -> Response {
-    let before = *value;
+    let (before, id, typing) = (*value, ui.next_auto_id(), Typing::default());
     // What a scene has stays as it is, also where a hand may not go.
-    let (id, refused) = (ui.next_auto_id(), RefCell::new(None));
-    let field = DragValue::new(value).update_while_editing(false).max_decimals(decimals);
-    let field = field.clamp_existing_to_range(false).custom_parser(|text| parsed(text, &refused));
-    let field = if N::INTEGRAL { field } else { field.custom_formatter(text) };
+    let field = DragValue::new(value).update_while_editing(false).max_decimals(plain_decimals(decimals));
+    let field = field.clamp_existing_to_range(false).custom_parser(|text| typing.parsed(text));
+    let field = field.custom_formatter(|value, plain| typing.shown::<N>(value, plain, decimals));
     let response = ui.add(with(field));
-    tell(id, &response, refused);
-    typed(response, before, value, decimals)
+    typing.end(id, response, before, value)
 }
 
 /// A slider with such a number beside it.
@@ -73,55 +71,90 @@ pub(super) fn slider(
     ui: &mut Ui,
     value: &mut f64,
     range: RangeInclusive<f64>,
-    decimals: usize,
+    decimals: i32,
     with: impl FnOnce(Slider<'_>) -> Slider<'_>,
 ) -> Response {
-    let before = *value;
     // A slider's answer is now its own, now its field's.
-    let (id, refused) = (ui.next_auto_id(), RefCell::new(None));
-    let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(decimals);
-    let response = ui.add(with(slider).update_while_editing(false).custom_parser(|text| parsed(text, &refused)));
-    tell(id, &response, refused);
-    typed(response, before, value, decimals)
+    let (before, id, typing) = (*value, ui.next_auto_id(), Typing::default());
+    let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(plain_decimals(decimals));
+    let slider = slider.custom_parser(|text| typing.parsed(text));
+    let slider = slider.custom_formatter(|value, plain| typing.shown::<f64>(value, plain, decimals));
+    let response = ui.add(with(slider).update_while_editing(false));
+    typing.end(id, response, before, value)
 }
 
-/// Digits behind the first one of a number that is shown with an exponent.
-const DIGITS: i32 = 4;
-
-/// The exponent that `value` is shown with where it would take too many digits without, to so many `decimals`.
-fn exponent(value: f64, decimals: usize) -> Option<i32> {
-    let is_long = value.is_finite() && value != 0.0 && (value.abs() >= 1e9 || decimals > 7);
-    is_long.then(|| whole_exponent(value))
+/// What is typed into a field.
+#[derive(Default)]
+struct Typing {
+    /// What it showed before.
+    shown: RefCell<Option<String>>,
+    /// Why what was typed is not taken.
+    refused: RefCell<Option<String>>,
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "exponents of f64 are few")]
-fn whole_exponent(value: f64) -> i32 {
-    value.abs().log10().floor() as i32
-}
-
-/// `value` to so many decimals at most, or with an exponent and few digits where those would be many.
-pub(super) fn text(value: f64, decimals: RangeInclusive<usize>) -> String {
-    if exponent(value, *decimals.end()).is_none() {
-        return egui::emath::format_with_decimals_in_range(value, decimals);
+impl Typing {
+    fn shown<N: Numeric>(&self, value: f64, plain: RangeInclusive<usize>, decimals: i32) -> String {
+        let plain = egui::emath::format_with_decimals_in_range(value, plain);
+        let text = if N::INTEGRAL { plain } else { shorter(value, plain, decimals) };
+        self.shown.borrow_mut().get_or_insert_with(|| text.clone());
+        text
     }
-    let few = format!("{value:.4e}").parse().unwrap_or(value);
-    format!("{few:e}")
+
+    fn parsed(&self, text: &str) -> Option<f64> {
+        let number = parsed(text);
+        if number.is_none() {
+            *self.refused.borrow_mut() = Some(format!("“{text}” is no number, such as 0.25: nothing was changed."));
+        }
+        number
+    }
+
+    /// Says why what was typed was refused. A field that is left as it was has changed nothing, though it shows fewer digits than
+    /// there are.
+    fn end<N: Numeric>(self, id: Id, mut field: Response, before: N, value: &mut N) -> Response {
+        self.refused.into_inner().into_iter().for_each(|text| say(&field.ctx, id, text));
+        show_said(id, &field);
+        let is = value.to_f64();
+        let as_shown =
+            || self.shown.borrow().as_deref().and_then(parsed).is_some_and(|shown| shown.to_bits() == is.to_bits());
+        // A slider calls it a change, too, when what is in its field changes.
+        if is.to_bits() == before.to_f64().to_bits() || field.lost_focus() && as_shown() {
+            *value = before;
+            field.flags.remove(Flags::CHANGED);
+        }
+        field
+    }
 }
 
-/// The number that `text` is; why it is none goes to `refused`. Spaces may part digits, and a minus may be a long one.
-fn parsed(text: &str, refused: &RefCell<Option<String>>) -> Option<f64> {
+/// Digits that a number may take where it is shown without an exponent.
+const LONGEST: usize = 11;
+
+/// `value` to so many `decimals`, with an exponent where it would be long without.
+pub(super) fn text(value: f64, decimals: i32) -> String {
+    shorter(value, format!("{value:.*}", plain_decimals(decimals)), decimals)
+}
+
+fn plain_decimals(decimals: i32) -> usize {
+    usize::try_from(decimals.min(30)).unwrap_or(0)
+}
+
+/// `plain`, or `value` with an exponent where that says as much and is shorter.
+fn shorter(value: f64, plain: String, decimals: i32) -> String {
+    if plain.len() <= LONGEST || value == 0.0 || !value.is_finite() {
+        return plain;
+    }
+    let exponent = whole(value.abs().log10().floor().abs());
+    let exponent = i32::try_from(exponent).unwrap_or(0) * if value.abs() < 1.0 { -1 } else { 1 };
+    let digits = usize::try_from((exponent + decimals).min(15)).unwrap_or(0);
+    // Without the zeros at its end.
+    let rounded: f64 = format!("{value:.digits$e}").parse().unwrap_or(value);
+    let short = format!("{rounded:e}");
+    if short.len() < plain.len() { short } else { plain }
+}
+
+/// The number that `text` is. Spaces may part digits, and a minus may be a long one.
+fn parsed(text: &str) -> Option<f64> {
     let digits: String = text.chars().filter(|letter| !letter.is_whitespace()).collect();
-    let number = digits.replace('−', "-").parse().ok().filter(|number: &f64| number.is_finite());
-    if number.is_none() {
-        *refused.borrow_mut() = Some(format!("“{text}” is no number, such as 0.25: nothing was changed."));
-    }
-    number
-}
-
-/// Says why what was typed was `refused`, or what was said before.
-fn tell(id: Id, field: &Response, refused: RefCell<Option<String>>) {
-    refused.into_inner().into_iter().for_each(|text| say(&field.ctx, id, text));
-    show_said(id, field);
+    digits.replace('−', "-").parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 /// Says beside a field for a while what became of what was typed there.
@@ -150,24 +183,6 @@ fn show_said(id: Id, field: &Response) {
         .open(true)
         .close_behavior(PopupCloseBehavior::IgnoreClicks)
         .show(|ui| ui.label(text));
-}
-
-/// A field that is left as it was has changed nothing, though it shows fewer digits than there are.
-fn typed<N: Numeric>(mut response: Response, before: N, value: &mut N, decimals: usize) -> Response {
-    let (was, is) = (before.to_f64(), value.to_f64());
-    // What egui takes for the same when it chooses how many digits it shows.
-    let shown = match exponent(was, decimals) {
-        Some(exponent) => 0.51 * 10_f64.powi(exponent - DIGITS),
-        None => 0.5 * 0.1_f64.powf(count(decimals)) + 16.0 * f64::from(f32::EPSILON) * was.abs(),
-    };
-    let shown = if N::INTEGRAL { 0.0 } else { shown };
-    // A slider calls it a change, too, when what is in its field changes.
-    let most = if response.lost_focus() { shown } else { 0.0 };
-    if (is - was).abs() <= most {
-        *value = before;
-        response.flags.remove(Flags::CHANGED);
-    }
-    response
 }
 
 fn word(cost: Cost) -> &'static str {

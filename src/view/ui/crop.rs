@@ -18,7 +18,7 @@ use crate::volume::Geometry;
 const HANDLE: f32 = 9.0;
 const CATCH: f32 = 22.0;
 /// Points that a hundredth of the volume must be long on the screen for a hand to drag along it.
-const SHORTEST_WAY: f32 = 0.15;
+const SHORTEST_WAY: f32 = 0.6;
 /// Points across what is hardly seen.
 const THINNEST_SEEN: f32 = 2.0;
 /// Parts of the volume that a hand is as fine as.
@@ -157,10 +157,19 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     let map = Map { view: scene.camera.view(geometry, aspect)?, geometry, rect };
     let shown = document.state().crop().unwrap_or([DVec3::ZERO, DVec3::ONE]);
     let corners = (0..8_usize).map(|bits| DVec3::from_array(std::array::from_fn(|axis| shown[bits >> axis & 1][axis])));
-    // With a corner behind the eye, the eye is in the volume or close to it.
-    let corners: Vec<Pos2> = corners.map(|corner| map.place(map.seen(corner))).collect::<Option<_>>()?;
-    if !Rect::from_points(&corners).intersects(rect) {
+    let places: Vec<Option<Pos2>> = corners.map(|corner| map.place(map.seen(corner))).collect();
+    let corners: Vec<Pos2> = places.iter().copied().flatten().collect();
+    let around = Rect::from_points(&corners);
+    // With a corner behind the eye and another before it, the eye is in the volume or close to it.
+    let is_beside = corners.len() == places.len() && !around.intersects(rect);
+    if corners.is_empty() || is_beside {
         return Some(("The volume is beside the picture.", "Reset the camera", Move::Reset));
+    }
+    if corners.len() < places.len() {
+        return None;
+    }
+    if around.size().max_elem() < THINNEST_SEEN {
+        return Some(("The volume is too far away to be seen.", "Reset the camera", Move::Reset));
     }
     let spread = |normal: Vec2| {
         let along = || corners.iter().map(|corner| corner.to_vec2().dot(normal));

@@ -29,10 +29,11 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let side = ui.available_width().min(210.0);
         let (rect, hand) = ui.allocate_exact_size(vec2(ui.available_width(), side), Sense::click_and_drag());
         hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, "light dial"));
-        let map = held(ui, dial, rect);
+        let map = held(ui, document, rect);
         ui.painter().rect_filled(rect, 4.0, ui.visuals().extreme_bg_color);
-        nodes(ui, document, &map, asked);
-        move_hand(ui, document, &map, &hand, asked);
+        let inside = rect.shrink(NODE);
+        nodes(ui, document, &map, inside, asked);
+        move_hand(ui, document, &map, inside, &hand, asked);
         draw_hand(ui, document, &map);
         names(ui, document, &map);
         hand.on_hover_text(
@@ -74,10 +75,19 @@ struct Map {
 }
 
 impl Map {
-    fn new(dial: &Dial, rect: Rect) -> Self {
-        let places = || dial.nodes.iter().map(|node| node.place);
-        let low = places().fold(DVec2::INFINITY, DVec2::min);
-        let high = places().fold(DVec2::NEG_INFINITY, DVec2::max);
+    fn new(document: &Document, rect: Rect) -> Self {
+        // Nodes that are moved within where they were leave the map as it is.
+        let (dial, opened) = (&document.state().scene.dial, &document.opened().dial);
+        let nodes = || dial.nodes.iter().chain(&opened.nodes).map(|node| node.place);
+        let around = |places: &mut dyn Iterator<Item = DVec2>| {
+            places.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
+        };
+        let [low, high] = around(&mut nodes());
+        // Hands are in it, too, but not at the price of the nodes.
+        let far = DVec2::splat((high - low).max_element().max(1e-3));
+        let hands = dial.situations.iter().map(|situation| situation.hand).chain([document.state().light.hand]);
+        let hands = hands.map(|hand| hand.clamp(low - far, high + far));
+        let [low, high] = around(&mut nodes().chain(hands));
         let room = (rect.size().min_elem() - 2.0 * MARGIN).max(10.0);
         let scale = f64::from(room) / (high - low).max_element().max(1e-3);
         Self { centre: (low + high) / 2.0, middle: rect.center(), scale }
@@ -95,22 +105,22 @@ impl Map {
 }
 
 /// The map of the dial, which stays as it is while a button is held: a node that is moved must not move the others.
-fn held(ui: &Ui, dial: &Dial, rect: Rect) -> Map {
-    let (id, now) = (ui.id().with("map"), Map::new(dial, rect));
+fn held(ui: &Ui, document: &Document, rect: Rect) -> Map {
+    let (id, now) = (ui.id().with("map"), Map::new(document, rect));
     let before = ui.data(|data| data.get_temp::<Map>(id)).filter(|_| ui.input(|input| input.pointer.any_down()));
     let map = before.map_or(now, |before| Map { middle: now.middle, ..before });
     ui.data_mut(|data| data.insert_temp(id, map));
     map
 }
 
-/// Where the nodes of `dial` are, were it shown in `rect`.
+/// Where the nodes of the dial of `document` are, were it shown in `rect`.
 #[must_use]
-pub fn node_places(dial: &Dial, rect: Rect) -> Vec<Pos2> {
-    let map = Map::new(dial, rect);
-    dial.nodes.iter().map(|node| map.screen_from_dial(node.place)).collect()
+pub fn node_places(document: &Document, rect: Rect) -> Vec<Pos2> {
+    let map = Map::new(document, rect);
+    document.state().scene.dial.nodes.iter().map(|node| map.screen_from_dial(node.place)).collect()
 }
 
-fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
+fn nodes(ui: &Ui, document: &Document, map: &Map, inside: Rect, asked: &mut Vec<Action>) {
     let state = document.state();
     let dial = &state.scene.dial;
     let weights = dial.weights(state.light.hand);
@@ -128,6 +138,7 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, asked: &mut Vec<Action>) {
         } else if touched.secondary_clicked() {
             asked.push(Action::Edit(Edit::NodeOn(index, !node.on)));
         } else if let (true, Some(pointer)) = (touched.dragged(), touched.interact_pointer_pos()) {
+            let pointer = pointer.clamp(inside.min, inside.max);
             let here = map.dial_from_screen(pointer);
             asked.push(Action::Edit(if shift { Edit::NodePlace(index, here) } else { snapped(dial, map, pointer) }));
         }
@@ -174,9 +185,10 @@ fn snapped(dial: &Dial, map: &Map, pointer: Pos2) -> Edit {
     near.map_or_else(|| Edit::Hand(map.dial_from_screen(pointer)), Edit::HandOnNode)
 }
 
-fn move_hand(ui: &Ui, document: &Document, map: &Map, hand: &Response, asked: &mut Vec<Action>) {
+fn move_hand(ui: &Ui, document: &Document, map: &Map, inside: Rect, hand: &Response, asked: &mut Vec<Action>) {
     let light = &document.state().light;
     if let (true, Some(pointer)) = (hand.dragged() || hand.clicked(), hand.interact_pointer_pos()) {
+        let pointer = pointer.clamp(inside.min, inside.max);
         asked.push(Action::Edit(snapped(&document.state().scene.dial, map, pointer)));
     }
     if hand.has_focus() {

@@ -57,7 +57,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
         if let Some((button, edit)) =
             shown.document.filter(|_| shown.loading.is_none()).and_then(nothing_shown)
         {
-            let text = "No value of this volume is in an interval of the transfer function: nothing is shown.";
+            let text = "Nothing of the volume is shown: no value that occurs has an opacity.";
             notice(ui, text, button, || asked.push(Action::Edit(edit)));
         }
         if let Some(Tour::Saving { frames, saved, .. }) = shown.tour {

@@ -48,11 +48,11 @@ pub(super) fn layer() -> LayerId {
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
     let at = rect.left_top() + vec2(8.0, 8.0);
-    let size = vec2(480.0, (rect.height() - 20.0).max(80.0));
+    let size = vec2(504.0, (rect.height() - 20.0).max(80.0));
     let open = floating::show(ui, ("Palette", layer().id), rect, (at, size), |ui| {
         let height = (rect.height() - 56.0).max(80.0);
         // Also in a window that was smaller, and is not any more.
-        let width = (rect.width() - 40.0).clamp(80.0, 480.0);
+        let width = (rect.width() - 40.0).clamp(80.0, 504.0);
         let area = ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(width);
         area.show(ui, |ui| {
             ui.set_max_width(width);

@@ -145,8 +145,14 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
             for (number, side) in (1..).zip(Side::ALL) {
                 let sign = if side.outward().element_sum() < 0.0 { '−' } else { '+' };
                 let axis = ['x', 'y', 'z'][side.outward().abs().max_position()];
-                let help = format!("From this side of the volume, {sign}{axis} (key {number}).");
-                let name = side_name(side, document.state().scene.volume.anatomical);
+                let volume = &document.state().scene.volume;
+                let unknown = if volume.anatomical || volume.files.is_empty() {
+                    ""
+                } else {
+                    " The file does not say how a patient lies in it, nor whether it is one."
+                };
+                let help = format!("From this side of the volume, {sign}{axis} (key {number}).{unknown}");
+                let name = side_name(side, volume.anatomical);
                 if ui.small_button(name).on_hover_text(help).clicked() {
                     go(Move::Axis(side));
                 }

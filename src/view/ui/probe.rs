@@ -265,7 +265,10 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     }
     let line = |part: &dyn Fn(&Stretch) -> f64| met.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
     let span = if high > low { high - low } else { 1.0 };
-    painter.line(line(&|stretch| (stretch.value - low) / span), Stroke::new(1.0, visuals.text_color()));
+    // With an edge: bars are of any colour.
+    for (width, colour) in [(3.0, visuals.extreme_bg_color), (1.0, visuals.text_color())] {
+        painter.line(line(&|stretch| (stretch.value - low) / span), Stroke::new(width, colour));
+    }
     painter.line(line(&|stretch| stretch.transmittance), Stroke::new(1.5, Color32::from_rgb(230, 140, 40)));
     if let Some(pointer) = response.hover_pos() {
         let part = f64::from((pointer.x - rect.left()) / rect.width());
@@ -293,7 +296,8 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
     let brightest = met.iter().filter(|stretch| seen(stretch) > 0.0).max_by(|one, two| seen(one).total_cmp(&seen(two)));
     if let Some(stretch) = brightest {
-        let text = format!("What it shows is mostly at {}.", place(document, stretch));
+        let (place, value) = (place(document, stretch), brief(stretch.value));
+        let text = format!("What it shows is mostly of value {value}, at {place}.");
         ui.label(RichText::new(text).small());
     }
 }

@@ -1,9 +1,9 @@
 //! Situations of the light: mixes of the dial with names, to come back to and to tour.
 
-use egui::{Id, TextEdit, Ui};
+use egui::{Id, Key, TextEdit, Ui};
 
 use super::controls::{panel, toggle};
-use crate::scene::Mixing;
+use crate::scene::{Mixing, Situation};
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
 use crate::view::tour::Tour;
@@ -30,22 +30,27 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             ui.horizontal_wrapped(|ui| {
                 for (index, situation) in situations.iter().enumerate() {
                     let label = toggle(ui, here == Some(index), &situation.name);
-                    let on_a_node = state.scene.dial.nodes.iter().any(|node| node.place == situation.hand);
-                    let moved = "The nodes have been moved: it may be another light than it was.";
-                    let help = [situation.caption.as_str(), if are_moved && !on_a_node { moved } else { "" }];
-                    let help: Vec<&str> = help.into_iter().filter(|line| !line.is_empty()).collect();
-                    let label = if help.is_empty() { label } else { label.on_hover_text(help.join("\n")) };
+                    let label =
+                        if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
                     if label.clicked() {
                         ask(Edit::Situation(index));
                     }
                 }
             });
         }
+        let nodes = &state.scene.dial.nodes;
+        let between = |situation: &Situation| !nodes.iter().any(|node| node.lies_at(situation.hand));
+        if are_moved && situations.iter().any(between) {
+            let text = "Nodes were moved: between them, a situation is another light than it was.";
+            let help = "A situation is a place of the hand. One on a node goes with it; elsewhere, the light is what the nodes mix there.";
+            ui.label(egui::RichText::new(text).small().weak()).on_hover_text(help);
+        }
         let id = Id::new("name of a situation");
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
         // Where a word is longer, the panels do not get wider: the picture would be marched anew.
         ui.horizontal_wrapped(|ui| {
             let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(64.0));
+            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             field.on_hover_text("What the light of now is to be called.");
             let given = name.trim().to_owned();
             let can = !given.is_empty() && state.light.mixing == Mixing::Dial;
@@ -62,6 +67,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             if keep
                 .on_disabled_hover_text("Type a name, and let the dial mix: a situation is a place of its hand.")
                 .clicked()
+                || entered && can
             {
                 ask(Edit::Keep(given.clone()));
             }

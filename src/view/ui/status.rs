@@ -33,7 +33,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
             (None, Some(beside), _) => beside.to_owned(),
             (None, None, true) => "at rest".to_owned(),
             (None, None, false) if shown.document.is_none() => "nothing is open".to_owned(),
-            (None, None, false) => "coarse, until the hand rests".to_owned(),
+            (None, None, false) => "preparing".to_owned(),
         };
         let Counts { marches, relights, .. } = status.counts;
         let [width, height] = status.size;

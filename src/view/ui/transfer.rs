@@ -172,13 +172,15 @@ impl Map {
 fn snapped(value: f64, span: f64) -> f64 {
     let step = 10.0_f64.powf((span / PARTS).log10().floor());
     // A decimal, to the bit: what a file and a field say in few digits.
-    let places = places(span);
+    let places = usize::try_from(places(span).min(400)).unwrap_or(0);
     format!("{:.places$}", (value / step).round() * step).parse().unwrap_or(value)
 }
 
-/// Decimals that tell a thousandth of `span`.
-fn places(span: f64) -> usize {
-    whole((-(span / PARTS).log10().floor()).clamp(0.0, 30.0))
+/// Decimals that tell a thousandth of `span`; less than none where tens do, or hundreds.
+fn places(span: f64) -> i32 {
+    let digits = (span / PARTS).log10().floor();
+    let decimals = i32::try_from(whole(digits.abs().min(400.0))).unwrap_or(0);
+    if digits > 0.0 { -decimals } else { decimals }
 }
 
 fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
@@ -199,7 +201,7 @@ fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
 /// The values at both ends of the histogram.
 fn ends(ui: &mut Ui, statistics: &Statistics) {
     let places = places(statistics.max - statistics.min);
-    let end = |value: f64| RichText::new(text(value, places..=places)).small().weak();
+    let end = |value: f64| RichText::new(text(value, places)).small().weak();
     ui.horizontal(|ui| {
         ui.label(end(statistics.min));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
@@ -250,7 +252,8 @@ pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)>
     if by_label || scene.transfer.terms.iter().any(|term| shows(&term.opacity) || shows(&term.absorption)) {
         return None;
     }
-    if scene.transfer != document.opened().transfer {
+    let declared = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
+    if scene.transfer != document.opened().transfer || declared(scene) != declared(document.opened()) {
         return Some(("Reset transfer", Edit::ResetTransfer));
     }
     let range = [statistics.min, statistics.max];
@@ -294,7 +297,7 @@ fn moved(interval: &Interval, map: &Map, part: Part, to: Pos2) -> Interval {
 
 /// `interval` with both its ends shifted by as much, as fine as a file and a field say it.
 fn shifted(interval: &Interval, by: f64, map: &Map) -> Interval {
-    let places = places(map.span) + 3;
+    let places = usize::try_from((places(map.span) + 3).min(400)).unwrap_or(0);
     let range = interval.range.map(|end| format!("{:.places$}", end + by).parse().unwrap_or(end));
     Interval { range, ..*interval }
 }

@@ -7,8 +7,9 @@ use egui::Rect;
 use super::{MOST_LOSSES, ViewError, Viewer, Woken};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
+use crate::view::action::Leaving;
 use crate::view::engine::Engine;
-use crate::view::load::{LoadError, Loaded, Loading, Source, selection};
+use crate::view::load::{LoadError, Loaded, Loading, Source};
 use crate::view::state::{Document, Edit};
 use crate::volume::Selection;
 use crate::vulkan::VulkanError;
@@ -92,16 +93,22 @@ impl Viewer {
                 return;
             }
         };
+        let document = self.document_of(&loaded);
+        if document.is_none() && !again {
+            // It is asked once: it is opened as something else then.
+            let mut source = loaded.source;
+            source.options.selection.asks = false;
+            return self.chooser.leave(Leaving::Open(Box::new(source)));
+        }
         self.before = self.counts();
-        if !again {
+        if let Some(document) = document.filter(|_| !again) {
             if !self.is_scripted() {
                 // What went wrong before is over.
                 self.notices.retain(|notice| notice.until.is_some());
             }
-            let document = self.document_of(&loaded);
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
-            self.selection = selection(&loaded.scene, &self.source);
+            self.selection = loaded.scene.volume.selection.clone();
             self.title = self.source.title(&self.selection);
             (self.curve, self.chosen) = (None, None);
         }
@@ -120,20 +127,18 @@ impl Viewer {
         self.place = Rect::ZERO;
     }
 
-    /// How what was opened is looked at first.
-    fn document_of(&mut self, loaded: &Loaded) -> Document {
+    /// How what was opened is looked at first. `None` where that would take away what was changed and not saved.
+    fn document_of(&self, loaded: &Loaded) -> Option<Document> {
         let scene = &loaded.scene;
-        let other_times = |source: &Source| Selection { time: None, ..source.options.selection.clone() };
-        let alike = other_times(&loaded.source) == other_times(&self.source);
-        let before = self.document.take().filter(|_| loaded.source.is_another_of(&self.source));
-        before.and_then(|before| before.beside(scene.clone(), alike)).unwrap_or_else(|| {
-            if loaded.source.bare_volume().is_some() {
-                // Its lights are there to choose from, and not meant together.
-                Document::starting(scene.clone(), &Edit::HandOnNode(0))
-            } else {
-                Document::new(scene.clone())
-            }
-        })
+        let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
+        let alike = but_time(&scene.volume.selection) == but_time(&self.selection);
+        match self.document.as_ref().filter(|_| loaded.source.is_another_of(&self.source)) {
+            Some(before) if before.lies_as(scene) => Some(before.clone().beside(scene.clone(), alike)),
+            Some(_) if self.would_lose() => None,
+            // Its lights are there to choose from, and not meant together.
+            _ if loaded.source.bare_volume().is_some() => Some(Document::starting(scene.clone(), &Edit::HandOnNode(0))),
+            _ => Some(Document::new(scene.clone())),
+        }
     }
 
     /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a

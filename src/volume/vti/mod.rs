@@ -43,7 +43,7 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source = path.display().to_string();
     let header = Header::read(path, progress)?;
-    let (chosen, step) = choose(&header, selection, &source)?;
+    let (chosen, name, step) = choose(&header, selection, &source)?;
     let voxel_type = chosen.voxel_type().ok_or_else(|| header.wrong(format!("{} are no numbers", chosen.type_name)))?;
     let what = format!("the {voxel_type} array {} of {}", chosen.name, chosen.section.name());
     let component = selection.component(&source, chosen.components, &what)?;
@@ -58,6 +58,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume.notes = notes;
     volume.files.push(path.to_owned());
     volume.components = chosen.components;
+    volume.selection.array = name;
     volume.metadata = metadata(&header, chosen);
     if chosen.section == Section::Cells {
         volume.notes.push(format!(
@@ -75,7 +76,7 @@ pub(super) fn packed(
     progress: &dyn Progress,
 ) -> Result<Option<PackedBlocks>, VolumeError> {
     let header = Header::read(path, progress)?;
-    let (chosen, step) = choose(&header, selection, &path.display().to_string())?;
+    let (chosen, _, step) = choose(&header, selection, &path.display().to_string())?;
     let (Some(compressor), false) = (header.compressor, matches!(chosen.place, Place::Text(_))) else {
         return Ok(None);
     };
@@ -115,23 +116,26 @@ fn steps(header: &Header, chosen: &Array) -> usize {
     arrays(header).filter(|array| array.is_same(chosen)).count()
 }
 
-/// The array and the time step that are chosen.
-fn choose<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<(&'a Array, usize), VolumeError> {
-    let chosen = choose_array(header, selection, source)?;
-    Ok((chosen, selection.time(source, steps(header, chosen))?))
+/// The array that is chosen, its name where there are others, and the time step.
+fn choose<'a>(
+    header: &'a Header,
+    selection: &Selection,
+    source: &str,
+) -> Result<(&'a Array, Option<String>, usize), VolumeError> {
+    let (chosen, name) = choose_array(header, selection, source)?;
+    Ok((chosen, name, selection.time(source, steps(header, chosen))?))
 }
 
-/// The array that is chosen, else the one that is active, of points before cells, else the only one.
-fn choose_array<'a>(header: &'a Header, selection: &Selection, source: &str) -> Result<&'a Array, VolumeError> {
+/// The array that is chosen, else the one that is active, of points before cells, else the only one; and its name where there
+/// are others.
+fn choose_array<'a>(
+    header: &'a Header,
+    selection: &Selection,
+    source: &str,
+) -> Result<(&'a Array, Option<String>), VolumeError> {
     let candidates = candidates(header);
     if candidates.is_empty() {
         return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
-    }
-    if selection.array.is_none() {
-        let active = |section| candidates.iter().copied().find(|array| array.active && array.section == section);
-        if let Some(active) = active(Section::Points).or_else(|| active(Section::Cells)) {
-            return Ok(active);
-        }
     }
     // An array of points and one of cells may have the same name.
     let names = |section| -> HashSet<&str> {
@@ -143,8 +147,13 @@ fn choose_array<'a>(header: &'a Header, selection: &Selection, source: &str) -> 
         name => name.to_owned(),
     };
     let labels: Vec<String> = candidates.iter().map(label).collect();
-    let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
-    selection.array(source, &labels).map(|index| candidates[index])
+    let active = |section| candidates.iter().position(|array| array.active && array.section == section);
+    let usual = active(Section::Points).or_else(|| active(Section::Cells));
+    let index = match usual.filter(|_| selection.array.is_none() && !selection.asks) {
+        Some(usual) => usual,
+        None => selection.array(source, &labels.iter().map(String::as_str).collect::<Vec<_>>())?,
+    };
+    Ok((candidates[index], labels.get(index).filter(|_| labels.len() > 1).cloned()))
 }
 
 /// What one piece has of an array.
