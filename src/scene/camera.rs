@@ -1,6 +1,6 @@
 //! The camera: from where and how the volume is seen.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::number::count;
 use crate::volume::Geometry;
@@ -69,6 +69,29 @@ pub struct View {
     pub half: [f64; 2],
     /// Whether rays are parallel.
     pub parallel: bool,
+}
+
+impl View {
+    /// Where in the picture a point of the world is, in parts of it from the top left; `None` behind the eye.
+    #[must_use]
+    pub fn place_of(&self, point: DVec3) -> Option<DVec2> {
+        let from_eye = point - self.eye;
+        let depth = from_eye.dot(self.forward);
+        let by = if self.parallel { 1.0 } else { depth };
+        let [right, up] = self.half;
+        let there = DVec2::new(from_eye.dot(self.right) / right, -from_eye.dot(self.up) / up) / by;
+        (depth > 0.0 && there.is_finite()).then_some((there + 1.0) / 2.0)
+    }
+
+    /// The point of the world that is seen there, as far in front of the eye as `point` is.
+    #[must_use]
+    pub fn point_at(&self, place: DVec2, point: DVec3) -> DVec3 {
+        let depth = (point - self.eye).dot(self.forward);
+        let by = if self.parallel { 1.0 } else { depth };
+        let [right, up] = self.half;
+        let there = (2.0 * place - 1.0) * DVec2::new(right, -up) * by;
+        self.eye + depth * self.forward + there.x * self.right + there.y * self.up
+    }
 }
 
 impl Camera {
@@ -149,4 +172,23 @@ fn corners_from_centre(geometry: &Geometry) -> [DVec3; 8] {
         let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
         geometry.direction * (half * DVec3::new(sign(0), sign(1), sign(2)))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_seen_at_a_place_is_where_that_is() {
+        for (parallel, point) in [(false, DVec3::new(1.0, 5.0, -2.0)), (true, DVec3::new(-1.0, 9.0, 3.0))] {
+            let (forward, right, up) = (DVec3::Y, DVec3::X, DVec3::Z);
+            let view = View { eye: DVec3::new(0.5, -1.0, 0.25), forward, right, up, half: [1.5, 0.75], parallel };
+            let place = view.place_of(point).unwrap_or_default();
+            assert!(view.point_at(place, point).distance(point) < 1e-12, "{place}");
+            // Right of the eye is right, and below it is farther down.
+            let from_eye = point - view.eye;
+            assert!((place.x > 0.5) == (from_eye.x > 0.0) && (place.y > 0.5) == (from_eye.z < 0.0), "{place}");
+            assert_eq!(view.place_of(view.eye - 2.0 * forward), None, "behind the eye");
+        }
+    }
 }

@@ -188,6 +188,14 @@ impl Probe {
         }
     }
 
+    /// Where along the ray most is seen; `None` before that was marched, and where nothing is.
+    #[must_use]
+    pub fn brightest(&self) -> Option<&Stretch> {
+        let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
+        let met = self.ray.iter().flatten().filter(|stretch| seen(stretch) > 0.0);
+        met.max_by(|one, two| seen(one).total_cmp(&seen(two)))
+    }
+
     /// The same for programs.
     #[must_use]
     pub fn json(&self, scene: &Scene) -> Value {

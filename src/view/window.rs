@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use egui::{Context, Rect, TexturesDelta, Vec2, ViewportId};
 use egui_winit::accesskit_winit;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use winit::application::ApplicationHandler;
 use winit::error::{EventLoopError, OsError};
 use winit::event::{StartCause, WindowEvent};
@@ -24,6 +24,7 @@ use super::engine::{Counts, Engine, EngineError, Reached, Stepped};
 use super::export::write_rgba;
 use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
+use super::probe::Probe;
 use super::prober::Prober;
 use super::screen::Screen;
 use super::script::{Script, ScriptError};
@@ -33,7 +34,7 @@ use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{count, unsigned, whole};
 use crate::palette::PaletteError;
 use crate::render::RenderError;
-use crate::scene::Accuracy;
+use crate::scene::{Accuracy, Camera};
 use crate::volume::Selection;
 use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
 use beside::{Chosen, Solved, Verdict};
@@ -167,6 +168,8 @@ struct Viewer {
     place: Rect,
     /// The pixel that is looked at.
     prober: Prober,
+    /// The point of the world that it was put on when the picture got another size: where in the picture, by which camera.
+    looked_at: Option<(DVec2, Camera, DVec3)>,
     /// What was measured, and what is being measured.
     curve: Option<Curve>,
     measuring: Option<Job<Chosen>>,
@@ -247,6 +250,7 @@ impl Viewer {
             textures: TexturesDelta::default(),
             place: Rect::ZERO,
             prober: Prober::default(),
+            looked_at: None,
             curve: None,
             measuring: None,
             chosen: None,
@@ -640,15 +644,22 @@ impl Viewer {
     /// Looks at what it looked at in a picture of another size, or at nothing where that is no longer in the picture.
     fn look_at_the_same(&mut self, before: [usize; 2]) {
         let (Some(place), Some(document)) = (self.prober.place(), &self.document) else { return };
-        let scene = &document.state().scene;
-        let half = |[width, height]: [usize; 2]| {
-            let aspect = count(width.max(1)) / count(height.max(1));
-            scene.camera.view(&scene.volume.geometry, aspect).map(|view| DVec2::from_array(view.half))
+        let (camera, geometry) = (&document.state().scene.camera, &document.state().scene.volume.geometry);
+        let view = |[width, height]: [usize; 2]| camera.view(geometry, count(width.max(1)) / count(height.max(1)));
+        let (Some(was), Some(is)) = (view(before), view(self.report.size)) else { return };
+        let at = |index: DVec3| geometry.world_from_index(index);
+        let middle = at((DVec3::from_array(geometry.dims.map(count)) - 1.0) / 2.0);
+        // Of sizes in a row nothing is known of the pixel in between.
+        let known = self.looked_at.take().filter(|(there, by, _)| *there == place && by == camera);
+        let point = match (known, self.prober.probe().and_then(Probe::brightest)) {
+            (Some((.., point)), _) => point,
+            (None, Some(stretch)) => at(stretch.place),
+            (None, None) => was.point_at(place, middle),
         };
-        let (Some(was), Some(is)) = (half(before), half(self.report.size)) else { return };
-        let there = (place - 0.5) * was / is + 0.5;
-        let inside = there.cmpge(DVec2::ZERO).all() && there.cmple(DVec2::ONE).all();
-        self.prober.look(inside.then_some(there));
+        let inside = |place: &DVec2| place.cmpge(DVec2::ZERO).all() && place.cmple(DVec2::ONE).all();
+        let there = is.place_of(point).filter(inside);
+        self.looked_at = there.map(|there| (there, camera.clone(), point));
+        self.prober.look(there);
     }
 
     fn hand_rests(&self) -> bool {

@@ -126,7 +126,14 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         Some([]) => {
             ui.label(RichText::new("The ray misses the volume, or what is shown of it.").small());
         }
-        Some(met) => ray(ui, document, met, &colours),
+        Some(met) => {
+            ray(ui, document, met, &colours);
+            if let Some(stretch) = probe.brightest() {
+                let (place, value) = (place(document, stretch), brief(stretch.value));
+                let text = format!("What it shows is mostly of value {value}, at {place}.");
+                ui.label(RichText::new(text).small());
+            }
+        }
     }
 }
 
@@ -293,13 +300,6 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     let text =
         format!("thin line: value, {from} to {to}, over {length:.1} units of length; orange: light that still passes");
     ui.label(RichText::new(text).small().weak());
-    let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
-    let brightest = met.iter().filter(|stretch| seen(stretch) > 0.0).max_by(|one, two| seen(one).total_cmp(&seen(two)));
-    if let Some(stretch) = brightest {
-        let (place, value) = (place(document, stretch), brief(stretch.value));
-        let text = format!("What it shows is mostly of value {value}, at {place}.");
-        ui.label(RichText::new(text).small());
-    }
 }
 
 fn range(ray: &[Stretch]) -> [f64; 2] {
