@@ -78,6 +78,7 @@ pub struct Job<T> {
     listener: Arc<Listener>,
     made: Arc<Mutex<Option<T>>>,
     thread: Option<JoinHandle<()>>,
+    begun: Instant,
 }
 
 impl<T: Send + 'static> Job<T> {
@@ -93,7 +94,7 @@ impl<T: Send + 'static> Job<T> {
             *place.lock().unwrap_or_else(PoisonError::into_inner) = Some(result);
             wake();
         });
-        Self { listener, made, thread: Some(thread) }
+        Self { listener, made, thread: Some(thread), begun: Instant::now() }
     }
 
     /// What came of it, once it is done; only once.
@@ -106,6 +107,12 @@ impl<T: Send + 'static> Job<T> {
     #[must_use]
     pub fn progress(&self) -> (Option<f32>, String) {
         self.listener.progress()
+    }
+
+    /// How long it has been at work.
+    #[must_use]
+    pub fn spent(&self) -> Duration {
+        self.begun.elapsed()
     }
 
     /// Gives up, and waits until nothing is done for it any more.

@@ -512,7 +512,10 @@ impl Viewer {
         let size = [points.x, points.y].map(|points| unsigned(whole(f64::from((points * scale).round()))));
         let wide = points.x >= ui::ROOM_FOR_PANELS;
         let loading = loading.as_ref().map(|(name, part, stage)| (name.as_str(), *part, stage.as_str()));
-        let running = self.measuring.as_ref().map(Job::progress);
+        let running = self.measuring.as_ref().map(|job| {
+            let (part, stage) = job.progress();
+            (part, format!("{stage}, {} s", job.spent().as_secs()))
+        });
         let effort = Effort {
             planned: self.engine.as_ref().map(Engine::planned),
             curve: self

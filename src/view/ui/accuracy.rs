@@ -123,7 +123,8 @@ fn colours(ui: &mut Ui, planned: &Planned) {
 fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         for (name, preset, help) in PRESETS {
-            let help = format!("{help} Measures settings of this scene here, and takes the one that does.");
+            let help =
+                format!("{help} Measures settings of this scene here, some seconds each, and takes the one that does.");
             if ui.small_button(name).on_hover_text(help).clicked() {
                 asked.push(Action::Measure(Some(preset.goal())));
             }
@@ -162,7 +163,7 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     );
     if ui
         .small_button("Measure the curve")
-        .on_hover_text("What steps an octave apart take here, and how far from the truth they are.")
+        .on_hover_text("What steps an octave apart take here, and how far from the truth they are. Without a graphics card it takes a minute or so, and can be cancelled.")
         .clicked()
     {
         asked.push(Action::Measure(None));

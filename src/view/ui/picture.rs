@@ -146,12 +146,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
                 let sign = if side.outward().element_sum() < 0.0 { '−' } else { '+' };
                 let axis = ['x', 'y', 'z'][side.outward().abs().max_position()];
                 let volume = &document.state().scene.volume;
-                let unknown = if volume.anatomical || volume.files.is_empty() {
-                    ""
-                } else {
-                    " The file does not say how a patient lies in it, nor whether it is one."
-                };
-                let help = format!("From this side of the volume, {sign}{axis} (key {number}).{unknown}");
+                let help = format!("From this side of the volume, {sign}{axis} (key {number}).");
                 let name = side_name(side, volume.anatomical);
                 if ui.small_button(name).on_hover_text(help).clicked() {
                     go(Move::Axis(side));
@@ -174,6 +169,11 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
                 go(Move::Reset);
             }
         });
+        let volume = &document.state().scene.volume;
+        if !volume.anatomical && !volume.files.is_empty() {
+            let text = "Sides are the file's axes: it does not say which is a patient's left.";
+            ui.label(egui::RichText::new(text).small().weak());
+        }
         ui.label(egui::RichText::new(HELP).small().weak());
     });
 }

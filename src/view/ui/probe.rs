@@ -51,14 +51,18 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
     ui.horizontal(|ui| {
         patch(ui, &probe.now.shown.code(), 34.0).on_hover_text("The pixel as it is shown now.");
         ui.vertical(|ui| {
-            ui.label(RichText::new(format!("{}   {}", probe.now.shown.code(), lab(&probe.now))).monospace());
+            ui.label(RichText::new(format!("{}   {}", probe.now.shown.code(), lab(&probe.now))).monospace())
+                .on_hover_text(
+                    "The pixel as a web colour, and in CIE L*a*b*: lightness, green to red, blue to yellow.",
+                );
             ui.label(
                 RichText::new(format!(
                     "pixel {x}, {y} of {width}×{height}; {:.1} % passes",
                     100.0 * probe.transmittance
                 ))
                 .small(),
-            );
+            )
+            .on_hover_text("How much of the light from behind the volume passes through it here.");
         });
     });
     spectra(ui, probe);
@@ -297,8 +301,9 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
         }
     });
     let [from, to] = [low, high].map(brief);
-    let text =
-        format!("thin line: value, {from} to {to}, over {length:.1} units of length; orange: light that still passes");
+    let text = format!(
+        "thin line: value, {from} to {to}, over {length:.1} of the file's units of length, as mm; orange: light that still passes"
+    );
     ui.label(RichText::new(text).small().weak());
 }
 
