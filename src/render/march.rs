@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 use bytemuck::{Pod, Zeroable};
 use half::f16;
 
-use super::{Key, RenderError, Renderer, Uploaded};
+use super::{RenderError, Renderer, Source, Uploaded};
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Interpolation, Lookup, Scene, StoreAs};
-use crate::shader::{Constants, Shader, ShaderError, compile};
+use crate::shader::Constants;
 use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
 use crate::vulkan::{
     Buffer, ComputePipeline, Device, DeviceKind, Filter, Format, HostUse, Resource, ResourceSet, Sampler, StorageImage,
@@ -188,7 +188,7 @@ impl Default for Speed {
 }
 
 /// The shader's texts by name: what a step reflects, what passes it, where tables are, and the march.
-fn sources(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
+fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
     [
         match plan.accumulate {
             Accumulate::Weights { .. } => ("shaders/weights.wgsl", include_str!("../../shaders/weights.wgsl")),
@@ -286,9 +286,10 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
 }
 
-/// The march shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, dispatching: Dispatching) -> Result<Shader, ShaderError> {
-    compile(&sources(plan, dispatching.tables), &constants(plan, dispatching.group))
+/// What the march shader of `plan` is compiled from.
+pub(super) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
+    let parts = parts(plan, dispatching.tables).to_vec();
+    Source { name: "march", constants: constants(plan, dispatching.group), parts }
 }
 
 impl MarchUniform {
@@ -414,11 +415,8 @@ impl Renderer {
         let transmittance =
             StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
-        let (pipeline, set) = self.bind(
-            &Key::March(plan.clone(), tables),
-            || shader(plan, Dispatching { tables, ..self.dispatching }),
-            unsigned(size_of::<Band>()),
-            |name| {
+        let (pipeline, set) =
+            self.bind(source(plan, Dispatching { tables, ..self.dispatching }), unsigned(size_of::<Band>()), |name| {
                 Some(match name {
                     "march_uniform" => Resource::Uniform(&march),
                     "shading_uniform" => Resource::Uniform(&shading),
@@ -436,8 +434,7 @@ impl Renderer {
                         }
                     }
                 })
-            },
-        )?;
+            })?;
 
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };
@@ -869,9 +866,8 @@ mod tests {
             active_low,
             active_high
         );
-        let constants = constants(&plan_of(4), Dispatching::default().group);
-        let sources = sources(&plan_of(4), TableMemory::Storage);
-        let theirs = crate::shader::struct_layout(&sources, &constants, "March").ok();
+        let Source { constants, parts, .. } = source(&plan_of(4), Dispatching::default());
+        let theirs = crate::shader::struct_layout(&parts, &constants, "March").ok();
         let fields = theirs.as_ref().map(|layout| {
             layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
         });
@@ -959,9 +955,22 @@ mod tests {
     /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
     #[test]
     fn four_spectral_materials_march_with_the_shader_of_three_colours() {
-        let words = |materials| shader(&plan_of(materials), Dispatching::default()).map(|shader| shader.words).ok();
+        let words =
+            |materials| source(&plan_of(materials), Dispatching::default()).compile().map(|shader| shader.words).ok();
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");
+    }
+
+    #[test]
+    fn plans_share_the_pipelines_of_shaders_that_do_not_know_what_tells_them_apart() {
+        let linear = plan_of(4);
+        let cubic = ScenePlan { interpolation: Interpolation::Cubic, ..linear.clone() };
+        let behind = ScenePlan { background: true, ..linear.clone() };
+        let marched = |plan| source(plan, Dispatching::default());
+        let relit = |plan| crate::render::relight::source(plan, crate::render::relight::Target::Display);
+        assert!(marched(&linear) != marched(&cubic) && relit(&linear) == relit(&cubic), "values between voxels");
+        assert!(marched(&linear) == marched(&behind) && relit(&linear) != relit(&behind), "what is behind the volume");
+        assert!(marched(&linear) != relit(&linear));
     }
 }

@@ -19,7 +19,7 @@ pub use upload::Uploaded;
 
 use crate::number::readable;
 use crate::plan::ScenePlan;
-use crate::shader::{Shader, ShaderError};
+use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
 use crate::vulkan::{ComputePipeline, Device, Format, Resource, ResourceSet, VulkanError};
@@ -144,13 +144,19 @@ pub struct Renderer {
     longest_dispatch: AtomicU64,
 }
 
-/// What tells pipelines apart.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-enum Key {
-    March(ScenePlan, TableMemory),
-    Relight(ScenePlan, relight::Target),
-    /// Of every plan.
-    Store,
+/// What a pipeline's shader is compiled from: plans that differ in nothing that the shader knows share a pipeline.
+#[derive(Clone, Debug, PartialEq)]
+struct Source {
+    name: &'static str,
+    constants: Constants,
+    /// Texts by the names of their files.
+    parts: Vec<(&'static str, &'static str)>,
+}
+
+impl Source {
+    fn compile(&self) -> Result<Shader, ShaderError> {
+        compile(&self.parts, &self.constants)
+    }
 }
 
 /// A pipeline and the names of the resources it binds, in order.
@@ -249,21 +255,16 @@ impl Renderer {
         Ok(())
     }
 
-    /// The pipeline for `key`, and `named` resources bound to it. A pipeline is made where none is kept, and nobody waits
+    /// The pipeline of `source`, and `named` resources bound to it. A pipeline is made where none is kept, and nobody waits
     /// meanwhile who needs another; what its plan does not use is not bound.
     fn bind<'a>(
         &self,
-        key: &Key,
-        compile: impl FnOnce() -> Result<Shader, ShaderError>,
+        source: Source,
         push_constant_bytes: u32,
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let pipelines = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let name = match key {
-            Key::March(..) => "march",
-            Key::Relight(..) => "relight",
-            Key::Store => "store",
-        };
+        let name = source.name;
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources
                 .iter()
@@ -275,14 +276,14 @@ impl Renderer {
                 })
                 .collect()
         };
-        let kept = pipelines().get(key);
+        let kept = pipelines().get(&source);
         let made = match kept {
             Some(made) => made,
             None => {
-                let shader = compile()?;
+                let shader = source.compile()?;
                 let kinds: Vec<_> = bound(&shader.resources)?.iter().map(Resource::kind).collect();
                 let pipeline = ComputePipeline::new(&self.device, name, &shader.words, &kinds, push_constant_bytes)?;
-                pipelines().keep(key.clone(), Made { pipeline, resources: shader.resources })
+                pipelines().keep(source, Made { pipeline, resources: shader.resources })
             }
         };
         let set = ResourceSet::new(&self.device, name, &made.pipeline, &bound(&made.resources)?)?;
@@ -297,9 +298,9 @@ impl Renderer {
 /// [`ShaderError`] where one does not compile.
 pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
-        ("march", march::shader(plan, Dispatching::default())?),
-        ("relight_display", relight::shader(plan, relight::Target::Display)?),
-        ("relight_linear", relight::shader(plan, relight::Target::Linear)?),
+        ("march", march::source(plan, Dispatching::default()).compile()?),
+        ("relight_display", relight::source(plan, relight::Target::Display).compile()?),
+        ("relight_linear", relight::source(plan, relight::Target::Linear).compile()?),
     ])
 }
 

@@ -1,14 +1,14 @@
 //! Pipelines that are kept for the next frame that needs them, but not all of them for ever.
 
-use super::{Key, Made};
+use super::{Made, Source};
 
-/// Pipelines that are kept: the four of a plan (its march, both relights, the store) for sixteen plans, as many as a curve of
-/// settings is measured with or as a person goes back and forth between. One that is gone is compiled again where it is asked for.
+/// Pipelines that are kept: the four of a plan (its march, both relights, the store, of which plans share some) for sixteen plans, as
+/// many as a curve of settings is measured with or as a person goes back and forth between. One that is gone is compiled again where it is asked for.
 pub(super) const MOST: usize = 64;
 
 /// Pipelines by what tells them apart, the least recently used first.
 #[derive(Debug)]
-pub(super) struct Pipelines<K = Key, V = Made>(Vec<(K, V)>);
+pub(super) struct Pipelines<K = Source, V = Made>(Vec<(K, V)>);
 
 impl<K, V> Default for Pipelines<K, V> {
     fn default() -> Self {

@@ -5,10 +5,9 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 
 use super::march::{common, images, read_layer};
-use super::{Accumulators, Key, RenderError, Renderer};
+use super::{Accumulators, RenderError, Renderer, Source};
 use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
-use crate::shader::{Shader, ShaderError, compile};
 use crate::tables::RelightMatrices;
 use crate::vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
@@ -43,8 +42,8 @@ fn passes_light(plan: &ScenePlan, target: Target) -> bool {
     plan.background || target == Target::Linear
 }
 
-/// The relight shader of `plan`.
-pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderError> {
+/// What the relight shader of `plan` is compiled from.
+pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
     let [accumulators, passed] = images(plan, plan.storage, "read");
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
@@ -57,7 +56,8 @@ pub(super) fn shader(plan: &ScenePlan, target: Target) -> Result<Shader, ShaderE
         .u32("ROWS", ROWS)
         .u32("GROUP_WIDTH", GROUP[0])
         .u32("GROUP_HEIGHT", GROUP[1]);
-    compile(&[("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl"))], &constants)
+    let parts = vec![("shaders/relight.wgsl", include_str!("../../shaders/relight.wgsl"))];
+    Source { name: "relight", constants, parts }
 }
 
 /// A relight that is set up: run it as often as the light changes. It keeps the accumulators on the device.
@@ -112,20 +112,15 @@ impl Renderer {
             Target::Linear => "linear",
         };
         let picture = StorageImage::new(device, name, format, accumulators.size.map(unsigned), 1)?;
-        let (pipeline, set) = self.bind(
-            &Key::Relight(plan.clone(), target),
-            || shader(plan, target),
-            0,
-            |name| {
-                Some(match name {
-                    "relight" => Resource::Uniform(&uniform),
-                    "accumulators" => Resource::StorageImage(&accumulators.weights),
-                    "transmittances" => Resource::StorageImage(&accumulators.transmittance),
-                    "display" | "linear" => Resource::StorageImage(&picture),
-                    _ => return None,
-                })
-            },
-        )?;
+        let (pipeline, set) = self.bind(source(plan, target), 0, |name| {
+            Some(match name {
+                "relight" => Resource::Uniform(&uniform),
+                "accumulators" => Resource::StorageImage(&accumulators.weights),
+                "transmittances" => Resource::StorageImage(&accumulators.transmittance),
+                "display" | "linear" => Resource::StorageImage(&picture),
+                _ => return None,
+            })
+        })?;
         let passed = if passes_light(plan, target) { accumulators.transmittance.bytes() } else { 0 };
         let weights = if plan.layers() == 0 { 0 } else { accumulators.weights.bytes() };
         let bytes = uniform.bytes() + weights + passed + picture.bytes();

@@ -1,17 +1,18 @@
 //! Finished accumulators in 16-bit floats, on the device.
 
-use super::{Accumulators, Key, RenderError, Renderer};
+use super::{Accumulators, RenderError, Renderer, Source};
 use crate::plan::Transmittance;
 use crate::scene::StoreAs;
-use crate::shader::{Constants, Shader, ShaderError, compile};
+use crate::shader::Constants;
 use crate::vulkan::{Format, Resource, StorageImage};
 
 /// Workgroups: long rows, as of a relight.
 const GROUP_WIDTH: u32 = 64;
 
-fn shader() -> Result<Shader, ShaderError> {
+fn source() -> Source {
     let constants = Constants::new().u32("GROUP_WIDTH", GROUP_WIDTH);
-    compile(&[("shaders/store.wgsl", include_str!("../../shaders/store.wgsl"))], &constants)
+    let parts = vec![("shaders/store.wgsl", include_str!("../../shaders/store.wgsl"))];
+    Source { name: "store", constants, parts }
 }
 
 impl Renderer {
@@ -32,7 +33,7 @@ impl Renderer {
     fn in_half(&self, finished: &StorageImage) -> Result<StorageImage, RenderError> {
         let ([width, height], layers) = (finished.extent(), finished.layers());
         let stored = StorageImage::new(&self.device, finished.name(), Format::Rgba16Float, [width, height], layers)?;
-        let (pipeline, set) = self.bind(&Key::Store, shader, 0, |name| match name {
+        let (pipeline, set) = self.bind(source(), 0, |name| match name {
             "finished" => Some(Resource::StorageImage(finished)),
             "stored" => Some(Resource::StorageImage(&stored)),
             _ => None,
