@@ -897,6 +897,10 @@ fn a_picture_that_nothing_of_the_volume_is_seen_in_says_why_and_what_to_do() {
     window.run();
     window.run();
     assert!(window.query_by_label_contains("seen from its edge").is_none(), "{:?}", window.state().asked);
+    assert!(window.query_by_label_contains("0.0 voxels: little is there to see").is_some());
+    window.get_by_label("Show all that way").click();
+    window.run();
+    assert!(window.query_by_label_contains("little is there to see").is_none(), "{:?}", window.state().asked);
     let mut beside = document();
     beside.edit(&Edit::Camera(Move::Pan { right: 50.0, up: 0.0 }, 1.5));
     let mut window = wide(beside);

@@ -57,6 +57,18 @@ impl Preset {
         }
     }
 
+    /// The same with what is added to Hounsfield units in values like these.
+    #[must_use]
+    pub fn help_for(self, statistics: &Statistics) -> String {
+        let speaks_of_them = matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone);
+        match hounsfield(statistics) {
+            Some(zero) if speaks_of_them && zero != 0.0 => {
+                format!("{} Those of this file have {zero} added: {zero} is water.", self.help())
+            }
+            _ => self.help().to_owned(),
+        }
+    }
+
     /// Its intervals for values like these and materials with these names; `None` where the values are no CT and it takes
     /// one.
     #[must_use]
@@ -162,6 +174,10 @@ mod tests {
         let even = |_| 1;
         assert_eq!(hounsfield(&statistics(-1024.0, 3071.0, even)), Some(0.0));
         assert_eq!(hounsfield(&statistics(0.0, 4095.0, even)), Some(1024.0));
+        let told = |preset: Preset, min, max| preset.help_for(&statistics(min, max, even)).contains("1024 is water");
+        assert!(
+            told(Preset::Bone, 0.0, 4095.0) && !told(Preset::Bone, -1024.0, 3071.0) && !told(Preset::Mr, 0.0, 4095.0)
+        );
         for [min, max] in [[0.0, 255.0], [0.0, 1.0], [-1.0, 1.0], [0.0, 65535.0]] {
             let other = statistics(min, max, even);
             assert_eq!(Preset::Bone.intervals(&other, &[]), None, "{min} to {max}");

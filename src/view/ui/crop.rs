@@ -186,6 +186,19 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     (thickness < THINNEST_SEEN).then_some(told)
 }
 
+/// That the crop leaves less than a voxel of the volume, and what shows all of it that way.
+pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
+    let crop = document.state().crop()?;
+    let dims = DVec3::from_array(document.state().scene.volume.geometry.dims.map(count));
+    let voxels = (crop[1] - crop[0]) * (dims - 1.0);
+    let is_thin = |axis: &usize| dims[*axis] > 1.0 && voxels[*axis] < 1.0;
+    let axis = (0..3).find(is_thin)?;
+    let text = format!("Along {}, the crop box leaves {:.1} voxels: little is there to see.", AXES[axis], voxels[axis]);
+    let mut whole = crop;
+    (whole[0][axis], whole[1][axis]) = (0.0, 1.0);
+    Some((text, Edit::Crop(Some(whole))))
+}
+
 /// Shows the box over the picture, where there is one, with a handle on each side.
 pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.loading.is_none()) else { return };

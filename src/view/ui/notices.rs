@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
-use super::crop::out_of_sight;
+use super::crop::{out_of_sight, too_thin};
 use super::transfer::nothing_shown;
 use crate::scene::Mixing;
 use crate::view::action::Action;
@@ -49,16 +49,16 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
                 asked.extend(lit(document).into_iter().map(Action::Edit));
             });
         }
-        if let Some(document) = shown.document.filter(|_| shown.loading.is_none())
-            && let Some((text, button, step)) = out_of_sight(document, shown.aspect, rect)
-        {
-            notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
-        }
-        if let Some((button, edit)) =
-            shown.document.filter(|_| shown.loading.is_none()).and_then(nothing_shown)
-        {
-            let text = "Nothing of the volume is shown: no value that occurs has an opacity.";
-            notice(ui, text, button, || asked.push(Action::Edit(edit)));
+        if let Some(document) = shown.document.filter(|_| shown.loading.is_none()) {
+            if let Some((text, button, step)) = out_of_sight(document, shown.aspect, rect) {
+                notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
+            } else if let Some((text, edit)) = too_thin(document) {
+                notice(ui, &text, "Show all that way", || asked.push(Action::Edit(edit)));
+            }
+            if let Some((button, edit)) = nothing_shown(document) {
+                let text = "Nothing of the volume is shown: no value that occurs has an opacity.";
+                notice(ui, text, button, || asked.push(Action::Edit(edit)));
+            }
         }
         if let Some(Tour::Saving { frames, saved, .. }) = shown.tour {
             let text = format!(

@@ -86,7 +86,7 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
             let intervals = preset.intervals(statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(preset.name()));
             let none = format!("{} These values are no CT in Hounsfield units.", preset.help());
-            let clicked = button.on_hover_text(preset.help()).on_disabled_hover_text(none).clicked();
+            let clicked = button.on_hover_text(preset.help_for(statistics)).on_disabled_hover_text(none).clicked();
             if let (true, Some(intervals)) = (clicked, intervals) {
                 asked.push(Action::Edit(Edit::Intervals(intervals)));
                 ui.close();

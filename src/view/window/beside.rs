@@ -153,10 +153,14 @@ impl Viewer {
             (Ok(Solved::Found { palette, solution, step }), Some(document)) => {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
-                self.report.solved.push(solution.worst());
+                let worst = solution.worst();
+                self.report.solved.push(worst);
                 // The editor tells why, and offers ways out, where anybody sees that not all is as asked.
-                let conflicts = if solution.worst() > UNSEEN { solution.conflicts } else { Vec::new() };
+                let conflicts = if worst > UNSEEN { solution.conflicts } else { Vec::new() };
                 self.editing |= !conflicts.is_empty();
+                if conflicts.is_empty() {
+                    self.tell_done(format!("Solved: no cell is off by more than ΔE00 {worst:.2}."));
+                }
                 self.verdicts.retain(|(of, _)| *of != palette);
                 self.verdicts.push((palette, conflicts));
                 if self.verdicts.len() > MOST_VERDICTS {
