@@ -25,7 +25,7 @@ pub const LANE: usize = 4;
 const EXACTNESS: f64 = 0.5;
 
 /// What one frame computes. Discrete choices only, among them the exponent that all highlights share; other numbers travel
-/// beside it. Equal plans share a pipeline.
+/// beside it. Plans that a shader cannot tell apart share its pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ScenePlan {
     /// What the pixels store.

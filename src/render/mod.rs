@@ -217,7 +217,7 @@ impl Renderer {
     #[must_use]
     pub fn with_dispatching(self, dispatching: Dispatching) -> Self {
         let slice = dispatching.slice.clamp(1, march::SLICE);
-        Self { dispatching: Dispatching { slice, ..dispatching }, pipelines: Mutex::default(), ..self }
+        Self { dispatching: Dispatching { slice, ..dispatching }, ..self }
     }
 
     /// The device.

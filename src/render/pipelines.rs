@@ -2,8 +2,8 @@
 
 use super::{Made, Source};
 
-/// Pipelines that are kept: the four of a plan (its march, both relights, the store, of which plans share some) for sixteen plans, as
-/// many as a curve of settings is measured with or as a person goes back and forth between. One that is gone is compiled again where it is asked for.
+/// Pipelines that are kept: as many as sixteen plans have that share none (a march, both relights and the store each), as a curve of
+/// settings is measured with or a person goes back and forth between. One that is gone is compiled again where it is asked for.
 pub(super) const MOST: usize = 64;
 
 /// Pipelines by what tells them apart, the least recently used first.

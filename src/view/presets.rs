@@ -57,13 +57,13 @@ impl Preset {
         }
     }
 
-    /// The same with what is added to Hounsfield units in values like these.
+    /// The same with what scanners have added to Hounsfield units in values like these.
     #[must_use]
     pub fn help_for(self, statistics: &Statistics) -> String {
         let speaks_of_them = matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone);
         match hounsfield(statistics) {
             Some(zero) if speaks_of_them && zero != 0.0 => {
-                format!("{} Those of this file have {zero} added: {zero} is water.", self.help())
+                format!("{} If these values are a CT's, they have {zero} added: {zero} is water.", self.help())
             }
             _ => self.help().to_owned(),
         }

@@ -162,6 +162,8 @@ struct Viewer {
     /// How many things were opened.
     opened: u64,
     notices: Vec<Notice>,
+    /// Whether the last of them came after the panels were laid out.
+    untold: bool,
     panels: Option<bool>,
     textures: TexturesDelta,
     /// The picture's place in the window, in points.
@@ -246,6 +248,7 @@ impl Viewer {
             tour: None,
             opened: 0,
             notices: Vec::new(),
+            untold: false,
             panels: None,
             textures: TexturesDelta::default(),
             place: Rect::ZERO,
@@ -332,6 +335,7 @@ impl Viewer {
     fn add(&mut self, notice: Notice) {
         self.notices.retain(|known| known.text != notice.text);
         self.notices.push(notice);
+        self.untold = true;
         if self.notices.len() > MOST_NOTICES {
             self.notices.remove(0);
         }
@@ -552,6 +556,7 @@ impl Viewer {
             probe: self.prober.place().map(|place| (place, self.prober.probe())),
             aspect: if aspect > 0.0 { f64::from(aspect) } else { 1.0 },
         };
+        self.untold = false;
         let chooser = &mut self.chooser;
         let output = self.context.run_ui(raw, |ui| {
             place = ui::show(ui, &shown, &mut asked);
@@ -739,7 +744,7 @@ impl Viewer {
             if self.measuring.is_some() { again.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { again };
         // The picture that `settle` of a script waits for comes without frames.
         let driven = self.is_scripted() && self.measuring.is_none() && !(busy && self.settles());
-        let at_once = news || driven || self.saving.capture.is_some();
+        let at_once = news || self.untold || driven || self.saving.capture.is_some();
         match if at_once { Next::Frame } else { next(again, busy, unfinished) } {
             Next::Frame => self.redraw(),
             Next::March(most) => self.marches_until = Some(Instant::now() + most),

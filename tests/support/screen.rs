@@ -9,7 +9,10 @@ use serde_json::Value;
 #[cfg(target_os = "linux")]
 use x11rb::connection::Connection as _;
 #[cfg(target_os = "linux")]
-use x11rb::protocol::xproto::{AtomEnum, ClientMessageEvent, ConnectionExt as _, EventMask, MapState};
+use x11rb::protocol::xproto::{
+    AtomEnum, ClientMessageEvent, ConnectionExt as _, EventMask, ImageFormat, InputFocus, KEY_PRESS_EVENT,
+    KEY_RELEASE_EVENT, KeyButMask, KeyPressEvent, MapState,
+};
 #[cfg(target_os = "linux")]
 use x11rb::rust_connection::RustConnection;
 
@@ -115,6 +118,37 @@ impl Window {
     /// Moves the pointer to a pixel of it.
     pub fn point(&self, x: i16, y: i16) {
         self.connection.warp_pointer(x11rb::NONE, self.id, 0, 0, 0, 0, x, y).unwrap().check().unwrap();
+    }
+
+    /// Presses the key of a small letter with Ctrl, and lets it go.
+    pub fn press_with_control(&self, letter: char) {
+        // Keys are of the window that has the focus.
+        self.connection.set_input_focus(InputFocus::PARENT, self.id, x11rb::CURRENT_TIME).unwrap().check().unwrap();
+        let setup = self.connection.setup();
+        let (first, last) = (setup.min_keycode, setup.max_keycode);
+        let keys = self.connection.get_keyboard_mapping(first, last - first + 1).unwrap().reply().unwrap();
+        let of_key = keys.keysyms.chunks(keys.keysyms_per_keycode.into());
+        let (code, _) = (first..).zip(of_key).find(|(_, symbols)| symbols.contains(&u32::from(letter))).unwrap();
+        for kind in [KEY_PRESS_EVENT, KEY_RELEASE_EVENT] {
+            let event = KeyPressEvent {
+                response_type: kind,
+                detail: code,
+                event: self.id,
+                root: setup.roots[0].root,
+                state: KeyButMask::CONTROL,
+                same_screen: true,
+                ..KeyPressEvent::default()
+            };
+            self.connection.send_event(false, self.id, EventMask::NO_EVENT, event).unwrap().check().unwrap();
+        }
+    }
+
+    /// How many of its pixels have this colour.
+    pub fn pixels_of(&self, [red, green, blue]: [u8; 3]) -> usize {
+        let size = self.connection.get_geometry(self.id).unwrap().reply().unwrap();
+        let image = self.connection.get_image(ImageFormat::Z_PIXMAP, self.id, 0, 0, size.width, size.height, u32::MAX);
+        let pixels = image.unwrap().reply().unwrap().data;
+        pixels.chunks_exact(4).filter(|pixel| pixel[..3] == [blue, green, red]).count()
     }
 }
 

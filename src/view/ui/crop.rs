@@ -186,14 +186,23 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     (thickness < THINNEST_SEEN).then_some(told)
 }
 
-/// That the crop leaves less than a voxel of the volume, and what shows all of it that way.
+/// That the crop leaves less of the volume than rays see, and what shows all of it that way. What the scene asks for itself is
+/// meant.
 pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
-    let crop = document.state().crop()?;
-    let dims = DVec3::from_array(document.state().scene.volume.geometry.dims.map(count));
-    let voxels = (crop[1] - crop[0]) * (dims - 1.0);
-    let is_thin = |axis: &usize| dims[*axis] > 1.0 && voxels[*axis] < 1.0;
+    /// Parts of an axis that are thin of it, however few its slices are.
+    const SLICE: f64 = 0.1;
+    let (crop, scene) = (document.state().crop()?, &document.state().scene);
+    if scene.crop == document.opened().crop {
+        return None;
+    }
+    let geometry = &scene.volume.geometry;
+    let parts = crop[1] - crop[0];
+    let lengths = parts * geometry.spacing * (DVec3::from_array(geometry.dims.map(count)) - 1.0);
+    let is_thin =
+        |axis: &usize| geometry.dims[*axis] > 1 && parts[*axis] < SLICE && lengths[*axis] < scene.accuracy.step_length;
     let axis = (0..3).find(is_thin)?;
-    let text = format!("Along {}, the crop box leaves {:.1} voxels: little is there to see.", AXES[axis], voxels[axis]);
+    let text =
+        format!("Along {}, the crop box is thinner than a step of the rays: little is there to see.", AXES[axis]);
     let mut whole = crop;
     (whole[0][axis], whole[1][axis]) = (0.0, 1.0);
     Some((text, Edit::Crop(Some(whole))))

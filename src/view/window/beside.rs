@@ -50,6 +50,17 @@ pub(super) fn conflicts<'a>(verdicts: &'a [Verdict], document: Option<&Document>
     verdict.map_or(&[], |(_, conflicts)| conflicts)
 }
 
+/// What is said of a palette that was solved, whose worst cell is off by so much, where nothing is known to exclude itself.
+fn verdict(palette: &Palette, worst: f64) -> Option<String> {
+    if palette.cells.is_empty() {
+        None
+    } else if worst <= UNSEEN {
+        Some(format!("Solved: every cell looks as asked, within ΔE00 {worst:.2}."))
+    } else {
+        Some(format!("Solved as far as it goes: the worst cell is off by ΔE00 {worst:.2}."))
+    }
+}
+
 impl Viewer {
     /// Goes on with the pixel that is looked at. Says whether there is something new to show.
     pub(super) fn probe(&mut self) -> Result<bool, VulkanError> {
@@ -158,10 +169,11 @@ impl Viewer {
                 // The editor tells why, and offers ways out, where anybody sees that not all is as asked.
                 let conflicts = if worst > UNSEEN { solution.conflicts } else { Vec::new() };
                 self.editing |= !conflicts.is_empty();
-                if conflicts.is_empty() {
-                    self.tell_done(format!("Solved: no cell is off by more than ΔE00 {worst:.2}."));
-                }
                 self.verdicts.retain(|(of, _)| *of != palette);
+                let told = if conflicts.is_empty() { verdict(&palette, worst) } else { None };
+                // What was asked may be something else by now.
+                let is_there = self.document.as_ref().is_some_and(|it| it.state().palette.as_ref() == Some(&palette));
+                told.filter(|_| is_there).into_iter().for_each(|told| self.tell_done(told));
                 self.verdicts.push((palette, conflicts));
                 if self.verdicts.len() > MOST_VERDICTS {
                     self.verdicts.remove(0);
