@@ -955,6 +955,7 @@ fn a_tour_that_is_saved_says_how_far_it_is_and_can_be_given_up() {
     window.state_mut().tour = Some(Tour::Saving { path: "tour.png".into(), frames: 50, saved: 12, size: None });
     window.run();
     assert!(window.query_by_label_contains("12 of 50 pictures").is_some());
+    assert!(window.state().place.contains_rect(window.get_by_label("Cancel").rect()));
     window.get_by_label("Cancel").click();
     window.run();
     assert_eq!(window.state().asked.last(), Some(&Action::Tour(None)));
@@ -971,6 +972,15 @@ fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
         assert_eq!(light_names(&document.state().mix()), ["lamp"], "{edit:?}");
         let now = document.state().scene.dial.nodes[1].place;
         assert_eq!(document.state().scene.dial.situations[0].hand, now, "{edit:?}");
+    }
+    // One that is left out for now goes along, too, and what is shown stays it, wherever the other node is.
+    document.edit(&Edit::NodePlace(0, DVec2::new(0.7, 0.1)));
+    assert_eq!(document.situation(), Some(0));
+    document.edit(&Edit::NodeOn(1, false));
+    for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::ResetDial] {
+        document.edit(&edit);
+        let dial = &document.state().scene.dial;
+        assert_eq!(dial.situations[0].hand, dial.nodes[1].place, "{edit:?}");
     }
 }
 

@@ -79,12 +79,14 @@ impl Dial {
         Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, situations: Vec::new() }
     }
 
-    /// Puts the nodes, which stay as many, where `nodes` has them. Situations on a node go with it: they mean its light.
-    pub(crate) fn rearrange(&mut self, nodes: Vec<DialNode>) {
+    /// Puts the nodes, which stay as many, where `nodes` has them. Situations on a node go with it: they mean its light, where
+    /// it takes part in them as the dial was `stated`, whether or not it takes part now.
+    pub(crate) fn rearrange(&mut self, nodes: Vec<DialNode>, stated: &[DialNode]) {
         let before = std::mem::replace(&mut self.nodes, nodes);
         for situation in &mut self.situations {
-            let is_meant = |node: &DialNode| node.lies_at(situation.hand) && situation.has_on(node);
-            if let Some((_, now)) = before.iter().zip(&self.nodes).find(|(node, _)| is_meant(node)) {
+            let mut moved = before.iter().zip(&self.nodes).zip(stated);
+            let meant = moved.find(|((node, _), stated)| node.lies_at(situation.hand) && situation.has_on(stated));
+            if let Some(((_, now), _)) = meant {
                 situation.hand = now.place;
             }
         }

@@ -350,7 +350,7 @@ impl State {
                 let mut nodes = scene.dial.nodes.clone();
                 if let Some(node) = nodes.get_mut(index) {
                     node.place = finite(place);
-                    scene.dial.rearrange(nodes);
+                    scene.dial.rearrange(nodes, &opened.dial.nodes);
                 }
             }
             Edit::NodeOn(index, on) => {
@@ -364,7 +364,7 @@ impl State {
                 if let Some(node) = scene.dial.nodes.iter().position(|node| node.on && node.lies_at(light.hand)) {
                     light.hand = nodes.get(node).map_or(light.hand, |node| node.place);
                 }
-                scene.dial.rearrange(nodes);
+                scene.dial.rearrange(nodes, &opened.dial.nodes);
             }
             Edit::Situation(index) => {
                 if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
@@ -463,6 +463,11 @@ impl State {
             Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
             Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
             Edit::Tour(..) => scene.dial.situations.iter().rposition(|situation| situation.hand == light.hand),
+            // On a node it is that light alone, wherever the others are.
+            Edit::NodePlace(..) | Edit::ResetDial | Edit::Polygon => light.situation.filter(|&index| {
+                let is_on = scene.dial.nodes.iter().any(|node| node.on && node.lies_at(light.hand));
+                is_on && scene.dial.situations.get(index).is_some_and(|situation| situation.hand == light.hand)
+            }),
             Edit::Exposure(_)
             | Edit::Adapt(_)
             | Edit::Observer(_)

@@ -38,6 +38,12 @@ pub(super) fn side_name(side: Side, anatomical: bool) -> &'static str {
     }
 }
 
+/// The side of a patient that `outward` points to most, a letter.
+pub(super) fn patient_end(outward: DVec3) -> &'static str {
+    let axis = outward.abs().max_position();
+    PATIENT[axis][usize::from(outward[axis] > 0.0)]
+}
+
 /// Draws them at the bottom left of the picture in `rect`, of a volume of a patient with its sides.
 pub(super) fn show(ui: &Ui, document: &Document, aspect: f64, rect: Rect) {
     let scene = &document.state().scene;

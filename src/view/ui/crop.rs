@@ -4,7 +4,7 @@ use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, Wid
 use glam::DVec3;
 
 use super::Shown;
-use super::axes::COLOURS;
+use super::axes::{COLOURS, patient_end};
 use super::controls::{number, panel, say_beside};
 use super::spectrum::narrow;
 use crate::number::count;
@@ -29,6 +29,13 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 fn part_text(document: &Document, axis: usize, part: f64) -> String {
     let last = count(document.state().scene.volume.geometry.dims[axis]) - 1.0;
     format!("{part:.4} of the volume, voxel {:.1} of 0 to {last}", part * last)
+}
+
+/// The side of the patient that an end of an axis of the file is at, behind a space; nothing where the file knows of none.
+fn side(document: &Document, axis: usize, end: usize) -> String {
+    let volume = &document.state().scene.volume;
+    let outward = volume.geometry.direction.col(axis) * [-1.0, 1.0][end];
+    if volume.anatomical { format!(" {}", patient_end(outward)) } else { String::new() }
 }
 
 fn hidden() -> Id {
@@ -71,7 +78,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let Some(now) = crop else { return };
         for (axis, name) in AXES.into_iter().enumerate() {
             ui.horizontal(|ui| {
-                ui.label(name);
+                ui.label(format!("{name}{}", [0, 1].map(|end| side(document, axis, end)).join("")));
                 let mut next = now;
                 for (end, word) in ["from", "to"].into_iter().enumerate() {
                     ui.label(word);
@@ -258,7 +265,8 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             let sign = if end == 0 { '−' } else { '+' };
             let (beside, font) = (at + vec2(HANDLE, 0.0), FontId::proportional(11.5));
             for (away, colour) in [(vec2(1.0, 1.0), Color32::BLACK), (Vec2::ZERO, fill)] {
-                painter.text(beside + away, Align2::LEFT_CENTER, format!("{sign}{name}"), font.clone(), colour);
+                let text = format!("{sign}{name}{}", side(document, axis, end));
+                painter.text(beside + away, Align2::LEFT_CENTER, text, font.clone(), colour);
             }
             if let (true, Some(pointer), Some(along)) = (hand.dragged(), hand.interact_pointer_pos(), along) {
                 let steps = f64::from((pointer - at).dot(along) / along.length_sq());

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use egui::{Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
+use egui::{Align2, Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
 use super::crop::{out_of_sight, too_thin};
@@ -12,6 +12,8 @@ use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
 use crate::view::tour::Tour;
 
+/// Points across a notice where there is hardly a picture.
+const LEAST_WIDTH: f32 = 120.0;
 /// How long it is told that something was done.
 const LONG_ENOUGH: Duration = Duration::from_secs(8);
 
@@ -38,11 +40,12 @@ impl Notice {
     }
 }
 
-/// Shows them at the top right of the picture, before the windows, which open at its left.
+/// Shows them at the bottom right of the picture: what windows over it are closed by is at their top.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
-    let width = (rect.width().min(560.0) - 60.0).max(1.0);
-    let at = rect.right_top() + vec2(-8.0 - width, 8.0);
-    Area::new(Id::new("notices")).order(Order::Foreground).fixed_pos(at).show(ui.ctx(), |ui| {
+    let width = (rect.width().min(560.0) - 60.0).max(LEAST_WIDTH);
+    let corner = rect.right_bottom() - vec2(8.0, 8.0);
+    let area = Area::new(Id::new("notices")).order(Order::Foreground);
+    let area = area.pivot(Align2::RIGHT_BOTTOM).fixed_pos(corner).show(ui.ctx(), |ui| {
         ui.set_max_width(width);
         if let Some(document) = shown.document.filter(|document| !document.state().is_lit()) {
             notice(ui, "No light arrives: the picture is black.", "Turn the lights on", || {
@@ -50,7 +53,11 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             });
         }
         if let Some(document) = shown.document.filter(|_| shown.loading.is_none()) {
-            if let Some((text, button, step)) = out_of_sight(document, shown.aspect, rect) {
+            // In a smaller picture all is thin.
+            let is_large = rect.size().min_elem() >= LEAST_WIDTH;
+            if let Some((text, button, step)) =
+                out_of_sight(document, shown.aspect, rect).filter(|_| is_large)
+            {
                 notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
             } else if let Some((text, edit)) = too_thin(document) {
                 notice(ui, &text, "Show all that way", || asked.push(Action::Edit(edit)));
@@ -75,6 +82,12 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             notice(ui, text, "Close", || asked.push(Action::Dismiss(index)));
         }
     });
+    // Where they begin follows from how large they were in the last frame.
+    let (id, now) = (area.response.id, area.response.rect);
+    if ui.data(|data| data.get_temp(id)) != Some(now) {
+        ui.data_mut(|data| data.insert_temp(id, now));
+        ui.ctx().request_repaint();
+    }
     let left = |notice: &Notice| Some(notice.until?.saturating_duration_since(Instant::now()));
     let next = shown.notices.iter().enumerate().filter_map(|(index, notice)| Some((left(notice)?, index))).min();
     match next {

@@ -6,10 +6,10 @@ use egui::{
 };
 
 use super::controls::{number, toggle};
-use super::spectrum::{curve, plot};
+use super::spectrum::{curve, narrow, plot};
 use super::{Shown, floating};
 use crate::model::LARGEST_DIMENSION;
-use crate::number::capital;
+use crate::number::{capital, count};
 use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
 use crate::scene::{Display, Mixing, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
@@ -48,11 +48,14 @@ pub(super) fn layer() -> LayerId {
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
     let at = rect.left_top() + vec2(8.0, 8.0);
-    let size = vec2(504.0, (rect.height() - 20.0).max(80.0));
+    // So that all lights are seen, with the names they have.
+    let lights = document.state().palette.as_ref().map_or(0, |palette| palette.lights.len());
+    let most = (140.0 + 120.0 * narrow(count(lights))).max(504.0);
+    let size = vec2(most, (rect.height() - 20.0).max(80.0));
     let open = floating::show(ui, ("Palette", layer().id), rect, (at, size), |ui| {
         let height = (rect.height() - 56.0).max(80.0);
         // Also in a window that was smaller, and is not any more.
-        let width = (rect.width() - 40.0).clamp(80.0, 504.0);
+        let width = (rect.width() - 40.0).clamp(80.0, most);
         let area = ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(width);
         area.show(ui, |ui| {
             ui.set_max_width(width);

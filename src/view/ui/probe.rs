@@ -11,6 +11,8 @@ use crate::view::action::Action;
 use crate::view::probe::{Lit, Probe, Share, Stretch};
 use crate::view::state::Document;
 
+/// Parts of a pixel that are told of as more than all of it.
+const MORE_THAN_ALL: f64 = 1.002;
 /// Width of what is in it, in points.
 const WIDTH: f32 = 300.0;
 
@@ -90,10 +92,14 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         section(
             ui,
             "What it shows",
-            "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. Each column adds up to 100 %. Where no label says what a voxel is, its value \
+            "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. The parts of its light add up to 100 %. Where no label says what a voxel is, its value \
              does: at the edge of something bright there are all values in between, and so materials that are not there.",
         );
         shares(ui, ["shares", "of the pixel", "of its light"], &probe.shares, of);
+        if probe.shares.iter().filter_map(|share| share.seen).sum::<f64>() > MORE_THAN_ALL {
+            let text = "Together it is more than the pixel: what hides nothing shines in front of the rest.";
+            ui.label(RichText::new(text).small().weak());
+        }
     } else if !probe.seen.is_empty() {
         section(
             ui,
