@@ -3,6 +3,8 @@
 struct Relight {
     width: u32,
     height: u32,
+    // Whether the same accumulators were lit before.
+    again: u32,
     // Red, green and blue of the background, and the share in all light, of the numbers in each layer of what passes.
     passing: array<array<vec4f, 4>, PASSED_LANES>,
     // Red, green and blue of the components in each layer of the accumulators.
@@ -14,6 +16,8 @@ struct Relight {
 @group(0) @binding(2) var transmittances: TransmittanceImage;
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
+// Whether a column of ROWS pixels shows anything of a material: where not, only the light behind it changes it.
+@group(0) @binding(5) var met: texture_storage_2d_array<r32uint, read_write>;
 
 // The transfer curve of IEC 61966-2-1 to 1.5e-4 of a code: with u the fourth root of x, 1.055 x^(1/2.4) - 0.055 is
 // 1.055 u^(5/3) - 0.055, here the polynomial of least greatest error. A power takes a software device several times as long.
@@ -38,22 +42,39 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         colours = relight.colours;
     }
     let passing = relight.passing;
-    let end = min((id.y + 1u) * ROWS, relight.height);
-    if (id.x >= relight.width) {
+    let begin = id.y * ROWS;
+    var end = min(begin + ROWS, relight.height);
+    if (id.x >= relight.width || begin >= end) {
         return;
     }
-    for (var y = id.y * ROWS; y < end; y += 1u) {
+    // A loop that ends at once is what a software device leaves out.
+    var found = vec4u();
+    var shown = 1u;
+    if (SPARES) {
+        if (relight.again != 0u) {
+            shown = min(textureLoad(met, id.xy, 0).x, 1u);
+        }
+        if (!BACKGROUND) {
+            end = begin + shown * (end - begin);
+        }
+    }
+    for (var y = begin; y < end; y += 1u) {
         let pixel = vec2u(id.x, y);
         var colour = vec3f();
-        for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
-            let weights = textureLoad(accumulators, pixel, layer);
-            var shine: array<vec4f, 3>;
-            if (FEW_LAYERS) {
-                shine = colours[layer];
-            } else {
-                shine = relight.colours[layer];
+        for (var once = 0u; once < shown; once += 1u) {
+            for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
+                let weights = textureLoad(accumulators, pixel, layer);
+                if (SPARES) {
+                    found |= bitcast<vec4u>(weights);
+                }
+                var shine: array<vec4f, 3>;
+                if (FEW_LAYERS) {
+                    shine = colours[layer];
+                } else {
+                    shine = relight.colours[layer];
+                }
+                colour += vec3f(dot(shine[0], weights), dot(shine[1], weights), dot(shine[2], weights));
             }
-            colour += vec3f(dot(shine[0], weights), dot(shine[1], weights), dot(shine[2], weights));
         }
         var passed = 0.0;
         if (PASSING) {
@@ -70,6 +91,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
         } else {
             textureStore(linear, pixel, 0, vec4f(colour, 1.0 - passed));
+        }
+    }
+    if (SPARES) {
+        if (relight.again == 0u) {
+            textureStore(met, id.xy, 0, vec4u(found.x | found.y | found.z | found.w));
         }
     }
 }

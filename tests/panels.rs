@@ -814,6 +814,21 @@ fn what_is_typed_and_is_no_number_changes_nothing_and_says_so() {
 }
 
 #[test]
+fn what_is_typed_and_is_too_much_says_what_became_of_it() {
+    for (typed, told, opacity) in [("2", "2 is more than is possible here: it became 1.", 1.0), ("0.5", "", 0.5)] {
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+        window.run();
+        let before = intervals(&window)[0];
+        type_into(&mut window, "interval 0: opacity", typed);
+        window.key_press(Key::Enter);
+        window.run();
+        assert_eq!(intervals(&window)[0], Interval { opacity, ..before });
+        assert_eq!(is_painted(&window, "than is possible here"), !told.is_empty(), "{typed}");
+        assert!(is_painted(&window, told), "{typed}");
+    }
+}
+
+#[test]
 fn a_side_of_the_crop_box_that_is_typed_past_the_other_stops_there_and_says_so() {
     let mut document = document();
     document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));

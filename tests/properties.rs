@@ -13,7 +13,7 @@ use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Light, Spectrum};
-use relume::tables::{Accumulation, Components};
+use relume::tables::{Accumulation, Components, RelightMatrices};
 use support::device::open;
 use support::rungs::{Rungs, magnitudes, with_renderer};
 use support::scenes::{self, SIZE};
@@ -31,6 +31,33 @@ fn single(mix: &Mix, i: usize, factor: f64) -> Mix {
     let mut light = mix.0[i].clone();
     light.weight *= factor;
     Mix(vec![light])
+}
+
+/// Pixels that show nothing are lit once.
+#[test]
+fn a_picture_that_is_lit_again_is_the_one_that_is_lit_once() {
+    with_renderer(|renderer| {
+        for name in ["diffuse_three", "background", "coloured_three"] {
+            let rungs = Rungs::new(scenes::named(name), SIZE);
+            let marched = rungs.gpu_accumulators(renderer);
+            let (dark, lit) = (rungs.matrices_under(&Mix(Vec::new())), rungs.matrices());
+            let picture = |matrices: &[&RelightMatrices]| {
+                let relight = renderer.relight_display(&marched).unwrap();
+                for matrices in matrices {
+                    relight.run(matrices).unwrap();
+                }
+                relight.read::<[u8; 4]>().unwrap()
+            };
+            let (once, off) = (picture(&[&lit]), picture(&[&dark]));
+            assert!(picture(&[&dark, &lit]) == once, "{name}: lit after dark");
+            assert!(picture(&[&dark, &lit, &lit]) == once, "{name}: lit twice");
+            assert!(picture(&[&lit, &dark]) == off, "{name}: dark after light");
+            if name == "diffuse_three" {
+                let black = once.iter().filter(|&&pixel| pixel == [0, 0, 0, 255]).count();
+                assert!((1..once.len()).contains(&black), "{name}: {black} of {} pixels show nothing", once.len());
+            }
+        }
+    });
 }
 
 /// COLOUR.md C12.

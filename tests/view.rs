@@ -183,6 +183,53 @@ fn a_window_of_any_size_shows_its_picture() {
     assert_eq!(shown, (1280, 720), "the last size asked for");
 }
 
+/// A window is drawn anew where it has changed; one of another size is drawn anew everywhere.
+#[test]
+fn a_window_that_was_drawn_in_parts_is_the_one_that_is_drawn_whole() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 900 760
+settle
+hand 0.3 -0.1
+frames 2
+pointer 120 200
+frames 3
+light lamp 0.4
+frames 1
+off day
+frames 1
+on day
+pointer 60 420
+press
+frames 2
+release
+pointer 500 300
+hand -0.2 0.4
+frames 4
+palette on
+frames 30
+hand 0.1 0.1
+settle
+window parts.png
+settle
+size 910 750
+settle
+size 900 760
+frames 30
+settle
+window whole.png
+settle
+";
+    screen.script(&folder, "dial.toml", script);
+    let ([width, height], parts) = rgb(&folder, "parts.png");
+    let (size, whole) = rgb(&folder, "whole.png");
+    assert_eq!(([width, height], size), ([900, 760], [900, 760]));
+    // The last line says how long frames take. Devices draw a triangle in blocks, and round colours as these begin.
+    let codes = 3 * width * (height - 26);
+    let wrong = (0..codes).find(|&code| parts[code].abs_diff(whole[code]) > 1).map(|code| code / 3);
+    assert_eq!(wrong.map(|pixel| [pixel % width, pixel / width]), None, "the first pixel that is not the same");
+}
+
 #[test]
 fn resizing_without_a_pause_in_the_middle_of_marches_leaves_the_device_in_order() {
     let Some(screen) = Screen::new() else { return };

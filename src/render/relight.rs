@@ -1,5 +1,6 @@
 //! Post-illumination on the device: accumulators to pictures.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use bytemuck::{Pod, Zeroable};
@@ -34,12 +35,18 @@ pub(super) enum Target {
 pub struct RelightUniform {
     pub width: u32,
     pub height: u32,
-    pub padding: [u32; 2],
+    pub again: u32,
+    pub padding: u32,
 }
 
 /// Whether what passes is looked at: where there is something behind the volume, or the picture is to have opacity.
 fn passes_light(plan: &ScenePlan, target: Target) -> bool {
     plan.background || target == Target::Linear
+}
+
+/// Whether pictures for `target` are lit often: then what shows nothing of any material is told apart by the first light.
+fn is_lit_again(target: Target) -> bool {
+    target == Target::Display
 }
 
 /// What the relight shader of `plan` is compiled from.
@@ -51,6 +58,7 @@ pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
         .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
         .alias("AccumulatorImage", &accumulators)
         .alias("TransmittanceImage", &passed)
+        .bool("SPARES", is_lit_again(target))
         .bool("DISPLAY", target == Target::Display)
         .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
         .u32("ROWS", ROWS)
@@ -69,6 +77,8 @@ pub struct Relight {
     set: crate::vulkan::ResourceSet,
     uniform: Buffer,
     picture: StorageImage,
+    /// Whether every pixel of the picture was lit once.
+    lit: AtomicBool,
     bytes: u64,
 }
 
@@ -112,19 +122,24 @@ impl Renderer {
             Target::Linear => "linear",
         };
         let picture = StorageImage::new(device, name, format, accumulators.size.map(unsigned), 1)?;
+        let columns = [unsigned(accumulators.size[0]), unsigned(accumulators.size[1]).div_ceil(ROWS)];
+        let met =
+            is_lit_again(target).then(|| StorageImage::new(device, "met", Format::R32Uint, columns, 1)).transpose()?;
         let (pipeline, set) = self.bind(source(plan, target), 0, |name| {
             Some(match name {
                 "relight" => Resource::Uniform(&uniform),
                 "accumulators" => Resource::StorageImage(&accumulators.weights),
                 "transmittances" => Resource::StorageImage(&accumulators.transmittance),
                 "display" | "linear" => Resource::StorageImage(&picture),
+                "met" => Resource::StorageImage(met.as_ref()?),
                 _ => return None,
             })
         })?;
         let passed = if passes_light(plan, target) { accumulators.transmittance.bytes() } else { 0 };
         let weights = if plan.layers() == 0 { 0 } else { accumulators.weights.bytes() };
         let bytes = uniform.bytes() + weights + passed + picture.bytes();
-        Ok(Relight { device: device.clone(), components: plan.components(), pipeline, set, uniform, picture, bytes })
+        let (device, lit) = (device.clone(), AtomicBool::new(false));
+        Ok(Relight { device, components: plan.components(), pipeline, set, uniform, picture, lit, bytes })
     }
 }
 
@@ -137,7 +152,8 @@ impl Relight {
     /// [`RenderError`].
     pub fn run(&self, matrices: &RelightMatrices) -> Result<Option<Duration>, RenderError> {
         let size = self.picture.extent();
-        let head = RelightUniform { width: size[0], height: size[1], padding: [0; 2] };
+        let again = u32::from(self.lit.load(Ordering::Relaxed));
+        let head = RelightUniform { width: size[0], height: size[1], again, padding: 0 };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
         let (mut passing, mut lanes) = (matrices.passing_lanes(), matrices.lanes(self.components));
         if self.picture.format() == Format::Bgra8Unorm {
@@ -156,10 +172,12 @@ impl Relight {
                 [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1] * ROWS), 1],
             )
         })?;
+        self.lit.store(true, Ordering::Relaxed);
         Ok(took)
     }
 
-    /// Bytes on the device that a run reads and writes: accumulators, matrices and the picture.
+    /// Bytes on the device that a run reads and writes where every pixel shows something: accumulators, matrices and the picture,
+    /// not what tells such pixels apart.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes

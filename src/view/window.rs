@@ -582,7 +582,6 @@ impl Viewer {
         self.save_tour(failed);
         self.save_pictures();
 
-        let panels = self.context.tessellate(output.shapes, output.pixels_per_point);
         let capture = self.saving.capture.take();
         let place = self.pixels(output.pixels_per_point);
         let picture = self.engine.as_ref().and_then(Engine::picture).map(|picture| (picture, place));
@@ -592,7 +591,8 @@ impl Viewer {
             background,
             picture,
             textures: &mut self.textures,
-            panels: &panels,
+            panels: output.shapes,
+            context: &self.context,
             pixels_per_point: output.pixels_per_point,
             capture: capture.is_some(),
         });

@@ -5,6 +5,8 @@
 //! writes lives until that submission is done.
 
 mod buffer;
+#[cfg(feature = "window")]
+mod damage;
 mod device;
 #[cfg(all(feature = "window", target_os = "linux"))]
 mod display;

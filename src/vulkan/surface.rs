@@ -5,11 +5,14 @@ use std::mem::ManuallyDrop;
 use std::sync::Arc;
 
 use ash::{khr, vk};
-use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use egui::epaint::{ClippedShape, ImageDelta};
+use egui::{ClippedPrimitive, Context, TextureId, TexturesDelta};
 use egui_ash_renderer::{DynamicRendering, Options, RenderMode, Renderer, RendererError, allocator::GpuAllocator};
+use glam::IVec2;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
+use super::damage::{Area, Ground, Panels};
 use super::swapchain::{FORMAT, RawSurface, Swapchain, semaphore};
 use super::{Buffer, Device, HostUse, StorageImage, VulkanError, handle::Owned, image, lock};
 
@@ -26,8 +29,10 @@ pub struct Frame<'a> {
     pub picture: Option<(&'a StorageImage, [u32; 4])>,
     /// What changes of the panels' textures; taken out of it, even where nothing is shown.
     pub textures: &'a mut TexturesDelta,
-    /// The panels.
-    pub panels: &'a [ClippedPrimitive],
+    /// The panels, as they were laid out.
+    pub panels: Vec<ClippedShape>,
+    /// What has laid them out.
+    pub context: &'a Context,
     /// Pixels of the window that are one unit of the panels.
     pub pixels_per_point: f32,
     /// Whether the pixels shown are wanted back.
@@ -38,6 +43,18 @@ impl fmt::Debug for Frame<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.debug_struct("Frame").field("size", &self.size).finish_non_exhaustive()
     }
+}
+
+/// What of a frame is drawn.
+struct Drawing<'a> {
+    picture: Option<(&'a StorageImage, Part)>,
+    background: [f32; 3],
+    /// Where there is the background, and the panels over it.
+    cleared: Vec<Area>,
+    panels: Vec<ClippedPrimitive>,
+    pixels_per_point: f32,
+    /// Whether nothing stays of what the image holds.
+    anew: bool,
 }
 
 /// A window that frames are shown in, one after the other.
@@ -124,6 +141,10 @@ impl Surface {
     /// [`VulkanError::DeviceLost`], [`VulkanError::Panels`], [`VulkanError::OutOfMemory`].
     pub fn show(&mut self, frame: Frame<'_>) -> Result<Option<Vec<u8>>, VulkanError> {
         self.wait()?;
+        if frame.textures.set.values().flatten().any(ImageDelta::is_whole) {
+            // Another texture may look otherwise; parts of one are letters that were not needed before.
+            self.swapchain.iter_mut().flat_map(|it| &mut it.images).for_each(|image| image.panels = None);
+        }
         self.update_textures(frame.textures)?;
         if frame.size.contains(&0) {
             return Ok(None);
@@ -133,7 +154,7 @@ impl Surface {
             self.swapchain = Swapchain::new(&self.raw, frame.size, self.swapchain.as_ref())?;
             self.stale = false;
         }
-        let Some(swapchain) = &self.swapchain else { return Ok(None) };
+        let Some(swapchain) = &mut self.swapchain else { return Ok(None) };
         let extent = swapchain.extent;
         // Before an image is waited for, so that where this fails the next frame can be shown.
         let capture = if frame.capture {
@@ -147,9 +168,33 @@ impl Surface {
             return Ok(None);
         };
         self.stale = !fits;
-        self.record(&frame, index, capture.as_ref())?;
-        self.picture = frame.picture.map(|(picture, _)| picture.clone());
-        self.submit(index)?;
+        let Some(image) = swapchain.images.get_mut(index as usize) else { return Ok(None) };
+        // Until this frame is drawn.
+        let before = image.panels.take();
+        let part = frame.picture.and_then(|(picture, place)| part(picture.extent(), place, extent));
+        let ground = Ground {
+            extent: IVec2::new(extent.width.cast_signed(), extent.height.cast_signed()),
+            pixels_per_point: frame.pixels_per_point,
+            picture: part.as_ref().map(Part::area),
+            background: frame.background,
+        };
+        // `Panels::within` leaves out what is not seen; egui would go by bounds that are too small.
+        frame.context.tessellation_options_mut(|options| options.coarse_tessellation_culling = false);
+        let panels = Panels::new(frame.panels, ground);
+        let cleared = panels.damage(before.as_ref());
+        let drawn = cleared.iter().copied().chain(ground.picture).flat_map(|area| panels.within(area)).collect();
+        let picture = frame.picture.map(|(picture, _)| picture).zip(part);
+        let drawing = Drawing {
+            picture,
+            background: frame.background,
+            cleared,
+            panels: frame.context.tessellate(drawn, frame.pixels_per_point),
+            pixels_per_point: frame.pixels_per_point,
+            anew: before.is_none(),
+        };
+        self.record(&drawing, index, capture.as_ref())?;
+        self.picture = picture.map(|(picture, _)| picture.clone());
+        self.submit(index, panels)?;
         let Some(capture) = capture else { return Ok(None) };
         self.wait()?;
         let mut pixels = vec![0; usize::try_from(capture.bytes()).unwrap_or_default()];
@@ -189,7 +234,7 @@ impl Surface {
         Ok(())
     }
 
-    fn record(&mut self, frame: &Frame<'_>, index: u32, capture: Option<&Buffer>) -> Result<(), VulkanError> {
+    fn record(&mut self, drawing: &Drawing<'_>, index: u32, capture: Option<&Buffer>) -> Result<(), VulkanError> {
         let Some(swapchain) = &self.swapchain else { return Ok(()) };
         let Some(shown) = swapchain.images.get(index as usize) else { return Ok(()) };
         let (raw, commands, extent) = (self.device.raw(), self.commands, swapchain.extent);
@@ -221,30 +266,20 @@ impl Surface {
             // kept until its frames are done, and the function is this device's.
             unsafe { (raw.pipeline_barrier2)(commands, &info) };
         };
-        barrier(ACQUIRED, COPIED_TO);
-        let [red, green, blue] = frame.background;
-        let colour = vk::ClearColorValue { float32: [red, green, blue, 1.0] };
-        let range = [image::all_layers()];
-        // SAFETY: recording; the barrier has brought the image, which may be copied to, into this layout.
-        unsafe { raw.functions.cmd_clear_color_image(commands, shown.image, COPIED_TO.layout, &colour, &range) };
-        barrier(COPIED_TO, COPIED_TO);
-        if let Some((picture, place)) = frame.picture {
+        barrier(if drawing.anew { UNDEFINED } else { ACQUIRED }, COPIED_TO);
+        if let Some((picture, part)) = &drawing.picture {
             picture.check_device(&self.device)?;
             let (from, to) = ((picture.raw(), image::STORAGE_LAYOUT), (shown.image, COPIED_TO.layout));
-            match part(picture.extent(), place, extent) {
+            if part.seen == part.shown && picture.format().raw() == FORMAT {
                 // A software device takes a fraction of the time for bytes that it need not look at.
-                Some(part) if part.seen == part.shown && picture.format().raw() == FORMAT => {
-                    let region = [part.copy()];
-                    // SAFETY: recording; both images are of one format and in these layouts, the region lies in both, and
-                    // both are kept until the frame has ended.
-                    unsafe { raw.functions.cmd_copy_image(commands, from.0, from.1, to.0, to.1, &region) };
-                }
-                Some(part) => {
-                    let (region, filter) = ([part.blit()], vk::Filter::LINEAR);
-                    // SAFETY: as above, but for the formats, between which a blit converts.
-                    unsafe { raw.functions.cmd_blit_image(commands, from.0, from.1, to.0, to.1, &region, filter) };
-                }
-                None => {}
+                let region = [part.copy()];
+                // SAFETY: recording; both images are of one format and in these layouts, the region lies in both, and
+                // both are kept until the frame has ended.
+                unsafe { raw.functions.cmd_copy_image(commands, from.0, from.1, to.0, to.1, &region) };
+            } else {
+                let (region, filter) = ([part.blit()], vk::Filter::LINEAR);
+                // SAFETY: as above, but for the formats, between which a blit converts.
+                unsafe { raw.functions.cmd_blit_image(commands, from.0, from.1, to.0, to.1, &region, filter) };
             }
         }
         barrier(COPIED_TO, DRAWN_ON);
@@ -259,7 +294,16 @@ impl Surface {
             .color_attachments(&attachments);
         // SAFETY: recording; the view is of the format that the panels' pipeline draws, in this layout, and kept.
         unsafe { raw.functions.cmd_begin_rendering(commands, &info) };
-        self.panels.cmd_draw(commands, extent, frame.pixels_per_point, frame.panels).map_err(of_panels)?;
+        let [red, green, blue] = drawing.background;
+        let background = [vk::ClearAttachment::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32: [red, green, blue, 1.0] } })];
+        let cleared: Vec<_> = drawing.cleared.iter().map(|&area| clear(area)).collect();
+        if !cleared.is_empty() {
+            // SAFETY: recording, between beginning and end of rendering; the areas are not empty and lie in what is rendered.
+            unsafe { raw.functions.cmd_clear_attachments(commands, &background, &cleared) };
+        }
+        self.panels.cmd_draw(commands, extent, drawing.pixels_per_point, &drawing.panels).map_err(of_panels)?;
         // SAFETY: recording; rendering was begun above.
         unsafe { raw.functions.cmd_end_rendering(commands) };
         if let Some(buffer) = capture {
@@ -298,9 +342,10 @@ impl Surface {
         ended.map_err(VulkanError::call("vkEndCommandBuffer", NAME))
     }
 
-    fn submit(&mut self, index: u32) -> Result<(), VulkanError> {
-        let Some(swapchain) = &self.swapchain else { return Ok(()) };
-        let Some(shown) = swapchain.images.get(index as usize) else { return Ok(()) };
+    /// Submits what was recorded of the image, which then has `panels`, and shows it.
+    fn submit(&mut self, index: u32, panels: Panels) -> Result<(), VulkanError> {
+        let Some(swapchain) = &mut self.swapchain else { return Ok(()) };
+        let Some(shown) = swapchain.images.get_mut(index as usize) else { return Ok(()) };
         let functions = &self.device.raw().functions;
         // SAFETY: `wait` has seen the fence signalled, so no submission has it.
         let reset = unsafe { functions.reset_fences(&[self.fence.raw()]) };
@@ -321,6 +366,7 @@ impl Surface {
             unsafe { functions.queue_submit(*queue, &info, self.fence.raw()) }
         };
         submitted.map_err(VulkanError::call("vkQueueSubmit", NAME))?;
+        shown.panels = Some(panels);
         self.stale |= !swapchain.present(*queue, index)?;
         Ok(())
     }
@@ -365,6 +411,7 @@ fn of_panels(error: RendererError) -> VulkanError {
 }
 
 /// The part of a picture that a window shows.
+#[derive(Clone, Copy)]
 struct Part {
     /// Pixels of the picture, from its top left.
     seen: [u32; 2],
@@ -389,6 +436,14 @@ fn part(from: [u32; 2], place: [u32; 4], extent: vk::Extent2D) -> Option<Part> {
 }
 
 impl Part {
+    /// The pixels of the window that it is shown in.
+    fn area(&self) -> Area {
+        let [left, top] = self.corner.map(u32::cast_signed);
+        let [width, height] = self.shown.map(u32::cast_signed);
+        let min = IVec2::new(left, top);
+        Area { min, max: min + IVec2::new(width, height) }
+    }
+
     /// Of as many pixels as it is shown in.
     fn copy(&self) -> vk::ImageCopy {
         let [width, height] = self.seen;
@@ -414,6 +469,15 @@ fn offset([x, y]: [u32; 2], z: i32) -> vk::Offset3D {
     vk::Offset3D { x: x.cast_signed(), y: y.cast_signed(), z }
 }
 
+fn clear(area: Area) -> vk::ClearRect {
+    let size = (area.max - area.min).as_uvec2();
+    let rect = vk::Rect2D {
+        offset: vk::Offset2D { x: area.min.x, y: area.min.y },
+        extent: vk::Extent2D { width: size.x, height: size.y },
+    };
+    vk::ClearRect::default().rect(rect).layer_count(1)
+}
+
 /// All of a picture, and of an image of the window.
 const LAYER: vk::ImageSubresourceLayers = vk::ImageSubresourceLayers {
     aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -430,9 +494,11 @@ struct Use {
     access: vk::AccessFlags2,
 }
 
-/// Whatever it held is lost; the stage is the one that waits for it.
+/// Whatever it held is lost.
+const UNDEFINED: Use = Use { layout: vk::ImageLayout::UNDEFINED, ..ACQUIRED };
+/// The stage is the one that waits for it.
 const ACQUIRED: Use = Use {
-    layout: vk::ImageLayout::UNDEFINED,
+    layout: vk::ImageLayout::PRESENT_SRC_KHR,
     stage: vk::PipelineStageFlags2::ALL_TRANSFER,
     access: vk::AccessFlags2::NONE,
 };

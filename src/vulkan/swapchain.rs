@@ -2,7 +2,7 @@
 
 use ash::{khr, vk};
 
-use super::{Device, VulkanError, handle::Owned, image::all_layers};
+use super::{Device, VulkanError, damage::Panels, handle::Owned, image::all_layers};
 
 /// What errors and the validation layer call it.
 const NAME: &str = "swapchain";
@@ -49,6 +49,8 @@ pub(super) struct Shown {
     pub(super) view: Owned<vk::ImageView>,
     /// Signalled when it may be shown; its own, because nobody tells when the screen has waited for it.
     pub(super) drawn: Owned<vk::Semaphore>,
+    /// The panels on it, where it holds a whole frame. It keeps that until it is its turn again.
+    pub(super) panels: Option<Panels>,
 }
 
 impl Swapchain {
@@ -90,7 +92,8 @@ impl Swapchain {
             .composite_alpha(alpha)
             // The one mode that every device has.
             .present_mode(vk::PresentModeKHR::FIFO)
-            .clipped(true)
+            // Else pixels that something lies over could be lost between two frames, and are not drawn again.
+            .clipped(false)
             .old_swapchain(old.map_or_else(vk::SwapchainKHR::null, |old| old.raw));
         let functions = khr::swapchain::Device::new(&device.raw().instance.raw, &device.raw().functions);
         // SAFETY: the surface shows this format (its owner has asked), the numbers are within what it has just answered,
@@ -143,7 +146,7 @@ impl Shown {
         // SAFETY: the image is of a swapchain that outlives the view, and of this format.
         let made = unsafe { raw.functions.create_image_view(&info, None) };
         let view = Owned::new(raw, NAME, "vkCreateImageView", made, ash::Device::destroy_image_view)?;
-        Ok(Self { image, view, drawn: semaphore(device, "drawn")? })
+        Ok(Self { image, view, drawn: semaphore(device, "drawn")?, panels: None })
     }
 }
 

@@ -1,6 +1,6 @@
 //! What several panels are made of.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
@@ -77,7 +77,8 @@ pub(super) fn slider(
     // A slider's answer is now its own, now its field's.
     let (before, id, typing) = (*value, ui.next_auto_id(), Typing::default());
     let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(plain_decimals(decimals));
-    let slider = slider.custom_parser(|text| typing.parsed(text));
+    // It keeps what is typed, to so many decimals.
+    let slider = slider.custom_parser(|text| typing.parsed(text).inspect(|_| typing.typed.set(None)));
     let slider = slider.custom_formatter(|value, plain| typing.shown::<f64>(value, plain, decimals));
     let response = ui.add(with(slider).update_while_editing(false));
     typing.end(id, response, before, value)
@@ -88,6 +89,8 @@ pub(super) fn slider(
 struct Typing {
     /// What it showed before.
     shown: RefCell<Option<String>>,
+    /// The number that was typed.
+    typed: Cell<Option<f64>>,
     /// Why what was typed is not taken.
     refused: RefCell<Option<String>>,
 }
@@ -105,15 +108,23 @@ impl Typing {
         if number.is_none() {
             *self.refused.borrow_mut() = Some(format!("“{text}” is no number, such as 0.25: nothing was changed."));
         }
+        self.typed.set(number);
         number
     }
 
-    /// Says why what was typed was refused. A field that is left as it was has changed nothing, though it shows fewer digits than
+    /// Says why what was typed was refused, or what became of it. A field that is left as it was has changed nothing, though it shows fewer digits than
     /// there are.
     fn end<N: Numeric>(self, id: Id, mut field: Response, before: N, value: &mut N) -> Response {
         self.refused.into_inner().into_iter().for_each(|text| say(&field.ctx, id, text));
-        show_said(id, &field);
         let is = value.to_f64();
+        // Of a whole number decimals may have been typed, and of an f32 more digits than it has.
+        let near = |typed: f64| if N::INTEGRAL { 0.999 } else { 1e-6 * typed.abs() };
+        if let Some(typed) = self.typed.get().filter(|typed| (typed - is).abs() > near(*typed)) {
+            let than = if typed > is { "more" } else { "less" };
+            let [typed, is] = [typed, is].map(|number| shorter(number, number.to_string(), 3));
+            say(&field.ctx, id, format!("{typed} is {than} than is possible here: it became {is}."));
+        }
+        show_said(id, &field);
         let as_shown =
             || self.shown.borrow().as_deref().and_then(parsed).is_some_and(|shown| shown.to_bits() == is.to_bits());
         // A slider calls it a change, too, when what is in its field changes.

@@ -131,14 +131,15 @@ impl Map<'_> {
         )
     }
 
-    /// Its place on the screen; `None` behind the eye.
+    /// Its place on the screen; `None` behind the eye, and where a picture of a few pixels leaves no number.
     fn place(&self, seen: DVec3) -> Option<Pos2> {
         let by = if self.view.parallel { 1.0 } else { seen.z };
         if by <= 1e-6 {
             return None;
         }
         let half = self.rect.size() / 2.0;
-        Some(self.rect.center() + vec2(narrow(seen.x / by) * half.x, -narrow(seen.y / by) * half.y))
+        let place = self.rect.center() + vec2(narrow(seen.x / by) * half.x, -narrow(seen.y / by) * half.y);
+        place.is_finite().then_some(place)
     }
 
     fn edge(&self, from: DVec3, to: DVec3) -> Option<[Pos2; 2]> {
