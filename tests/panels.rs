@@ -716,6 +716,23 @@ fn type_into(window: &mut Harness<'_, App>, label: &str, text: &str) {
     }
 }
 
+/// Types `text` in place of what is in a field, or in the field at the right of a slider.
+fn retype(window: &mut Harness<'_, App>, label: &str, text: &str) {
+    let named = window.get_by_label(label).rect();
+    let in_line = |place: &Rect| (place.center().y - named.center().y).abs() < 5.0;
+    let field = window.get_all_by_role(Role::SpinButton).map(|node| node.rect()).find(in_line).unwrap_or(named);
+    click_at(window, field.center());
+    window.run();
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run();
+    window.key_press(Key::Delete);
+    window.run();
+    window.event(Event::Text(text.to_owned()));
+    window.run();
+    window.key_press(Key::Enter);
+    window.run();
+}
+
 #[test]
 fn the_bar_of_the_panels_lies_over_no_control() {
     let document = document();
@@ -793,20 +810,7 @@ fn what_is_typed_and_is_no_number_changes_nothing_and_says_so() {
         for label in ["interval 0: opacity", "day: strength"] {
             let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
             window.run();
-            // A slider has its field at its right.
-            let named = window.get_by_label(label).rect();
-            let in_line = |place: &Rect| (place.center().y - named.center().y).abs() < 5.0;
-            let field = window.get_all_by_role(Role::SpinButton).map(|node| node.rect()).find(in_line).unwrap_or(named);
-            click_at(&mut window, field.center());
-            window.run();
-            window.key_press_modifiers(Modifiers::COMMAND, Key::A);
-            window.run();
-            window.key_press(Key::Delete);
-            window.run();
-            window.event(Event::Text(text.to_owned()));
-            window.run();
-            window.key_press(Key::Enter);
-            window.run();
+            retype(&mut window, label, text);
             assert!(window.state().asked.is_empty(), "{label} {text}: {:?}", window.state().asked);
             assert!(is_painted(&window, &format!("“{text}” is no number")), "{label} {text}");
         }
@@ -823,6 +827,19 @@ fn what_is_typed_and_is_too_much_says_what_became_of_it() {
         window.key_press(Key::Enter);
         window.run();
         assert_eq!(intervals(&window)[0], Interval { opacity, ..before });
+        assert_eq!(is_painted(&window, "than is possible here"), !told.is_empty(), "{typed}");
+        assert!(is_painted(&window, told), "{typed}");
+    }
+}
+
+#[test]
+fn a_slider_that_is_typed_below_nothing_says_that_it_became_nothing() {
+    for (typed, told, weight) in [("-1", "-1 is less than is possible here: it became 0.", 0.0), ("5", "", 5.0)] {
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+        window.run();
+        retype(&mut window, "Exposure", typed);
+        let display = &window.state().document.as_ref().unwrap().state().scene.display;
+        assert!((display.exposure - weight).abs() < 1e-9, "{typed}: {}", display.exposure);
         assert_eq!(is_painted(&window, "than is possible here"), !told.is_empty(), "{typed}");
         assert!(is_painted(&window, told), "{typed}");
     }
@@ -962,6 +979,30 @@ fn a_window_over_a_picture_that_was_small_goes_back_to_where_it_was() {
         }
         assert_eq!(title(&window, name), put, "{name}: where a hand has put it");
     }
+}
+
+#[test]
+fn a_tour_takes_as_long_and_saves_as_many_pictures_as_somebody_says() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    let press = |window: &mut Harness<'_, App>, button: &str| {
+        window.get_by_label(button).click();
+        window.run();
+        window.state().asked.last().cloned()
+    };
+    assert_eq!(press(&mut window, "Tour"), Some(Action::Tour(Some(8.0))), "as usual");
+    assert_eq!(press(&mut window, "save the tour"), Some(Action::SaveTour(None, 50)), "as usual");
+    for (field, typed) in [("tour: seconds", "2.5"), ("tour: pictures", "1")] {
+        type_into(&mut window, field, typed);
+        window.key_press(Key::Enter);
+        window.run();
+    }
+    assert!(is_painted(&window, "1 is less than is possible here: it became 2."), "both ends of the way");
+    assert_eq!(press(&mut window, "Tour"), Some(Action::Tour(Some(2.5))));
+    assert_eq!(press(&mut window, "save the tour"), Some(Action::SaveTour(None, 2)));
 }
 
 #[test]

@@ -402,6 +402,17 @@ fn a_picture_that_was_saved_is_told_of_though_nothing_moves() {
 
 #[test]
 #[cfg(target_os = "linux")]
+fn the_key_that_quits_closes_the_window() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let child = start(&screen, &folder, &["scene.toml"]);
+    let window = screen.window();
+    window.press_with_control('q');
+    assert_ended_well(child, 0);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
 fn a_display_that_goes_away_is_told_of_in_one_sentence() {
     let folder = folder();
     for patience in [0, 10, 50, 300, 1500] {

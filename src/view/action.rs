@@ -53,6 +53,8 @@ pub enum Action {
     Another,
     /// What is looked at is left, saved or not.
     Leave(Leaving),
+    /// The window closes; where what is looked at was changed and not saved, somebody is asked first.
+    Close,
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
     /// in .png or .exr; `None` is a numbered name in this folder that is free.
     SavePicture(Option<PathBuf>),

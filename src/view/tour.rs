@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::state::Edit;
 
 /// Longest tour, in seconds.
-const LONGEST: f64 = 3600.0;
+pub const LONGEST: f64 = 3600.0;
 
 /// A tour under way.
 #[derive(Clone, Debug)]

@@ -28,8 +28,12 @@ impl Area {
         self.min.cmpge(self.max).any()
     }
 
+    pub(super) fn size(self) -> IVec2 {
+        self.max - self.min
+    }
+
     fn pixels(self) -> i64 {
-        let size = (self.max - self.min).max(IVec2::ZERO);
+        let size = self.size().max(IVec2::ZERO);
         i64::from(size.x) * i64::from(size.y)
     }
 

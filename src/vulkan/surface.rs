@@ -48,11 +48,10 @@ impl fmt::Debug for Frame<'_> {
 /// What of a frame is drawn.
 struct Drawing<'a> {
     picture: Option<(&'a StorageImage, Part)>,
-    background: [f32; 3],
+    ground: Ground,
     /// Where there is the background, and the panels over it.
     cleared: Vec<Area>,
     panels: Vec<ClippedPrimitive>,
-    pixels_per_point: f32,
     /// Whether nothing stays of what the image holds.
     anew: bool,
 }
@@ -175,7 +174,7 @@ impl Surface {
         let ground = Ground {
             extent: IVec2::new(extent.width.cast_signed(), extent.height.cast_signed()),
             pixels_per_point: frame.pixels_per_point,
-            picture: part.as_ref().map(Part::area),
+            picture: part.map(|part| part.shown),
             background: frame.background,
         };
         // `Panels::within` leaves out what is not seen; egui would go by bounds that are too small.
@@ -186,10 +185,9 @@ impl Surface {
         let picture = frame.picture.map(|(picture, _)| picture).zip(part);
         let drawing = Drawing {
             picture,
-            background: frame.background,
+            ground,
             cleared,
             panels: frame.context.tessellate(drawn, frame.pixels_per_point),
-            pixels_per_point: frame.pixels_per_point,
             anew: before.is_none(),
         };
         self.record(&drawing, index, capture.as_ref())?;
@@ -270,7 +268,7 @@ impl Surface {
         if let Some((picture, part)) = &drawing.picture {
             picture.check_device(&self.device)?;
             let (from, to) = ((picture.raw(), image::STORAGE_LAYOUT), (shown.image, COPIED_TO.layout));
-            if part.seen == part.shown && picture.format().raw() == FORMAT {
+            if part.seen == part.shown.size() && picture.format().raw() == FORMAT {
                 // A software device takes a fraction of the time for bytes that it need not look at.
                 let region = [part.copy()];
                 // SAFETY: recording; both images are of one format and in these layouts, the region lies in both, and
@@ -294,7 +292,7 @@ impl Surface {
             .color_attachments(&attachments);
         // SAFETY: recording; the view is of the format that the panels' pipeline draws, in this layout, and kept.
         unsafe { raw.functions.cmd_begin_rendering(commands, &info) };
-        let [red, green, blue] = drawing.background;
+        let [red, green, blue] = drawing.ground.background;
         let background = [vk::ClearAttachment::default()
             .aspect_mask(vk::ImageAspectFlags::COLOR)
             .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32: [red, green, blue, 1.0] } })];
@@ -303,7 +301,7 @@ impl Surface {
             // SAFETY: recording, between beginning and end of rendering; the areas are not empty and lie in what is rendered.
             unsafe { raw.functions.cmd_clear_attachments(commands, &background, &cleared) };
         }
-        self.panels.cmd_draw(commands, extent, drawing.pixels_per_point, &drawing.panels).map_err(of_panels)?;
+        self.panels.cmd_draw(commands, extent, drawing.ground.pixels_per_point, &drawing.panels).map_err(of_panels)?;
         // SAFETY: recording; rendering was begun above.
         unsafe { raw.functions.cmd_end_rendering(commands) };
         if let Some(buffer) = capture {
@@ -414,11 +412,9 @@ fn of_panels(error: RendererError) -> VulkanError {
 #[derive(Clone, Copy)]
 struct Part {
     /// Pixels of the picture, from its top left.
-    seen: [u32; 2],
-    /// Where in the window.
-    corner: [u32; 2],
+    seen: IVec2,
     /// Pixels of the window.
-    shown: [u32; 2],
+    shown: Area,
 }
 
 /// What is seen of a picture of `from` pixels at `place` of a window of `extent`.
@@ -432,45 +428,39 @@ fn part(from: [u32; 2], place: [u32; 4], extent: vk::Extent2D) -> Option<Part> {
     let of = |from: u32, shown: u32, whole: u32| {
         u32::try_from((u64::from(from) * u64::from(shown)).div_ceil(u64::from(whole))).unwrap_or(from)
     };
-    Some(Part { seen: [of(from[0], shown[0], width), of(from[1], shown[1], height)], corner: [left, top], shown })
+    let pixels = |numbers: [u32; 2]| IVec2::from(numbers.map(u32::cast_signed));
+    let seen = pixels([of(from[0], shown[0], width), of(from[1], shown[1], height)]);
+    let (min, shown) = (pixels([left, top]), pixels(shown));
+    Some(Part { seen, shown: Area { min, max: min + shown } })
 }
 
 impl Part {
-    /// The pixels of the window that it is shown in.
-    fn area(&self) -> Area {
-        let [left, top] = self.corner.map(u32::cast_signed);
-        let [width, height] = self.shown.map(u32::cast_signed);
-        let min = IVec2::new(left, top);
-        Area { min, max: min + IVec2::new(width, height) }
-    }
-
     /// Of as many pixels as it is shown in.
     fn copy(&self) -> vk::ImageCopy {
-        let [width, height] = self.seen;
+        let size = self.seen.as_uvec2();
         vk::ImageCopy::default()
             .src_subresource(LAYER)
             .dst_subresource(LAYER)
-            .dst_offset(offset(self.corner, 0))
-            .extent(vk::Extent3D { width, height, depth: 1 })
+            .dst_offset(offset(self.shown.min, 0))
+            .extent(vk::Extent3D { width: size.x, height: size.y, depth: 1 })
     }
 
     /// Of any pixels to any.
     fn blit(&self) -> vk::ImageBlit {
-        let ([left, top], [width, height]) = (self.corner, self.shown);
         vk::ImageBlit::default()
             .src_subresource(LAYER)
-            .src_offsets([offset([0, 0], 0), offset(self.seen, 1)])
+            .src_offsets([offset(IVec2::ZERO, 0), offset(self.seen, 1)])
             .dst_subresource(LAYER)
-            .dst_offsets([offset(self.corner, 0), offset([left + width, top + height], 1)])
+            .dst_offsets([offset(self.shown.min, 0), offset(self.shown.max, 1)])
     }
 }
 
-fn offset([x, y]: [u32; 2], z: i32) -> vk::Offset3D {
-    vk::Offset3D { x: x.cast_signed(), y: y.cast_signed(), z }
+fn offset(at: IVec2, z: i32) -> vk::Offset3D {
+    vk::Offset3D { x: at.x, y: at.y, z }
 }
 
 fn clear(area: Area) -> vk::ClearRect {
-    let size = (area.max - area.min).as_uvec2();
+    let size = area.size().as_uvec2();
     let rect = vk::Rect2D {
         offset: vk::Offset2D { x: area.min.x, y: area.min.y },
         extent: vk::Extent2D { width: size.x, height: size.y },

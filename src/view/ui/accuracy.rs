@@ -1,11 +1,10 @@
 //! The accuracy panel: what is computed, how far from the truth it is, and settings by what they were measured to take.
 
 use egui::{
-    Align2, Button, Color32, FontId, Grid, Id, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2,
-    vec2,
+    Align2, Button, Color32, FontId, Grid, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
 };
 
-use super::controls::{number, panel};
+use super::controls::{number, panel, remembered};
 use super::spectrum::narrow;
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
@@ -132,12 +131,10 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     });
     let mut row = |ui: &mut Ui, label: &str, usual: f64, suffix: &str, help: &str, goal: fn(f64) -> Goal| {
         ui.horizontal(|ui| {
-            let id = Id::new(("goal", label));
-            let mut wanted = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
             ui.label(label).on_hover_text(help);
-            if number(ui, &mut wanted, 2, |drag| drag.speed(0.01 * usual).range(0.01..=1e5).suffix(suffix)).changed() {
-                ui.data_mut(|data| data.insert_temp(id, wanted));
-            }
+            let wanted = remembered(ui, (label, help), usual, 2, |drag| {
+                drag.speed(0.01 * usual).range(0.01..=1e5).suffix(suffix)
+            });
             let button = ui.add(Button::new("Choose").small());
             button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("choose by {label}")));
             if button.on_hover_text("Measures settings until one does this, and takes it.").clicked() {

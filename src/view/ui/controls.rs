@@ -8,12 +8,12 @@ use egui::emath::Numeric;
 use egui::response::Flags;
 use egui::{
     Button, CollapsingHeader, Color32, Context, DragValue, Id, Popup, PopupCloseBehavior, Response, RichText, Sense,
-    Sides, Slider, SliderClamping, Ui, Vec2,
+    Sides, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
 };
 
 use crate::number::whole;
 use crate::view::action::Action;
-use crate::view::state::Cost;
+use crate::view::state::{BRIGHTEST, Cost};
 
 /// How long it is told that something typed was refused.
 const LONG_ENOUGH: Duration = Duration::from_secs(5);
@@ -66,7 +66,25 @@ pub(super) fn number<N: Numeric>(
     typing.end(id, response, before, value)
 }
 
-/// A slider with such a number beside it.
+/// A number that is no part of the scene, and is kept as long as the window is open; at first it is as `usual`.
+pub(super) fn remembered<N: Numeric + Send + Sync>(
+    ui: &mut Ui,
+    (name, help): (&str, &str),
+    usual: N,
+    decimals: i32,
+    with: impl FnOnce(DragValue<'_>) -> DragValue<'_>,
+) -> N {
+    let id = Id::new(name);
+    let mut value = ui.data_mut(|data| *data.get_temp_mut_or(id, usual));
+    let field = number(ui, &mut value, decimals, with);
+    field.widget_info(|| WidgetInfo::slider(true, value.to_f64(), name));
+    if field.on_hover_text(help).changed() {
+        ui.data_mut(|data| data.insert_temp(id, value));
+    }
+    value
+}
+
+/// A slider with such a number beside it, for a factor: typed, it may be any that [`BRIGHTEST`] allows.
 pub(super) fn slider(
     ui: &mut Ui,
     value: &mut f64,
@@ -77,8 +95,15 @@ pub(super) fn slider(
     // A slider's answer is now its own, now its field's.
     let (before, id, typing) = (*value, ui.next_auto_id(), Typing::default());
     let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(plain_decimals(decimals));
-    // It keeps what is typed, to so many decimals.
-    let slider = slider.custom_parser(|text| typing.parsed(text).inspect(|_| typing.typed.set(None)));
+    let slider = slider.custom_parser(|text| {
+        let number = typing.parsed(text)?;
+        let allowed = number.clamp(0.0, BRIGHTEST);
+        if number.to_bits() == allowed.to_bits() {
+            // It keeps what is typed, to so many decimals.
+            typing.typed.set(None);
+        }
+        Some(allowed)
+    });
     let slider = slider.custom_formatter(|value, plain| typing.shown::<f64>(value, plain, decimals));
     let response = ui.add(with(slider).update_while_editing(false));
     typing.end(id, response, before, value)
@@ -112,8 +137,8 @@ impl Typing {
         number
     }
 
-    /// Says why what was typed was refused, or what became of it. A field that is left as it was has changed nothing, though it shows fewer digits than
-    /// there are.
+    /// Says why what was typed was refused, or what became of it. A field that is left as it was has changed nothing, though it
+    /// shows fewer digits than there are.
     fn end<N: Numeric>(self, id: Id, mut field: Response, before: N, value: &mut N) -> Response {
         self.refused.into_inner().into_iter().for_each(|text| say(&field.ctx, id, text));
         let is = value.to_f64();

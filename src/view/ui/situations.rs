@@ -1,16 +1,16 @@
 //! Situations of the light: mixes of the dial with names, to come back to and to tour.
 
-use egui::{Id, Key, TextEdit, Ui};
+use egui::{Id, Key, TextEdit, Ui, WidgetInfo};
 
-use super::controls::{panel, toggle};
+use super::controls::{panel, remembered, toggle};
 use crate::scene::{Mixing, Situation};
 use crate::view::action::Action;
 use crate::view::state::{Cost, Document, Edit};
-use crate::view::tour::Tour;
+use crate::view::tour::{LONGEST, Tour};
 
-/// How long a tour takes, in seconds.
+/// How long a tour takes at first, in seconds.
 const SECONDS: f64 = 8.0;
-/// Pictures of a tour that is saved.
+/// Pictures of a tour that is saved, at first.
 const FRAMES: u16 = 50;
 
 /// Shows them, and the controls that keep and tour them, where there is a dial.
@@ -83,22 +83,30 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             }
         });
         ui.data_mut(|data| data.insert_temp(id, name));
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             let (plays, saves) = (matches!(tour, Some(Tour::Playing { .. })), matches!(tour, Some(Tour::Saving { .. })));
             let enough = situations.len() > 1 && !saves;
             let none = if saves { "The pictures of a tour are being saved." } else { "A tour takes two situations." };
-            let (text, seconds) = if plays { ("Stop", None) } else { ("Tour", Some(SECONDS)) };
-            let play = ui.add_enabled(enough, egui::Button::new(text));
+            let play = ui.add_enabled(enough, egui::Button::new(if plays { "Stop" } else { "Tour" }));
             let help = "Moves the hand from each situation to the next; one step back undoes it.";
-            if play.on_hover_text(help).on_disabled_hover_text(none).clicked() {
-                asked.push(Action::Tour(seconds));
+            let play = play.on_hover_text(help).on_disabled_hover_text(none);
+            let help = "How long the hand takes for the tour.";
+            let seconds = remembered(ui, ("tour: seconds", help), SECONDS, 1, |drag| {
+                drag.speed(0.1).range(0.1..=LONGEST).suffix(" s")
+            });
+            if play.clicked() {
+                asked.push(Action::Tour((!plays).then_some(seconds)));
             }
-            let save = ui.add_enabled(enough, egui::Button::new(format!("Save {FRAMES} pictures")));
-            let help = format!(
-                "Saves {FRAMES} pictures of the way as relume-tour-0001-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-0002-0001.png."
-            );
-            if save.on_hover_text(help).on_disabled_hover_text(none).clicked() {
-                asked.push(Action::SaveTour(None, FRAMES));
+            let save = ui.add_enabled(enough, egui::Button::new("Save"));
+            let help = "Saves pictures of the way as relume-tour-0001-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-0002-0001.png.";
+            let save = save.on_hover_text(help).on_disabled_hover_text(none);
+            save.widget_info(|| WidgetInfo::labeled(egui::WidgetType::Button, enough, "save the tour"));
+            let help = "How many pictures are saved of the tour, evenly along its way.";
+            let frames = remembered(ui, ("tour: pictures", help), FRAMES, 0, |drag| {
+                drag.speed(0.5).range(2..=u16::MAX).suffix(" pictures")
+            });
+            if save.clicked() {
+                asked.push(Action::SaveTour(None, frames));
             }
         });
     });

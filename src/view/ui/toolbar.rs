@@ -23,7 +23,7 @@ struct Item {
 }
 
 /// Lines of more modifiers come before those of fewer: a shortcut takes more modifiers than it names.
-const FILES: [Item; 9] = [
+const FILES: [Item; 10] = [
     Item {
         text: "Open…",
         help: "Another scene or volume, as if it were dropped on the window.",
@@ -86,6 +86,13 @@ const FILES: [Item; 9] = [
         action: || Action::Choose(File::Accumulators),
         shortcut: None,
         saves: true,
+    },
+    Item {
+        text: "Quit",
+        help: "Closes the window. What is not saved is asked about first.",
+        action: || Action::Close,
+        shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::Q)),
+        saves: false,
     },
 ];
 
