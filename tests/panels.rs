@@ -55,6 +55,7 @@ struct App {
     notices: Vec<Notice>,
     tour: Option<Tour>,
     several: bool,
+    closes: bool,
     chooser: Chooser,
     /// The folder that files are chosen in.
     folder: Folder,
@@ -75,6 +76,7 @@ impl App {
             notices: Vec::new(),
             tour: None,
             several: false,
+            closes: false,
             chooser: Chooser::default(),
             folder: Folder::new(),
             place: Rect::ZERO,
@@ -91,6 +93,7 @@ impl App {
             notices: &app.notices,
             stopped: false,
             several: app.several,
+            closes: std::mem::take(&mut app.closes),
             tour: app.tour.as_ref(),
             chooses: app.chooser.is_open(),
             panels: app.panels,
@@ -829,6 +832,94 @@ fn what_is_typed_and_is_too_much_says_what_became_of_it() {
         assert_eq!(intervals(&window)[0], Interval { opacity, ..before });
         assert_eq!(is_painted(&window, "than is possible here"), !told.is_empty(), "{typed}");
         assert!(is_painted(&window, told), "{typed}");
+    }
+}
+
+/// Types `text` in place of what is in a field, without an end to it.
+fn type_unfinished(window: &mut Harness<'_, App>, label: &str, text: &str) {
+    window.get_by_label(label).click();
+    window.run();
+    window.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    window.run();
+    window.event(Event::Text(text.to_owned()));
+    window.run();
+}
+
+#[test]
+fn escape_leaves_a_number_as_it_was() {
+    for label in ["master", "interval 0: opacity", "crop x: to", "tour: seconds"] {
+        let mut document = document();
+        document.edit(&Edit::Crop(Some([DVec3::ZERO, DVec3::splat(0.75)])));
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+        window.run();
+        type_unfinished(&mut window, label, "0.5");
+        window.key_press(Key::Escape);
+        window.run();
+        window.run();
+        assert!(window.state().asked.is_empty(), "{label}: {:?}", window.state().asked);
+        assert!(!is_painted(&window, "0.5"), "{label}");
+        // The field is none the worse for it.
+        type_unfinished(&mut window, "master", "0.25");
+        window.key_press(Key::Enter);
+        window.run();
+        assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Master(0.25))), "{label}");
+    }
+}
+
+#[test]
+fn what_is_typed_holds_before_a_key_saves_opens_or_closes() {
+    for (key, action) in [
+        (Some(Key::S), Action::SaveSession(None)),
+        (Some(Key::P), Action::SavePicture(None)),
+        (Some(Key::Q), Action::Close),
+        (None, Action::Close),
+    ] {
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+        window.run();
+        type_unfinished(&mut window, "master", "0.5");
+        assert!(window.state().asked.is_empty(), "it is not left yet");
+        match key {
+            Some(key) => window.key_press_modifiers(Modifiers::COMMAND, key),
+            None => window.state_mut().closes = true,
+        }
+        window.step();
+        assert_eq!(window.state().asked, [Action::Edit(Edit::Master(0.5)), action], "{key:?}");
+    }
+}
+
+#[test]
+fn a_step_back_while_a_number_is_typed_takes_what_is_typed_back() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    let master = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().master();
+    let before = master(&window);
+    type_unfinished(&mut window, "master", "0.5");
+    window.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    window.run();
+    window.run();
+    assert_eq!(master(&window), before);
+    assert_eq!(window.state().asked.last(), Some(&Action::Undo), "nothing comes after it");
+}
+
+#[test]
+fn of_two_handles_on_one_spot_the_nearer_one_is_caught() {
+    for (side, near) in [(Side::Front, "−y"), (Side::Back, "+y"), (Side::Left, "−x"), (Side::Top, "+z")] {
+        let mut document = document();
+        document.edit(&Edit::Camera(Move::Axis(side), 1.5));
+        document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
+        let mut window = wide(document);
+        window.run();
+        let [from, to] = ["from", "to"].map(|end| format!("crop box: {} {end}", near.trim_start_matches(['−', '+'])));
+        let (end, other) = if near.starts_with('−') { (from, to) } else { (to, from) };
+        let [at, behind] = [&end, &other].map(|label| window.get_by_label(label).rect().center());
+        assert!(at.distance(behind) < 1.0, "{near}: both are on one spot");
+        window.event(Event::PointerMoved(at));
+        window.run_steps(60);
+        let told = format!(
+            "faces you: turn the camera to drag it, or type its number: {}",
+            end.trim_start_matches("crop box: ")
+        );
+        assert!(is_painted(&window, &told), "{told}");
     }
 }
 

@@ -463,7 +463,11 @@ impl<'a> Curve<'a> {
         };
         let Kept { setting, point, broken, .. } = best;
         let beyond = broken.map_or_else(String::new, |(beyond, broken)| {
-            format!("; {beyond} is off by {} in {} ms", short(broken.error.p95), short(broken.frame_ms))
+            format!(
+                "; with {beyond} it is {}, and may be {} where pixels were not looked at",
+                short(broken.error.p95),
+                short(broken.at_most)
+            )
         });
         let why = format!(
             "{setting} is the cheapest of the settings tried whose ΔE00 is within {asked} in 95 of 100 pixels, with some to spare: {} in {} ms{beyond}",

@@ -2,7 +2,7 @@
 
 use super::{Planned, Transmittance, narrower};
 use crate::model::ModelKind;
-use crate::number::readable;
+use crate::number::{brief, readable};
 use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
 
 impl Planned {
@@ -187,7 +187,7 @@ impl Planned {
         let skipping = if plan.skipping { "leapt over" } else { "walked through" };
         sentences.push(format!(
             "From the eye on, the volume is looked at in steps of {} (its own unit of length), {termination}; what is empty is {skipping}.",
-            readable(scene.accuracy.step_length)
+            brief(scene.accuracy.step_length)
         ));
         sentences
     }

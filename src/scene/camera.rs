@@ -72,15 +72,22 @@ pub struct View {
 }
 
 impl View {
+    /// Where a point of the world is: right, up and forward of the eye; the first two in units of what is half the picture where
+    /// rays are parallel, and one before the eye where they are not.
+    #[must_use]
+    pub fn seen(&self, point: DVec3) -> DVec3 {
+        let from_eye = point - self.eye;
+        let [right, up] = self.half;
+        DVec3::new(from_eye.dot(self.right) / right, from_eye.dot(self.up) / up, from_eye.dot(self.forward))
+    }
+
     /// Where in the picture a point of the world is, in parts of it from the top left; `None` behind the eye.
     #[must_use]
     pub fn place_of(&self, point: DVec3) -> Option<DVec2> {
-        let from_eye = point - self.eye;
-        let depth = from_eye.dot(self.forward);
-        let by = if self.parallel { 1.0 } else { depth };
-        let [right, up] = self.half;
-        let there = DVec2::new(from_eye.dot(self.right) / right, -from_eye.dot(self.up) / up) / by;
-        (depth > 0.0 && there.is_finite()).then_some((there + 1.0) / 2.0)
+        let seen = self.seen(point);
+        let by = if self.parallel { 1.0 } else { seen.z };
+        let there = DVec2::new(seen.x, -seen.y) / by;
+        (seen.z > 0.0 && there.is_finite()).then_some((there + 1.0) / 2.0)
     }
 
     /// The point of the world that is seen there, as far in front of the eye as `point` is.

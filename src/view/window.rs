@@ -201,6 +201,8 @@ struct Viewer {
     report: Report,
     /// Counts of engines that are gone.
     before: Counts,
+    /// Whether somebody has asked the window to close: what is typed holds first, in the next frame.
+    to_close: bool,
     /// Whether the window closes after this frame.
     closes: bool,
     failed: Option<ViewError>,
@@ -272,6 +274,7 @@ impl Viewer {
             relit: Times::default(),
             report: Report::default(),
             before: Counts::default(),
+            to_close: false,
             closes: false,
             failed: None,
         }
@@ -370,7 +373,8 @@ impl Viewer {
             Action::Open(source) if self.would_lose() => self.chooser.leave(Leaving::Open(source)),
             Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
             Action::Another => self.open_another(),
-            Action::Close if self.would_lose() => self.chooser.leave(Leaving::Close),
+            // Whoever asks again, while the question stands, means it.
+            Action::Close if self.would_lose() && !self.chooser.asks_to_close() => self.chooser.leave(Leaving::Close),
             Action::Close | Action::Leave(Leaving::Close) => self.closes = true,
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),
@@ -545,6 +549,7 @@ impl Viewer {
             notices: &self.notices,
             stopped: self.lost.stopped,
             chooses: self.chooser.is_open(),
+            closes: std::mem::take(&mut self.to_close),
             several: self.selection != Selection::default(),
             tour: self.tour.as_ref(),
             panels: self.panels.unwrap_or(wide),
@@ -722,6 +727,11 @@ impl Viewer {
         }
     }
 
+    /// Whether a field has the keyboard, beside what is asked about a file.
+    fn is_typed_into(&self) -> bool {
+        !self.chooser.is_open() && self.context.memory(|memory| memory.focused().is_some())
+    }
+
     /// Whether something was done that is not saved, and somebody is there to be asked.
     fn would_lose(&self) -> bool {
         !self.is_scripted() && self.document.as_ref().is_some_and(|document| !document.is_saved())
@@ -832,13 +842,14 @@ impl Viewer {
     /// What the system tells of the window.
     fn hear(&mut self, events: &ActiveEventLoop, event: &WindowEvent) {
         match event {
-            // Whoever asks again, while the question stands, means it.
-            WindowEvent::CloseRequested if self.would_lose() && !self.chooser.asks_to_close() => {
-                self.chooser.leave(Leaving::Close);
-            }
+            // A window out of sight may show no frame: who asks again is not kept waiting.
+            WindowEvent::CloseRequested if self.is_typed_into() && !self.to_close => self.to_close = true,
             WindowEvent::CloseRequested => {
-                events.exit();
-                return;
+                self.ask(Action::Close);
+                if self.closes {
+                    events.exit();
+                    return;
+                }
             }
             WindowEvent::RedrawRequested => {
                 self.attempt(events, |viewer| viewer.draw(events));

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use egui::emath::Numeric;
 use egui::response::Flags;
 use egui::{
-    Button, CollapsingHeader, Color32, Context, DragValue, Id, Popup, PopupCloseBehavior, Response, RichText, Sense,
-    Sides, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
+    Button, CollapsingHeader, Color32, Context, DragValue, Id, Key, Popup, PopupCloseBehavior, Response, RichText,
+    Sense, Sides, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
 };
 
 use crate::number::whole;
@@ -57,7 +57,7 @@ pub(super) fn number<N: Numeric>(
     decimals: i32,
     with: impl FnOnce(DragValue<'_>) -> DragValue<'_>,
 ) -> Response {
-    let (before, id, typing) = (*value, ui.next_auto_id(), Typing::default());
+    let (before, id, typing) = (*value, ui.next_auto_id(), Typing::new(ui));
     // What a scene has stays as it is, also where a hand may not go.
     let field = DragValue::new(value).update_while_editing(false).max_decimals(plain_decimals(decimals));
     let field = field.clamp_existing_to_range(false).custom_parser(|text| typing.parsed(text));
@@ -93,7 +93,7 @@ pub(super) fn slider(
     with: impl FnOnce(Slider<'_>) -> Slider<'_>,
 ) -> Response {
     // A slider's answer is now its own, now its field's.
-    let (before, id, typing) = (*value, ui.next_auto_id(), Typing::default());
+    let (before, id, typing) = (*value, ui.next_auto_id(), Typing::new(ui));
     let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(plain_decimals(decimals));
     let slider = slider.custom_parser(|text| {
         let number = typing.parsed(text)?;
@@ -118,9 +118,21 @@ struct Typing {
     typed: Cell<Option<f64>>,
     /// Why what was typed is not taken.
     refused: RefCell<Option<String>>,
+    /// Whether it is left as it was, because somebody has pressed Escape.
+    given_up: bool,
 }
 
 impl Typing {
+    fn new(ui: &Ui) -> Self {
+        let (id, frame) = (Id::new("frame of the last Escape"), ui.ctx().cumulative_frame_nr());
+        if ui.input(|input| input.key_pressed(Key::Escape)) {
+            ui.data_mut(|data| data.insert_temp(id, frame));
+        }
+        // egui takes what was typed in the frame after it.
+        let given_up = ui.data(|data| data.get_temp::<u64>(id)).is_some_and(|last| frame <= last + 1);
+        Self { given_up, ..Self::default() }
+    }
+
     fn shown<N: Numeric>(&self, value: f64, plain: RangeInclusive<usize>, decimals: i32) -> String {
         let plain = egui::emath::format_with_decimals_in_range(value, plain);
         let text = if N::INTEGRAL { plain } else { shorter(value, plain, decimals) };
@@ -129,6 +141,9 @@ impl Typing {
     }
 
     fn parsed(&self, text: &str) -> Option<f64> {
+        if self.given_up {
+            return None;
+        }
         let number = parsed(text);
         if number.is_none() {
             *self.refused.borrow_mut() = Some(format!("“{text}” is no number, such as 0.25: nothing was changed."));

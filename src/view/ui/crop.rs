@@ -117,18 +117,12 @@ struct Map<'a> {
 }
 
 impl Map<'_> {
-    /// Where a point is: right, up and forward of the eye, the first two as the picture's half is 1 where it is.
+    /// Where a point of the volume is before the eye: [`View::seen`].
     fn seen(&self, parts: DVec3) -> DVec3 {
         let last = DVec3::from_array(self.geometry.dims.map(count)) - 1.0;
         // An axis of one voxel is one voxel thick.
         let index = DVec3::select(last.cmpgt(DVec3::ZERO), parts * last, parts - 0.5);
-        let from_eye = self.geometry.world_from_index(index) - self.view.eye;
-        let [right, up] = self.view.half;
-        DVec3::new(
-            from_eye.dot(self.view.right) / right,
-            from_eye.dot(self.view.up) / up,
-            from_eye.dot(self.view.forward),
-        )
+        self.view.seen(self.geometry.world_from_index(index))
     }
 
     /// Its place on the screen; `None` behind the eye, and where a picture of a few pixels leaves no number.
@@ -236,55 +230,62 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             }
         }
     }
-    for (axis, name) in AXES.into_iter().enumerate() {
-        for (end, word) in ["from", "to"].into_iter().enumerate() {
+    let mut sides: Vec<_> = (0..6_usize)
+        .map(|side| {
+            let (axis, end) = (side / 2, side % 2);
             let mut middle = (crop[0] + crop[1]) / 2.0;
             middle[axis] = crop[end][axis];
-            let Some(at) = map.place(map.seen(middle)).filter(|at| rect.contains(*at)) else { continue };
-            let caught = Rect::from_center_size(at, Vec2::splat(CATCH));
-            let hand = ui.interact(caught, ui.id().with(("crop", axis, end)), Sense::drag());
-            hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
-            let mut step = DVec3::ZERO;
-            step[axis] = 0.01;
-            // A side that faces the eye cannot be dragged along.
-            let along = map.place(map.seen(middle + step)).map(|there| there - at);
-            let along = along.filter(|along| along.length() > SHORTEST_WAY);
-            let near = along.is_some() && (hand.hovered() || hand.dragged());
-            let fill = match along {
-                None => COLOURS[axis].gamma_multiply(0.4),
-                Some(_) if near => Color32::YELLOW,
-                Some(_) => COLOURS[axis],
-            };
-            painter.rect(
-                Rect::from_center_size(at, Vec2::splat(HANDLE)),
-                2.0,
-                fill,
-                Stroke::new(1.0, Color32::BLACK),
-                egui::StrokeKind::Outside,
-            );
-            // Which way it goes, as the axes in the corner have it.
-            let sign = if end == 0 { '−' } else { '+' };
-            let (beside, font) = (at + vec2(HANDLE, 0.0), FontId::proportional(11.5));
-            for (away, colour) in [(vec2(1.0, 1.0), Color32::BLACK), (Vec2::ZERO, fill)] {
-                let text = format!("{sign}{name}{}", side(document, axis, end));
-                painter.text(beside + away, Align2::LEFT_CENTER, text, font.clone(), colour);
-            }
-            if let (true, Some(pointer), Some(along)) = (hand.dragged(), hand.interact_pointer_pos(), along) {
-                let steps = f64::from((pointer - at).dot(along) / along.length_sq());
-                let part = crop[end][axis] + 0.01 * steps.clamp(-25.0, 25.0);
-                let mut next = crop;
-                next[end][axis] = (part.clamp(0.0, 1.0) * PARTS).round() / PARTS;
-                if next != crop {
-                    asked.push(Action::Edit(Edit::Crop(Some(ordered(next, crop)))));
-                }
-            }
-            hand.on_hover_ui(|ui| {
-                let help = match along {
-                    Some(_) => "Drag this side of the box",
-                    None => "This side of the box faces you: turn the camera to drag it, or type its number",
-                };
-                ui.label(format!("{help}: {name} {word} {}", part_text(document, axis, crop[end][axis])));
-            });
+            (axis, end, middle, map.seen(middle))
+        })
+        .collect();
+    // Of those on one spot the nearest is caught: it lies on top.
+    sides.sort_by(|(.., one), (.., other)| other.z.total_cmp(&one.z));
+    for (axis, end, middle, seen) in sides {
+        let (name, word) = (AXES[axis], ["from", "to"][end]);
+        let Some(at) = map.place(seen).filter(|at| rect.contains(*at)) else { continue };
+        let caught = Rect::from_center_size(at, Vec2::splat(CATCH));
+        let hand = ui.interact(caught, ui.id().with(("crop", axis, end)), Sense::drag());
+        hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
+        let mut step = DVec3::ZERO;
+        step[axis] = 0.01;
+        // A side that faces the eye cannot be dragged along.
+        let along = map.place(map.seen(middle + step)).map(|there| there - at);
+        let along = along.filter(|along| along.length() > SHORTEST_WAY);
+        let near = along.is_some() && (hand.hovered() || hand.dragged());
+        let fill = match along {
+            None => COLOURS[axis].gamma_multiply(0.4),
+            Some(_) if near => Color32::YELLOW,
+            Some(_) => COLOURS[axis],
+        };
+        painter.rect(
+            Rect::from_center_size(at, Vec2::splat(HANDLE)),
+            2.0,
+            fill,
+            Stroke::new(1.0, Color32::BLACK),
+            egui::StrokeKind::Outside,
+        );
+        // Which way it goes, as the axes in the corner have it.
+        let sign = if end == 0 { '−' } else { '+' };
+        let (beside, font) = (at + vec2(HANDLE, 0.0), FontId::proportional(11.5));
+        for (away, colour) in [(vec2(1.0, 1.0), Color32::BLACK), (Vec2::ZERO, fill)] {
+            let text = format!("{sign}{name}{}", side(document, axis, end));
+            painter.text(beside + away, Align2::LEFT_CENTER, text, font.clone(), colour);
         }
+        if let (true, Some(pointer), Some(along)) = (hand.dragged(), hand.interact_pointer_pos(), along) {
+            let steps = f64::from((pointer - at).dot(along) / along.length_sq());
+            let part = crop[end][axis] + 0.01 * steps.clamp(-25.0, 25.0);
+            let mut next = crop;
+            next[end][axis] = (part.clamp(0.0, 1.0) * PARTS).round() / PARTS;
+            if next != crop {
+                asked.push(Action::Edit(Edit::Crop(Some(ordered(next, crop)))));
+            }
+        }
+        hand.on_hover_ui(|ui| {
+            let help = match along {
+                Some(_) => "Drag this side of the box",
+                None => "This side of the box faces you: turn the camera to drag it, or type its number",
+            };
+            ui.label(format!("{help}: {name} {word} {}", part_text(document, axis, crop[end][axis])));
+        });
     }
 }

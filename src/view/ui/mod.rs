@@ -64,6 +64,8 @@ pub struct Shown<'a> {
     pub stopped: bool,
     /// Whether something is asked about a file, which keys and the mouse are for.
     pub chooses: bool,
+    /// Whether somebody has asked the window to close.
+    pub closes: bool,
     /// Whether it is one of several volumes in a file.
     pub several: bool,
     /// The tour that is played or saved, if one is.
@@ -99,8 +101,16 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
     Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
+    let mut meant = Vec::new();
+    if shown.closes {
+        meant.push(Action::Close);
+    }
     if !shown.chooses {
-        toolbar::keys(ui, shown, asked);
+        toolbar::keys(ui, shown, &mut meant);
+    }
+    if !meant.is_empty() {
+        // What is typed holds first.
+        ui.memory_mut(|memory| memory.focused().into_iter().for_each(|field| memory.surrender_focus(field)));
     }
     if shown.panels {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);
@@ -146,6 +156,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     if is_in_use(ui.ctx()) {
         hide_tooltips(ui.ctx());
     }
+    asked.append(&mut meant);
     picture
 }
 

@@ -386,7 +386,7 @@ fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Act
         }
         if ui
             .small_button("Offer anew")
-            .on_hover_text("A palette for the materials that show, as they are now.")
+            .on_hover_text("Another palette in place of this one, for the materials that show: under the second of two lights all look alike, under the first they keep what they can of their hues.")
             .clicked()
         {
             asked.push(Action::Offer);

@@ -339,7 +339,7 @@ fn place(document: &Document, stretch: &Stretch) -> String {
     let [x, y, z] = world.to_array().map(|along| readable(format!("{along:.3e}").parse().unwrap_or(along)));
     // Without the sign of nothing.
     let [i, j, k] = stretch.place.to_array().map(|along| along.round() + 0.0);
-    format!("{x} {y} {z} (voxel {i} {j} {k})")
+    format!("{x} {y} {z} (near voxel {i} {j} {k})")
 }
 
 fn told(document: &Document, stretch: &Stretch) -> String {

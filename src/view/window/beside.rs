@@ -108,6 +108,8 @@ impl Viewer {
                     Some(known) => known.merge(curve),
                     none => *none = Some(curve),
                 }
+                // What it said of times is said anew.
+                self.chosen = None;
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
                     self.ask(Action::Edit(Edit::Accuracy(accuracy)));
