@@ -21,7 +21,7 @@ use relume::scene::{self, Accuracy, Interval, Mix, Projection, SceneOptions};
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, bradford, d65_white, display_code, linear_srgb_from_xyz};
 use relume::spectrum::observer::{OBSERVER_1964, Observer};
 use relume::spectrum::{Spectrum, standard};
-use relume::view::action::{File, Leaving};
+use relume::view::action::{File, Leaving, Losing};
 use relume::view::camera::{Move, Side};
 use relume::view::design::{self, Spectra, Step};
 use relume::view::effort::Curve;
@@ -2013,7 +2013,7 @@ fn what_was_changed_is_left_only_once_somebody_says_so() {
     ];
     for (button, action) in answers {
         let mut window = wide(document());
-        window.state_mut().chooser.leave(leaving.clone());
+        window.state_mut().chooser.leave(leaving.clone(), Losing { changes: true, tour: false });
         window.run();
         assert!(window.state().chooser.is_open() && !window.state().chooser.asks_to_close());
         window.get_by_label(button).click();
@@ -2021,6 +2021,70 @@ fn what_was_changed_is_left_only_once_somebody_says_so() {
         assert_eq!(window.state().asked.last().cloned(), action, "{button}");
         assert_eq!(window.state().chooser.is_open(), button.starts_with("Save"), "{button}");
     }
+}
+
+#[test]
+fn a_tour_whose_pictures_are_not_all_there_is_left_only_once_somebody_says_so() {
+    for (changes, button) in [(false, "Close now"), (true, "Close without saving")] {
+        let mut window = wide(document());
+        window.state_mut().chooser.leave(Leaving::Close, Losing { changes, tour: true });
+        window.run();
+        assert!(is_painted(&window, "A tour is being saved"));
+        assert_eq!(is_painted(&window, "not saved as a session"), changes);
+        assert_eq!(window.query_by_label("Save session…").is_some(), changes);
+        window.get_by_label(button).click();
+        window.step();
+        assert_eq!(window.state().asked.last(), Some(&Action::Leave(Leaving::Close)));
+    }
+}
+
+#[test]
+fn a_dialog_has_the_keyboard_from_what_lies_behind_it() {
+    for opens in ["Ctrl+O", "Open…"] {
+        let mut window = wide(document());
+        window.run();
+        for _ in 0..3 {
+            window.key_press(Key::Tab);
+            window.run();
+        }
+        if opens == "Ctrl+O" {
+            window.key_press_modifiers(Modifiers::COMMAND, Key::O);
+        } else {
+            window.state_mut().chooser.open(File::Opened, Path::new("."));
+        }
+        window.run();
+        until_listed(&mut window);
+        assert!(window.state().chooser.is_open());
+        window.key_press(Key::Escape);
+        window.run();
+        assert!(!window.state().chooser.is_open(), "{opens}");
+    }
+}
+
+#[test]
+fn a_camera_that_is_turned_while_a_tour_is_played_is_a_step_back_and_the_tour_another() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.rest();
+    let looked = |document: &Document| (document.state().scene.camera.clone(), document.state().light.hand);
+    let before = looked(&document);
+    for frame in 1..=400 {
+        document.edit(&Edit::Tour(frame, 400));
+        if (100..300).contains(&frame) {
+            document.edit(&Edit::Camera(Move::Orbit { right: 0.5, up: 0.0 }, 1.5));
+        }
+    }
+    document.rest();
+    let after = looked(&document);
+    document.undo();
+    assert_eq!(looked(&document).0, before.0, "the camera is where it was");
+    document.undo();
+    assert_eq!(looked(&document), before, "and so is the hand");
+    assert!(document.can_undo(), "what was done before is not forgotten");
+    document.redo();
+    document.redo();
+    assert_eq!(looked(&document), after);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 mod support;
 
 use std::io::BufReader;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use support::program::{Folder, Outcome, SCENE};
@@ -611,6 +612,44 @@ fn a_file_that_is_no_scene_is_told_of_as_info_does() {
     let Some(screen) = Screen::new() else { return };
     let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop head.nii\nsettle\n");
     assert!(report["notices"][0].as_str().unwrap().contains("this is a NIfTI file"), "{}", report["notices"]);
+}
+
+#[test]
+fn a_tour_that_is_played_ends_with_a_step_back_and_with_what_it_is_of() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300
+settle
+picture before.png
+hand 0.3 0.2
+keep noon
+hand 0.15 -0.4
+keep dusk
+settle
+picture dusk.png
+tour 600
+frames 3
+orbit 10 0
+frames 3
+undo
+settle
+picture turned.png
+undo
+settle
+picture after.png
+tour 600
+frames 2
+open dial.toml
+settle
+picture other.png
+";
+    let begun = Instant::now();
+    let report = screen.script(&folder, "dial.toml", script);
+    assert!(begun.elapsed() < Duration::from_secs(300), "a tour of ten minutes was waited for");
+    assert_eq!(report["notices"], Value::Array(Vec::new()));
+    assert_eq!(bytes(&folder, "dusk.png"), bytes(&folder, "after.png"), "the tour is one step back");
+    assert_ne!(bytes(&folder, "dusk.png"), bytes(&folder, "turned.png"), "the hand is at noon");
+    assert_eq!(bytes(&folder, "before.png"), bytes(&folder, "other.png"), "what is opened is not toured");
 }
 
 #[test]

@@ -402,6 +402,32 @@ fn a_picture_that_was_saved_is_told_of_though_nothing_moves() {
 
 #[test]
 #[cfg(target_os = "linux")]
+fn the_pictures_of_a_tour_are_of_one_thing() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = folder();
+    let script = "size 320 300\nhand 0.3 0.2\nkeep noon\nhand 0.1 -0.4\nkeep dusk\nsettle\ntour tour.png 9000\nsettle\npicture still.png\n";
+    std::fs::write(folder.path("script.txt"), script).unwrap();
+    let mut child = start(&screen, &folder, &["scene.toml", "--script", "script.txt"]);
+    let window = screen.window();
+    let mut wait = |name: &str| {
+        wait_until(name, 60, || child.try_wait().unwrap().is_some() || folder.path(name).exists());
+    };
+    wait("tour-0003.png");
+    // Of what is looked at, and not of a place on the way: it waits for the end of the tour.
+    window.press_with_control('p');
+    wait("tour-0009.png");
+    assert!(!folder.path("relume-0001.png").exists());
+    window.press_with_control('z');
+    let report = report(&ended(child));
+    let told = report["notices"].to_string();
+    assert!(told.contains("Something was changed: the tour was given up after "), "{told}");
+    let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
+    assert_eq!(bytes("relume-0001.png"), bytes("still.png"));
+    assert!(!folder.path("tour-9000.png").exists());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
 fn the_key_that_quits_closes_the_window() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();

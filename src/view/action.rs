@@ -35,6 +35,23 @@ pub enum Leaving {
     Close,
 }
 
+/// What is lost with what is left.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Losing {
+    /// Changes that are not saved.
+    pub changes: bool,
+    /// The pictures of a tour that are still to be saved.
+    pub tour: bool,
+}
+
+impl Losing {
+    /// Whether there is any of it.
+    #[must_use]
+    pub fn anything(self) -> bool {
+        self.changes || self.tour
+    }
+}
+
 /// Something that is asked of the viewer.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -47,13 +64,13 @@ pub enum Action {
     Redo,
     /// A dialog in which the file is chosen.
     Choose(File),
-    /// Another scene or volume; where what is looked at was changed and not saved, somebody is asked first.
+    /// Another scene or volume; where something would be lost, somebody is asked first.
     Open(Box<Source>),
     /// Another of the volumes in the file that is looked at: it is asked which, and looked at in the same way.
     Another,
     /// What is looked at is left, saved or not.
     Leave(Leaving),
-    /// The window closes; where what is looked at was changed and not saved, somebody is asked first.
+    /// The window closes; where something would be lost, somebody is asked first.
     Close,
     /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
     /// in .png or .exr; `None` is a numbered name in this folder that is free.

@@ -491,7 +491,7 @@ pub struct Document {
     past: Vec<State>,
     future: Vec<State>,
     /// The kind of the edits that are one step back together, while a hand is at it.
-    gesture: Option<Discriminant<Edit>>,
+    gesture: Vec<Discriminant<Edit>>,
 }
 
 impl Document {
@@ -500,7 +500,7 @@ impl Document {
     pub fn new(scene: Scene) -> Self {
         let now = State::new(scene.clone());
         let saved = now.clone();
-        Self { opened: scene, statistics: None, now, saved, past: Vec::new(), future: Vec::new(), gesture: None }
+        Self { opened: scene, statistics: None, now, saved, past: Vec::new(), future: Vec::new(), gesture: Vec::new() }
     }
 
     /// A scene that was just opened, with `edit` made before anybody looks.
@@ -562,7 +562,7 @@ impl Document {
         };
         let [past, future] = [self.past, self.future].map(|states| states.into_iter().map(onto).collect());
         let [now, saved] = [self.now, self.saved].map(onto);
-        Self { now, saved, past, future, statistics: None, gesture: None, opened: scene.clone() }
+        Self { now, saved, past, future, statistics: None, gesture: Vec::new(), opened: scene.clone() }
     }
 
     /// What the values of its volume are like, where that is known.
@@ -597,14 +597,15 @@ impl Document {
         asked.or_else(|| dial.situations.iter().position(is_shown))
     }
 
-    /// Changes it. Edits of one kind in a row are one step back, until [`Self::rest`]. `None` where nothing has changed.
+    /// Changes it. Until [`Self::rest`], edits of one kind are one step back, also where others come between: a camera is turned
+    /// while a tour is played. `None` where nothing has changed.
     pub fn edit(&mut self, edit: &Edit) -> Option<Cost> {
         let before = self.now.clone();
         self.now.apply(edit, &self.opened);
         let cost = self.now.cost_from(&before)?;
         let kind = edit.kind();
-        if self.gesture != Some(kind) {
-            self.gesture = Some(kind);
+        if !self.gesture.contains(&kind) {
+            self.gesture.push(kind);
             self.past.push(before);
             if self.past.len() > DEPTH {
                 self.past.remove(0);
@@ -624,9 +625,11 @@ impl Document {
 
     /// The hand has let go: the next edit is a step back of its own. One that ended where it began is none.
     pub fn rest(&mut self) {
-        let nothing = |before: &State| self.now.cost_from(before).is_none();
-        if self.gesture.take().is_some() && self.past.last().is_some_and(nothing) {
-            self.past.pop();
+        for _ in self.gesture.drain(..) {
+            let nothing = |before: &State| self.now.cost_from(before).is_none();
+            if self.past.last().is_some_and(nothing) {
+                self.past.pop();
+            }
         }
     }
 
@@ -645,7 +648,7 @@ impl Document {
     /// Goes a step back.
     pub fn undo(&mut self) -> Option<Cost> {
         let before = self.past.pop()?;
-        self.gesture = None;
+        self.gesture.clear();
         self.future.push(std::mem::replace(&mut self.now, before));
         self.future.last().and_then(|undone| self.now.cost_from(undone))
     }
@@ -653,7 +656,7 @@ impl Document {
     /// Goes a step forward.
     pub fn redo(&mut self) -> Option<Cost> {
         let after = self.future.pop()?;
-        self.gesture = None;
+        self.gesture.clear();
         self.past.push(std::mem::replace(&mut self.now, after));
         self.past.last().and_then(|before| self.now.cost_from(before))
     }

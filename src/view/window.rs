@@ -18,7 +18,7 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::WindowId;
 
-use super::action::{Action, Leaving};
+use super::action::{Action, Leaving, Losing};
 use super::effort::Curve;
 use super::engine::{Counts, Engine, EngineError, Reached, Stepped};
 use super::export::write_rgba;
@@ -356,25 +356,28 @@ impl Viewer {
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
-                if edit.cost() == Cost::Relight && matches!(self.tour, Some(Tour::Playing { .. })) {
-                    self.tour = None;
+                if edit.cost() == Cost::Relight {
+                    self.stop_tour();
                 }
-                let cost = self.document.as_mut().and_then(|document| document.edit(&edit));
-                self.show_again(cost);
+                self.change(|document| document.edit(&edit));
             }
             Action::Undo => {
-                let cost = self.document.as_mut().and_then(Document::undo);
-                self.show_again(cost);
+                self.stop_tour();
+                self.change(Document::undo);
             }
             Action::Redo => {
-                let cost = self.document.as_mut().and_then(Document::redo);
-                self.show_again(cost);
+                self.stop_tour();
+                self.change(Document::redo);
             }
-            Action::Open(source) if self.would_lose() => self.chooser.leave(Leaving::Open(source)),
+            Action::Open(source) if self.losing().anything() => {
+                self.chooser.leave(Leaving::Open(source), self.losing());
+            }
             Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
             Action::Another => self.open_another(),
             // Whoever asks again, while the question stands, means it.
-            Action::Close if self.would_lose() && !self.chooser.asks_to_close() => self.chooser.leave(Leaving::Close),
+            Action::Close if self.losing().anything() && !self.chooser.asks_to_close() => {
+                self.chooser.leave(Leaving::Close, self.losing());
+            }
             Action::Close | Action::Leave(Leaving::Close) => self.closes = true,
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),
@@ -400,6 +403,15 @@ impl Viewer {
                 }
             }
         }
+    }
+
+    /// Changes what is looked at. The pictures of a tour that is saved are all of one thing.
+    fn change(&mut self, change: impl FnOnce(&mut Document) -> Option<Cost>) {
+        let cost = self.document.as_mut().and_then(change);
+        if cost.is_some() {
+            self.give_up_tour("Something was changed");
+        }
+        self.show_again(cost);
     }
 
     fn show_again(&mut self, cost: Option<Cost>) {
@@ -732,9 +744,15 @@ impl Viewer {
         !self.chooser.is_open() && self.context.memory(|memory| memory.focused().is_some())
     }
 
-    /// Whether something was done that is not saved, and somebody is there to be asked.
-    fn would_lose(&self) -> bool {
-        !self.is_scripted() && self.document.as_ref().is_some_and(|document| !document.is_saved())
+    /// What is not saved, where somebody is there to be asked.
+    fn losing(&self) -> Losing {
+        if self.is_scripted() {
+            return Losing::default();
+        }
+        Losing {
+            changes: self.document.as_ref().is_some_and(|document| !document.is_saved()),
+            tour: matches!(self.tour, Some(Tour::Saving { .. })),
+        }
     }
 
     fn is_scripted(&self) -> bool {

@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use egui::{Align2, Color32, Context, Id, Key, Modal, Theme, Vec2, vec2};
 use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBindings, Filter, OpeningMode};
 
+use super::controls::leave_field;
 use super::reading::{Answer, Reading};
-use crate::view::action::{Action, File, Leaving};
+use crate::view::action::{Action, File, Leaving, Losing};
 use crate::view::load::{Question, Source};
 use crate::volume::{self, Selection};
 
@@ -64,14 +65,16 @@ enum Stage {
     Volume(Box<Source>, bool, Box<FileDialog>),
     /// How a file is to be read.
     Reading(Box<Reading>),
-    /// What becomes of changes that are not saved.
-    Leaving(Leaving),
+    /// What becomes of what is not saved.
+    Leaving(Leaving, Losing),
 }
 
 /// The dialog, while there is one.
 #[derive(Default)]
 pub struct Chooser {
     stage: Option<Stage>,
+    /// Whether that is to be shown for the first time.
+    is_new: bool,
     /// The folder that a file was last chosen in.
     folder: Option<PathBuf>,
     /// Whether a field had the keyboard in the last frame.
@@ -87,7 +90,7 @@ impl fmt::Debug for Chooser {
             Some(Stage::File(file, _)) => drop(fields.field("file", file)),
             Some(Stage::Volume(source, ..)) => drop(fields.field("source", source)),
             Some(Stage::Reading(reading)) => drop(fields.field("reading", reading)),
-            Some(Stage::Leaving(leaving)) => drop(fields.field("leaving", leaving)),
+            Some(Stage::Leaving(leaving, _)) => drop(fields.field("leaving", leaving)),
         }
         fields.field("folder", folder).finish_non_exhaustive()
     }
@@ -100,6 +103,10 @@ impl Chooser {
         self.stage.is_some()
     }
 
+    fn begin(&mut self, stage: Stage) {
+        (self.stage, self.is_new) = (Some(stage), true);
+    }
+
     /// Asks nothing more.
     pub fn close(&mut self) {
         self.stage = None;
@@ -107,7 +114,7 @@ impl Chooser {
 
     /// Asks what has to be said before what is at `source` can be read. What is `shown` of a file is what it begins with.
     pub fn ask(&mut self, source: Source, question: Question, shown: &Selection) {
-        self.stage = Some(Stage::Reading(Box::new(Reading::new(source, question, shown))));
+        self.begin(Stage::Reading(Box::new(Reading::new(source, question, shown))));
     }
 
     /// Asks which volume `scene` at `source` is to show: it names none, or one that is not there.
@@ -117,18 +124,18 @@ impl Chooser {
         let mut dialog = dialog(&format!("Which volume is {name} to show?"), folder);
         dialog = dialog.add_file_filter(VOLUMES, Filter::new(is_known)).default_file_filter(VOLUMES);
         dialog.pick_file();
-        self.stage = Some(Stage::Volume(Box::new(source), is_named, Box::new(dialog)));
+        self.begin(Stage::Volume(Box::new(source), is_named, Box::new(dialog)));
     }
 
-    /// Asks what becomes of changes that are not saved.
-    pub fn leave(&mut self, leaving: Leaving) {
-        self.stage = Some(Stage::Leaving(leaving));
+    /// Asks what becomes of what is not saved.
+    pub fn leave(&mut self, leaving: Leaving, losing: Losing) {
+        self.begin(Stage::Leaving(leaving, losing));
     }
 
     /// Whether it asks that before the window closes.
     #[must_use]
     pub fn asks_to_close(&self) -> bool {
-        matches!(self.stage, Some(Stage::Leaving(Leaving::Close)))
+        matches!(self.stage, Some(Stage::Leaving(Leaving::Close, _)))
     }
 
     /// Begins to choose `file`, in the folder of the last one, else in that of `suggested`, whose name a file that is saved has
@@ -147,11 +154,15 @@ impl Chooser {
             }
             dialog.save_file();
         }
-        self.stage = Some(Stage::File(file, Box::new(dialog)));
+        self.begin(Stage::File(file, Box::new(dialog)));
     }
 
     /// Shows it. What is to be done, once all is said.
     pub fn show(&mut self, context: &Context) -> Option<Action> {
+        if std::mem::take(&mut self.is_new) {
+            // Keys are no longer for what lies behind.
+            leave_field(context);
+        }
         // The library takes the first Escape for the field that has the keyboard. Where something is saved that is the name, and
         // whoever leaves that leaves the dialog.
         let escape = self.typed && context.input(|input| input.key_pressed(Key::Escape));
@@ -159,7 +170,7 @@ impl Chooser {
             Stage::File(file, _) if escape && *file != File::Opened => Some(None),
             Stage::File(file, dialog) => pick(context, *file, dialog),
             Stage::Volume(.., dialog) => pick(context, File::Opened, dialog),
-            Stage::Reading(_) | Stage::Leaving(_) => None,
+            Stage::Reading(_) | Stage::Leaving(..) => None,
         };
         self.typed = context.memory(|memory| memory.focused().is_some());
         if let Some(picked) = picked {
@@ -177,8 +188,8 @@ impl Chooser {
                     Answer::GivenUp => None,
                 }
             }
-            Stage::Leaving(leaving) => {
-                let answer = unsaved(context, leaving)?;
+            Stage::Leaving(leaving, losing) => {
+                let answer = unsaved(context, leaving, *losing)?;
                 self.stage = None;
                 answer
             }
@@ -201,7 +212,7 @@ impl Chooser {
             Stage::Volume(source, is_named, _) => {
                 Some(Action::Leave(Leaving::Open(Box::new(source.with_volume(&picked, is_named)))))
             }
-            Stage::Reading(_) | Stage::Leaving(_) => None,
+            Stage::Reading(_) | Stage::Leaving(..) => None,
         }
     }
 }
@@ -259,20 +270,30 @@ fn in_its_colours(context: &Context, show: impl FnOnce()) {
     context.set_theme(theme);
 }
 
-/// Asks what becomes of changes that are not saved. What is asked for then, or nothing; `None` while there is no answer.
-fn unsaved(context: &Context, leaving: &Leaving) -> Option<Option<Action>> {
-    let (heading, go_on) = match leaving {
-        Leaving::Open(_) => ("Leave what was changed?", "Open without saving"),
-        Leaving::Close => ("Close what was changed?", "Close without saving"),
+/// Asks what becomes of what is not saved. What is asked for then, or nothing; `None` while there is no answer.
+fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Option<Action>> {
+    let (verb, what) = match leaving {
+        Leaving::Open(_) => ("Open", "Leave"),
+        Leaving::Close => ("Close", "Close"),
+    };
+    let (heading, go_on) = if losing.changes {
+        (format!("{what} what was changed?"), format!("{verb} without saving"))
+    } else {
+        ("End the tour?".to_owned(), format!("{verb} now"))
     };
     let escape = context.input(|input| input.key_pressed(Key::Escape));
     let shown = Modal::new(Id::new("unsaved")).show(context, |ui| {
         ui.set_max_width(360.0);
         ui.heading(heading);
-        ui.label("It is not saved as a session, and cannot be had back.");
+        if losing.changes {
+            ui.label("It is not saved as a session, and cannot be had back.");
+        }
+        if losing.tour {
+            ui.label("A tour is being saved: its pictures that are not there yet will not come.");
+        }
         ui.add_space(6.0);
         ui.horizontal_wrapped(|ui| {
-            if ui.button("Save session…").clicked() {
+            if losing.changes && ui.button("Save session…").clicked() {
                 return Some(Some(Action::Choose(File::Session)));
             }
             if ui.button(go_on).clicked() {

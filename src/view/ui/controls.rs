@@ -109,6 +109,11 @@ pub(super) fn slider(
     typing.end(id, response, before, value)
 }
 
+/// Takes the keyboard from whatever has it: what is typed there holds.
+pub(super) fn leave_field(context: &Context) {
+    context.memory_mut(|memory| memory.focused().into_iter().for_each(|field| memory.surrender_focus(field)));
+}
+
 /// What is typed into a field.
 #[derive(Default)]
 struct Typing {

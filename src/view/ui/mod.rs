@@ -110,7 +110,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     }
     if !meant.is_empty() {
         // What is typed holds first.
-        ui.memory_mut(|memory| memory.focused().into_iter().for_each(|field| memory.surrender_focus(field)));
+        controls::leave_field(ui.ctx());
     }
     if shown.panels {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);

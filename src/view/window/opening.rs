@@ -98,10 +98,12 @@ impl Viewer {
             // It is asked once: it is opened as something else then.
             let mut source = loaded.source;
             source.options.selection.asks = false;
-            return self.chooser.leave(Leaving::Open(Box::new(source)));
+            return self.chooser.leave(Leaving::Open(Box::new(source)), self.losing());
         }
         self.before = self.counts();
         if let Some(document) = document.filter(|_| !again) {
+            self.stop_tour();
+            self.give_up_tour("Something else was opened");
             if !self.is_scripted() {
                 // What went wrong before is over.
                 self.notices.retain(|notice| notice.until.is_some());
@@ -134,7 +136,7 @@ impl Viewer {
         let alike = but_time(&scene.volume.selection) == but_time(&self.selection);
         match self.document.as_ref().filter(|_| loaded.source.is_another_of(&self.source)) {
             Some(before) if before.lies_as(scene) => Some(before.clone().beside(scene.clone(), alike)),
-            Some(_) if self.would_lose() => None,
+            Some(_) if self.losing().changes => None,
             // Its lights are there to choose from, and not meant together.
             _ if loaded.source.bare_volume().is_some() => Some(Document::starting(scene.clone(), &Edit::HandOnNode(0))),
             _ => Some(Document::new(scene.clone())),

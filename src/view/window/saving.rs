@@ -110,6 +110,19 @@ impl Viewer {
         self.tour = seconds.map(Tour::playing);
     }
 
+    /// The hand of a tour that is played stays where it is.
+    pub(super) fn stop_tour(&mut self) {
+        self.tour.take_if(|tour| matches!(tour, Tour::Playing { .. }));
+    }
+
+    /// A tour that is saved has an end, and it is said why.
+    pub(super) fn give_up_tour(&mut self, why: &str) {
+        if let Some(Tour::Saving { frames, saved, .. }) = self.tour {
+            self.note(format!("{why}: the tour was given up after {saved} of its {frames} pictures."));
+            self.end_saved_tour();
+        }
+    }
+
     /// What was there before a tour was saved is shown again.
     fn end_saved_tour(&mut self) {
         self.tour = None;
@@ -139,7 +152,9 @@ impl Viewer {
 
     /// Begins to write what is to be saved of a picture that is finest.
     pub(super) fn save_pictures(&mut self) {
-        if self.saving.waiting.is_empty() || self.loading.is_some() {
+        // While a tour is saved, the picture is not of what is looked at.
+        let tours = matches!(self.tour, Some(Tour::Saving { .. }));
+        if self.saving.waiting.is_empty() || self.loading.is_some() || tours {
             return;
         }
         let (Some(engine), Some(document)) = (&self.engine, &self.document) else {
@@ -229,15 +244,11 @@ impl Viewer {
         let snapshot = self.engine.as_ref().filter(|engine| engine.is_finest()).and_then(Engine::snapshot);
         let Some(snapshot) = snapshot else { return };
         let fits = self.tour.as_mut().is_some_and(|tour| tour.takes(snapshot.size()));
-        let Some(Tour::Saving { path, frames, saved, .. }) = &mut self.tour else { return };
         if !fits {
-            let text = format!(
-                "The window has another size now: the tour was given up after {saved} of its {frames} pictures."
-            );
-            self.note(text);
-            self.end_saved_tour();
+            self.give_up_tour("The window has another size now");
             return;
         }
+        let Some(Tour::Saving { path, saved, .. }) = &mut self.tour else { return };
         *saved += 1;
         let path = numbered(path, *saved);
         self.begin(None, move || snapshot.write_picture(&path));
