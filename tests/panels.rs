@@ -243,6 +243,32 @@ fn intervals(window: &Harness<'_, App>) -> Vec<Interval> {
 }
 
 #[test]
+fn an_interval_below_another_is_brought_to_the_front_by_its_swatch() {
+    let mut window = with_histogram();
+    window.run();
+    let below = intervals(&window)[0];
+    let [from, to] = below.range;
+    let over = Interval { range: [from - 50.0, to + 50.0], opacity: 1.0, ..intervals(&window)[1] };
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::Interval(1, over));
+    window.run();
+    let drag_below = |window: &mut Harness<'_, App>| {
+        window.state_mut().asked.clear();
+        // Off the handle in the middle of its top.
+        let body = window.get_by_label("interval 0: Body").rect();
+        let at = body.left_center().lerp(body.center(), 0.5);
+        drag_along(window, &[at, at + Vec2::new(12.0, 0.0)]);
+        let moved = |action: &Action| matches!(action, Action::Edit(Edit::Interval(0, _)));
+        window.state().asked.iter().any(moved)
+    };
+    assert!(!drag_below(&mut window), "the other one lies over it");
+    let line = window.get_by_label("remove interval 0").rect().center().y;
+    let swatches = window.get_all_by_role(Role::ColorWell).map(|node| node.rect());
+    let swatch = swatches.into_iter().find(|rect| (rect.center().y - line).abs() < 5.0).unwrap();
+    click_at(&mut window, swatch.center());
+    assert!(drag_below(&mut window), "it lies over the other one now");
+}
+
+#[test]
 fn the_top_and_the_ends_of_an_interval_are_dragged_and_a_drag_is_one_step_back() {
     let mut window = with_histogram();
     window.run();

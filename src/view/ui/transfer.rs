@@ -41,15 +41,15 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let map = Map::new(ui, statistics);
             let terms: Vec<Option<Interval>> = state.scene.transfer.terms.iter().map(Interval::of).collect();
             histogram(ui, statistics, &map);
-            for (index, term) in state.scene.transfer.terms.iter().enumerate() {
-                outline(ui, term, &map, &colours, chosen(ui) == Some(index));
+            // What comes last lies on top: the chosen one over others, and no body over a handle.
+            let front = chosen(ui);
+            let mut order: Vec<usize> = (0..terms.len()).collect();
+            order.sort_by_key(|&index| front == Some(index));
+            for &index in &order {
+                outline(ui, &state.scene.transfer.terms[index], &map, &colours, front == Some(index));
             }
-            // What is caught last lies on top: no body over a handle, and the chosen one over others.
-            let intervals = || terms.iter().enumerate().filter_map(|(index, it)| Some((index, it.as_ref()?)));
-            for (index, interval) in intervals().filter(|(index, _)| chosen(ui) != Some(*index)) {
-                body(ui, index, interval, &map, asked);
-            }
-            for (index, interval) in intervals().filter(|(index, _)| chosen(ui) == Some(*index)) {
+            let intervals = || order.iter().filter_map(|&index| Some((index, terms[index].as_ref()?)));
+            for (index, interval) in intervals() {
                 body(ui, index, interval, &map, asked);
             }
             for (index, interval) in intervals() {
@@ -379,7 +379,11 @@ fn row(
     let materials = &state.scene.materials;
     let shown = term.material.0.first().map_or(0, |&(_, material)| material);
     let material = |ui: &mut Ui| {
-        swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY), materials.get(shown));
+        let swatch = swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY), materials.get(shown));
+        let swatch = swatch.interact(Sense::click()).on_hover_text("A click brings the interval to the front.");
+        if swatch.clicked() {
+            choose(ui, index);
+        }
         let Some(interval) = &interval else {
             ui.label("curves of the scene file");
             return None;
@@ -458,7 +462,7 @@ fn row(
     }
 }
 
-fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
+fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(14.0), Sense::hover());
     let outline = Stroke::new(1.0, ui.visuals().widgets.noninteractive.fg_stroke.color);
     ui.painter().rect(rect, 2.0, colour, outline, StrokeKind::Inside);
@@ -470,7 +474,7 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) {
     } else {
         "The material under the present light, to whoever looks."
     };
-    response.on_hover_text(help);
+    response.on_hover_text(help)
 }
 
 /// The material that is chosen now, where it is another one.
