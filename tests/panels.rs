@@ -56,6 +56,7 @@ struct App {
     tour: Option<Tour>,
     several: bool,
     closes: bool,
+    losing: Losing,
     chooser: Chooser,
     /// The folder that files are chosen in.
     folder: Folder,
@@ -77,6 +78,7 @@ impl App {
             tour: None,
             several: false,
             closes: false,
+            losing: Losing::default(),
             chooser: Chooser::default(),
             folder: Folder::new(),
             place: Rect::ZERO,
@@ -103,7 +105,7 @@ impl App {
             aspect: 1.5,
         };
         app.place = ui::show(ui, &shown, &mut asked);
-        asked.extend(app.chooser.show(ui.ctx()));
+        asked.extend(app.chooser.show(ui.ctx(), app.losing));
         for action in &asked {
             match (action, &mut app.document) {
                 (Action::Edit(edit), Some(document)) => {
@@ -924,7 +926,30 @@ fn a_step_back_while_a_number_is_typed_takes_what_is_typed_back() {
     window.run();
     window.run();
     assert_eq!(master(&window), before);
-    assert_eq!(window.state().asked.last(), Some(&Action::Undo), "nothing comes after it");
+    assert_eq!(window.state().asked, [Action::Edit(Edit::Master(0.5)), Action::Undo], "nothing comes after it");
+}
+
+#[test]
+fn what_is_typed_holds_before_what_is_clicked_then() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.rest();
+    for (button, action) in
+        [("Undo", Action::Undo), ("Tour", Action::Tour(Some(8.0))), ("save the tour", Action::SaveTour(None, 50))]
+    {
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.clone()));
+        window.run();
+        type_unfinished(&mut window, "interval 0: opacity", "0.5");
+        assert!(window.state().asked.is_empty());
+        window.get_by_label(button).click();
+        window.run();
+        assert!(
+            matches!(&*window.state().asked, [Action::Edit(Edit::Interval(0, _)), last] if *last == action),
+            "{button}: {:?}",
+            window.state().asked
+        );
+    }
 }
 
 #[test]
@@ -2039,7 +2064,8 @@ fn what_was_changed_is_left_only_once_somebody_says_so() {
     ];
     for (button, action) in answers {
         let mut window = wide(document());
-        window.state_mut().chooser.leave(leaving.clone(), Losing { changes: true, tour: false });
+        window.state_mut().losing.changes = true;
+        window.state_mut().chooser.leave(leaving.clone());
         window.run();
         assert!(window.state().chooser.is_open() && !window.state().chooser.asks_to_close());
         window.get_by_label(button).click();
@@ -2053,15 +2079,26 @@ fn what_was_changed_is_left_only_once_somebody_says_so() {
 fn a_tour_whose_pictures_are_not_all_there_is_left_only_once_somebody_says_so() {
     for (changes, button) in [(false, "Close now"), (true, "Close without saving")] {
         let mut window = wide(document());
-        window.state_mut().chooser.leave(Leaving::Close, Losing { changes, tour: true });
+        window.state_mut().losing = Losing { changes, tour: true, picture: !changes };
+        window.state_mut().chooser.leave(Leaving::Close);
         window.run();
         assert!(is_painted(&window, "A tour is being saved"));
         assert_eq!(is_painted(&window, "not saved as a session"), changes);
+        assert_eq!(is_painted(&window, "as fine as it gets"), !changes);
         assert_eq!(window.query_by_label("Save session…").is_some(), changes);
         window.get_by_label(button).click();
         window.step();
         assert_eq!(window.state().asked.last(), Some(&Action::Leave(Leaving::Close)));
     }
+    // Once all of it is there, nothing is left to ask.
+    let mut window = wide(document());
+    window.state_mut().losing.tour = true;
+    window.state_mut().chooser.leave(Leaving::Close);
+    window.run();
+    assert!(window.state().asked.is_empty());
+    window.state_mut().losing.tour = false;
+    window.run();
+    assert_eq!(window.state().asked, [Action::Leave(Leaving::Close)]);
 }
 
 #[test]
@@ -2078,7 +2115,7 @@ fn a_dialog_has_the_keyboard_from_what_lies_behind_it() {
         } else {
             window.state_mut().chooser.open(File::Opened, Path::new("."));
         }
-        window.run();
+        window.step();
         until_listed(&mut window);
         assert!(window.state().chooser.is_open());
         window.key_press(Key::Escape);
@@ -2111,6 +2148,43 @@ fn a_camera_that_is_turned_while_a_tour_is_played_is_a_step_back_and_the_tour_an
     document.redo();
     document.redo();
     assert_eq!(looked(&document), after);
+}
+
+#[test]
+fn a_hand_that_lets_go_while_a_tour_is_played_begins_another_step_back() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.rest();
+    let (terms, hand) = (document.state().scene.transfer.terms.len(), document.state().light.hand);
+    for frame in 1..=40 {
+        document.edit(&Edit::Tour(frame, 40));
+        if frame % 20 == 10 {
+            document.edit(&Edit::RemoveTerm(0));
+        }
+        document.rest_beside_tour();
+    }
+    document.rest();
+    for left in [terms - 1, terms] {
+        document.undo();
+        assert_eq!(document.state().scene.transfer.terms.len(), left);
+    }
+    document.undo();
+    assert_eq!(document.state().light.hand, hand, "the tour is the step before");
+}
+
+#[test]
+fn a_handle_that_can_be_dragged_lies_over_one_that_cannot() {
+    let mut document = document();
+    document.edit(&Edit::Camera(Move::Axis(Side::Left), 1.5));
+    document.edit(&Edit::Crop(Some([DVec3::new(0.25, 0.25, 0.49), DVec3::new(0.75, 0.75, 0.51)])));
+    let mut window = wide(document);
+    window.run();
+    let [at, facing] = ["crop box: z to", "crop box: x from"].map(|label| window.get_by_label(label).rect().center());
+    assert!(at.distance(facing) < 11.0, "one lies over the other");
+    window.event(Event::PointerMoved(facing));
+    window.run_steps(60);
+    assert!(is_painted(&window, "Drag this side of the box: z"), "not the side that faces the eye");
 }
 
 #[test]

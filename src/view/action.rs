@@ -42,13 +42,15 @@ pub struct Losing {
     pub changes: bool,
     /// The pictures of a tour that are still to be saved.
     pub tour: bool,
+    /// A picture that is saved once it is as fine as it gets.
+    pub picture: bool,
 }
 
 impl Losing {
     /// Whether there is any of it.
     #[must_use]
     pub fn anything(self) -> bool {
-        self.changes || self.tour
+        self.changes || self.tour || self.picture
     }
 }
 

@@ -633,6 +633,13 @@ impl Document {
         }
     }
 
+    /// The hand has let go while a tour is played: what it does next is a step back of its own, and the tour goes on as the one that
+    /// it is.
+    pub fn rest_beside_tour(&mut self) {
+        let tour = Edit::Tour(0, 0).kind();
+        self.gesture.retain(|kind| *kind == tour);
+    }
+
     /// Whether there is a step back.
     #[must_use]
     pub fn can_undo(&self) -> bool {

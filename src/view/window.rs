@@ -28,7 +28,7 @@ use super::probe::Probe;
 use super::prober::Prober;
 use super::screen::Screen;
 use super::script::{Script, ScriptError};
-use super::state::{Cost, Document};
+use super::state::{Cost, Document, Edit};
 use super::tour::Tour;
 use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{count, unsigned, whole};
@@ -359,24 +359,26 @@ impl Viewer {
                 if edit.cost() == Cost::Relight {
                     self.stop_tour();
                 }
-                self.change(|document| document.edit(&edit));
+                // Neither changes a picture.
+                let spares = matches!(edit, Edit::Design(_) | Edit::Rename(..));
+                self.change(spares, |document| document.edit(&edit));
             }
             Action::Undo => {
                 self.stop_tour();
-                self.change(Document::undo);
+                self.change(false, Document::undo);
             }
             Action::Redo => {
                 self.stop_tour();
-                self.change(Document::redo);
+                self.change(false, Document::redo);
             }
             Action::Open(source) if self.losing().anything() => {
-                self.chooser.leave(Leaving::Open(source), self.losing());
+                self.chooser.leave(Leaving::Open(source));
             }
             Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
             Action::Another => self.open_another(),
             // Whoever asks again, while the question stands, means it.
             Action::Close if self.losing().anything() && !self.chooser.asks_to_close() => {
-                self.chooser.leave(Leaving::Close, self.losing());
+                self.chooser.leave(Leaving::Close);
             }
             Action::Close | Action::Leave(Leaving::Close) => self.closes = true,
             Action::Choose(file) => self.choose(file),
@@ -405,10 +407,10 @@ impl Viewer {
         }
     }
 
-    /// Changes what is looked at. The pictures of a tour that is saved are all of one thing.
-    fn change(&mut self, change: impl FnOnce(&mut Document) -> Option<Cost>) {
+    /// Changes what is looked at. The pictures of a tour that is saved are all of one thing, which the change `spares` or not.
+    fn change(&mut self, spares: bool, change: impl FnOnce(&mut Document) -> Option<Cost>) {
         let cost = self.document.as_mut().and_then(change);
-        if cost.is_some() {
+        if cost.is_some() && !spares {
             self.give_up_tour("Something was changed");
         }
         self.show_again(cost);
@@ -522,7 +524,7 @@ impl Viewer {
         let Some(screen) = &mut self.screen else { return Ok(()) };
         let mut raw = screen.egui.take_egui_input(&screen.window);
         raw.events.extend(inputs);
-        let status = self.status();
+        let (status, losing) = (self.status(), self.losing());
         let loading = self.loading.as_ref().map(Loading::progress).or_else(|| self.first_march());
         let Some(screen) = &mut self.screen else { return Ok(()) };
         // To ask the window once more would wait for the screen.
@@ -578,7 +580,7 @@ impl Viewer {
         let chooser = &mut self.chooser;
         let output = self.context.run_ui(raw, |ui| {
             place = ui::show(ui, &shown, &mut asked);
-            asked.extend(chooser.show(ui.ctx()));
+            asked.extend(chooser.show(ui.ctx(), losing));
         });
         let again = output.viewport_output.get(&ViewportId::ROOT).map_or(Duration::MAX, |view| view.repaint_delay);
         screen.egui.handle_platform_output(&screen.window, output.platform_output);
@@ -588,8 +590,8 @@ impl Viewer {
         let background = [red, green, blue].map(|part| f32::from(part) / 255.0);
         asked.into_iter().for_each(|action| self.ask(action));
         let plays = self.go_on_tour();
-        if !plays && !self.context.input(|input| input.pointer.any_down()) {
-            self.document.iter_mut().for_each(Document::rest);
+        if !self.context.input(|input| input.pointer.any_down()) {
+            self.document.iter_mut().for_each(if plays { Document::rest_beside_tour } else { Document::rest });
         }
         self.fit(place, output.pixels_per_point);
         let shown = self.engine.as_mut().map_or(Ok(false), Engine::show);
@@ -752,6 +754,7 @@ impl Viewer {
         Losing {
             changes: self.document.as_ref().is_some_and(|document| !document.is_saved()),
             tour: matches!(self.tour, Some(Tour::Saving { .. })),
+            picture: self.is_awaited(),
         }
     }
 
@@ -863,6 +866,7 @@ impl Viewer {
             // A window out of sight may show no frame: who asks again is not kept waiting.
             WindowEvent::CloseRequested if self.is_typed_into() && !self.to_close => self.to_close = true,
             WindowEvent::CloseRequested => {
+                self.to_close = false;
                 self.ask(Action::Close);
                 if self.closes {
                     events.exit();

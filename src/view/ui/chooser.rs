@@ -66,7 +66,7 @@ enum Stage {
     /// How a file is to be read.
     Reading(Box<Reading>),
     /// What becomes of what is not saved.
-    Leaving(Leaving, Losing),
+    Leaving(Leaving),
 }
 
 /// The dialog, while there is one.
@@ -90,7 +90,7 @@ impl fmt::Debug for Chooser {
             Some(Stage::File(file, _)) => drop(fields.field("file", file)),
             Some(Stage::Volume(source, ..)) => drop(fields.field("source", source)),
             Some(Stage::Reading(reading)) => drop(fields.field("reading", reading)),
-            Some(Stage::Leaving(leaving, _)) => drop(fields.field("leaving", leaving)),
+            Some(Stage::Leaving(leaving)) => drop(fields.field("leaving", leaving)),
         }
         fields.field("folder", folder).finish_non_exhaustive()
     }
@@ -128,14 +128,14 @@ impl Chooser {
     }
 
     /// Asks what becomes of what is not saved.
-    pub fn leave(&mut self, leaving: Leaving, losing: Losing) {
-        self.begin(Stage::Leaving(leaving, losing));
+    pub fn leave(&mut self, leaving: Leaving) {
+        self.begin(Stage::Leaving(leaving));
     }
 
     /// Whether it asks that before the window closes.
     #[must_use]
     pub fn asks_to_close(&self) -> bool {
-        matches!(self.stage, Some(Stage::Leaving(Leaving::Close, _)))
+        matches!(self.stage, Some(Stage::Leaving(Leaving::Close)))
     }
 
     /// Begins to choose `file`, in the folder of the last one, else in that of `suggested`, whose name a file that is saved has
@@ -157,8 +157,8 @@ impl Chooser {
         self.begin(Stage::File(file, Box::new(dialog)));
     }
 
-    /// Shows it. What is to be done, once all is said.
-    pub fn show(&mut self, context: &Context) -> Option<Action> {
+    /// Shows it, where so much would be lost with what is looked at. What is to be done, once all is said.
+    pub fn show(&mut self, context: &Context, losing: Losing) -> Option<Action> {
         if std::mem::take(&mut self.is_new) {
             // Keys are no longer for what lies behind.
             leave_field(context);
@@ -170,7 +170,7 @@ impl Chooser {
             Stage::File(file, _) if escape && *file != File::Opened => Some(None),
             Stage::File(file, dialog) => pick(context, *file, dialog),
             Stage::Volume(.., dialog) => pick(context, File::Opened, dialog),
-            Stage::Reading(_) | Stage::Leaving(..) => None,
+            Stage::Reading(_) | Stage::Leaving(_) => None,
         };
         self.typed = context.memory(|memory| memory.focused().is_some());
         if let Some(picked) = picked {
@@ -188,8 +188,8 @@ impl Chooser {
                     Answer::GivenUp => None,
                 }
             }
-            Stage::Leaving(leaving, losing) => {
-                let answer = unsaved(context, leaving, *losing)?;
+            Stage::Leaving(leaving) => {
+                let answer = unsaved(context, leaving, losing)?;
                 self.stage = None;
                 answer
             }
@@ -212,7 +212,7 @@ impl Chooser {
             Stage::Volume(source, is_named, _) => {
                 Some(Action::Leave(Leaving::Open(Box::new(source.with_volume(&picked, is_named)))))
             }
-            Stage::Reading(_) | Stage::Leaving(..) => None,
+            Stage::Reading(_) | Stage::Leaving(_) => None,
         }
     }
 }
@@ -276,10 +276,14 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
         Leaving::Open(_) => ("Open", "Leave"),
         Leaving::Close => ("Close", "Close"),
     };
+    if !losing.anything() {
+        // It is there by now.
+        return Some(Some(Action::Leave(leaving.clone())));
+    }
     let (heading, go_on) = if losing.changes {
         (format!("{what} what was changed?"), format!("{verb} without saving"))
     } else {
-        ("End the tour?".to_owned(), format!("{verb} now"))
+        (format!("{verb} before all is saved?"), format!("{verb} now"))
     };
     let escape = context.input(|input| input.key_pressed(Key::Escape));
     let shown = Modal::new(Id::new("unsaved")).show(context, |ui| {
@@ -290,6 +294,11 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
         }
         if losing.tour {
             ui.label("A tour is being saved: its pictures that are not there yet will not come.");
+        }
+        if losing.picture {
+            ui.label(
+                "What was asked to be saved of the picture waits until that is as fine as it gets, and will not come.",
+            );
         }
         ui.add_space(6.0);
         ui.horizontal_wrapped(|ui| {

@@ -231,26 +231,25 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
         }
     }
     let mut sides: Vec<_> = (0..6_usize)
-        .map(|side| {
+        .filter_map(|side| {
             let (axis, end) = (side / 2, side % 2);
-            let mut middle = (crop[0] + crop[1]) / 2.0;
-            middle[axis] = crop[end][axis];
-            (axis, end, middle, map.seen(middle))
+            let (mut middle, mut step) = ((crop[0] + crop[1]) / 2.0, DVec3::ZERO);
+            (middle[axis], step[axis]) = (crop[end][axis], 0.01);
+            let seen = map.seen(middle);
+            let at = map.place(seen).filter(|at| rect.contains(*at))?;
+            // A side that faces the eye cannot be dragged along.
+            let along = map.place(map.seen(middle + step)).map(|there| there - at);
+            let along = along.filter(|along| along.length() > SHORTEST_WAY);
+            Some((axis, end, at, along, seen.z))
         })
         .collect();
-    // Of those on one spot the nearest is caught: it lies on top.
-    sides.sort_by(|(.., one), (.., other)| other.z.total_cmp(&one.z));
-    for (axis, end, middle, seen) in sides {
+    // What is caught of those on one spot lies on top: one that can be dragged, and of those the nearest.
+    sides.sort_by(|(.., one, near), (.., other, far)| one.is_some().cmp(&other.is_some()).then(far.total_cmp(near)));
+    for (axis, end, at, along, _) in sides {
         let (name, word) = (AXES[axis], ["from", "to"][end]);
-        let Some(at) = map.place(seen).filter(|at| rect.contains(*at)) else { continue };
         let caught = Rect::from_center_size(at, Vec2::splat(CATCH));
         let hand = ui.interact(caught, ui.id().with(("crop", axis, end)), Sense::drag());
         hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, format!("crop box: {name} {word}")));
-        let mut step = DVec3::ZERO;
-        step[axis] = 0.01;
-        // A side that faces the eye cannot be dragged along.
-        let along = map.place(map.seen(middle + step)).map(|there| there - at);
-        let along = along.filter(|along| along.length() > SHORTEST_WAY);
         let near = along.is_some() && (hand.hovered() || hand.dragged());
         let fill = match along {
             None => COLOURS[axis].gamma_multiply(0.4),

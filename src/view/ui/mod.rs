@@ -102,7 +102,8 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
     Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
     let mut meant = Vec::new();
-    if shown.closes {
+    // egui may ask for the panels of a frame more than once.
+    if shown.closes && !asked.contains(&Action::Close) {
         meant.push(Action::Close);
     }
     if !shown.chooses {
@@ -156,6 +157,8 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     if is_in_use(ui.ctx()) {
         hide_tooltips(ui.ctx());
     }
+    // What is typed above a button holds before what that asks for, too, though it is shown first or later.
+    asked.sort_by_key(|action| !matches!(action, Action::Edit(_)));
     asked.append(&mut meant);
     picture
 }

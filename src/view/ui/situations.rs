@@ -88,7 +88,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             let enough = situations.len() > 1 && !saves;
             let none = if saves { "The pictures of a tour are being saved." } else { "A tour takes two situations." };
             let play = ui.add_enabled(enough, egui::Button::new(if plays { "Stop" } else { "Tour" }));
-            let help = "Moves the hand from each situation to the next; one step back undoes it.";
+            let help = "Moves the hand from each situation to the next; a step back of its own undoes it.";
             let play = play.on_hover_text(help).on_disabled_hover_text(none);
             let help = "How long the hand takes for the tour.";
             let seconds = remembered(ui, ("tour: seconds", help), SECONDS, 1, |drag| {

@@ -108,7 +108,7 @@ impl Viewer {
                     Some(known) => known.merge(curve),
                     none => *none = Some(curve),
                 }
-                // What it said of times is said anew.
+                // What was said of it were times of another measurement.
                 self.chosen = None;
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;

@@ -98,16 +98,17 @@ impl Viewer {
             // It is asked once: it is opened as something else then.
             let mut source = loaded.source;
             source.options.selection.asks = false;
-            return self.chooser.leave(Leaving::Open(Box::new(source)), self.losing());
+            return self.chooser.leave(Leaving::Open(Box::new(source)));
         }
         self.before = self.counts();
         if let Some(document) = document.filter(|_| !again) {
-            self.stop_tour();
-            self.give_up_tour("Something else was opened");
             if !self.is_scripted() {
                 // What went wrong before is over.
                 self.notices.retain(|notice| notice.until.is_some());
             }
+            self.stop_tour();
+            self.give_up_tour("Something else was opened");
+            self.forget_waiting();
             self.document = Some(document.with_statistics(loaded.statistics.clone()));
             self.source = loaded.source.clone();
             self.selection = loaded.scene.volume.selection.clone();

@@ -150,6 +150,19 @@ impl Viewer {
         }
     }
 
+    /// What was to be saved of a picture that will not come.
+    pub(super) fn forget_waiting(&mut self) {
+        for export in self.saving.waiting.drain(..).collect::<Vec<_>>() {
+            let (Export::Picture(path) | Export::Accumulators(path)) = export;
+            self.note(format!("{} was not saved: something else was opened.", path.display()));
+        }
+    }
+
+    /// Whether something waits for a picture that is finest.
+    pub(super) fn is_awaited(&self) -> bool {
+        !self.saving.waiting.is_empty()
+    }
+
     /// Begins to write what is to be saved of a picture that is finest.
     pub(super) fn save_pictures(&mut self) {
         // While a tour is saved, the picture is not of what is looked at.
@@ -245,7 +258,7 @@ impl Viewer {
         let Some(snapshot) = snapshot else { return };
         let fits = self.tour.as_mut().is_some_and(|tour| tour.takes(snapshot.size()));
         if !fits {
-            self.give_up_tour("The window has another size now");
+            self.give_up_tour("The picture has another size now");
             return;
         }
         let Some(Tour::Saving { path, saved, .. }) = &mut self.tour else { return };
