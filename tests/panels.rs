@@ -2067,7 +2067,7 @@ fn what_was_changed_is_left_only_once_somebody_says_so() {
         window.state_mut().losing.changes = true;
         window.state_mut().chooser.leave(leaving.clone());
         window.run();
-        assert!(window.state().chooser.is_open() && !window.state().chooser.asks_to_close());
+        assert!(window.state().chooser.is_open());
         window.get_by_label(button).click();
         window.step();
         assert_eq!(window.state().asked.last().cloned(), action, "{button}");
@@ -2171,6 +2171,63 @@ fn a_hand_that_lets_go_while_a_tour_is_played_begins_another_step_back() {
     }
     document.undo();
     assert_eq!(document.state().light.hand, hand, "the tour is the step before");
+}
+
+#[test]
+fn a_side_of_the_crop_box_stops_at_the_other_which_stays() {
+    let mut document = document();
+    document.edit(&Edit::Crop(Some([DVec3::ZERO, DVec3::splat(0.75)])));
+    document.rest();
+    let crop = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().crop().unwrap();
+    let mut window = wide(document.clone());
+    window.run();
+    let [from, to] = ["x from", "x to"].map(|end| window.get_by_label(&format!("crop box: {end}")).rect().center());
+    let way: Vec<Pos2> = (0..=40_u8).map(|part| from.lerp(to, 1.5 * f32::from(part) / 40.0)).collect();
+    drag_along(&mut window, &way);
+    let [low, high] = crop(&window);
+    assert!((high - DVec3::splat(0.75)).length() < 1e-9 && low.x > 0.74 && low.x < high.x, "{low} {high}");
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    for _ in 0..3 {
+        retype(&mut window, "crop x: from", "0.9");
+        let [low, high] = crop(&window);
+        assert!((high - DVec3::splat(0.75)).length() < 1e-9 && low.x > 0.74 && low.x < high.x, "{low} {high}");
+    }
+}
+
+#[test]
+fn a_long_number_takes_no_room_from_the_picture() {
+    let mut window = wide(document());
+    window.run();
+    let place = window.state().place;
+    type_unfinished(&mut window, "master", "0.12345678901234567890123456789012345678901234567890");
+    window.run();
+    assert_eq!(window.state().place, place);
+    window.key_press(Key::Enter);
+    window.run();
+    assert_eq!(window.state().place, place);
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Master(_)))));
+}
+
+#[test]
+fn what_is_said_of_a_number_is_clicked_through_and_goes_with_it() {
+    let told = "2 is more than is possible here";
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    retype(&mut window, "interval 0: opacity", "2");
+    assert!(is_painted(&window, told));
+    // The field below it lies under what is said.
+    let below = window.get_by_label("remove interval 1").rect().center();
+    click_at(&mut window, below);
+    window.run();
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::RemoveTerm(1)))));
+    assert!(is_painted(&window, told), "it can still be read");
+    for _ in 0..2 {
+        window.get_by_label("Undo").click();
+        window.run();
+    }
+    window.run();
+    assert!(!is_painted(&window, told), "the number is another one");
 }
 
 #[test]

@@ -222,7 +222,7 @@ fn finite(place: DVec2) -> DVec2 {
 }
 
 /// Least part of an axis that a crop shows.
-const THINNEST: f64 = 1e-3;
+pub const THINNEST: f64 = 1e-3;
 
 /// The voxel indices, corner to corner, of these parts of a volume of so many voxels.
 fn crop_from_parts([low, high]: [DVec3; 2], dims: [usize; 3]) -> [DVec3; 2] {

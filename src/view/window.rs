@@ -376,10 +376,7 @@ impl Viewer {
             }
             Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
             Action::Another => self.open_another(),
-            // Whoever asks again, while the question stands, means it.
-            Action::Close if self.losing().anything() && !self.chooser.asks_to_close() => {
-                self.chooser.leave(Leaving::Close);
-            }
+            Action::Close if self.losing().anything() => self.chooser.leave(Leaving::Close),
             Action::Close | Action::Leave(Leaving::Close) => self.closes = true,
             Action::Choose(file) => self.choose(file),
             Action::SavePicture(path) => self.save_picture(path),

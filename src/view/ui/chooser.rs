@@ -132,12 +132,6 @@ impl Chooser {
         self.begin(Stage::Leaving(leaving));
     }
 
-    /// Whether it asks that before the window closes.
-    #[must_use]
-    pub fn asks_to_close(&self) -> bool {
-        matches!(self.stage, Some(Stage::Leaving(Leaving::Close)))
-    }
-
     /// Begins to choose `file`, in the folder of the last one, else in that of `suggested`, whose name a file that is saved has
     /// at first.
     pub fn open(&mut self, file: File, suggested: &Path) {

@@ -169,7 +169,7 @@ impl Typing {
             let [typed, is] = [typed, is].map(|number| shorter(number, number.to_string(), 3));
             say(&field.ctx, id, format!("{typed} is {than} than is possible here: it became {is}."));
         }
-        show_said(id, &field);
+        show_said(id, &field, is);
         let as_shown =
             || self.shown.borrow().as_deref().and_then(parsed).is_some_and(|shown| shown.to_bits() == is.to_bits());
         // A slider calls it a change, too, when what is in its field changes.
@@ -218,27 +218,38 @@ pub(super) fn say_beside(field: &Response, text: String) {
     say(&field.ctx, field.id, text);
 }
 
+/// What is said beside a field.
+#[derive(Clone)]
+struct Said {
+    text: String,
+    since: Instant,
+    /// Of which number, once that is shown.
+    of: Option<f64>,
+}
+
 fn say(context: &Context, field: Id, text: String) {
-    context.data_mut(|data| data.insert_temp(field.with("said"), (text, Instant::now())));
+    context.data_mut(|data| data.insert_temp(field.with("said"), Said { text, since: Instant::now(), of: None }));
     context.request_repaint();
 }
 
-/// Shows what is said beside a `field`, which it is called by here, until that can have been read.
-fn show_said(id: Id, field: &Response) {
+/// Shows what is said beside a `field`, which it is called by here, until that can have been read, or the number `is` another one.
+fn show_said(id: Id, field: &Response, is: f64) {
     let id = id.with("said");
-    let Some((text, since)) = field.ctx.data(|data| data.get_temp::<(String, Instant)>(id)) else { return };
-    let left = LONG_ENOUGH.saturating_sub(since.elapsed());
-    if left.is_zero() || field.has_focus() {
-        field.ctx.data_mut(|data| data.remove::<(String, Instant)>(id));
+    let Some(said) = field.ctx.data(|data| data.get_temp::<Said>(id)) else { return };
+    let left = LONG_ENOUGH.saturating_sub(said.since.elapsed());
+    if left.is_zero() || field.has_focus() || said.of.is_some_and(|of| of.to_bits() != is.to_bits()) {
+        field.ctx.data_mut(|data| data.remove::<Said>(id));
         return;
     }
     field.ctx.request_repaint_after(left);
-    // No tooltip: those are not shown over what was just used.
+    // No tooltip: those are not shown over what was just used. What lies behind it can be clicked.
     Popup::from_response(field)
         .id(id)
         .open(true)
+        .interactable(false)
         .close_behavior(PopupCloseBehavior::IgnoreClicks)
-        .show(|ui| ui.label(text));
+        .show(|ui| ui.label(&said.text));
+    field.ctx.data_mut(|data| data.insert_temp(id, Said { of: Some(is), ..said }));
 }
 
 fn word(cost: Cost) -> &'static str {

@@ -11,7 +11,7 @@ use crate::number::count;
 use crate::scene::View;
 use crate::view::action::Action;
 use crate::view::camera::{Move, Side};
-use crate::view::state::{Cost, Document, Edit};
+use crate::view::state::{Cost, Document, Edit, THINNEST};
 use crate::volume::Geometry;
 
 /// Points across a handle, and across where it is caught.
@@ -103,10 +103,12 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     });
 }
 
-/// What has changed stops where the other side is.
-fn ordered(next: [DVec3; 2], now: [DVec3; 2]) -> [DVec3; 2] {
-    let [low, high] = next;
-    if low == now[0] { [low, high.max(low)] } else { [low.min(high), high] }
+/// What has changed stops before the other side, which stays.
+fn ordered([low, high]: [DVec3; 2], now: [DVec3; 2]) -> [DVec3; 2] {
+    [
+        DVec3::select(low.cmpne(now[0]), low.min(high - THINNEST).max(DVec3::ZERO), low),
+        DVec3::select(high.cmpne(now[1]), high.max(low + THINNEST).min(DVec3::ONE), high),
+    ]
 }
 
 /// From the parts of the volume to the picture.

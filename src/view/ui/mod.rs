@@ -24,7 +24,7 @@ mod transfer;
 use egui::layers::PaintList;
 use egui::scroll_area::ScrollBarVisibility;
 use egui::style::ScrollStyle;
-use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, ScrollArea, Ui};
+use egui::{CentralPanel, Color32, Context, Frame, Id, Order, Panel, Popup, Pos2, Rect, ScrollArea, Ui, UiBuilder};
 
 pub use accuracy::Effort;
 pub use chooser::Chooser;
@@ -116,6 +116,10 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     if shown.panels {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);
         Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
+            // What is typed may be wider for a while: the picture, which would be marched anew, keeps its size.
+            let all = ui.available_rect_before_wrap();
+            ui.advance_cursor_after_rect(all);
+            let ui = &mut ui.new_child(UiBuilder::new().max_rect(all));
             toolbar::show(ui, shown, asked);
             ui.separator();
             let Some(document) = shown.document else { return };

@@ -1,6 +1,8 @@
 //! The picture: where the camera is moved by hand, by keys, and by buttons.
 
-use egui::{Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, Ui, UiBuilder, vec2};
+use egui::{
+    Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, StrokeKind, Ui, UiBuilder, vec2,
+};
 
 use glam::DVec2;
 
@@ -84,6 +86,9 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
     }
     if !shown.chooses && ui.memory(|memory| memory.focused().is_none_or(|focused| focused == hand.id)) {
         keys(ui, &mut go);
+    }
+    if hand.has_focus() {
+        ui.painter().rect_stroke(inside, 0.0, ui.visuals().selection.stroke, StrokeKind::Inside);
     }
 }
 
