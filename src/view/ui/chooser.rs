@@ -266,14 +266,14 @@ fn in_its_colours(context: &Context, show: impl FnOnce()) {
 
 /// Asks what becomes of what is not saved. What is asked for then, or nothing; `None` while there is no answer.
 fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Option<Action>> {
-    let (verb, what) = match leaving {
-        Leaving::Open(_) => ("Open", "Leave"),
-        Leaving::Close => ("Close", "Close"),
-    };
     if !losing.anything() {
         // It is there by now.
         return Some(Some(Action::Leave(leaving.clone())));
     }
+    let (verb, what) = match leaving {
+        Leaving::Open(_) => ("Open", "Leave"),
+        Leaving::Close => ("Close", "Close"),
+    };
     let (heading, go_on) = if losing.changes {
         (format!("{what} what was changed?"), format!("{verb} without saving"))
     } else {

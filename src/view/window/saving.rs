@@ -152,7 +152,7 @@ impl Viewer {
 
     /// What was to be saved of a picture that will not come.
     pub(super) fn forget_waiting(&mut self) {
-        for export in self.saving.waiting.drain(..).collect::<Vec<_>>() {
+        for export in std::mem::take(&mut self.saving.waiting) {
             let (Export::Picture(path) | Export::Accumulators(path)) = export;
             self.note(format!("{} was not saved: something else was opened.", path.display()));
         }
