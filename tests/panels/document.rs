@@ -1,0 +1,150 @@
+//! Edits of the document, their cost, and undo.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec2;
+use relume::progress::Quiet;
+use relume::scene::{self, Accuracy, Interval, SceneOptions};
+use relume::spectrum::observer::Observer;
+use relume::view::camera::Move;
+use relume::view::design::{self, Spectra};
+use relume::view::{Document, Edit};
+
+use crate::app::{document, offered};
+use crate::support::program::SCENE;
+
+#[test]
+fn numbers_out_of_range_are_brought_into_it() {
+    let mut document = document();
+    let strange = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -3.0, 1e300];
+    for number in strange {
+        for edit in [
+            Edit::Weight(0, number),
+            Edit::Weight(99, number),
+            Edit::Master(number),
+            Edit::Exposure(number),
+            Edit::Hand(DVec2::new(number, number)),
+            Edit::NodePlace(0, DVec2::splat(number)),
+            Edit::Camera(Move::Orbit { right: number, up: number }, number),
+            Edit::Camera(Move::Pan { right: number, up: number }, 1.0),
+            Edit::Camera(Move::Dolly(number), 1.0),
+            Edit::Camera(Move::Roll(number), 1.0),
+        ] {
+            document.edit(&edit);
+            let state = document.state();
+            assert!(state.mix().0.iter().all(|light| light.weight.is_finite() && light.weight >= 0.0), "{edit:?}");
+            assert!(state.scene.camera.view(&state.scene.volume.geometry, 1.0).is_some(), "{edit:?}");
+        }
+    }
+}
+
+#[test]
+fn an_edit_costs_what_it_says() {
+    let edits = [
+        Edit::Weight(0, 0.5),
+        Edit::On(0, false),
+        Edit::Solo(Some(0)),
+        Edit::Normalise(true),
+        Edit::Master(0.5),
+        Edit::Hand(DVec2::new(0.1, 0.2)),
+        Edit::HandOnNode(0),
+        Edit::NodePlace(0, DVec2::splat(0.3)),
+        Edit::NodeOn(0, false),
+        Edit::Situation(0),
+        Edit::Exposure(2.0),
+        Edit::Adapt(true),
+        Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0),
+        Edit::Camera(Move::Projection, 1.0),
+        Edit::Interval(0, Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
+        Edit::AddInterval(Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
+        Edit::RemoveTerm(0),
+        Edit::Accuracy(Accuracy { step_length: 0.7, ..document().state().scene.accuracy.clone() }),
+        Edit::Observer(Observer::Cie1964),
+        offered(&document()),
+        Edit::Spectra(Arc::new(
+            Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
+        )),
+    ];
+    for edit in edits {
+        let mut document = document();
+        assert_eq!(document.edit(&edit), Some(edit.cost()), "{edit:?}");
+        assert_eq!(document.undo(), Some(edit.cost()), "{edit:?} undone");
+        assert_eq!(document.redo(), Some(edit.cost()), "{edit:?} done again");
+    }
+}
+
+#[test]
+fn steps_back_are_bounded_however_much_is_done() {
+    let mut document = document();
+    for step in 0..1000 {
+        document.edit(&Edit::Exposure(1.0 + f64::from(step)));
+        document.rest();
+    }
+    let mut undone = 0;
+    while document.undo().is_some() {
+        undone += 1;
+    }
+    assert_eq!(undone, 200);
+    assert!(!document.can_undo() && document.can_redo());
+}
+
+#[test]
+fn another_time_step_is_looked_at_as_the_one_before() {
+    let mut before = document();
+    before.edit(&Edit::Camera(Move::Orbit { right: 30.0, up: 10.0 }, 1.5));
+    before.edit(&Edit::HandOnNode(1));
+    before.edit(&Edit::RemoveTerm(0));
+    let scene = before.opened().clone();
+    assert!(before.lies_as(&scene));
+    let after = before.clone().beside(scene.clone(), false);
+    assert!(after.state().cost_from(before.state()).is_none(), "also a transfer function that was changed");
+    let mut back = after.clone();
+    while back.can_undo() {
+        back.undo();
+    }
+    assert!(
+        back.is_saved() && !after.is_saved() && back.state().scene.camera == scene.camera,
+        "with the same steps back"
+    );
+    // What nobody has changed is what the other volume opens with, where its values are others.
+    let mut other = scene.clone();
+    other.transfer.terms.remove(0);
+    let untouched = Document::new(scene.clone());
+    for (alike, terms) in [(true, &scene.transfer), (false, &other.transfer)] {
+        let after = untouched.clone().beside(other.clone(), alike);
+        assert!(after.is_saved() && after.state().scene.transfer == *terms, "{alike}");
+    }
+    let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
+    let smaller = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    assert!(!before.lies_as(&smaller), "another grid is another thing");
+}
+
+#[test]
+fn what_ends_where_it_began_is_no_step_back() {
+    let mut document = document();
+    let places = [0.2, 0.5, 0.2].map(|x| Edit::Hand(DVec2::new(x, 0.1)));
+    document.edit(&places[0]);
+    document.rest();
+    document.edit(&places[1]);
+    document.edit(&places[2]);
+    document.rest();
+    assert!(document.undo().is_some() && !document.can_undo());
+}
+
+#[test]
+fn a_document_is_saved_until_it_is_changed_and_again_where_that_is_undone() {
+    let mut document = document();
+    assert!(document.is_saved());
+    document.edit(&Edit::Exposure(2.0));
+    assert!(!document.is_saved());
+    document.undo();
+    assert!(document.is_saved());
+    document.redo();
+    document.save();
+    assert!(document.is_saved());
+    document.undo();
+    assert!(!document.is_saved(), "what is saved is something else");
+    let starting = Document::starting(document.opened().clone(), &Edit::HandOnNode(0));
+    assert!(starting.is_saved());
+}

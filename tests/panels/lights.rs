@@ -1,0 +1,135 @@
+//! The light panel: switches, solo, sliders, brightness.
+
+use egui::Vec2;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::DVec2;
+use relume::view::camera::{Move, Side};
+use relume::view::{Action, Cost, Document, Edit, Mixing};
+
+use crate::app::{App, document, light_names, wide};
+
+#[test]
+fn a_switch_and_solo_of_the_light_panel_decide_which_lights_shine() {
+    let mut window = wide(document());
+    window.get_by_label("lamp").click();
+    window.run();
+    let mix = |window: &Harness<'_, App>| window.state().document.as_ref().unwrap().state().mix();
+    assert_eq!(light_names(&mix(&window)), ["day"]);
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(light_names(&mix(&window)).len(), 2);
+    window.get_all_by_label("solo").nth(1).unwrap().click();
+    window.run();
+    assert_eq!(light_names(&mix(&window)), ["lamp"]);
+}
+
+#[test]
+fn all_lights_off_is_a_notice_that_turns_them_on_again() {
+    let mut document = document();
+    for light in 0..2 {
+        document.edit(&Edit::On(light, false));
+    }
+    assert!(!document.state().is_lit());
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    assert!(window.state().document.as_ref().unwrap().state().is_lit());
+    assert!(window.query_by_label("Turn the lights on").is_none(), "the notice has gone");
+}
+
+#[test]
+fn nothing_of_the_light_is_asked_for_that_marches() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    for label in ["lamp", "keep brightness", "eye adapts to the light", "10° (1964)", "evening"] {
+        window.get_all_by_label(label).next().unwrap().click();
+        window.run();
+    }
+    let asked = &window.state().asked;
+    assert!(asked.len() >= 4, "{asked:?}");
+    let costs =
+        asked.iter().filter_map(|action| if let Action::Edit(edit) = action { Some(edit.cost()) } else { None });
+    assert!(costs.into_iter().all(|cost| cost == Cost::Relight), "{asked:?}");
+    window.get_by_label("Top").click();
+    window.run();
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Camera(Move::Axis(Side::Top), _)))));
+}
+
+#[test]
+fn a_slider_takes_over_what_the_dial_made() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.4)));
+    let by_dial = document.state().mix();
+    let share = document.state().shares()[0];
+    document.edit(&Edit::Weight(0, share));
+    assert_eq!(document.state().light.mixing, Mixing::Sliders);
+    for (ours, theirs) in document.state().mix().0.iter().zip(&by_dial.0) {
+        assert!((ours.weight - theirs.weight).abs() <= 1e-12 * theirs.weight, "{} {}", ours.weight, theirs.weight);
+    }
+}
+
+#[test]
+fn the_lights_that_are_turned_on_again_shine_on_the_dial_too() {
+    let mut document = document();
+    for light in 0..2 {
+        document.edit(&Edit::NodeOn(light, false));
+        document.edit(&Edit::On(light, false));
+    }
+    document.edit(&Edit::Hand(DVec2::ZERO));
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    let document = window.state_mut().document.as_mut().unwrap();
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.2)));
+    assert!(document.state().is_lit());
+}
+
+#[test]
+fn who_decides_is_said_in_a_line_and_the_panels_below_stay_where_they_are() {
+    let mut document = document();
+    document.edit(&Edit::Mix(Mixing::Sliders));
+    let top = |document: Document, line: &str| {
+        let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+        window.run();
+        assert!(window.query_by_label(line).is_some(), "{line}");
+        window.get_by_label("Transfer function").rect().top()
+    };
+    let by_sliders = top(document.clone(), "The sliders mix: click the dial to let it.");
+    document.edit(&Edit::Hand(DVec2::ZERO));
+    let by_dial = top(document, "The dial mixes: move a slider to take over.");
+    assert!((by_sliders - by_dial).abs() < 0.5, "{by_sliders} and {by_dial}");
+}
+
+#[test]
+fn lights_that_are_turned_on_again_where_the_dial_mixes_leave_the_dial_and_the_sliders_as_they_are() {
+    let mut document = document();
+    document.edit(&Edit::Weight(0, 0.3));
+    document.edit(&Edit::On(1, false));
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.2)));
+    let light = document.state().light.clone();
+    for node in 0..2 {
+        document.edit(&Edit::NodeOn(node, false));
+    }
+    assert!(!document.state().is_lit());
+    let mut window = wide(document);
+    window.run();
+    window.get_by_label("Turn the lights on").click();
+    window.run();
+    let state = window.state().document.as_ref().unwrap().state();
+    assert!(state.is_lit());
+    assert_eq!(state.light, light, "who decides, the hand and the sliders");
+}
+
+#[test]
+fn whose_brightness_is_kept_is_said_beside_the_switch() {
+    let mut document = document();
+    for (edit, whose) in [(Edit::Weight(0, 0.5), "by the sliders"), (Edit::Hand(DVec2::ZERO), "by the dial")] {
+        document.edit(&edit);
+        let mut window = wide(document.clone());
+        window.run();
+        assert!(window.query_by_label_contains(whose).is_some(), "{whose}");
+    }
+}

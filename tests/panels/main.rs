@@ -1,0 +1,23 @@
+//! What the viewer's panels ask for, and what it does to the document, without a window and without a GPU.
+#![cfg(feature = "window")]
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod accuracy;
+mod app;
+mod camera;
+mod chooser;
+mod crop;
+mod dial;
+mod document;
+mod layout;
+mod lights;
+mod notices;
+mod numbers;
+mod palette;
+mod probe;
+mod situations;
+mod spectra;
+#[path = "../support/mod.rs"]
+mod support;
+mod tour;
+mod transfer;

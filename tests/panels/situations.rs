@@ -1,0 +1,139 @@
+//! Light situations: kept, renamed, chosen, forgotten.
+
+use egui::accesskit::Role;
+use egui::{Event, Key, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::DVec2;
+use relume::view::{Action, Document, Edit};
+
+use crate::app::{App, document, light_names};
+
+#[test]
+fn situations_are_kept_renamed_and_forgotten() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    let names = |window: &Harness<'_, App>| -> Vec<String> {
+        let document = window.state().document.as_ref().unwrap();
+        document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
+    };
+    let type_name = |window: &mut Harness<'_, App>, name: &str| {
+        let field = window.get_by_role(Role::TextInput);
+        field.focus();
+        window.run();
+        window.event(Event::Text(name.to_owned()));
+        window.run();
+    };
+    type_name(&mut window, "dusk");
+    window.get_by_label("Keep").click();
+    window.run();
+    assert_eq!(names(&window), ["evening", "dusk"]);
+    type_name(&mut window, "2");
+    window.get_by_label("Rename").click();
+    window.run();
+    assert!(names(&window)[1].contains('2'), "{:?}", names(&window));
+    window.get_by_label("Forget").click();
+    window.run();
+    assert_eq!(names(&window), ["evening"]);
+    assert!(matches!(window.state().asked.last(), Some(Action::Edit(Edit::Forget(1)))));
+}
+
+#[test]
+fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
+    let mut document = document();
+    let here = document.state().scene.dial.nodes[1].place;
+    assert_eq!(document.state().scene.dial.situations[0].hand, here);
+    for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::NodePlace(0, here), Edit::ResetDial] {
+        document.edit(&edit);
+        document.edit(&Edit::Situation(0));
+        assert_eq!(light_names(&document.state().mix()), ["lamp"], "{edit:?}");
+        let now = document.state().scene.dial.nodes[1].place;
+        assert_eq!(document.state().scene.dial.situations[0].hand, now, "{edit:?}");
+    }
+    // One that is left out for now goes along, too, and what is shown stays it, wherever the other node is.
+    document.edit(&Edit::NodePlace(0, DVec2::new(0.7, 0.1)));
+    assert_eq!(document.situation(), Some(0));
+    document.edit(&Edit::NodeOn(1, false));
+    for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::ResetDial] {
+        document.edit(&edit);
+        let dial = &document.state().scene.dial;
+        assert_eq!(dial.situations[0].hand, dial.nodes[1].place, "{edit:?}");
+    }
+}
+
+#[test]
+fn enter_keeps_a_situation_and_moved_nodes_are_told_of_where_it_lies_between_them() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.1, 0.3)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_role(Role::TextInput).focus();
+    window.run();
+    window.event(Event::Text("noon".to_owned()));
+    window.run();
+    window.key_press(Key::Enter);
+    window.run();
+    let names = |window: &Harness<'_, App>| -> Vec<String> {
+        let dial = &window.state().document.as_ref().unwrap().state().scene.dial;
+        dial.situations.iter().map(|situation| situation.name.clone()).collect()
+    };
+    assert_eq!(names(&window), ["evening", "noon"]);
+    assert!(window.query_by_label_contains("Nodes were moved").is_none());
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::NodePlace(0, DVec2::new(0.5, 0.5)));
+    window.run();
+    assert!(window.query_by_label_contains("Nodes were moved").is_some());
+}
+
+#[test]
+fn a_name_that_is_taken_is_said_to_be_replaced() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_role(Role::TextInput).focus();
+    window.run();
+    window.event(Event::Text("evening".to_owned()));
+    window.run();
+    window.get_by_label("Replace").click();
+    window.run();
+    let document = window.state().document.as_ref().unwrap();
+    let situations = &document.state().scene.dial.situations;
+    assert_eq!((situations.len(), situations[0].hand), (1, DVec2::new(0.2, 0.1)));
+}
+
+#[test]
+fn after_a_tour_the_situation_that_the_hand_stands_on_is_the_one_that_is_shown() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
+    document.edit(&Edit::Keep("dusk".to_owned()));
+    document.edit(&Edit::Tour(3, 8));
+    assert_eq!(document.state().light.situation, None, "on its way");
+    document.edit(&Edit::Tour(8, 8));
+    assert_eq!(document.state().light.situation, Some(1), "at its end");
+}
+
+#[test]
+fn the_names_of_situations_stand_in_their_own_section() {
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
+    window.run();
+    let top = |label: &str| window.get_by_label(label).rect().top();
+    assert!(top("Light situations") < top("evening") && top("evening") < top("Transfer function"));
+}
+
+#[test]
+fn a_situation_that_looks_as_what_is_seen_is_shown_as_the_one_that_is() {
+    let mut document = document();
+    document.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
+    document.edit(&Edit::Keep("evening".to_owned()));
+    let index = document.situation();
+    assert!(index.is_some());
+    // As a session opens, which says where the hand is and not what that is called.
+    let mut again = Document::new(document.state().scene.clone());
+    assert_eq!(again.situation(), None, "sliders mix");
+    again.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
+    assert_eq!(again.situation(), index);
+    again.edit(&Edit::NodeOn(0, false));
+    assert_eq!(again.situation(), None, "another mix");
+}

@@ -1,0 +1,205 @@
+//! The transfer function: intervals and labels.
+
+use std::path::Path;
+
+use egui::accesskit::Role;
+use egui::{Event, Key, Modifiers, PointerButton, Vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use relume::progress::Quiet;
+use relume::scene::{self, Interval, SceneOptions};
+use relume::view::{Action, Cost, Document, Edit};
+
+use crate::app::{App, click_at, document, drag_along, intervals, is_painted, type_into, wide, with_histogram};
+use crate::support::program::SCENE;
+
+#[test]
+fn an_interval_below_another_is_brought_to_the_front_by_its_swatch() {
+    let mut window = with_histogram();
+    window.run();
+    let below = intervals(&window)[0];
+    let [from, to] = below.range;
+    let over = Interval { range: [from - 50.0, to + 50.0], opacity: 1.0, ..intervals(&window)[1] };
+    window.state_mut().document.as_mut().unwrap().edit(&Edit::Interval(1, over));
+    window.run();
+    let drag_below = |window: &mut Harness<'_, App>| {
+        window.state_mut().asked.clear();
+        // Off the handle in the middle of its top.
+        let body = window.get_by_label("interval 0: Body").rect();
+        let at = body.left_center().lerp(body.center(), 0.5);
+        drag_along(window, &[at, at + Vec2::new(12.0, 0.0)]);
+        let moved = |action: &Action| matches!(action, Action::Edit(Edit::Interval(0, _)));
+        window.state().asked.iter().any(moved)
+    };
+    assert!(!drag_below(&mut window), "the other one lies over it");
+    let line = window.get_by_label("remove interval 0").rect().center().y;
+    let swatches = window.get_all_by_role(Role::ColorWell).map(|node| node.rect());
+    let swatch = swatches.into_iter().find(|rect| (rect.center().y - line).abs() < 5.0).unwrap();
+    click_at(&mut window, swatch.center());
+    assert!(drag_below(&mut window), "it lies over the other one now");
+}
+
+#[test]
+fn the_top_and_the_ends_of_an_interval_are_dragged_and_a_drag_is_one_step_back() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    let drag = |window: &mut Harness<'_, App>, label: &str, by: Vec2| {
+        let from = window.get_by_label(label).rect().center();
+        let button = PointerButton::Primary;
+        let press = |pos, pressed| Event::PointerButton { pos, button, pressed, modifiers: Modifiers::NONE };
+        let steps = [Event::PointerMoved(from), press(from, true)];
+        let half = Event::PointerMoved(from + by / 2.0);
+        for event in steps.into_iter().chain([half, Event::PointerMoved(from + by), press(from + by, false)]) {
+            window.event(event);
+            window.run();
+        }
+        window.state_mut().document.as_mut().unwrap().rest();
+    };
+    drag(&mut window, "interval 0: Top", Vec2::new(0.0, -20.0));
+    let raised = intervals(&window);
+    assert!(raised[0].opacity > 1.5 * before[0].opacity, "{raised:?}");
+    assert_eq!(raised[0], Interval { opacity: raised[0].opacity, ..before[0] });
+    drag(&mut window, "interval 0: To", Vec2::new(30.0, 0.0));
+    let wider = intervals(&window);
+    assert!(wider[0].range[1] > before[0].range[1] + 10.0, "{wider:?}");
+    drag(&mut window, "interval 0: Before", Vec2::new(-10.0, 0.0));
+    assert!(intervals(&window)[0].ramp > before[0].ramp, "{:?}", intervals(&window));
+    for undone in [wider, raised, before] {
+        window.get_by_label("Undo").click();
+        window.run();
+        assert_eq!(intervals(&window), undone);
+    }
+}
+
+#[test]
+fn intervals_are_added_removed_and_brought_back() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    window.get_by_label("Add interval").click();
+    window.run();
+    assert_eq!(intervals(&window).len(), 3);
+    window.get_by_label("remove interval 0").click();
+    window.run();
+    assert_eq!(intervals(&window)[0], before[1]);
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
+    let marching =
+        window.state().asked.iter().all(|action| matches!(action, Action::Edit(edit) if edit.cost() == Cost::March));
+    assert!(marching, "{:?}", window.state().asked);
+}
+
+#[test]
+fn reset_transfer_is_there_where_a_label_alone_has_changed() {
+    let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
+    let scene = SCENE.replace("dims =", "phantom_labels = true\ndims =");
+    let text = format!("{scene}{more}");
+    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let stated = opened.labels.as_ref().unwrap().declared.clone();
+    let mut document = Document::new(opened);
+    document.edit(&Edit::Label(0, 0, 0.75));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
+    window.run();
+    window.get_by_label("Reset transfer").click();
+    window.run();
+    let state = window.state().document.as_ref().unwrap().state();
+    assert_eq!(state.scene.labels.as_ref().unwrap().declared, stated);
+}
+
+#[test]
+fn an_end_of_an_interval_that_is_typed_past_the_other_takes_it_along() {
+    for (end, typed) in [("from", 300.0), ("to", -20.0)] {
+        let mut window = with_histogram();
+        window.run();
+        let before = intervals(&window)[0];
+        type_into(&mut window, &format!("interval 0: {end}"), &typed.to_string());
+        window.key_press(Key::Enter);
+        window.run();
+        assert_eq!(intervals(&window)[0], Interval { range: [typed; 2], ..before }, "{end}");
+        assert!(is_painted(&window, "along: no interval ends before it begins"), "{end}: and says so");
+    }
+}
+
+#[test]
+fn a_transfer_function_that_shows_no_value_says_so() {
+    let mut window = with_histogram();
+    window.run();
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
+    let mut document = document();
+    let statistics = document.opened().volume.statistics().unwrap();
+    for index in [0, 1] {
+        let stated = Interval::of(&document.state().scene.transfer.terms[index]).unwrap();
+        document.edit(&Edit::Interval(index, Interval { range: [1e4, 2e4], ..stated }));
+    }
+    let mut window = wide(document.clone().with_statistics(statistics.clone()));
+    window.run();
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_some());
+    window.get_all_by_label("Reset transfer").last().unwrap().click();
+    window.run();
+    window.run();
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
+    // Where it opened so, there is nothing to go back to.
+    let mut window = wide(Document::new(document.state().scene.clone()).with_statistics(statistics));
+    window.run();
+    window.get_by_label("Show all values").click();
+    window.run();
+    window.run();
+    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
+}
+
+#[test]
+fn an_end_of_an_interval_that_is_dragged_past_the_other_stops_there() {
+    for (end, by, other) in [("from", 3000.0, 1), ("to", -3000.0, 0)] {
+        let mut window = with_histogram();
+        window.run();
+        let before = intervals(&window)[0];
+        let at = window.get_by_label(&format!("interval 0: {end}")).rect().center();
+        drag_along(&mut window, &[at, at + Vec2::new(by / 2.0, 0.0), at + Vec2::new(by, 0.0)]);
+        assert_eq!(intervals(&window)[0], Interval { range: [before.range[other]; 2], ..before }, "{end}");
+    }
+}
+
+#[test]
+fn what_an_interval_absorbs_is_a_number_where_its_material_absorbs() {
+    let text = SCENE.replace(
+        "[materials.flesh]",
+        "[materials.flesh]\nabsorption = { gaussian = [{ centre = 527, sigma = 17, height = 1.0 }], base = 0.02 }",
+    );
+    assert_ne!(text, SCENE);
+    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let shown = opened.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
+    let of_flesh = shown.map(|material| opened.materials[material].name == "flesh").collect::<Vec<_>>();
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
+    window.run();
+    for (index, absorbs) in of_flesh.iter().enumerate() {
+        let label = format!("interval {index}: absorption");
+        let field = window.query_by_label(&label);
+        assert_eq!(field.is_some(), *absorbs, "{index}");
+    }
+    let index = of_flesh.iter().position(|it| *it).unwrap();
+    type_into(&mut window, &format!("interval {index}: absorption"), "0.75");
+    window.key_press(Key::Enter);
+    window.run();
+    assert!((intervals(&window)[index].absorption - 0.75).abs() < 1e-12, "{:?}", intervals(&window));
+    assert!(window.query_all_by_label("absorbs").count() >= 2, "beside the interval, and in the spectra");
+}
+
+#[test]
+fn the_body_of_an_interval_is_dragged_with_both_its_ends_and_back_by_one_step() {
+    let mut window = with_histogram();
+    window.run();
+    let before = intervals(&window);
+    let body = window.get_by_label("interval 0: Body").rect();
+    let by = |x: f32| body.center() + Vec2::new(x, 3.0);
+    drag_along(&mut window, &[by(0.0), by(0.3), by(0.6), by(-20.0), by(30.0)]);
+    let moved = intervals(&window);
+    let [from, to] = [0, 1].map(|end| moved[0].range[end] - before[0].range[end]);
+    assert!(from > 10.0 && (from - to).abs() < 1e-9, "{moved:?} from {before:?}");
+    assert_eq!(moved[0], Interval { range: moved[0].range, ..before[0] }, "as steep and as opaque as it was");
+    assert_eq!(moved[1], before[1]);
+    window.get_by_label("Undo").click();
+    window.run();
+    assert_eq!(intervals(&window), before);
+}
