@@ -28,7 +28,7 @@ fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
 /// The largest difference of two pictures of one size, in codes.
 fn largest_difference(one: &Path, other: &Path) -> u8 {
     let (one, other) = (pixels(one), pixels(other));
-    assert_eq!((one.0, one.1, one.2.len()), (other.0, other.1, other.2.len()));
+    assert_eq!((one.0, one.1, one.2.len()), (other.0, other.1, other.2.len()), "size");
     assert!(one.2.iter().any(|&code| code > 32), "a black picture proves nothing");
     one.2.iter().zip(&other.2).map(|(&a, &b)| a.abs_diff(b)).max().unwrap()
 }
@@ -37,7 +37,9 @@ fn largest_difference(one: &Path, other: &Path) -> u8 {
 fn gives(arguments: &[&str], picture: &str, codes: u8) {
     let folder = Folder::new();
     let files = ["session.toml", "session.exr", "glass.exr"];
-    files.iter().for_each(|name| drop(std::fs::copy(released(name), folder.path(name)).unwrap()));
+    for name in files {
+        std::fs::copy(released(name), folder.path(name)).unwrap();
+    }
     folder.done(&[arguments, &["-o", "now.png"]].concat());
     let difference = largest_difference(&folder.path("now.png"), &released(picture));
     assert!(difference <= codes, "{arguments:?}: {difference} codes off {picture}");
