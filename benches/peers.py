@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Relume beside other renderers on the same work, as a Markdown table.
 
-  benches/peers.py --relume target/release/relume --peers FOLDER --volume frog.mhd > benches/results/NAME.md
+  benches/peers.py --relume target/release/relume --peers FOLDER --volume frog.mhd > benches/results/lavapipe.md
 
 FOLDER holds the peer programs (peer_vtk.py, peer_floor.py, peerlib.py); this Python needs what they need, and OpenEXR.
 Every program runs in a process of its own, in turn (A B A B …), five times; medians of CPU ms of all threads.

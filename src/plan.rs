@@ -57,13 +57,13 @@ pub struct ScenePlan {
 /// What the pixels store.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Accumulate {
-    /// One weight per material in use (COLOUR.md A4): exact for every light, because opacity is grey and light scatters
+    /// One weight per material in use (docs/theory/march.md): exact for every light, because opacity is grey and light scatters
     /// once. With specular materials one more, of white.
     Weights {
         /// Materials in use.
         materials: usize,
     },
-    /// A spectrum in the k numbers of a colour model (COLOUR.md A2).
+    /// A spectrum in the k numbers of a colour model (docs/theory/colour-models.md).
     Spectral {
         /// k.
         dimension: usize,

@@ -270,7 +270,7 @@ fn bench_measures_colour_models_without_a_device() {
             assert!(row["all"][part].as_f64().unwrap() >= 0.0, "{row}");
         }
     }
-    // COLOUR.md C8: eight nodes against the best RGB, under each group of lights.
+    // docs/theory/acceptance.md C8: eight nodes against the best RGB, under each group of lights.
     let beside = json["nodes_beside_rgb"].as_array().unwrap();
     assert_eq!(
         beside.iter().map(|row| row["lights"].as_str().unwrap()).collect::<Vec<_>>(),

@@ -70,7 +70,7 @@ fn what_is_no_number_is_no_difference_of_zero() {
     }
 }
 
-/// COLOUR.md C2.
+/// docs/theory/acceptance.md C2.
 #[test]
 fn ciede2000_gives_the_published_differences_both_ways() {
     for [l1, a1, b1, l2, a2, b2, expected] in SHARMA_2005 {
@@ -132,7 +132,7 @@ const PLAIN_CODES: [([f64; 3], [u8; 3]); 18] = [
     ([49.716659, -28.752417, -6.994004], [23, 132, 129]),
 ];
 
-/// COLOUR.md C1.
+/// docs/theory/acceptance.md C1.
 #[test]
 fn patches_under_lights_have_the_colours_of_another_implementation() {
     for ((light, patch, expected), (lab, codes)) in PLAIN_SUMS.into_iter().zip(PLAIN_CODES) {

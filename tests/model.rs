@@ -81,7 +81,7 @@ fn assert_finite(model: &ColourModel) {
     assert!(!model.half_precision_error(1.0, 1.0).is_nan(), "a bound is NaN");
 }
 
-// The bars of COLOUR.md, C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with seeds of their own.
+// The bars of docs/theory/acceptance.md C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with seeds of their own.
 
 const SCENES: usize = 3;
 
@@ -390,7 +390,7 @@ fn a_new_light_is_fitted_nearly_as_well_as_the_planned_ones() {
     for name in ["FL2", "LED-B3", "LED-RGB1", "FL11"] {
         let light = standard::light(name).unwrap();
         let error = model.matrix(&light).error;
-        // Twice what COLOUR.md A3.7 has for the worst of these: 0.154 and 1.61.
+        // Twice what docs/theory/colour-models.md has for the worst of these: 0.154 and 1.61.
         assert!(error.mean <= 0.31 && error.max <= 3.2, "{name}: {error:?}");
         assert!(error.max > 0.0);
     }
@@ -427,7 +427,7 @@ fn rgb_prefiltered_by_d65_is_exact_under_d65() {
     assert!(model.worst().max <= 1e-5, "{:?}", model.worst());
 }
 
-/// COLOUR.md B4.
+/// docs/theory/colour-models.md.
 #[test]
 fn a_sharpened_absorption_amplifies_unless_it_is_held() {
     let ingredients = coloured();
@@ -452,7 +452,7 @@ fn a_sharpened_absorption_amplifies_unless_it_is_held() {
     assert!(ingredients.absorptions.iter().all(|absorption| nodes.amplification(absorption).is_none()));
 }
 
-/// COLOUR.md B1.
+/// docs/theory/colour-models.md.
 #[test]
 fn a_sharpened_model_fails_under_lights_with_lines() {
     for kind in [STEP, SEMIGROUP] {
@@ -460,13 +460,13 @@ fn a_sharpened_model_fails_under_lights_with_lines() {
             |lights| ModelSetting { kind, lights, materials: 4, dimension: 8, amplification: Amplification::Kept };
         let smooth = model_row(setting(0), SCENES, &Quiet).unwrap();
         let spiky = model_row(setting(2), SCENES, &Quiet).unwrap();
-        // COLOUR.md C19: 0.2 to 1 for single reflections; B1: 6 under lines.
+        // docs/theory/acceptance.md C19: 0.2 to 1 for single reflections; 6 under lines (docs/theory/colour-models.md).
         assert!(smooth.classes[0].1.mean <= 1.0 && spiky.all.mean >= 2.0, "{smooth:?} {spiky:?}");
         assert!(spiky.all.max >= 50.0, "{spiky:?}");
     }
 }
 
-/// COLOUR.md B1 and B4, with the numbers (`--nocapture`; `relume bench model` has them too): what negative absorption does
+/// docs/theory/colour-models.md, with the numbers (`--nocapture`; `relume bench model` has them too): what negative absorption does
 /// by itself, and that holding it at 0 mends the worst of it and not the rest.
 #[test]
 fn the_failures_of_the_sharpened_model_are_shown() {
@@ -481,10 +481,10 @@ fn the_failures_of_the_sharpened_model_are_shown() {
         let (kept, held) = (row(kind, Amplification::Kept), row(kind, Amplification::Held));
         assert!(kept.unclamped && !held.unclamped, "{kind}");
         assert!(absorbed(&held).mean <= absorbed(&kept).mean && absorbed(&held).max <= absorbed(&kept).max, "{kind}");
-        // B1: the mean under lights with lines is about 6, held or not; nodes' is 0.06.
+        // The mean under lights with lines is about 6, held or not; nodes' is 0.06.
         assert!(held.all.mean >= 2.0 && EIGHT_NODES[1].all.mean <= 0.1, "{held:?}");
     }
-    // B4: transmittance above 1, errors above 100.
+    // Transmittance above 1, errors above 100.
     assert!(absorbed(&row(SEMIGROUP, Amplification::Kept)).max > 100.0);
     assert!(absorbed(&row(SEMIGROUP, Amplification::Held)).max <= 100.0);
 }
@@ -504,7 +504,7 @@ fn only_the_papers_order_depends_on_the_step() {
     }
 }
 
-/// COLOUR.md B4.
+/// docs/theory/colour-models.md.
 #[test]
 fn narrow_bands_need_more_nodes() {
     let band = |centre| &Spectrum::gaussian(centre, 10.0, 0.7).unwrap() + &Spectrum::constant(0.1);
@@ -514,7 +514,7 @@ fn narrow_bands_need_more_nodes() {
     assert!(fit_automatic(&grey, ModelKind::Nodes, 1.0, &Quiet).unwrap().dimension() <= 5);
     let coloured = Ingredients { absorptions, largest_depth: 20.0, ..grey };
     let model = fit_automatic(&coloured, ModelKind::Nodes, 1.0, &Quiet).unwrap();
-    // COLOUR.md B4: 10 to 12 for chains like these.
+    // docs/theory/colour-models.md: 10 to 12 for chains like these.
     assert!((9..=13).contains(&model.dimension()), "{}", model.description());
 }
 

@@ -165,7 +165,7 @@ fn metamers_in_daylight_part_under_tungsten_and_under_designed_lights() {
     assert!(solved(&figure5([-1.0, 1.0], 8.0)).worst() <= 0.05);
 }
 
-/// COLOUR.md B5 found the same palette to have a provable floor of 3.3 at its worst cell.
+/// docs/theory/palettes.md found the same palette to have a provable floor of 3.3 at its worst cell.
 #[test]
 fn metamers_too_far_apart_come_within_a_tenth_of_what_can_be() {
     let solution = solved(&figure5(NATURAL, 16.0));
@@ -248,7 +248,7 @@ fn a_metameric_black_is_reached_with_designed_lights_or_with_negative_parts() {
     assert!(signed.material_facts[0].negative > 0.05 && signed.material_facts[0].lowest < -0.1);
 }
 
-/// Σ ȳ·l·r = 0 with ȳ·l > 0 and r ≥ 0 leaves r = 0 (COLOUR.md A6).
+/// Σ ȳ·l·r = 0 with ȳ·l > 0 and r ≥ 0 leaves r = 0 (docs/theory/palettes.md).
 #[test]
 fn no_surface_is_a_metameric_black_in_daylight() {
     let solution = solved(&smoke(0.0, vec![given("D65"), lamp("b")]));
@@ -261,7 +261,7 @@ fn no_surface_is_a_metameric_black_in_daylight() {
     }
 }
 
-/// COLOUR.md A6: between D65 and A no surface keeps its colour; between D65 and FL2 a grey of Y = 0.2 does.
+/// docs/theory/palettes.md: between D65 and A no surface keeps its colour; between D65 and FL2 a grey of Y = 0.2 does.
 #[test]
 fn constancy_from_daylight_to_tungsten_is_impossible_and_to_a_tube_possible() {
     let grey = |light: &str| {
@@ -402,7 +402,7 @@ fn a_model_settled_beforehand_shows_the_colours_it_was_designed_for() {
     let off = |solution: &Solution| solution.cells.iter().map(|cell| cell.shown.unwrap().1).fold(0.0, f64::max);
     let (asked, hardly) = (with(1.0), with(1e-6));
     println!("the model is off by {:.2}, and by {:.2} where it hardly counts", off(&asked), off(&hardly));
-    // COLOUR.md A6 found 53 without the term and 1.6 with it.
+    // docs/theory/palettes.md found 53 without the term and 1.6 with it.
     assert!(off(&asked) <= 1.6 && asked.worst() <= 0.5);
     assert!(off(&hardly) > 10.0);
 }
@@ -824,7 +824,7 @@ fn the_program_measures_its_palettes() {
     for row in rows {
         assert!(row["worst"].as_f64().unwrap() <= 0.7, "{row}");
         assert!(row["solve"]["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{row}");
-        // COLOUR.md B5: a floor that open lights do not move by much.
+        // docs/theory/palettes.md: a floor that open lights do not move by much.
         if let (Some(least), Some(reached)) = (row["least"].as_f64(), row["reached"].as_f64()) {
             assert!(reached <= 1.2 * least, "{row}");
         }

@@ -60,7 +60,7 @@ fn a_picture_that_is_lit_again_is_the_one_that_is_lit_once() {
     });
 }
 
-/// COLOUR.md C12.
+/// docs/theory/acceptance.md C12.
 #[test]
 fn a_mix_is_the_sum_of_its_lights() {
     with_renderer(|renderer| {
@@ -79,7 +79,7 @@ fn a_mix_is_the_sum_of_its_lights() {
     });
 }
 
-/// COLOUR.md C12.
+/// docs/theory/acceptance.md C12.
 #[test]
 fn light_scales_over_twelve_magnitudes() {
     with_renderer(|renderer| {
@@ -164,7 +164,7 @@ fn slab(step: f64, material: &str) -> Rungs {
     Rungs::new(scenes::slab_straight_on(step, 0.08, material), [8, 8])
 }
 
-/// COLOUR.md C13 in grey; coloured, it is in `spectral.rs`.
+/// docs/theory/acceptance.md C13 in grey; coloured, it is in `spectral.rs`.
 #[test]
 fn halving_the_step_leaves_a_slab_as_it_is() {
     for material in ["", "xray = true"] {
@@ -224,7 +224,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
     }
 }
 
-/// COLOUR.md C11 by weights; by k numbers, it is in `spectral.rs`.
+/// docs/theory/acceptance.md C11 by weights; by k numbers, it is in `spectral.rs`.
 #[test]
 fn stored_accumulators_relight_to_a_fresh_render() {
     let folder = tempfile::tempdir().unwrap();

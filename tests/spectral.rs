@@ -50,7 +50,7 @@ fn every_rung(rungs: &Rungs, mut check: impl FnMut(&str, Vec<f64>, Vec<f64>)) {
     });
 }
 
-/// COLOUR.md C13: so halving the step changes it by no more.
+/// docs/theory/acceptance.md C13: so halving the step changes it by no more.
 #[test]
 fn a_coloured_slab_is_its_closed_form_at_every_step() {
     for step in [2.0, 1.0, 0.5, 0.25] {
@@ -115,7 +115,7 @@ fn layers(values: &[u16]) -> Rungs {
     Rungs::new(scenes::of(text, volume.unwrap()), [1, 1])
 }
 
-/// COLOUR.md C3.
+/// docs/theory/acceptance.md C3.
 #[test]
 fn layers_are_the_chain_that_is_computed_without_this_crate() {
     let values: Vec<u16> = (0..40).map(|i: u16| [100, 300, 200, 0, 100, 100, 300][usize::from(i * i % 7)]).collect();
@@ -152,7 +152,7 @@ fn layers_are_the_chain_that_is_computed_without_this_crate() {
     assert!(error <= 2e-6, "f32: {single} for {expected}");
 }
 
-/// COLOUR.md C11.
+/// docs/theory/acceptance.md C11.
 #[test]
 fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
     let text = GLASS.replace("[accuracy]", "[accuracy]\nk = 8");
@@ -247,14 +247,14 @@ fn an_automatic_k_keeps_its_tolerance_where_dyes_overlap() {
     assert!(worst <= 1.0, "k = {}: {worst}", rungs.planned.plan.components());
 }
 
-/// COLOUR.md C7.
+/// docs/theory/acceptance.md C7.
 #[test]
 fn a_grey_scene_is_the_same_by_weights_and_by_k_numbers() {
     let grey = GLASS.lines().filter(|line| !line.starts_with("absorption")).collect::<Vec<_>>().join("\n");
     let by = |accumulate: AccumulateAs| {
         let mut scene = parsed(&grey);
         scene.accuracy.accumulate = accumulate;
-        // Materials and white: exact (COLOUR.md C7).
+        // Materials and white: exact (docs/theory/acceptance.md C7).
         scene.accuracy.dimension = Some(4);
         Rungs::new(scene, [40, 40])
     };

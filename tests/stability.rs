@@ -34,13 +34,13 @@ fn holds(group: Group) {
     assert!(missed.is_empty(), "{}", missed.join("\n"));
 }
 
-/// COLOUR.md C14, C16 and C17.
+/// docs/theory/acceptance.md C14, C16 and C17.
 #[test]
 fn opacities_and_depths_are_their_closed_forms() {
     holds(Group::Opacity);
 }
 
-/// COLOUR.md C15.
+/// docs/theory/acceptance.md C15.
 #[test]
 fn steps_of_every_length_are_their_closed_forms() {
     holds(Group::Steps);
@@ -51,7 +51,7 @@ fn lights_of_nothing_a_million_and_one_line_are_their_closed_forms() {
     holds(Group::Lights);
 }
 
-/// COLOUR.md C18.
+/// docs/theory/acceptance.md C18.
 #[test]
 fn spectra_that_cancel_are_black() {
     holds(Group::Spectra);
@@ -268,7 +268,7 @@ fn difference(one: DVec3, other: DVec3) -> f64 {
     ciede2000(lab(one), lab(other))
 }
 
-/// COLOUR.md C17, without a background and in front of a perfect reflector, the brightest thing that a ray can miss.
+/// docs/theory/acceptance.md C17, without a background and in front of a perfect reflector, the brightest thing that a ray can miss.
 #[test]
 fn ending_rays_early_cannot_be_seen() {
     let white = Reflectance::new(Spectrum::constant(1.0)).unwrap();
@@ -286,7 +286,7 @@ fn ending_rays_early_cannot_be_seen() {
     }
 }
 
-/// COLOUR.md C15, over opacities of every size.
+/// docs/theory/acceptance.md C15, over opacities of every size.
 #[test]
 fn random_samples_add_up_as_exactly_as_they_should() {
     let (mut random, mut colours) = (Random::new(15), Random::new(16));
@@ -321,7 +321,7 @@ fn random_samples_add_up_as_exactly_as_they_should() {
 /// What is done to a scene.
 type Change<'a> = &'a dyn Fn(&mut Scene);
 
-/// COLOUR.md C16, in k numbers.
+/// docs/theory/acceptance.md C16, in k numbers.
 #[test]
 fn coloured_extremes_are_finite() {
     let glass = scenes::named("coloured_three");

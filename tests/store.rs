@@ -42,7 +42,7 @@ fn check<R: Real>(what: &str, rungs: &Rungs, full: &Accumulation<R>, half: &Accu
     same(&full.transmittance, &half.transmittance, rungs.planned.plan.transmittance == Transmittance::Coloured);
 }
 
-/// Scenes, and what COLOUR.md C11 allows them: the last one's reflectances are negative in places.
+/// Scenes, and what docs/theory/acceptance.md C11 allows them: the last one's reflectances are negative in places.
 const SCENES: [(&str, f64); 7] = [
     ("diffuse_three", 0.1),
     ("specular_three", 0.1),

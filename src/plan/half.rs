@@ -1,4 +1,4 @@
-//! What storing finished accumulators in 16-bit floats can do to colours (COLOUR.md B6).
+//! What storing finished accumulators in 16-bit floats can do to colours (docs/theory/numerics.md).
 
 use super::{PlanError, Planned, Transmittance, longest_way};
 use crate::scene::{Material, Scene, SceneLight, StoreAs, depth_from_opacity};

@@ -281,7 +281,7 @@ pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[
     }
 }
 
-/// The light that passes a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps: COLOUR.md A7).
+/// The light that passes a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps: docs/theory/march.md).
 pub fn pass_by<R: Real>(transmittance: R, opacity: R) -> R {
     (-transmittance).mul_add(opacity, transmittance)
 }

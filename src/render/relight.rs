@@ -12,7 +12,7 @@ use crate::plan::{LANE, ScenePlan};
 use crate::tables::RelightMatrices;
 use crate::vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
-/// Workgroups of a relight: long rows (VULKAN.md §4).
+/// Workgroups of a relight: long rows (docs/theory/device.md).
 const GROUP: [u32; 2] = [64, 1];
 /// Most layers whose colours an invocation copies; more would take seconds to compile.
 const FEW_LAYERS: usize = 16;

@@ -198,7 +198,7 @@ pub struct Accuracy {
     /// Δs in world units; time goes with 1/Δs, the step error of a smooth volume with Δs².
     pub step_length: f64,
     /// A ray ends once less than this share of light can pass; moves a pixel by at most this share of the brightest
-    /// thing behind (COLOUR.md B6): a ten-thousandth of white behind black is ΔE00 0.05. 0 follows every ray to its end.
+    /// thing behind (docs/theory/numerics.md): a ten-thousandth of white behind black is ΔE00 0.05. 0 follows every ray to its end.
     pub termination: f64,
     /// Leaping over cells that hold nothing; exact, so it moves no error.
     pub skipping: bool,

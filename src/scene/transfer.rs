@@ -14,7 +14,7 @@ pub const OPAQUE_DEPTH: f64 = 1e9;
 pub enum Lookup {
     /// The entry nearest to the value; with 256 entries, what most renderers of 8-bit data do.
     Nearest,
-    /// Between the two entries beside the value; costs 17 to 19 % (VULKAN.md §3), flips at no border.
+    /// Between the two entries beside the value; costs 17 to 19 % (docs/theory/device.md), flips at no border.
     #[default]
     Linear,
 }
@@ -59,7 +59,7 @@ pub struct Medium {
 }
 
 impl Transfer {
-    /// The medium at `value`, for a scene of `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (COLOUR.md A7), and
+    /// The medium at `value`, for a scene of `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (docs/theory/march.md), and
     /// the same share of the absorption.
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {

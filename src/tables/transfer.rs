@@ -16,7 +16,7 @@ const PER_FEATURE: f64 = 8.0;
 
 /// Entry `i` of `n` stands for the value `low + i/(n−1)·(high − low)`.
 ///
-/// What a step Δs of the medium there does (COLOUR.md A7), laid out in vectors as the plan has it: light lost,
+/// What a step Δs of the medium there does (docs/theory/march.md), laid out in vectors as the plan has it: light lost,
 /// α = 1 − e^(−τΔs), and light gained, `σ_m (1 − e^(−τΔs))/τ`, which is `σ_m Δs` where nothing is lost, per material or
 /// times its spectrum. X-ray materials are in σ but not in τ.
 #[derive(Clone, Debug, PartialEq)]

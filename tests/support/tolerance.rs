@@ -44,12 +44,12 @@ pub fn rounding(samples: u16) -> Tolerance {
     Tolerance { name: "rounding", largest, mean, usual: largest, exceptions: 0.0, may_bless: false }
 }
 
-/// The planned model against all 81 bands, both in f64 over the same samples: exact (COLOUR.md A4) but for the order of
+/// The planned model against all 81 bands, both in f64 over the same samples: exact (docs/theory/march.md) but for the order of
 /// sums. 81 bands, a few components and some hundred steps, each rounding by 2⁻⁵³: 1e-13 at most, were all of one sign.
 pub const BASIS: f64 = 1e-12;
 
 /// ΔE00 of the sharpened model with six factors, where coloured absorbers lie behind one another, against 81 bands:
-/// reported, not hidden (COLOUR.md B1, smooth lights: the largest is 29.14).
+/// reported, not hidden (docs/theory/colour-models.md, smooth lights: the largest is 29.14).
 pub const SHARPENED: f64 = 29.14;
 
 /// Samples of a picture whose scale is the bound derived for each of them (`support/bounds.rs`): none may be beyond it.
@@ -73,13 +73,13 @@ pub const WEIGHTS_DEVICE_P99: f64 = 0.01;
 /// The same: every pixel.
 pub const WEIGHTS_DEVICE: f64 = 0.1;
 
-/// A slab in half steps against one in whole ones (COLOUR.md C13): (3n + 2)·2⁻²⁴ for 48 and for 24 steps are 1.3e-5.
+/// A slab in half steps against one in whole ones (docs/theory/acceptance.md C13): (3n + 2)·2⁻²⁴ for 48 and for 24 steps are 1.3e-5.
 pub const STEP_INVARIANCE: f64 = 2e-5;
 
-/// Stored accumulators, relit, against a fresh render under that light (COLOUR.md C11), relative to the brightest of XYZ.
+/// Stored accumulators, relit, against a fresh render under that light (docs/theory/acceptance.md C11), relative to the brightest of XYZ.
 pub const RELIT_RELATIVE: f64 = 1e-5;
 /// And this much XYZ besides.
 pub const RELIT_ABSOLUTE: f64 = 1e-6;
 
-/// What ending rays early may do to XYZ (COLOUR.md C17).
+/// What ending rays early may do to XYZ (docs/theory/acceptance.md C17).
 pub const TERMINATION_XYZ: f64 = 1e-3;

@@ -116,7 +116,7 @@ fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
     text
 }
 
-/// How many times smaller the mean error of eight nodes is to be than that of the best RGB (COLOUR.md C8).
+/// How many times smaller the mean error of eight nodes is to be than that of the best RGB (docs/theory/acceptance.md C8).
 const LEAST_RATIO: f64 = 20.0;
 
 fn text(

@@ -7,16 +7,16 @@ pub const ROUNDING_UNIT: f64 = 1.0 / 16_777_216.0;
 /// The same in f64.
 const ROUNDING_UNIT_OF_TWO: f64 = f64::EPSILON / 2.0;
 
-/// Equal steps in f32 against their closed form, whatever their number (COLOUR.md C15).
+/// Equal steps in f32 against their closed form, whatever their number (docs/theory/acceptance.md C15).
 pub const EQUAL_STEPS: f64 = 2e-5;
-/// The opacity of one sample in f32, from a table in f64 (COLOUR.md C14).
+/// The opacity of one sample in f32, from a table in f64 (docs/theory/acceptance.md C14).
 pub const OPACITY: f64 = 2e-6;
-/// Light is linear (COLOUR.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
+/// Light is linear (docs/theory/acceptance.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
 /// products in f32, as do the pictures it is compared with: 2e-6 is what 34 roundings of one sign make.
 pub const LINEARITY: f64 = 2e-6;
-/// What ending rays early may do to ΔE00 (COLOUR.md C17).
+/// What ending rays early may do to ΔE00 (docs/theory/acceptance.md C17).
 pub const TERMINATION_DELTA_E: f64 = 0.1;
-/// ΔE00 of a metameric black from black, after 500 samples (COLOUR.md C18).
+/// ΔE00 of a metameric black from black, after 500 samples (docs/theory/acceptance.md C18).
 pub const BLACK_DELTA_E: f64 = 0.05;
 
 /// How far an answer may be missed: so many roundings of the rung, and so much on every rung besides.
@@ -55,7 +55,7 @@ impl Bound {
         Self {
             name: "equal steps",
             why: "T − T·α and the sum round once a step each, fused; that their signs are as good as random leaves √n \
-                  roundings, within the 2e-5 of COLOUR.md C15 (T·(1 − α) would drift by some n)",
+                  roundings, within the 2e-5 of docs/theory/acceptance.md C15 (T·(1 − α) would drift by some n)",
             roundings: samples.sqrt(),
             besides: 0.0,
         }
@@ -77,7 +77,7 @@ impl Bound {
         Self {
             name: "picture",
             why: "the roundings of the march, and 34 of the relight: its matrix, and up to 20 products and their sum \
-                  on either side (COLOUR.md C12); relative to Σ|terms|",
+                  on either side (docs/theory/acceptance.md C12); relative to Σ|terms|",
             roundings: Self::march(samples).roundings + LINEARITY / ROUNDING_UNIT,
             besides: 0.0,
         }

@@ -47,7 +47,7 @@ fn homogeneous(name: String, bound: Bound, slab: Slab) -> Extreme {
     )
 }
 
-/// COLOUR.md C14: one voxel, and one step through it, of every length.
+/// docs/theory/acceptance.md C14: one voxel, and one step through it, of every length.
 fn one_sample(opacity: f64) -> Extreme {
     const LENGTHS: [f64; 5] = [1e-3, 0.03, 1.0, 7.0, 100.0];
     let scene = move |length: f64| -> Result<Picture, ExtremeError> {
@@ -58,7 +58,7 @@ fn one_sample(opacity: f64) -> Extreme {
     let bound = Bound::given(
         "opacity",
         OPACITY,
-        "one step's opacity, 1 − (1 − α)^r, made in f64 and rounded once: COLOUR.md C14, 33 roundings of f32",
+        "one step's opacity, 1 − (1 − α)^r, made in f64 and rounded once: docs/theory/acceptance.md C14, 33 roundings of f32",
     );
     let name = format!("opacity {opacity} in one step of 1e-3 to 100 lengths");
     Extreme::shown(
@@ -87,7 +87,7 @@ fn thin_air() -> Extreme {
     homogeneous("transmittance 6e-61".to_owned(), Bound::march(200.0), slab)
 }
 
-/// COLOUR.md C17 where it shows most: a white background behind black, which a thousandth of it would lighten by ΔE00 0.5.
+/// docs/theory/acceptance.md C17 where it shows most: a white background behind black, which a thousandth of it would lighten by ΔE00 0.5.
 fn white_behind_black() -> Extreme {
     let scene = |opacity| -> Result<Picture, ExtremeError> {
         let mut scene = Slab { dims: [3, 3, 1001], opacity, reflectance: "0.0", ..Slab::default() }.scene()?;
@@ -98,7 +98,7 @@ fn white_behind_black() -> Extreme {
     let bound = Bound::given(
         "termination",
         TERMINATION_DELTA_E,
-        "a ray ends at a ten-thousandth of its light, which in front of white is ΔE00 0.05 (COLOUR.md C17 allows 0.1)",
+        "a ray ends at a ten-thousandth of its light, which in front of white is ΔE00 0.05 (docs/theory/acceptance.md C17 allows 0.1)",
     );
     Extreme::shown(
         Group::Opacity,

@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::spectrum::colour::OBSERVER;
 use crate::spectrum::{Reflectance, Spectrum, standard};
 
-/// Amplitudes of blacks: that of a surface, of a designed one, and of a pseudo-inverse (COLOUR.md B6).
+/// Amplitudes of blacks: that of a surface, of a designed one, and of a pseudo-inverse (docs/theory/numerics.md).
 pub(super) const AMPLITUDES: [f64; 3] = [0.7, 4.0, 270.0];
 
 pub(super) fn extremes() -> Vec<Extreme> {
@@ -29,7 +29,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         let bound = Bound::given(
             "metameric black",
             BLACK_DELTA_E,
-            "COLOUR.md C18: what is left of terms that cancel, and of the model, must not be seen; ΔE00 from black, \
+            "docs/theory/acceptance.md C18: what is left of terms that cancel, and of the model, must not be seen; ΔE00 from black, \
              where 1e-3 of XYZ is ΔE00 8.6",
         );
         all.push(Extreme::shown(Group::Spectra, format!("{name}, beside black"), bound, scene, |lefts| {
