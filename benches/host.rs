@@ -5,11 +5,11 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 
+use relume::film::{Components, Film, RelightMatrices};
 use relume::plan::plan;
 use relume::progress::Quiet;
-use relume::reference::relight;
 use relume::scene::{Mix, SceneOptions, load_peer};
-use relume::tables::{Accumulation, Cells, Components, RelightMatrices, Storage, TransferTable};
+use relume::tables::{Cells, Storage, TransferTable};
 
 fn host(criterion: &mut Criterion) {
     let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene");
@@ -30,13 +30,13 @@ fn host(criterion: &mut Criterion) {
 
     let (size, spectra, mix) = ([400, 400], Components::new(&scene, &planned), Mix::of_scene(&scene));
     let pixels = size[0] * size[1];
-    let weights = vec![0.1_f32; spectra.len() * pixels];
-    let accumulation = Accumulation { size, weights, transmittance: vec![0.5; pixels] };
+    let (components, accumulators) = (spectra.len(), vec![0.1_f32; spectra.len() * pixels]);
+    let film = Film { size, components, accumulators, transmittance: vec![0.5; pixels] };
     group.bench_function("relight matrices", |bencher| {
         bencher.iter(|| RelightMatrices::new(&spectra, 1, None, black_box(&mix), &scene.display));
     });
     let matrices = RelightMatrices::new(&spectra, 1, None, &mix, &scene.display);
-    group.bench_function("relight 400×400", |bencher| bencher.iter(|| relight(black_box(&accumulation), &matrices)));
+    group.bench_function("relight 400×400", |bencher| bencher.iter(|| black_box(&film).relight(&matrices)));
     group.finish();
 }
 

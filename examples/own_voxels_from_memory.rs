@@ -5,12 +5,13 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use relume::film::RelightMatrices;
 use relume::output::{Alpha, Depth, Picture, write_png};
 use relume::plan::{plan, plan_full_spectrum};
 use relume::progress::Quiet;
 use relume::reference::{self, Exact};
 use relume::scene::{Mix, SceneOptions, parse};
-use relume::tables::{Components, RelightMatrices, Storage};
+use relume::tables::Storage;
 use relume::volume::{Geometry, Volume, Voxels};
 
 /// The phantom holds the place of the voxels.
@@ -46,13 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let planned = plan_full_spectrum(&scene);
     let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
     let samples = Exact::new(&scene, &planned, storage, None);
-    let matrices = RelightMatrices::new(
-        &Components::new(&scene, &planned),
-        planned.positions.len(),
-        scene.background.as_ref(),
-        &Mix::of_scene(&scene),
-        &scene.display,
-    );
+    let matrices = RelightMatrices::of_scene(&scene, &planned, &Mix::of_scene(&scene));
     let size = [96, 96];
     let pixels = reference::render::<f64>(&scene, &planned, &samples, &matrices, size, &Quiet)?;
     #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]

@@ -4,18 +4,18 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use relume::output::Accumulators;
-use relume::output::accumulators::Components;
+use relume::output::FilmFile;
+use relume::output::film::Components;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args_os().nth(1).map(PathBuf::from).ok_or("give a film file: read_accumulators FILM.exr")?;
-    let film = Accumulators::read(&path)?;
+    let film = FilmFile::read(&path)?;
     println!("{}×{} pixels, {} components", film.width, film.height, film.components.len());
     for light in &film.lights {
         println!("light {}", light.name);
     }
     // The weights of component c at position p are one plane of the picture.
-    let mut planes = film.weights.chunks_exact(film.width * film.height);
+    let mut planes = film.accumulators.chunks_exact(film.width * film.height);
     for position in &film.positions {
         for component in 0..film.components.len() {
             let plane = planes.next().unwrap_or_default();

@@ -8,32 +8,27 @@
 //!
 //! ```no_run
 //! use relume::output::write_ready_png;
-//! use relume::plan::plan;
 //! use relume::progress::Quiet;
-//! use relume::render::Renderer;
+//! use relume::render::{Renderer, SceneRenderer};
 //! use relume::scene::{self, Mix, SceneOptions};
 //! use relume::spectrum::standard;
-//! use relume::tables::{Components, RelightMatrices};
 //! use relume::vulkan::{Device, DeviceChoice, Validation};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // Scene → plan → device → film.
 //! let scene = scene::load("scene.toml".as_ref(), &SceneOptions::default(), &Quiet)?;
-//! let planned = plan(&scene, &Quiet)?;
 //! let renderer = Renderer::new(Device::open(&DeviceChoice::Auto, Validation::Off)?);
-//! let uploaded = renderer.upload(&scene, &planned, &scene.volume.statistics()?, &Quiet)?;
-//! let film = renderer.march(&scene, &planned, &uploaded, [800, 800], &Quiet)?;
+//! let on_device = SceneRenderer::new(&renderer, scene, &Quiet)?;
+//! let film = on_device.march([800, 800], &Quiet)?;
 //!
 //! // Film × light → picture, without another march.
 //! let relight = renderer.relight_display(&film)?;
-//! let components = Components::new(&scene, &planned);
 //! for name in ["D65", "A"] {
-//!     let mut mix = Mix::of_scene(&scene);
+//!     let mut mix = Mix::of_scene(on_device.scene());
 //!     for light in &mut mix.0 {
 //!         light.spectrum = standard::light(name)?;
 //!     }
-//!     let (positions, background) = (planned.positions.len(), scene.background.as_ref());
-//!     relight.run(&RelightMatrices::new(&components, positions, background, &mix, &scene.display))?;
+//!     relight.run(&on_device.matrices(&mix))?;
 //!     write_ready_png(format!("{name}.png").as_ref(), 800, 800, &relight.read::<u8>()?)?;
 //! }
 //! # Ok(())
@@ -52,13 +47,14 @@
 //! | describe a scene, read a scene file | [`scene`] |
 //! | see which features a scene needs, and why | [`plan`], [`model`] |
 //! | render on a device | [`render`], [`vulkan`] |
-//! | render the truth on the CPU | [`reference`] |
+//! | render the truth on the CPU | [`mod@reference`] |
 //! | write pictures, read and write film files | [`output`] |
 //! | measure time and error of settings | [`measure`] |
 //! | follow or cancel long work | [`progress`] |
 //!
 //! The other modules serve the program and its tests.
 
+pub mod film;
 pub mod input;
 pub mod measure;
 pub mod memory;

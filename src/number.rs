@@ -1,10 +1,22 @@
 //! Counts as numbers and numbers as counts, where a plain cast is right; numbers and places in words, for messages.
 
+mod real;
+
+pub use real::Real;
+pub(crate) use real::{dot, power, unit};
+
 /// A count of pixels, voxels, entries or samples; exact below 2⁵³.
 #[expect(clippy::cast_precision_loss, reason = "counts are far below 2⁵³")]
 #[must_use]
 pub(crate) fn count(n: usize) -> f64 {
     n as f64
+}
+
+/// Rounds to the f32 a shader reads.
+#[expect(clippy::cast_possible_truncation, reason = "the one rounding of tables")]
+#[must_use]
+pub(crate) fn rounded(value: f64) -> f32 {
+    value as f32
 }
 
 /// The whole part of a number as a count; negative ones and NaN are 0.

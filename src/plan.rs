@@ -3,11 +3,13 @@
 mod explain;
 mod half;
 mod needs;
+mod stale;
 
 use std::sync::Arc;
 
 pub(crate) use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};
+pub use stale::Stale;
 
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
@@ -287,10 +289,11 @@ impl ScenePlan {
         self.skipping && entries * (self.parts().lanes * LANE + passed) + differences >= 2 * voxels
     }
 
-    /// Whether the volume is stored as under `other`.
+    /// Whether a device that holds the volume for `other` holds it for this plan: the same format, with or without
+    /// gradients and labels, and filtered alike.
     #[must_use]
     pub fn is_stored_as(&self, other: &Self) -> bool {
-        let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients);
+        let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients, plan.labels, plan.interpolation);
         kept(self) == kept(other)
     }
 

@@ -4,6 +4,7 @@
 
 use glam::{DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
+use relume::film::display_from_xyz;
 use relume::scene::{Display, Mix};
 use relume::spectrum::colour::{
     LINEAR_SRGB_FROM_XYZ, Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, bradford, ciede2000, d65_white,
@@ -12,7 +13,6 @@ use relume::spectrum::colour::{
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{BANDS, Kind, Reflectance, Spectrum, SpectrumError, smooth_reflectance, standard};
-use relume::tables::display_from_xyz;
 
 fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
     let error = std::array::from_fn::<f64, 3, _>(|axis| (actual[axis] - expected[axis]).abs());

@@ -10,10 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use hostile::{Counting, Place, Reader, most_held};
 use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelKind};
-use relume::output::Accumulators;
-use relume::output::accumulators::{
-    Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored,
-};
+use relume::output::FilmFile;
+use relume::output::film::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored};
 use relume::progress::{Progress, Quiet};
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{self, Spectrum};
@@ -177,7 +175,7 @@ fn accumulators_of_anything_are_read_or_refused() {
 #[ignore = "writes the files of accumulators in tests/data/hostile"]
 fn accumulators_to_damage() {
     let ramp: [f64; 81] = std::array::from_fn(|band| f64::from(u8::try_from(band).unwrap()) / 81.0);
-    let point = Accumulators {
+    let point = FilmFile {
         width: 4,
         height: 3,
         components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: ramp }]),
@@ -188,7 +186,7 @@ fn accumulators_to_damage() {
         adapt: true,
         observer: Observer::default(),
         dial: None,
-        weights: vec![0.5; 12],
+        accumulators: vec![0.5; 12],
         transmittance: vec![0.25; 12],
     };
     let node = |light: &str, on| Node { light: light.to_owned(), place: [0.0, f64::from(u8::from(on))], on };
@@ -200,7 +198,7 @@ fn accumulators_to_damage() {
         on: vec!["lamp".to_owned()],
     };
     let lamp = |name: &str| Light { name: name.to_owned(), position: 0, weight: 1.0, shown: None, spectrum: [1.0; 81] };
-    let dial = Accumulators {
+    let dial = FilmFile {
         lights: vec![lamp("day"), lamp("lamp")],
         dial: Some(Dial {
             normalise: true,
@@ -223,11 +221,11 @@ fn accumulators_to_damage() {
     let model = |kind, projection: Vec<Spectrum>, coloured| {
         let dimension = projection.len();
         let model = ColourModel::from_parts(kind, projection, cloud.clone(), None, lights(dimension)).unwrap();
-        Accumulators {
+        FilmFile {
             components: Components::Model(Stored { model, coloured, tolerance: 1.0 }),
             lights: vec![lamp("lamp")],
             background: coloured.then_some([0.5; 81]),
-            weights: vec![0.5; 12 * dimension],
+            accumulators: vec![0.5; 12 * dimension],
             transmittance: vec![0.25; if coloured { 12 * dimension } else { 12 }],
             ..point.clone()
         }
@@ -383,7 +381,7 @@ fn what_never_ends_or_never_begins_is_no_file_for_any_reader() {
     {
         let said = |error: &dyn std::error::Error| format!("{error}: {}", error.source().expect("a cause"));
         let light = SpectrumSource::File { path: path.to_owned(), column: None }.light(Path::new("")).unwrap_err();
-        let file = Accumulators::read(path).unwrap_err();
+        let file = FilmFile::read(path).unwrap_err();
         let scene = scene::load(path, &SceneOptions::default(), &Quiet).map(drop).unwrap_err();
         let volume = volume::open(path, &Selection::default(), &Quiet).map(drop).unwrap_err();
         for error in [&light as &dyn std::error::Error, &file, &scene, &volume] {

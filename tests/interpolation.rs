@@ -6,7 +6,7 @@ mod support;
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use relume::reference::{Samples, Step, relight};
+use relume::reference::{Samples, Step};
 use relume::scene::{Interpolation, Scene};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, float, of, sampled};
@@ -89,8 +89,8 @@ fn every_interpolation_is_the_same_on_the_device() {
             scene.accuracy.interpolation = interpolation;
             let rungs = Rungs::new(scene, SIZE);
             with_renderer(|renderer| {
-                let expected = relight(&rungs.march::<f32>(&rungs.stored::<f32>()), &rungs.xyz_matrices());
-                let found = relight(&rungs.gpu(renderer), &rungs.xyz_matrices());
+                let expected = rungs.march::<f32>(&rungs.stored::<f32>()).relight(&rungs.xyz_matrices());
+                let found = rungs.gpu(renderer).relight(&rungs.xyz_matrices());
                 let apart: Vec<f64> = found.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element()).collect();
                 let mean = apart.iter().sum::<f64>() / float(apart.len());
                 let limit = match interpolation {

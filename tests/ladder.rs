@@ -7,12 +7,13 @@
 mod support;
 
 use glam::DVec3;
-use relume::reference::{Real, Samples, Step, Stored, opacity, relight};
+use relume::film::{Components, Film, RelightMatrices};
+use relume::number::Real;
+use relume::reference::{Samples, Step, Stored};
 use relume::render::Renderer;
 use relume::scene::Lookup;
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, lab_from_xyz, xyz_of};
-use relume::tables::{Accumulation, Components, RelightMatrices};
 use relume::vulkan::DeviceKind;
 use support::bounds::{longest, of_places, of_tables, places};
 use support::device::open;
@@ -50,16 +51,16 @@ impl Worst {
 
 /// `actual` against `expected`, number by number, against `bound`; pixels that are `undecided` do not count.
 fn accumulators<A: Real, E: Real>(
-    actual: &Accumulation<A>,
-    expected: &Accumulation<E>,
-    bound: &Accumulation<f64>,
+    actual: &Film<A>,
+    expected: &Film<E>,
+    bound: &Film<f64>,
     undecided: &[bool],
 ) -> Worst {
     let pixels = expected.size[0] * expected.size[1];
-    assert_eq!(actual.weights.len(), expected.weights.len(), "the same accumulators");
+    assert_eq!(actual.accumulators.len(), expected.accumulators.len(), "the same accumulators");
     assert_eq!(actual.transmittance.len(), expected.transmittance.len(), "the same numbers of what passes");
     let mut worst = Worst::default();
-    let pairs = actual.weights.iter().zip(&expected.weights).zip(&bound.weights);
+    let pairs = actual.accumulators.iter().zip(&expected.accumulators).zip(&bound.accumulators);
     for (i, ((actual, expected), &bound)) in pairs.enumerate() {
         if !undecided[i % pixels] {
             worst.add((actual.to_f64() - expected.to_f64()).abs(), bound);
@@ -125,7 +126,7 @@ fn climb(name: &str) {
     let all = vec![false; SIZE[0] * SIZE[1]];
     let places = places(&rungs);
     let undecided = places.undecided.iter().filter(|&&undecided| undecided).count();
-    let lit = |accumulation: &Accumulation<f64>| relight(accumulation, &rungs.xyz_matrices());
+    let lit = |accumulation: &Film<f64>| accumulation.relight(&rungs.xyz_matrices());
 
     // Basis: weights are exact up to the order of sums; a colour model may be off by its tolerance.
     let exact = rungs.march::<f64>(&rungs.exact());
@@ -160,7 +161,7 @@ fn climb(name: &str) {
     }
 
     // The golden image, from here and nowhere else.
-    let picture = relight(&stored, &rungs.matrices());
+    let picture = stored.relight(&rungs.matrices());
     let scale = magnitudes(&stored, &rungs.matrices());
     golden::check(name, &image("reference f64", &picture, |pixel, channel| scale[pixel][channel]), &STORED);
 
@@ -175,11 +176,11 @@ fn climb(name: &str) {
         let undecided = if places.undecided[pixel] { f64::from(f32::MAX) } else { 0.0 };
         bound[pixel][channel] + 2.0 * ROUNDING_UNIT * scale[pixel][channel] + undecided
     };
-    golden::check(name, &image("reference f32", &relight(&single, &rungs.matrices()), golden_bound), &BOUND);
+    golden::check(name, &image("reference f32", &single.relight(&rungs.matrices()), golden_bound), &BOUND);
 
     // Material weights against 81 bands over the same tables; the numbers of a colour model against themselves in f64.
     let same_tables = if rungs.planned.model.is_none() { rungs.stored_truth() } else { lit(&stored) };
-    let weights = differences(&rungs, &relight(&single, &rungs.xyz_matrices()), &same_tables);
+    let weights = differences(&rungs, &single.relight(&rungs.xyz_matrices()), &same_tables);
     let weights = weights.last().copied().unwrap();
     assert!(weights <= WEIGHTS_REFERENCE, "{name}: ΔE00 of the f32 reference: {weights}");
 
@@ -191,9 +192,9 @@ fn climb(name: &str) {
     let bound = of_places(&rungs, &single, reach_of_device(&rungs, &renderer), ROUNDINGS_PER_STEP_OF_TWO);
     let device = accumulators(&gpu, &single, &bound, &places.undecided);
     assert!(device.share <= 1.0, "{name}: device: {device:?}");
-    let gpu_xyz = relight(&gpu, &rungs.xyz_matrices());
+    let gpu_xyz = gpu.relight(&rungs.xyz_matrices());
     let bound = magnitudes(&bound, &rungs.xyz_matrices());
-    let device_xyz = colours(&gpu_xyz, &relight(&single, &rungs.xyz_matrices()), &bound, &places.undecided);
+    let device_xyz = colours(&gpu_xyz, &single.relight(&rungs.xyz_matrices()), &bound, &places.undecided);
     assert!(device_xyz.share <= 1.0, "{name}: device, XYZ: {device_xyz:?}");
     if renderer.device().info().kind == DeviceKind::Software {
         assert!(device_xyz.mean() <= DEVICE_MEAN, "{name}: device, XYZ, mean: {}", device_xyz.mean());
@@ -212,10 +213,10 @@ fn climb(name: &str) {
     let bound: Vec<DVec3> =
         magnitudes(&gpu, &rungs.matrices()).iter().map(|&sum| 3.0 * terms * ROUNDING_UNIT * sum).collect();
     let linear: Vec<DVec3> = shown.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect();
-    let relit = colours(&linear, &relight(&gpu, &rungs.matrices()), &bound, &all);
+    let relit = colours(&linear, &gpu.relight(&rungs.matrices()), &bound, &all);
     assert!(relit.share <= 1.0, "{name}: relight: {relit:?}");
     let summed = f64::from(f32::EPSILON) * float(rungs.planned.plan.passed());
-    for (pixel, expected) in shown.iter().zip(opacity(&gpu, &rungs.matrices())) {
+    for (pixel, expected) in shown.iter().zip(gpu.opacity(&rungs.matrices())) {
         assert!((f64::from(pixel[3]) - expected).abs() <= summed, "{name}: opacity {} for {expected}", pixel[3]);
     }
     let messages = renderer.device().validation_messages();
@@ -260,7 +261,7 @@ fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
             &light_at(None),
             rungs.scene.background.as_ref().map_or(&black, |surface| surface.spectrum()),
         )],
-        passing: vec![1.0],
+        transmittance_weights: vec![1.0],
     }
 }
 
@@ -300,13 +301,13 @@ fn a_slab_is_its_closed_form_on_every_rung() {
         };
         let wide = |sums: &[f32]| -> Vec<f64> { sums.iter().copied().map(f64::from).collect() };
         let exact = rungs.march::<f64>(&rungs.exact());
-        check("reference f64", &exact.weights, &exact.transmittance, double);
+        check("reference f64", &exact.accumulators, &exact.transmittance, double);
         let single = rungs.march::<f32>(&rungs.stored::<f32>());
         let rounded = ROUNDINGS_PER_STEP * steps * ROUNDING_UNIT;
-        check("reference f32", &wide(&single.weights), &wide(&single.transmittance), rounded);
+        check("reference f32", &wide(&single.accumulators), &wide(&single.transmittance), rounded);
         with_renderer(|renderer| {
             let gpu = rungs.gpu(renderer);
-            check("GPU", &wide(&gpu.weights), &wide(&gpu.transmittance), 2.0 * rounded);
+            check("GPU", &wide(&gpu.accumulators), &wide(&gpu.transmittance), 2.0 * rounded);
         });
     }
 }
@@ -439,7 +440,7 @@ fn the_mean_over_a_picture_catches_a_filter_of_eight_bits() {
             rungs.march::<f32>(&rungs.stored::<f32>()),
             rungs.march::<f32>(&EightBits(rungs.stored::<f32>(), rungs.volume.dims)),
         ]
-        .map(|sums| relight(&sums, &rungs.xyz_matrices()));
+        .map(|sums| sums.relight(&rungs.xyz_matrices()));
         let mean = colours(&coarse, &expected, &none, &vec![false; none.len()]).mean();
         assert!(mean > DEVICE_MEAN, "{name}: {mean}");
     }
@@ -451,7 +452,7 @@ fn the_ladder_catches_a_number_that_is_none() {
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
     let bound = of_tables(&rungs, &expected);
     let mut wrong = expected.clone();
-    wrong.weights[700] = f64::NAN;
+    wrong.accumulators[700] = f64::NAN;
     assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
 }
 

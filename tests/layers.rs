@@ -16,13 +16,14 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("model", &["spectrum", "progress", "number"]),
     ("palette", &["input", "model", "spectrum", "progress", "number", "written"]),
     ("scene", &["input", "palette", "model", "spectrum", "volume", "progress", "number", "written"]),
-    ("plan", &["scene", "model", "spectrum", "volume", "progress", "number"]),
-    ("tables", &["plan", "scene", "model", "spectrum", "volume", "number", "progress"]),
-    ("reference", &["tables", "plan", "scene", "spectrum", "volume", "progress", "number"]),
+    ("plan", &["scene", "model", "spectrum", "progress", "number"]),
+    ("film", &["plan", "scene", "model", "spectrum", "number"]),
+    ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number", "progress"]),
+    ("reference", &["film", "tables", "plan", "scene", "volume", "progress", "number"]),
     ("shader", &[]),
     ("vulkan", &[]),
-    ("render", &["vulkan", "shader", "tables", "plan", "scene", "model", "spectrum", "volume", "progress", "number"]),
-    ("output", &["tables", "plan", "scene", "input", "model", "spectrum", "progress"]),
+    ("render", &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "progress", "number"]),
+    ("output", &["film", "plan", "scene", "input", "model", "spectrum"]),
     (
         "measure",
         &[
@@ -31,6 +32,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "vulkan",
             "render",
             "reference",
+            "film",
             "tables",
             "plan",
             "scene",
@@ -49,6 +51,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "measure",
             "render",
             "reference",
+            "film",
             "vulkan",
             "tables",
             "plan",
@@ -71,6 +74,7 @@ const ARROWS: &[(&str, &[&str])] = &[
             "output",
             "render",
             "reference",
+            "film",
             "vulkan",
             "shader",
             "tables",
@@ -81,8 +85,24 @@ const ARROWS: &[(&str, &[&str])] = &[
             "spectrum",
             "volume",
             "progress",
+            "number",
         ],
     ),
+];
+
+/// The modules that may use each of these external crates; the others are free. A crate stands for those whose names
+/// begin with it and `_`: `egui` for `egui_winit`.
+const CRATES: &[(&str, &[&str])] = &[
+    ("ash", &["vulkan"]),
+    ("gpu_allocator", &["vulkan"]),
+    ("naga", &["shader"]),
+    ("egui", &["view", "vulkan"]),
+    ("winit", &["view", "vulkan"]),
+    ("clap", &["cli"]),
+    ("indicatif", &["cli"]),
+    ("tracing_subscriber", &["cli"]),
+    ("clarabel", &["palette"]),
+    ("exr", &["output"]),
 ];
 
 /// What modules may not speak of.
@@ -108,6 +128,11 @@ impl Source {
         let module = module.filter(|name| name != "lib" && name != "main");
         Self { path: path.into(), module, text: text.to_owned() }
     }
+
+    /// Whether it belongs to the program, which uses the library by its name.
+    fn is_of_program(&self) -> bool {
+        self.module.as_deref() == Some("cli")
+    }
 }
 
 /// Every file below `folder` whose name ends in one of `endings`.
@@ -129,18 +154,27 @@ fn files(folder: &str, endings: &[&str]) -> Vec<Source> {
     found
 }
 
-/// The modules that `text` reaches by `crate::…`, one name or a braced list at the first level, comments left out.
-fn reached(text: &str) -> Vec<String> {
-    let code: Vec<&str> = text.lines().map(|line| line.split("//").next().unwrap_or(line)).collect();
-    let code = code.join("\n");
-    let mut found = Vec::new();
-    for (at, _) in code.match_indices("crate::") {
-        // `$crate::` is the same; `my_crate::` is not.
+/// The code of `text` without its line comments.
+fn code(text: &str) -> String {
+    text.lines().map(|line| line.split("//").next().unwrap_or(line)).collect::<Vec<_>>().join("\n")
+}
+
+/// Where `name` begins in `code` as a whole path: `$crate::` counts as `crate::`, `my_crate::` does not.
+fn paths<'a>(code: &'a str, name: &'a str) -> impl Iterator<Item = usize> + 'a {
+    code.match_indices(name).map(|(at, _)| at).filter(|&at| {
         let before = code[..at].chars().next_back();
-        if before.is_some_and(|before| before.is_alphanumeric() || before == '_') {
-            continue;
-        }
-        let rest = &code[at + "crate::".len()..];
+        !before.is_some_and(|before| before.is_alphanumeric() || before == '_' || before == ':')
+    })
+}
+
+/// The modules that a file reaches by `crate::…` or, in the program, by `relume::…`: one name or a braced list at the
+/// first level.
+fn reached(source: &Source) -> Vec<String> {
+    let code = code(&source.text);
+    let mut found = Vec::new();
+    let library = if source.is_of_program() { "relume::" } else { "crate::" };
+    for at in paths(&code, library) {
+        let rest = &code[at + library.len()..];
         match rest.strip_prefix('{') {
             None => found.push(first_word(rest)),
             Some(list) => {
@@ -174,9 +208,25 @@ fn wrong_arrows(source: &Source) -> Vec<String> {
     let Some((_, allowed)) = ARROWS.iter().find(|(name, _)| name == module) else {
         return vec![format!("{}: the module `{module}` is not on the map", source.path.display())];
     };
-    let reached = reached(&source.text).into_iter();
+    let reached = reached(source).into_iter();
     let wrong = reached.filter(|name| name != module && !allowed.contains(&&**name));
     wrong.map(|name| format!("{}: {module} may not use {name}", source.path.display())).collect()
+}
+
+/// The external crates of a file that its module may not use.
+fn wrong_crates(source: &Source) -> Vec<String> {
+    let Some(module) = &source.module else { return Vec::new() };
+    let code = code(&source.text);
+    let is_used = |name: &str| {
+        paths(&code, name).any(|at| {
+            let rest = code[at + name.len()..]
+                .trim_start_matches(|character: char| character.is_alphanumeric() || character == '_');
+            let family = code[at + name.len()..].starts_with(['_', ':']);
+            family && rest.starts_with("::")
+        })
+    };
+    let wrong = CRATES.iter().filter(|(name, modules)| !modules.contains(&&**module) && is_used(name));
+    wrong.map(|(name, _)| format!("{}: {module} may not use the crate {name}", source.path.display())).collect()
 }
 
 /// The words of a file that its module may not use.
@@ -201,6 +251,33 @@ fn arrows_go_one_way() {
     assert!(!sources.is_empty());
     let wrong: Vec<String> = sources.iter().flat_map(wrong_arrows).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_arrow_is_used() {
+    let sources = files("src", &[".rs"]);
+    let mut unused = Vec::new();
+    for (module, allowed) in ARROWS {
+        let of_module = sources.iter().filter(|source| source.module.as_deref() == Some(module));
+        let used: Vec<String> = of_module.flat_map(reached).collect();
+        let not_used = allowed.iter().filter(|other| !used.iter().any(|name| name == **other));
+        unused.extend(not_used.map(|other| format!("{module} does not use {other}")));
+    }
+    assert!(unused.is_empty(), "{}", unused.join("\n"));
+}
+
+#[test]
+fn external_crates_stay_in_their_modules() {
+    let sources = files("src", &[".rs"]);
+    let wrong: Vec<String> = sources.iter().flat_map(wrong_crates).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    for (name, modules) in CRATES {
+        for module in *modules {
+            let here = sources.iter().filter(|source| source.module.as_deref() == Some(module));
+            let uses = here.map(|source| code(&source.text)).any(|code| paths(&code, name).next().is_some());
+            assert!(uses, "{module} does not use {name}");
+        }
+    }
 }
 
 #[test]
@@ -257,6 +334,19 @@ fn a_wrong_arrow_is_caught() {
     assert_eq!(wrong("src/reference/march.rs", "use crate::{tables::Tables, scene, reference::real::Real};"), [""; 0]);
     assert_eq!(wrong("src/spectrum/cie.rs", "// crate::render draws this\nuse my_crate::vulkan;"), [""; 0]);
     assert_eq!(wrong("src/lib.rs", "use crate::render::Frame;"), [""; 0]);
+    assert_eq!(
+        wrong("src/cli/info.rs", "use relume::written::number;\nuse super::scene;"),
+        ["src/cli/info.rs: cli may not use written"]
+    );
+}
+
+#[test]
+fn a_wrong_crate_is_caught() {
+    let wrong = |path: &str, text: &str| wrong_crates(&Source::new(path, text)).len();
+    assert_eq!(wrong("src/scene/mod.rs", "use egui::Rect;\nuse egui_winit::State;"), 1);
+    assert_eq!(wrong("src/measure/mod.rs", "fn f() -> ash::vk::Image {}"), 1);
+    assert_eq!(wrong("src/view/ui.rs", "use egui::Rect; use crate::vulkan::Surface;"), 0);
+    assert_eq!(wrong("src/measure/mod.rs", "let ash = 1; let hash_of = crash::it();"), 0);
 }
 
 #[test]

@@ -5,6 +5,7 @@
 mod support;
 
 use glam::DVec3;
+use relume::film::display_from_xyz;
 use relume::model::{ColourModel, Ingredients, ModelKind, fit, unseen};
 use relume::plan::plan;
 use relume::progress::Quiet;
@@ -14,7 +15,6 @@ use relume::spectrum::colour::{
 };
 use relume::spectrum::observer::{OBSERVER_1964, Observer};
 use relume::spectrum::{Light, Spectrum, standard};
-use relume::tables::display_from_xyz;
 use support::exr::Exr;
 use support::program::Folder;
 use support::rungs::Rungs;

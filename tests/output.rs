@@ -10,9 +10,9 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::accumulators::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation};
+use relume::output::film::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation};
 use relume::output::{
-    Accumulators, Alpha, BANDS, Depth, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
+    Alpha, BANDS, Depth, FilmFile, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
 };
 use relume::spectrum::observer::Observer;
@@ -296,10 +296,10 @@ fn ramp(scale: f64) -> [f64; BANDS] {
     std::array::from_fn(|band| scale * f64::from(u8::try_from(band).unwrap()) / 7.0 - 0.1)
 }
 
-fn example() -> Accumulators {
+fn example() -> FilmFile {
     let (width, height) = (4, 18);
     let weight = |index: usize| f32::from(u16::try_from(index).unwrap()) / 3.0;
-    Accumulators {
+    FilmFile {
         width,
         height,
         components: Components::Surfaces(vec![
@@ -331,7 +331,7 @@ fn example() -> Accumulators {
                 on: vec!["A".to_owned()],
             }],
         }),
-        weights: (0..6 * width * height).map(weight).collect(),
+        accumulators: (0..6 * width * height).map(weight).collect(),
         transmittance: (0..width * height).map(|pixel| weight(pixel) / 24.0).collect(),
     }
 }
@@ -342,11 +342,11 @@ fn accumulators_come_back_as_they_were() {
     let path = folder.path().join("accumulators.exr");
     let full = example();
     full.write(&path).unwrap();
-    assert_eq!(Accumulators::read(&path).unwrap(), full);
+    assert_eq!(FilmFile::read(&path).unwrap(), full);
     let (layer, _) = read_channels(&path);
     // Position 1, component 0.
-    assert_eq!(values(&layer, "all around.KnÃ¶chel"), full.weights[2 * 72..3 * 72]);
-    let empty = Accumulators {
+    assert_eq!(values(&layer, "all around.KnÃ¶chel"), full.accumulators[2 * 72..3 * 72]);
+    let empty = FilmFile {
         components: Components::Surfaces(vec![]),
         positions: vec![],
         lights: vec![],
@@ -355,11 +355,11 @@ fn accumulators_come_back_as_they_were() {
         adapt: false,
         observer: Observer::default(),
         dial: None,
-        weights: vec![],
+        accumulators: vec![],
         ..full
     };
     empty.write(&path).unwrap();
-    assert_eq!(Accumulators::read(&path).unwrap(), empty);
+    assert_eq!(FilmFile::read(&path).unwrap(), empty);
 }
 
 /// Writes the file that the module describes without any of its code.
@@ -408,8 +408,8 @@ fn a_file_of_another_program_is_read() {
     let path = folder.path().join("foreign.exr");
     let (weights, transmittance) = ([0.1, 0.2, 0.3, 0.4], [1.0, 0.5, 0.25, 0.0]);
     write_by_hand(&path, &small_text(), &[("transmittance", halves(transmittance)), ("key.bone", floats(weights))]);
-    let found = Accumulators::read(&path).unwrap();
-    let expected = Accumulators {
+    let found = FilmFile::read(&path).unwrap();
+    let expected = FilmFile {
         width: 2,
         height: 2,
         components: Components::Surfaces(vec![Component { name: "bone".to_owned(), spectrum: [0.5; BANDS] }]),
@@ -420,7 +420,7 @@ fn a_file_of_another_program_is_read() {
         adapt: false,
         observer: Observer::default(),
         dial: None,
-        weights: weights.to_vec(),
+        accumulators: weights.to_vec(),
         transmittance: transmittance.to_vec(),
     };
     assert_eq!(found, expected);
@@ -456,7 +456,7 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
     ];
     for (text, reason) in cases {
         write_by_hand(&path, &text, &[("transmittance", floats([1.0; 4])), ("key.bone", floats([1.0; 4]))]);
-        let error = Accumulators::read(&path).unwrap_err();
+        let error = FilmFile::read(&path).unwrap_err();
         assert!(matches!(error, OutputError::Attribute { .. }), "{error:?}");
         assert!(error.to_string().contains(reason), "{error}\nshould say: {reason}");
         assert!(!error.to_string().contains('\n'), "{error}");
@@ -479,34 +479,34 @@ fn wrong_channels_are_refused_by_name() {
     ];
     for (channels, reason) in cases {
         write_by_hand(&path, &small_text(), &channels);
-        let error = Accumulators::read(&path).unwrap_err();
+        let error = FilmFile::read(&path).unwrap_err();
         assert!(error.to_string().contains(reason), "{error}\nshould say: {reason}");
     }
     let pixels = [0.0; 3];
     write_exr(&path, &Picture::new(1, 1, &pixels).unwrap()).unwrap();
-    let error = Accumulators::read(&path).unwrap_err();
+    let error = FilmFile::read(&path).unwrap_err();
     assert!(error.to_string().ends_with("is not an accumulator file: it has no attribute `relume`"), "{error}");
     fs::write(&path, b"\x89PNG\r\n").unwrap();
-    assert!(matches!(Accumulators::read(&path), Err(OutputError::Damaged { .. })));
-    assert!(matches!(Accumulators::read(&folder.path().join("absent")), Err(OutputError::Read { .. })));
-    assert!(Accumulators::read(folder.path()).is_err());
+    assert!(matches!(FilmFile::read(&path), Err(OutputError::Damaged { .. })));
+    assert!(matches!(FilmFile::read(&folder.path().join("absent")), Err(OutputError::Read { .. })));
+    assert!(FilmFile::read(folder.path()).is_err());
 }
 
 #[test]
 fn accumulators_that_contradict_themselves_are_not_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("accumulators.exr");
-    let refused = |change: fn(&mut Accumulators), reason: &str| {
+    let refused = |change: fn(&mut FilmFile), reason: &str| {
         let mut accumulators = example();
         change(&mut accumulators);
         let error = accumulators.write(&path).unwrap_err();
         assert!(error.to_string().contains(reason), "{error}\nshould say: {reason}");
     };
-    refused(|it| it.weights.push(0.0), "432 weights are needed, and there are 433");
+    refused(|it| it.accumulators.push(0.0), "432 weights are needed, and there are 433");
     refused(|it| it.transmittance.clear(), "72 transmittances are needed, and there are 0");
     refused(|it| it.lights[0].position = 3, "the light \"D65\" is at position 3, and there are 3");
     refused(|it| it.lights[0].weight = f64::NAN, "the light \"D65\" holds NaN");
-    refused(|it| it.weights[5] = f32::INFINITY, "\"key.Knöchel\" has no finite value at pixel (1, 1)");
+    refused(|it| it.accumulators[5] = f32::INFINITY, "\"key.Knöchel\" has no finite value at pixel (1, 1)");
     refused(|it| it.width = 0, "each side must be 1 to 65536");
     refused(
         |it| {
@@ -525,7 +525,7 @@ fn accumulators_that_contradict_themselves_are_not_written() {
 fn no_damage_to_a_file_is_a_panic() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("accumulators.exr");
-    let small = Accumulators { width: 2, height: 2, weights: vec![0.5; 24], transmittance: vec![0.5; 4], ..example() };
+    let small = FilmFile { width: 2, height: 2, accumulators: vec![0.5; 24], transmittance: vec![0.5; 4], ..example() };
     small.write(&path).unwrap();
-    damage(&path, || Accumulators::read(&path).is_ok());
+    damage(&path, || FilmFile::read(&path).is_ok());
 }

@@ -8,7 +8,6 @@ use std::path::Path;
 
 use glam::DVec3;
 use relume::progress::Quiet;
-use relume::reference;
 use relume::render::Renderer;
 use relume::scene::{self, Scene, SceneOptions};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
@@ -70,7 +69,7 @@ fn seen(scene: &Scene, light: &str, renderer: Option<&Renderer>) -> Vec<(DVec3, 
         None => rungs.march::<f32>(&rungs.stored()),
         Some(renderer) => rungs.gpu(renderer),
     };
-    reference::relight(&accumulation, &matrices).into_iter().zip(reference::opacity(&accumulation, &matrices)).collect()
+    accumulation.relight(&matrices).into_iter().zip(accumulation.opacity(&matrices)).collect()
 }
 
 /// ΔE00 of the pixels that are not see-through, ascending.

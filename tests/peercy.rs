@@ -4,14 +4,14 @@
 mod support;
 
 use nalgebra::{DMatrix, DVector};
+use relume::film::Film;
 use relume::model::Matrices;
+use relume::number::Real;
 use relume::plan::{PlanError, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::reference::Real;
 use relume::render::{Dispatching, RenderError};
 use relume::scene::{Scene, StoreAs};
 use relume::spectrum::{BANDS, Spectrum};
-use relume::tables::Accumulation;
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{GLASS, SIZE, glass_straight_on, parsed};
 
@@ -27,8 +27,8 @@ fn slab(k: usize) -> Rungs {
     Rungs::new(glass_straight_on("\"blue sky\"", &accuracy), [1, 1])
 }
 
-fn wide<R: Real>(sums: &Accumulation<R>) -> [Vec<f64>; 2] {
-    [&sums.weights, &sums.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
+fn wide<R: Real>(sums: &Film<R>) -> [Vec<f64>; 2] {
+    [&sums.accumulators, &sums.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
 }
 
 /// What comes back is (1 + M + … + M⁶³)·s, what passes is M⁶⁴, with the matrix M and the source s of one step; the powers by

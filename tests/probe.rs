@@ -4,13 +4,14 @@
 mod support;
 
 use glam::{DMat3, DVec3};
+use relume::film::{Components, Film, display_from_xyz};
 use relume::plan::{Planned, ScenePlan};
 use relume::progress::Quiet;
 use relume::reference::march_ray;
 use relume::scene::{Mix, Scene, StoreAs};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::xyz_of;
-use relume::tables::{Accumulation, Components, Reflected, display_from_xyz};
+use relume::tables::Reflected;
 use relume::view::probe::{Pixel, Probe, Ray};
 
 use support::rungs::{Rungs, with_renderer};
@@ -60,18 +61,14 @@ fn slab(absorption: f64, accuracy: &str) -> Scene {
 
 /// The only pixel of a picture of `rungs`, as a device with no rounding but that of what it keeps would have it.
 fn pixel(rungs: &Rungs) -> Pixel {
-    let marched: Accumulation<f64> =
+    let marched: Film<f64> =
         march_ray(&rungs.scene, &rungs.planned, &rungs.exact(), [[1, 1], [0, 0]], &Quiet, |_| {}).unwrap();
-    #[expect(clippy::cast_possible_truncation, reason = "what pixels keep is f32")]
-    let kept = |numbers: &[f64]| numbers.iter().map(|&number| number as f32).collect();
+    #[expect(clippy::cast_possible_truncation, reason = "film files hold f32")]
+    let numbers = marched.map(|number| number as f32);
     Pixel {
         place: [0, 0],
         size: [1, 1],
-        numbers: Accumulation {
-            size: [1, 1],
-            weights: kept(&marched.weights),
-            transmittance: kept(&marched.transmittance),
-        },
+        numbers,
         planned: rungs.planned.clone(),
         components: Components::new(&rungs.scene, &rungs.planned),
     }
@@ -255,7 +252,7 @@ fn a_pixel_of_a_device_is_that_of_the_whole_picture() {
                     let at = place[1] * SIZE[0] + place[0];
                     let of = |planes: &[f32]| planes.iter().skip(at).step_by(pixels).copied().collect::<Vec<_>>();
                     let pixel = renderer.read_pixel(&accumulators, place).unwrap();
-                    assert_eq!(pixel.weights, of(&all.weights), "{name} {storage:?} {place:?}");
+                    assert_eq!(pixel.accumulators, of(&all.accumulators), "{name} {storage:?} {place:?}");
                     assert_eq!(pixel.transmittance, of(&all.transmittance), "{name} {storage:?} {place:?}");
                 }
             }

@@ -6,21 +6,20 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
-use relume::output::accumulators::{Accumulators, Component, Components as FileComponents, Position, PositionKind};
-use relume::reference::relight;
+use relume::film::{Components, Film, RelightMatrices};
+use relume::output::film::{Component, Components as FileComponents, FilmFile, Position, PositionKind};
 use relume::render::{Dispatching, Renderer, TableMemory};
 use relume::scene::{Mix, Placement, Scene, SceneLight};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Light, Spectrum};
-use relume::tables::{Accumulation, Components, RelightMatrices};
 use support::device::open;
 use support::rungs::{Rungs, magnitudes, with_renderer};
 use support::scenes::{self, SIZE};
 use support::tolerance::{LINEARITY, RELIT_ABSOLUTE, RELIT_RELATIVE, STEP_INVARIANCE};
 
 /// The device's linear picture of `rungs` under `mix`.
-fn lit(renderer: &Renderer, marched: &relume::render::Accumulators, rungs: &Rungs, mix: &Mix) -> Vec<DVec3> {
+fn lit(renderer: &Renderer, marched: &relume::render::DeviceFilm, rungs: &Rungs, mix: &Mix) -> Vec<DVec3> {
     let relight = renderer.relight_linear(marched).unwrap();
     relight.run(&rungs.matrices_under(mix)).unwrap();
     relight.read::<[f32; 4]>().unwrap().iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect()
@@ -101,7 +100,7 @@ fn light_scales_over_twelve_magnitudes() {
 }
 
 /// The accumulators of `rungs` on the reference in f32 and, where there is one, on the device.
-fn marched(rungs: &Rungs) -> Vec<(&'static str, Accumulation<f32>)> {
+fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
     let mut all = vec![("reference f32", rungs.march::<f32>(&rungs.stored::<f32>()))];
     with_renderer(|renderer| all.push(("GPU", rungs.gpu(renderer))));
     all
@@ -133,7 +132,7 @@ fn the_order_of_lights_is_the_order_of_their_accumulators_and_nothing_else() {
         for (position, name) in names(&one).iter().enumerate() {
             let there = names(&other).iter().position(|other| other == name).unwrap();
             let part = |sums: &[f32], position: usize| sums[position * length..][..length].to_vec();
-            let same = part(&one_marched.weights, position) == part(&other_marched.weights, there);
+            let same = part(&one_marched.accumulators, position) == part(&other_marched.accumulators, there);
             assert!(same, "{rung}: {name}");
         }
     }
@@ -153,8 +152,7 @@ fn the_order_of_materials_is_the_order_of_their_weights_and_nothing_else() {
     for ((rung, one), (_, other)) in marched(&one).iter().zip(&marched(&other)) {
         assert_eq!(one.transmittance, other.transmittance, "{rung}");
         for material in 0..=last {
-            let plane =
-                |sums: &Accumulation<f32>, material: usize| sums.weights[material * pixels..][..pixels].to_vec();
+            let plane = |sums: &Film<f32>, material: usize| sums.accumulators[material * pixels..][..pixels].to_vec();
             assert!(plane(one, material) == plane(other, last - material), "{rung}: material {material}");
         }
     }
@@ -170,7 +168,7 @@ fn halving_the_step_leaves_a_slab_as_it_is() {
     for material in ["", "xray = true"] {
         let (whole, half) = (slab(1.0, material), slab(0.5, material));
         for ((rung, whole), (_, half)) in marched(&whole).iter().zip(&marched(&half)) {
-            let pairs = whole.weights.iter().zip(&half.weights);
+            let pairs = whole.accumulators.iter().zip(&half.accumulators);
             for (&one, &other) in pairs.chain(whole.transmittance.iter().zip(&half.transmittance)) {
                 let error = f64::from(one - other).abs() / f64::from(one);
                 assert!(error <= STEP_INVARIANCE, "{rung}: {material:?}: {one} and {other}");
@@ -186,7 +184,7 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
     let expected = -24.0 * (-0.08_f64).ln_1p();
     for (rung, sums) in marched(&rungs) {
         assert!(sums.transmittance.iter().all(|&passed| (passed - 1.0).abs() <= 0.0), "{rung}");
-        for &weight in &sums.weights {
+        for &weight in &sums.accumulators {
             let error = (f64::from(weight) - expected).abs() / expected;
             assert!(error <= STEP_INVARIANCE, "{rung}: {weight} for {expected}");
         }
@@ -194,7 +192,7 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
 }
 
 /// An accumulator file of `sums`.
-fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
+fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
     let (scene, planned) = (&rungs.scene, &rungs.planned);
     let Components::Surfaces(spectra) = Components::new(scene, planned) else { panic!("planned by weights") };
     let name = |i: usize| planned.materials.get(i).map_or("white", |&m| scene.materials[m].name.as_str()).to_owned();
@@ -208,7 +206,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
             Placement::Point(point) => PositionKind::Point(point.to_array()),
         },
     };
-    Accumulators {
+    FilmFile {
         width: SIZE[0],
         height: SIZE[1],
         components: FileComponents::Surfaces(spectra.iter().enumerate().map(component).collect()),
@@ -219,7 +217,7 @@ fn file_of(rungs: &Rungs, sums: Accumulation<f32>) -> Accumulators {
         adapt: false,
         observer: Observer::default(),
         dial: None,
-        weights: sums.weights,
+        accumulators: sums.accumulators,
         transmittance: sums.transmittance,
     }
 }
@@ -233,14 +231,19 @@ fn stored_accumulators_relight_to_a_fresh_render() {
             let rungs = Rungs::new(scenes::named(name), SIZE);
             let path = folder.path().join("sums.exr");
             file_of(&rungs, rungs.gpu(renderer)).write(&path).unwrap();
-            let file = Accumulators::read(&path).unwrap();
-            let stored = Accumulation { size: SIZE, weights: file.weights, transmittance: file.transmittance };
+            let file = FilmFile::read(&path).unwrap();
+            let stored = Film {
+                size: SIZE,
+                components: file.components.len(),
+                accumulators: file.accumulators,
+                transmittance: file.transmittance,
+            };
             // A light that the scene does not have, where one of its lights is.
             let place = rungs.mix.0[0].position;
             let spectrum = Light::new(Spectrum::gaussian(540.0, 25.0, 1.0).unwrap()).unwrap();
             let mut mix = single(&rungs.mix, 0, 1.0);
             (mix.0[0].spectrum, mix.0[0].weight) = (spectrum.clone(), 1.7);
-            let relit = relight(&stored, &rungs.matrices_under(&mix));
+            let relit = stored.relight(&rungs.matrices_under(&mix));
 
             let mut scene = rungs.scene.clone();
             let placement = rungs.planned.positions[place].placement;
@@ -257,8 +260,8 @@ fn stored_accumulators_relight_to_a_fresh_render() {
 }
 
 /// The bytes of the accumulators, so that −0 and NaN count too.
-fn bits(sums: &Accumulation<f32>) -> Vec<u32> {
-    sums.weights.iter().chain(&sums.transmittance).map(|weight| weight.to_bits()).collect()
+fn bits(sums: &Film<f32>) -> Vec<u32> {
+    sums.accumulators.iter().chain(&sums.transmittance).map(|weight| weight.to_bits()).collect()
 }
 
 #[test]

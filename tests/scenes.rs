@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::reference::relight;
 use relume::scene::{self, AccumulateAs, Definition, Scene, SceneOptions, positions};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
@@ -101,7 +100,7 @@ fn shows_its_colours(rungs: &Rungs) {
     let truth = rungs.stored_truth();
     assert!(truth.iter().any(|colour| colour.y > 0.1), "{} is dark", rungs.scene.source);
     with_renderer(|renderer| {
-        let shown = relight(&rungs.gpu(renderer), &rungs.xyz_matrices());
+        let shown = rungs.gpu(renderer).relight(&rungs.xyz_matrices());
         let worst = shown.iter().zip(&truth).map(|(one, other)| difference(*one, *other)).fold(0.0, f64::max);
         let limit = if rungs.planned.model.is_some() { rungs.scene.accuracy.tolerance } else { WEIGHTS_DEVICE };
         assert!(worst <= limit, "{}: ΔE00 {worst}", rungs.scene.source);

@@ -4,13 +4,13 @@
 mod support;
 
 use glam::DVec3;
+use relume::film::Film;
+use relume::number::Real;
 use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::reference::{Real, relight};
 use relume::scene::{AccumulateAs, SceneLight, SceneOptions, parse};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::{Spectrum, standard};
-use relume::tables::Accumulation;
 use relume::volume::{Geometry, Volume, Voxels};
 
 use support::rungs::{Rungs, in_xyz, with_renderer};
@@ -36,9 +36,9 @@ fn closed_form(rungs: &Rungs, length: f64) -> (Vec<f64>, Vec<f64>) {
 }
 
 fn every_rung(rungs: &Rungs, mut check: impl FnMut(&str, Vec<f64>, Vec<f64>)) {
-    fn wide<R: Real>(sums: &Accumulation<R>) -> (Vec<f64>, Vec<f64>) {
+    fn wide<R: Real>(sums: &Film<R>) -> (Vec<f64>, Vec<f64>) {
         let wide = |numbers: &[R]| numbers.iter().map(|number| number.to_f64()).collect();
-        (wide(&sums.weights), wide(&sums.transmittance))
+        (wide(&sums.accumulators), wide(&sums.transmittance))
     }
     let exact = wide(&rungs.march::<f64>(&rungs.exact()));
     check("reference f64", exact.0, exact.1);
@@ -72,7 +72,7 @@ fn all_bands_are_the_closed_form_too() {
     let full = slab(0.5).full_spectrum();
     let (sums, passed) = closed_form(&full, 64.0);
     let marched = full.march::<f64>(&full.exact());
-    let pairs = marched.weights.iter().zip(&sums).chain(marched.transmittance.iter().zip(&passed));
+    let pairs = marched.accumulators.iter().zip(&sums).chain(marched.transmittance.iter().zip(&passed));
     for (found, expected) in pairs {
         assert!((found - expected).abs() <= 1e-12, "{found} for {expected}");
     }
@@ -147,7 +147,7 @@ fn layers_are_the_chain_that_is_computed_without_this_crate() {
     let found = rungs.truth()[0];
     assert!((found - expected).abs().max_element() <= 1e-9, "f64: {found} for {expected}");
     let full = rungs.full_spectrum();
-    let single = relight(&full.march::<f32>(&full.stored()), &full.xyz_matrices())[0];
+    let single = full.march::<f32>(&full.stored()).relight(&full.xyz_matrices())[0];
     let error = ((single - expected) / expected).abs().max_element();
     assert!(error <= 2e-6, "f32: {single} for {expected}");
 }
@@ -171,8 +171,8 @@ fn stored_numbers_relight_to_a_fresh_render_with_their_model() {
     let reported = model.matrix(&light).error.max + replanned.planned.model.as_ref().unwrap().worst().max;
     with_renderer(|renderer| {
         let stored = rungs.gpu(renderer);
-        let relit: Vec<DVec3> = relight(&stored, &in_xyz(&rungs.matrices_under(&mix)));
-        let render = |rungs: &Rungs| relight(&rungs.gpu(renderer), &rungs.xyz_matrices());
+        let relit: Vec<DVec3> = stored.relight(&in_xyz(&rungs.matrices_under(&mix)));
+        let render = |rungs: &Rungs| rungs.gpu(renderer).relight(&rungs.xyz_matrices());
         for (relit, fresh) in relit.iter().zip(render(&fresh)) {
             let limit = RELIT_RELATIVE * fresh.abs().max_element() + RELIT_ABSOLUTE;
             assert!((*relit - fresh).abs().max_element() <= limit, "{relit} for {fresh}");
@@ -188,10 +188,10 @@ fn the_device_renders_coloured_glass_as_the_reference() {
         let rungs = Rungs::new(parsed(&GLASS.replace("[accuracy]", &format!("[accuracy]\n{change}"))), [40, 40]);
         assert_eq!(rungs.planned.plan.transmittance, Transmittance::Coloured);
         let single = rungs.march::<f32>(&rungs.stored());
-        let expected = relight(&single, &rungs.xyz_matrices());
+        let expected = single.relight(&rungs.xyz_matrices());
         with_renderer(|renderer| {
             let gpu = rungs.gpu(renderer);
-            let shown = relight(&gpu, &rungs.xyz_matrices());
+            let shown = gpu.relight(&rungs.xyz_matrices());
             let largest = shown.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
             let mean = shown.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().element_sum() / 3.0).sum::<f64>()
                 / f64::from(40 * 40);
@@ -267,7 +267,7 @@ fn a_grey_scene_is_the_same_by_weights_and_by_k_numbers() {
     let worst = differences(&lit(&weights), &lit(&spectral)).into_iter().fold(0.0, f64::max);
     assert!(worst <= 1e-3, "f64: ΔE00 {worst}");
     with_renderer(|renderer| {
-        let shown = |rungs: &Rungs| relight(&rungs.gpu(renderer), &rungs.xyz_matrices());
+        let shown = |rungs: &Rungs| rungs.gpu(renderer).relight(&rungs.xyz_matrices());
         let worst = differences(&shown(&weights), &shown(&spectral)).into_iter().fold(0.0, f64::max);
         assert!(worst <= 0.01, "GPU: ΔE00 {worst}");
     });

@@ -6,16 +6,17 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
+use relume::film::Film;
 use relume::measure::extremes::{Extreme, Group, Row, Rung};
 use relume::model::random::Random;
 use relume::plan::plan;
 use relume::progress::Quiet;
-use relume::reference::{Samples, Step, composite, pass_by, relight};
+use relume::reference::{Samples, Step, composite, pass_by};
 use relume::render::Renderer;
 use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
-use relume::tables::{Accumulation, Storage};
+use relume::tables::Storage;
 use relume::volume::{Geometry, Volume, Voxels};
 use support::bounds::{of_places, places};
 use support::rungs::{Rungs, with_renderer};
@@ -100,18 +101,21 @@ fn every_extreme_is_held_once_and_says_why() {
 }
 
 /// The rungs in f32: the reference, and the device where there is one.
-fn marched(rungs: &Rungs) -> Vec<(&'static str, Accumulation<f32>)> {
+fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
     let mut all = vec![("reference f32", rungs.march::<f32>(&rungs.stored::<f32>()))];
     with_renderer(|renderer| all.push(("GPU", rungs.gpu(renderer))));
     for (rung, sums) in &all {
-        assert!(sums.weights.iter().chain(&sums.transmittance).all(|number| number.is_finite()), "{rung}: {sums:?}");
+        assert!(
+            sums.accumulators.iter().chain(&sums.transmittance).all(|number| number.is_finite()),
+            "{rung}: {sums:?}"
+        );
         assert!(sums.transmittance.iter().all(|passed| (0.0..=1.0).contains(passed)), "{rung}: light comes and goes");
     }
     all
 }
 
 /// Each rung in f32 within its bound of the f64 reference on the same tables: so every pixel was written.
-fn agree(scene: Scene, size: [usize; 2]) -> Vec<(&'static str, Accumulation<f32>)> {
+fn agree(scene: Scene, size: [usize; 2]) -> Vec<(&'static str, Film<f32>)> {
     let rungs = Rungs::new(scene, size);
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
     let places = places(&rungs);
@@ -119,10 +123,14 @@ fn agree(scene: Scene, size: [usize; 2]) -> Vec<(&'static str, Accumulation<f32>
     let all = marched(&rungs);
     let pixels = size[0] * size[1];
     for (rung, sums) in &all {
-        assert_eq!((sums.weights.len(), sums.transmittance.len()), (expected.weights.len(), pixels), "{rung}");
-        let numbers = sums.weights.iter().chain(&sums.transmittance);
-        let expected = expected.weights.iter().chain(&expected.transmittance);
-        let bounds = bound.weights.iter().chain(&bound.transmittance);
+        assert_eq!(
+            (sums.accumulators.len(), sums.transmittance.len()),
+            (expected.accumulators.len(), pixels),
+            "{rung}"
+        );
+        let numbers = sums.accumulators.iter().chain(&sums.transmittance);
+        let expected = expected.accumulators.iter().chain(&expected.transmittance);
+        let bounds = bound.accumulators.iter().chain(&bound.transmittance);
         for (i, ((&found, &expected), &bound)) in numbers.zip(expected).zip(bounds).enumerate() {
             let error = (f64::from(found) - expected).abs();
             assert!(places.undecided[i % pixels] || error <= bound, "{rung}: {found} for {expected} at {i}: {error:e}");
@@ -169,7 +177,7 @@ fn a_camera_a_million_lengths_away_is_as_sharp_as_parallel_rays() {
     assert_eq!(near.planned.plan.components(), far.planned.plan.components());
     for (rung, sums) in marched(&far) {
         for (i, (&found, (&expected, &bound))) in
-            sums.weights.iter().zip(expected.weights.iter().zip(&bound.weights)).enumerate()
+            sums.accumulators.iter().zip(expected.accumulators.iter().zip(&bound.accumulators)).enumerate()
         {
             let error = (f64::from(found) - expected).abs();
             assert!(judged.undecided[i % pixels] || error <= bound + 1e-6, "{rung}: {found} for {expected} at {i}");
@@ -186,8 +194,8 @@ fn lights_of_nothing_and_of_a_million() {
     }
     let rungs = Rungs::new(scene.clone(), SIZE);
     for (rung, sums) in agree(scene, SIZE) {
-        assert_eq!(sums.weights, dark.iter().find(|(other, _)| *other == rung).unwrap().1.weights, "{rung}");
-        let picture = relight(&sums, &rungs.matrices());
+        assert_eq!(sums.accumulators, dark.iter().find(|(other, _)| *other == rung).unwrap().1.accumulators, "{rung}");
+        let picture = sums.relight(&rungs.matrices());
         assert!(picture.iter().all(|colour| colour.is_finite()), "{rung}");
         assert!(picture.iter().any(|colour| colour.max_element() > 1e4), "{rung}");
     }
@@ -222,7 +230,7 @@ fn without_materials_all_light_passes() {
     for (rung, sums) in agree(scene, SIZE) {
         assert!(sums.transmittance.iter().all(|&passed| (passed - 1.0).abs() <= 0.0), "{rung}");
         assert!(
-            relight(&sums, &rungs.matrices()).iter().all(|&colour| colour == background),
+            sums.relight(&rungs.matrices()).iter().all(|&colour| colour == background),
             "{rung}: empty = background"
         );
     }
@@ -253,7 +261,7 @@ fn full_and_early(name: &str, background: Option<&Reflectance>) -> Vec<(&'static
     let both = marched(&whole).into_iter().zip(marched(&ended));
     both.map(|((rung, full), (_, early))| {
         assert!(full != early, "{rung}: some rays end early");
-        (rung, relight(&full, &whole.xyz_matrices()), relight(&early, &ended.xyz_matrices()))
+        (rung, full.relight(&whole.xyz_matrices()), early.relight(&ended.xyz_matrices()))
     })
     .collect()
 }
@@ -350,7 +358,7 @@ fn coloured_extremes_are_finite() {
         let matrices = rungs.matrices();
         let behind: DVec3 = matrices.background.iter().sum();
         for (rung, sums) in marched(&rungs) {
-            let picture = relight(&sums, &matrices);
+            let picture = sums.relight(&matrices);
             assert!(picture.iter().all(|colour| colour.is_finite()), "{what}, {rung}");
             // The first pixel's ray meets nothing: what passes is 1 in every number, and the background is itself.
             let pixels = SIZE[0] * SIZE[1];
@@ -394,8 +402,7 @@ fn many_positions_and_many_materials_take_every_sample() {
         let rungs = Rungs::new(scenes::of(&text, scenes::balls()), [1, 1]);
         with_renderer(|renderer| {
             let (ours, expected) = (rungs.gpu(renderer), rungs.march(&rungs.stored::<f32>()));
-            let sum =
-                |accumulation: &Accumulation<f32>| accumulation.weights.iter().map(|&w| f64::from(w)).sum::<f64>();
+            let sum = |accumulation: &Film<f32>| accumulation.accumulators.iter().map(|&w| f64::from(w)).sum::<f64>();
             let (ours, expected) = (sum(&ours), sum(&expected));
             assert!((ours - expected).abs() <= 1e-3 * expected, "{ours} for {expected}");
         });
@@ -417,11 +424,13 @@ fn a_volume_of_any_size_is_the_same_picture() {
     with_renderer(|renderer| {
         let expected = picture(1.0).gpu(renderer);
         for spacing in [1e-40, 1e-20, 1e20, 1e35] {
-            let error =
-                picture(spacing).gpu(renderer).weights.iter().zip(&expected.weights).fold(0.0_f32, |worst, (a, b)| {
+            let error = picture(spacing).gpu(renderer).accumulators.iter().zip(&expected.accumulators).fold(
+                0.0_f32,
+                |worst, (a, b)| {
                     let error = (a - b).abs();
                     if error <= worst { worst } else { error }
-                });
+                },
+            );
             assert!(error <= 1e-4, "spacing {spacing:e}: {error}");
         }
     });

@@ -4,15 +4,15 @@
 mod support;
 
 use half::f16;
+use relume::film::Film;
 use relume::measure::extremes::metameric_black;
 use relume::model::random::Random;
+use relume::number::Real;
 use relume::plan::{PlanError, Planned, ScenePlan, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::reference::Real;
 use relume::scene::{AccumulateAs, Scene, StoreAs};
 use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
-use relume::tables::Accumulation;
 
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE};
@@ -29,7 +29,7 @@ fn both(name: &str) -> [Rungs; 2] {
 }
 
 /// `half` is `full` rounded to the nearest, number by number.
-fn check<R: Real>(what: &str, rungs: &Rungs, full: &Accumulation<R>, half: &Accumulation<R>) {
+fn check<R: Real>(what: &str, rungs: &Rungs, full: &Film<R>, half: &Film<R>) {
     let nearest = |number: R| f16::from_f64(number.to_f64()).to_f64();
     let same = |full: &[R], half: &[R], rounded: bool| {
         assert_eq!(full.len(), half.len(), "{what}");
@@ -38,7 +38,7 @@ fn check<R: Real>(what: &str, rungs: &Rungs, full: &Accumulation<R>, half: &Accu
             assert!((half.to_f64() - expected).abs() <= 0.0, "{what}: {half:?} for {full:?}");
         }
     };
-    same(&full.weights, &half.weights, true);
+    same(&full.accumulators, &half.accumulators, true);
     same(&full.transmittance, &half.transmittance, rungs.planned.plan.transmittance == Transmittance::Coloured);
 }
 

@@ -6,7 +6,6 @@ mod support;
 use std::sync::Arc;
 
 use glam::DVec3;
-use relume::reference::relight;
 use relume::scene::{Gradients, Interpolation, Scene, VolumeAs};
 use relume::tables::VolumeFormat;
 use relume::volume::{Volume, Voxels};
@@ -40,13 +39,13 @@ fn gradients_of_samples_around_are_those_of_the_device_and_of_the_reference() {
             let formats = [central.storage.format, packed.storage.format];
             // The other volumes have nothing beside their values; theirs are four times as large.
             assert_eq!(4 * formats[0].bytes(), formats[1].bytes(), "{name}: {formats:?}");
-            let lit = |rungs: &Rungs| relight(&rungs.march::<f64>(&rungs.stored::<f64>()), &rungs.xyz_matrices());
+            let lit = |rungs: &Rungs| rungs.march::<f64>(&rungs.stored::<f64>()).relight(&rungs.xyz_matrices());
             let (mean, _) = apart(&lit(&central), &lit(&packed));
             // They differ by how 16 bits round, and at the faces of the volume.
             assert!(mean <= 2e-3, "{name}: {mean}");
             with_renderer(|renderer| {
-                let found = relight(&central.gpu(renderer), &central.xyz_matrices());
-                let expected = relight(&central.march::<f32>(&central.stored::<f32>()), &central.xyz_matrices());
+                let found = central.gpu(renderer).relight(&central.xyz_matrices());
+                let expected = central.march::<f32>(&central.stored::<f32>()).relight(&central.xyz_matrices());
                 let (mean, _) = apart(&found, &expected);
                 // Differences of neighbours cancel: they lose the digits that those share.
                 assert!(mean <= 100.0 * DEVICE_MEAN, "{name}, {interpolation:?}: {mean}");
@@ -64,12 +63,12 @@ fn volumes_in_32_bits_show_what_those_in_16_do() {
         let narrow = changed(name, |scene| scene.accuracy.volume = VolumeAs::Short);
         let wide = changed(name, |scene| scene.accuracy.volume = VolumeAs::Single);
         assert_eq!([narrow.storage.format, wide.storage.format], formats);
-        let lit = |rungs: &Rungs| relight(&rungs.march::<f64>(&rungs.stored::<f64>()), &rungs.xyz_matrices());
+        let lit = |rungs: &Rungs| rungs.march::<f64>(&rungs.stored::<f64>()).relight(&rungs.xyz_matrices());
         let (mean, most) = apart(&lit(&narrow), &lit(&wide));
         assert!(mean <= 1e-3 && most <= 0.05, "{name}: {mean}, {most}");
         with_renderer(|renderer| {
-            let found = relight(&wide.gpu(renderer), &wide.xyz_matrices());
-            let expected = relight(&wide.march::<f32>(&wide.stored::<f32>()), &wide.xyz_matrices());
+            let found = wide.gpu(renderer).relight(&wide.xyz_matrices());
+            let expected = wide.march::<f32>(&wide.stored::<f32>()).relight(&wide.xyz_matrices());
             let (mean, _) = apart(&found, &expected);
             assert!(mean <= 1e-4, "{name}: {mean}");
         });

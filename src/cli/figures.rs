@@ -10,13 +10,11 @@ use toml::Table;
 
 use relume::measure::Stopwatch;
 use relume::output::{write_atomically, write_ready_png};
-use relume::plan::plan;
 use relume::progress::Progress;
-use relume::render::Renderer;
+use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{self, Definition, Mix, Scene, SceneOptions};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::render::matrices;
 use super::scene::{DefineArgs, size};
 use super::{CliError, Report, files};
 
@@ -90,19 +88,19 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let inputs: Vec<&Path> = scene.inputs.iter().map(PathBuf::as_path).collect();
         files::check_outputs(&names.iter().collect::<Vec<_>>(), &inputs)?;
 
-        let planned = plan(&scene, progress)?;
-        let uploaded = renderer.upload(&scene, &planned, &scene.volume.statistics()?, progress)?;
+        let on_device = SceneRenderer::new(&renderer, scene, progress)?;
+        let scene = on_device.scene();
         let before = renderer.marches();
         let clock = Stopwatch::start();
-        let accumulators = renderer.march(&scene, &planned, &uploaded, args.size, progress)?;
+        let accumulators = on_device.march(args.size, progress)?;
         let marched = clock.read();
         let relight = renderer.relight_display(&accumulators)?;
-        let stated = Mix::of_scene(&scene);
+        let stated = Mix::of_scene(scene);
         for (situation, path) in scene.dial.situations.iter().zip(&names) {
             let (dial, _) = scene.dial.situation(&situation.name).map_err(CliError::Failed)?;
             let mix = dial.mix(situation.hand, &stated);
             let clock = Stopwatch::start();
-            relight.run(&matrices(&scene, &planned, &mix))?;
+            relight.run(&on_device.matrices(&mix))?;
             let relit = clock.read();
             let rgb: Vec<u8> =
                 relight.read()?.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();

@@ -8,15 +8,15 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use relume::output::accumulators::{
+use relume::film::{Components, Film, RelightMatrices};
+use relume::output::film::{
     Components as FileComponents, Dial as FileDial, Node as FileNode, Situation as FileSituation, Stored,
 };
-use relume::output::{Accumulators as File, Alpha, Depth, Picture, PictureKind, check_writable, write_exr, write_png};
+use relume::output::{Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, write_exr, write_png};
 use relume::plan::Transmittance;
-use relume::reference;
 use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Situation};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
-use relume::tables::{Accumulation, Components, Reflected, RelightMatrices};
+use relume::tables::Reflected;
 
 use super::CliError;
 use super::model::reconstruction_json;
@@ -65,7 +65,7 @@ pub(crate) struct Saved {
     pub(crate) background: Option<Reflectance>,
     pub(crate) display: Display,
     pub(crate) dial: Dial,
-    pub(crate) accumulation: Accumulation<f32>,
+    pub(crate) accumulation: Film<f32>,
     /// The largest ΔE00 that a light may add that the file does not have.
     pub(crate) tolerance: f64,
 }
@@ -75,8 +75,8 @@ impl Saved {
     pub(crate) fn relight(&self, mix: &Mix) -> Vec<f32> {
         let (positions, background) = (self.positions.len(), self.background.as_ref());
         let matrices = RelightMatrices::new(&self.components, positions, background, mix, &self.display);
-        let colours = reference::relight(&self.accumulation, &matrices);
-        let opacity = reference::opacity(&self.accumulation, &matrices);
+        let colours = self.accumulation.relight(&matrices);
+        let opacity = self.accumulation.opacity(&matrices);
         rgba(colours.into_iter().zip(opacity))
     }
 }
@@ -120,6 +120,12 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let lit = mix.0.iter().zip(shown).filter(|(_, shown)| *shown != Some(0.0));
     let lit = lit.map(|(light, shown)| MixLight { weight: shown.unwrap_or(light.weight), ..light.clone() });
     let shown = Mix(lit.collect());
+    let accumulation = Film {
+        size: [file.width, file.height],
+        components: components.len(),
+        accumulators: file.accumulators,
+        transmittance: file.transmittance,
+    };
     Ok(Saved {
         components,
         positions: file.positions.into_iter().map(|position| position.name).collect(),
@@ -128,11 +134,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
         background: background.transpose()?,
         display: Display { exposure: file.exposure, adapt: file.adapt, observer: file.observer, deficiency: None },
         dial,
-        accumulation: Accumulation {
-            size: [file.width, file.height],
-            weights: file.weights,
-            transmittance: file.transmittance,
-        },
+        accumulation,
         tolerance,
     })
 }
@@ -145,7 +147,7 @@ pub(crate) fn write_spectra(
     positions: usize,
     background: Option<&Reflectance>,
     mix: &Mix,
-    accumulation: &Accumulation<f32>,
+    accumulation: &Film<f32>,
     preview: &[f32],
 ) -> Result<Option<Value>, CliError> {
     let reflected = Reflected::new(components, background);
@@ -162,7 +164,7 @@ pub(crate) fn write_spectra(
         row.radiance.par_iter_mut().enumerate().for_each(|(x, radiance)| {
             let pixel = y * width + x;
             let mut sum = [0.0; BANDS];
-            let kept = [(&parts, &accumulation.weights), (&behind, &accumulation.transmittance)];
+            let kept = [(&parts, &accumulation.accumulators), (&behind, &accumulation.transmittance)];
             for (spectra, numbers) in kept {
                 for (spectrum, &number) in spectra.iter().zip(numbers.iter().skip(pixel).step_by(pixels)) {
                     for (sum, sample) in sum.iter_mut().zip(spectrum.samples()) {

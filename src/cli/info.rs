@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use relume::input;
 use relume::model::ColourModel;
 use relume::number::{brief, readable};
-use relume::output::accumulators::{Accumulators, Components, Light, Stored};
+use relume::output::film::{Components, FilmFile, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let why = format!("{} is no scene and no volume", path.display());
             args.refuse(&flags, &why)?;
             args.refuse_accuracy(&why)?;
-            Ok(of_accumulators(path, &Accumulators::read(path)?))
+            Ok(of_accumulators(path, &FilmFile::read(path)?))
         }
         (Some(path), None) if !is_scene(path) => {
             let why = format!("{} is a volume; it is for scenes", path.display());
@@ -243,7 +243,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     })
 }
 
-fn of_accumulators(path: &Path, file: &Accumulators) -> Report {
+fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
     let positions: Vec<&str> = file.positions.iter().map(|position| position.name.as_str()).collect();
     let at = |light: &Light| positions.get(light.position).copied().unwrap_or_default();
     let lights = file.lights.iter().map(|light| format!("{}@{}={}", light.name, at(light), readable(light.weight)));

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use relume::film::Components;
 use relume::measure::{Stopwatch, Timing};
 use relume::progress::Progress;
 use relume::spectrum::observer::Observer;
-use relume::tables::Components;
 
 use super::accuracy::tolerance;
 use super::dial::DialArgs;

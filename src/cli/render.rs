@@ -5,17 +5,18 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use relume::film::{Components, Film, RelightMatrices};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
-use relume::output::{Accumulators, PictureKind, write_ready_png};
+use relume::output::{FilmFile, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
-use relume::render::Renderer;
+use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Mix, Scene, positions};
 use relume::spectrum::{BANDS, Light};
-use relume::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage};
+use relume::tables::{LabelMap, Storage};
 use relume::volume::{Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
@@ -61,7 +62,7 @@ pub(crate) struct Args {
     reference: bool,
     #[command(flatten)]
     goal: GoalArgs,
-    /// Save what the march left, for `relume relight` (layout: documentation of `output::accumulators`).
+    /// Save what the march left, for `relume relight` (layout: documentation of `output::film`).
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
@@ -75,9 +76,9 @@ fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
 
 /// What was marched, wherever that was.
 struct Marched {
-    accumulation: Option<Accumulation<f32>>,
+    accumulation: Option<Film<f32>>,
     /// All bands of each position and of what passes, where the reference makes spectra.
-    bands: Option<Accumulation<f32>>,
+    bands: Option<Film<f32>>,
     /// Linear RGBA; made where an output needs it.
     linear: Option<Vec<f32>>,
     /// 8-bit sRGB RGBA.
@@ -163,9 +164,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (planned, learnt)
     };
     if let Some(path) = &args.accumulators {
-        let pixels = Accumulation { size: args.size, weights: Vec::new(), transmittance: Vec::new() };
+        let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
         let refused = |why: String| CliError::Failed(format!("--accumulators {}: {why}", path.display()));
-        let file = Accumulators::of_march(&scene, &planned, pixels).map_err(|error| refused(error.to_string()))?;
+        let file = FilmFile::of_march(&scene, &planned, pixels).map_err(|error| refused(error.to_string()))?;
         file.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
     }
     let loaded = clock.read();
@@ -209,7 +210,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        Accumulators::of_march(&scene, &planned, accumulation)?.write(path)?;
+        FilmFile::of_march(&scene, &planned, accumulation)?.write(path)?;
     }
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {
@@ -359,18 +360,19 @@ fn on_device(
     renderer.check_picture(&planned.plan, size, 0)?;
     let opened = clock.read();
     let clock = Stopwatch::start();
-    let uploaded = renderer.upload(scene, planned, statistics, progress)?;
+    let on_device = SceneRenderer::with_plan(&renderer, scene.clone(), planned.clone(), statistics.clone(), progress)?;
+    let uploaded = on_device.uploaded();
     let whole = !matches!(scene.volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
     warn_of_storage(&uploaded.storage, whole);
     warn_of_undeclared(uploaded.labels.as_ref());
     let upload = clock.read();
     let clock = Stopwatch::start();
-    let accumulators = renderer.march(scene, planned, &uploaded, size, progress)?;
+    let accumulators = on_device.march(size, progress)?;
     let march = clock.read();
     warn_of_nothing(scene, planned, mix, Some(accumulators.occupied[0]));
 
     let clock = Stopwatch::start();
-    let matrices = matrices(scene, planned, mix);
+    let matrices = on_device.matrices(mix);
     let mut marched = Marched {
         accumulation: None,
         bands: None,
@@ -405,17 +407,10 @@ fn on_device(
     Ok(marched)
 }
 
-/// What relighting multiplies by.
-pub(crate) fn matrices(scene: &Scene, planned: &Planned, mix: &Mix) -> RelightMatrices {
-    let components = Components::new(scene, planned);
-    RelightMatrices::new(&components, planned.positions.len(), scene.background.as_ref(), mix, &scene.display)
-}
-
-/// As files hold it.
-#[expect(clippy::cast_possible_truncation, reason = "accumulators are stored in f32")]
-fn narrowed(march: Accumulation<f64>) -> Accumulation<f32> {
-    let narrow = |values: Vec<f64>| values.into_iter().map(|value| value as f32).collect();
-    Accumulation { size: march.size, weights: narrow(march.weights), transmittance: narrow(march.transmittance) }
+/// Rounds a number to the f32 of a film file.
+#[expect(clippy::cast_possible_truncation, reason = "film files hold f32")]
+fn narrow(number: f64) -> f32 {
+    number as f32
 }
 
 fn on_cpu(
@@ -432,23 +427,24 @@ fn on_cpu(
     let labels = scene.labels.as_ref().filter(|_| planned.plan.labels).map(LabelMap::new).transpose()?;
     warn_of_undeclared(labels.as_ref());
     warn_of_nothing(scene, planned, mix, None);
-    let marched = |planned: &Planned| -> Result<Accumulation<f64>, CliError> {
+    let marched = |planned: &Planned| -> Result<Film<f64>, CliError> {
         let exact = Exact::new(scene, planned, storage.clone(), labels.as_ref());
         Ok(reference::march::<f64>(scene, planned, &exact, size, progress)?)
     };
     let truth = plan_full_spectrum(scene);
     let (mut linear, mut bands) = (None, None);
     if wanted.bands {
-        let (march, matrices) = (marched(&truth)?, matrices(scene, &truth, mix));
-        let pixels = reference::relight(&march, &matrices).into_iter().zip(reference::opacity(&march, &matrices));
+        let (march, matrices) = (marched(&truth)?, RelightMatrices::of_scene(scene, &truth, mix));
+        let pixels = march.relight(&matrices).into_iter().zip(march.opacity(&matrices));
         linear = Some(files::rgba(pixels));
-        bands = Some(narrowed(march));
+        bands = Some(march.map(narrow));
     } else if wanted.linear {
         let exact = Exact::new(scene, &truth, storage.clone(), labels.as_ref());
-        let pixels = reference::render(scene, &truth, &exact, &matrices(scene, &truth, mix), size, progress)?;
+        let pixels =
+            reference::render(scene, &truth, &exact, &RelightMatrices::of_scene(scene, &truth, mix), size, progress)?;
         linear = Some(files::rgba(pixels.into_iter()));
     }
-    let accumulation = if wanted.accumulation { Some(narrowed(marched(planned)?)) } else { None };
+    let accumulation = if wanted.accumulation { Some(marched(planned)?.map(narrow)) } else { None };
     Ok(Marched {
         accumulation,
         bands,

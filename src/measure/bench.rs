@@ -11,9 +11,9 @@ use super::sample::{Drawn, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
 use super::survey::{looked_up, picture};
 use crate::model::ErrorSummary;
-use crate::plan::{PlanError, Planned, plan};
+use crate::plan::{Planned, plan};
 use crate::progress::Progress;
-use crate::render::{Renderer, Uploaded};
+use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
 
 /// A truth is made for steps by so much shorter than those that it is needed for: the next that are tried are often a little so.
@@ -21,12 +21,11 @@ const AHEAD: f64 = 1.5;
 
 /// A scene on a device, and the truth of its pictures.
 pub(super) struct Bench<'a> {
-    renderer: &'a Renderer,
     scene: &'a Scene,
     ladder: Ladder<'a>,
     /// How many pixels show anything, of which the ladder's are drawn.
     showing: usize,
-    uploaded: Uploaded,
+    on_device: SceneRenderer,
     size: [usize; 2],
     truth: Vec<DVec3>,
     /// Of the truth, in world units.
@@ -40,15 +39,14 @@ pub(super) struct Bench<'a> {
 /// A setting as it is rendered.
 pub(super) struct Ready {
     numbers: Option<Value>,
-    scene: Scene,
-    planned: Planned,
+    on_device: SceneRenderer,
     marched: [usize; 2],
 }
 
 impl Ready {
     /// In world units.
     pub(super) fn step_length(&self) -> f64 {
-        self.scene.accuracy.step_length
+        self.on_device.scene().accuracy.step_length
     }
 }
 
@@ -64,7 +62,7 @@ pub(super) struct Errors {
 impl<'a> Bench<'a> {
     /// For pictures of `size` of `scene`, whose errors are those of so many pixels, drawn by a seed.
     pub(super) fn new(
-        renderer: &'a Renderer,
+        renderer: &Renderer,
         scene: &'a Scene,
         mix: &Mix,
         size: [usize; 2],
@@ -76,14 +74,15 @@ impl<'a> Bench<'a> {
             return Err(ChoiceError::Nothing { source_name: scene.source.clone() });
         }
         let planned = plan(scene, progress)?;
-        let uploaded = renderer.upload(scene, &planned, ladder.statistics(), progress)?;
+        let statistics = ladder.statistics().clone();
+        let on_device = SceneRenderer::with_plan(renderer, scene.clone(), planned.clone(), statistics, progress)?;
         let (truth, step_length) = (Vec::new(), f64::INFINITY);
         let (plans, warm) = (vec![(None, planned)], Vec::new());
-        Ok(Self { renderer, scene, ladder, showing, uploaded, size, truth, step_length, plans, warm })
+        Ok(Self { scene, ladder, showing, on_device, size, truth, step_length, plans, warm })
     }
 
     /// `setting` of steps, numbers of a colour model and scale as it is rendered: other knobs would need another upload.
-    pub(super) fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, PlanError> {
+    pub(super) fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, RenderError> {
         let (scene, numbers) = (setting.applied(self.scene), setting.get(Knob::K));
         let planned = match self.plans.iter().find(|(known, _)| *known == numbers) {
             Some((_, planned)) => planned.clone(),
@@ -94,12 +93,14 @@ impl<'a> Bench<'a> {
             }
         };
         let marched = setting.marched_size(self.size);
-        Ok(Ready { numbers, scene, planned, marched })
+        Ok(Ready { numbers, on_device: self.on_device.with_scene(scene, planned, progress)?, marched })
     }
 
     /// Refuses a picture that the device cannot hold.
     pub(super) fn check(&self, ready: &Ready) -> Result<(), ChoiceError> {
-        Ok(self.renderer.check_picture(&ready.planned.plan, ready.marched, self.uploaded.bytes())?)
+        let Ready { on_device, marched, .. } = ready;
+        let bytes = on_device.uploaded().bytes();
+        Ok(on_device.renderer().check_picture(&on_device.planned().plan, *marched, bytes)?)
     }
 
     /// Makes the truth that errors of pictures with steps of such a length can be told from: an eighth leaves a thirtieth of an
@@ -115,8 +116,8 @@ impl<'a> Bench<'a> {
 
     /// How far a picture is from the truth, whatever that was made for.
     pub(super) fn errors(&self, ready: &Ready, progress: &dyn Progress) -> Result<Errors, ChoiceError> {
-        let Ready { scene, planned, marched, .. } = ready;
-        let shown = picture(self.renderer, &self.ladder, scene, planned, &self.uploaded, *marched, progress)?;
+        let Ready { on_device, marched, .. } = ready;
+        let shown = picture(&self.ladder, on_device, *marched, progress)?;
         let shown = looked_up(&Enlargement::new(*marched, self.size).pixels(&shown), self.size, &self.ladder.pixels);
         let errors = delta_e(&shown, &self.truth);
         Ok(Errors { of_sample: ErrorSummary::of(&errors), at_most: p95_of_all(&errors, self.showing) })
@@ -153,13 +154,13 @@ impl<'a> Bench<'a> {
 
     /// What one takes.
     fn frame(&self, setting: &Ready, progress: &dyn Progress) -> Result<Timing, ChoiceError> {
-        let Ready { scene, planned, marched, .. } = setting;
-        let matrices = self.ladder.shown(scene, planned);
+        let Ready { on_device, marched, .. } = setting;
+        let matrices = self.ladder.shown(on_device.scene(), on_device.planned());
         let enlargement = Enlargement::new(*marched, self.size);
         let blank = vec![[0.0; 4]; if enlargement.is_none() { 0 } else { marched[0] * marched[1] }];
         let clock = Stopwatch::start();
-        let accumulators = self.renderer.march(scene, planned, &self.uploaded, *marched, progress)?;
-        let relight = self.renderer.relight_display(&accumulators)?;
+        let accumulators = on_device.march(*marched, progress)?;
+        let relight = on_device.renderer().relight_display(&accumulators)?;
         relight.run(&matrices)?;
         if !enlargement.is_none() {
             std::hint::black_box(enlargement.pixels(&blank));

@@ -6,13 +6,15 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::model::ModelTableError;
+use crate::film::{Film, RelightMatrices};
+use crate::number::Real;
 use crate::plan::{Planned, plan, plan_for};
 use crate::progress::Progress;
-use crate::reference::{self, Real, Stored};
+use crate::reference::{self, Stored};
 use crate::scene::{Mix, Scene, SceneOptions, parse};
 use crate::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use crate::spectrum::standard;
-use crate::tables::{Accumulation, Components, RelightMatrices, Storage, StoredVolume, TransferTable};
+use crate::tables::{Storage, StoredVolume, TransferTable};
 
 /// A homogeneous slab that scatters and absorbs in colour, seen straight on.
 const SLAB: &str = include_str!("slab.toml");
@@ -42,8 +44,8 @@ pub fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTab
         let mut scene = parse("the slab", SLAB, Path::new(""), &SceneOptions::default(), progress)?;
         scene.accuracy.step_length = step;
         let planned = plan(&scene, progress)?;
-        let Accumulation { weights, transmittance, .. } = march::<f32>(&scene, &planned, [1, 1], progress)?;
-        marches.push((step, [weights, transmittance].concat()));
+        let Film { accumulators, transmittance, .. } = march::<f32>(&scene, &planned, [1, 1], progress)?;
+        marches.push((step, [accumulators, transmittance].concat()));
     }
     let changed = |pair: &[(f64, Vec<f32>)]| {
         let numbers = pair[0].1.iter().zip(&pair[1].1);
@@ -117,7 +119,7 @@ fn march<R: Real>(
     planned: &Planned,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Result<Accumulation<R>, ModelTableError> {
+) -> Result<Film<R>, ModelTableError> {
     let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
     let volume = StoredVolume::new(&scene.volume, &storage);
     let table = TransferTable::new(scene, planned, storage.domain);
@@ -126,10 +128,8 @@ fn march<R: Real>(
 }
 
 /// The colour of every pixel under `mix`.
-fn xyz<R: Real>(scene: &Scene, planned: &Planned, mix: &Mix, kept: &Accumulation<R>) -> Vec<Xyz> {
-    let components = Components::new(scene, planned);
-    let background = scene.background.as_ref();
-    let matrices = RelightMatrices::new(&components, planned.positions.len(), background, mix, &scene.display);
-    let picture = reference::relight(kept, &matrices);
+fn xyz<R: Real>(scene: &Scene, planned: &Planned, mix: &Mix, kept: &Film<R>) -> Vec<Xyz> {
+    let matrices = RelightMatrices::of_scene(scene, planned, mix);
+    let picture = kept.relight(&matrices);
     picture.into_iter().map(|colour| Xyz((*XYZ_FROM_LINEAR_SRGB * colour).to_array())).collect()
 }

@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::film::Film;
+use crate::number::rounded;
 use crate::number::{count, whole};
-use crate::tables::{Accumulation, rounded};
 
 /// From the pixels that are marched to those that are shown: bilinear between their centres, and the outermost pixels go on
 /// to the edge.
@@ -61,14 +62,14 @@ impl Enlargement {
 
     /// The same of what a march leaves.
     #[must_use]
-    pub fn accumulation(&self, marched: &Accumulation<f32>) -> Accumulation<f32> {
+    pub fn accumulation(&self, marched: &Film<f32>) -> Film<f32> {
         let pixels = (self.marched[0] * self.marched[1]).max(1);
         let planes = |planes: &[f32]| {
             let of_plane = |plane: &[f32]| self.pixels(plane.as_chunks::<1>().0);
             planes.chunks(pixels).flat_map(of_plane).flatten().collect()
         };
-        let (weights, transmittance) = (planes(&marched.weights), planes(&marched.transmittance));
-        Accumulation { size: self.shown, weights, transmittance }
+        let (accumulators, transmittance) = (planes(&marched.accumulators), planes(&marched.transmittance));
+        Film { size: self.shown, components: marched.components, accumulators, transmittance }
     }
 
     /// Where the pixels along `axis` lie.
@@ -105,10 +106,11 @@ mod tests {
 
     #[test]
     fn every_plane_of_what_a_march_leaves_is_enlarged_by_itself() {
-        let marched = Accumulation { size: [2, 1], weights: vec![0.0, 4.0, 8.0, 8.0], transmittance: vec![1.0, 0.0] };
+        let marched =
+            Film { size: [2, 1], components: 1, accumulators: vec![0.0, 4.0, 8.0, 8.0], transmittance: vec![1.0, 0.0] };
         let shown = Enlargement::new([2, 1], [4, 1]).accumulation(&marched);
         assert_eq!(shown.size, [4, 1]);
-        assert_eq!(shown.weights, [0.0, 1.0, 3.0, 4.0, 8.0, 8.0, 8.0, 8.0]);
+        assert_eq!(shown.accumulators, [0.0, 1.0, 3.0, 4.0, 8.0, 8.0, 8.0, 8.0]);
         assert_eq!(shown.transmittance, [1.0, 0.75, 0.25, 0.0]);
     }
 

@@ -7,13 +7,15 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::leaping::{Leaping, occupancy};
+use crate::film::RelightMatrices;
+use crate::number::Real;
 use crate::number::{count, whole};
 use crate::plan::{Planned, ScenePlan, plan_full_spectrum};
 use crate::progress::Progress;
-use crate::reference::{Exact, Real, ReferenceError, Stored, render_pixels};
+use crate::reference::{Exact, ReferenceError, Stored, render_pixels};
 use crate::scene::{Interpolation, Mix, Scene, StoreAs};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use crate::tables::{Components, LabelMap, Occupancy, RelightMatrices, Storage, StoredVolume, TransferTable};
+use crate::tables::{LabelMap, Occupancy, Storage, StoredVolume, TransferTable};
 use crate::volume::{Statistics, VolumeError};
 
 /// What makes a picture differ from the truth; each is what lies between two rungs.
@@ -292,9 +294,7 @@ impl<'a> Ladder<'a> {
 
     /// The same in linear sRGB.
     pub(super) fn shown(&self, scene: &Scene, planned: &Planned) -> RelightMatrices {
-        let components = Components::new(scene, planned);
-        let (positions, background) = (planned.positions.len(), scene.background.as_ref());
-        RelightMatrices::new(&components, positions, background, &self.mix, &scene.display)
+        RelightMatrices::of_scene(scene, planned, &self.mix)
     }
 }
 

@@ -12,7 +12,7 @@ use super::rungs::{RungError, Rungs};
 use crate::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use crate::progress::{Progress, Quiet};
 use crate::reference::{Samples, Step, march};
-use crate::render::{RenderError, Renderer, shaders_of};
+use crate::render::{RenderError, Renderer, SceneRenderer, shaders_of};
 use crate::scene::{
     AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneError, SceneLight,
     SceneOptions, Shading, StoreAs, VolumeAs, parse,
@@ -486,9 +486,10 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
         march(&rungs.scene, &rungs.planned, &counting, SIZE, &Quiet).map_err(RungError::Reference)?;
     }
     let statistics = rungs.scene.volume.statistics()?;
-    let uploaded = renderer.upload(&rungs.scene, &rungs.planned, &statistics, &Quiet)?;
+    let (scene, planned) = (rungs.scene.clone(), rungs.planned.clone());
+    let on_device = SceneRenderer::with_plan(renderer, scene, planned, statistics, &Quiet)?;
     let before = renderer.device().dispatches();
-    let accumulators = renderer.march(&rungs.scene, &rungs.planned, &uploaded, SIZE, &Quiet)?;
+    let accumulators = on_device.march(SIZE, &Quiet)?;
     let relight = renderer.relight_display(&accumulators)?;
     relight.run(&rungs.matrices(&rungs.mix))?;
     let [(_, march_shader), (_, relight_shader), _] = shaders_of(plan).map_err(RenderError::Shader)?;
@@ -496,7 +497,7 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
         samples: taken.load(Ordering::Relaxed),
         dispatches: renderer.device().dispatches() - before,
         pixel_bytes: plan.pixel_bytes(),
-        volume_bytes: uploaded.bytes(),
+        volume_bytes: on_device.uploaded().bytes(),
         relight_bytes: relight.bytes(),
         march_instructions: march_shader.instructions(),
         relight_instructions: relight_shader.instructions(),

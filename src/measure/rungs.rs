@@ -1,11 +1,13 @@
 //! A scene on the rungs of the ladder: the scene itself, its stored tables and volume, and what a device leaves.
 
+use crate::film::{Film, RelightMatrices};
+use crate::number::Real;
 use crate::plan::{PlanError, Planned, plan, plan_full_spectrum};
 use crate::progress::{Progress, Quiet};
-use crate::reference::{self, Exact, Real, ReferenceError, Samples, Stored};
-use crate::render::{Accumulators, RenderError, Renderer};
+use crate::reference::{self, Exact, ReferenceError, Samples, Stored};
+use crate::render::{DeviceFilm, RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
-use crate::tables::{Accumulation, Components, LabelMap, RelightMatrices, Storage, StoredVolume, TransferTable};
+use crate::tables::{LabelMap, Storage, StoredVolume, TransferTable};
 use crate::volume::VolumeError;
 
 /// A scene with everything that the rungs read.
@@ -109,11 +111,7 @@ impl Rungs {
     /// # Errors
     ///
     /// [`RungError::Reference`].
-    pub fn march<R: Real>(
-        &self,
-        samples: &impl Samples<R>,
-        progress: &dyn Progress,
-    ) -> Result<Accumulation<R>, RungError> {
+    pub fn march<R: Real>(&self, samples: &impl Samples<R>, progress: &dyn Progress) -> Result<Film<R>, RungError> {
         Ok(reference::march(&self.scene, &self.planned, samples, self.size, progress)?)
     }
 
@@ -122,17 +120,16 @@ impl Rungs {
     /// # Errors
     ///
     /// [`RungError::Volume`], [`RungError::Render`].
-    pub fn render(&self, renderer: &Renderer, progress: &dyn Progress) -> Result<Accumulators, RungError> {
+    pub fn render(&self, renderer: &Renderer, progress: &dyn Progress) -> Result<DeviceFilm, RungError> {
         let statistics = self.scene.volume.statistics()?;
-        let uploaded = renderer.upload(&self.scene, &self.planned, &statistics, progress)?;
-        Ok(renderer.march(&self.scene, &self.planned, &uploaded, self.size, progress)?)
+        let (scene, planned) = (self.scene.clone(), self.planned.clone());
+        let on_device = SceneRenderer::with_plan(renderer, scene, planned, statistics, progress)?;
+        Ok(on_device.march(self.size, progress)?)
     }
 
     /// Linear sRGB of the components under `mix`.
     #[must_use]
     pub fn matrices(&self, mix: &Mix) -> RelightMatrices {
-        let components = Components::new(&self.scene, &self.planned);
-        let (positions, background) = (self.planned.positions.len(), self.scene.background.as_ref());
-        RelightMatrices::new(&components, positions, background, mix, &self.scene.display)
+        RelightMatrices::of_scene(&self.scene, &self.planned, mix)
     }
 }

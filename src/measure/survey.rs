@@ -13,7 +13,7 @@ use super::ladder::{Cause, Ladder, LadderError, Lattice};
 use super::setting::Setting;
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer, Uploaded};
+use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
 use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::TransferTable;
@@ -165,21 +165,10 @@ pub struct CloseUp {
     pub whole: Vec<DVec3>,
 }
 
-/// A volume on the device, and what it was put there for.
-struct Resident {
-    plan: ScenePlan,
-    uploaded: Uploaded,
-}
-
 /// How a volume is stored on the device, and how long it took to bring it there.
 struct Upload {
     plan: ScenePlan,
     runs: Vec<Run>,
-}
-
-/// Whether the volume lies on the device for `one` as it does for `other`.
-fn are_stored_alike(one: &ScenePlan, other: &ScenePlan) -> bool {
-    one.is_stored_as(other) && one.interpolation == other.interpolation
 }
 
 /// A measured setting: those that are it, and its runs.
@@ -198,7 +187,7 @@ pub struct Survey<'a> {
     lattice: Lattice,
     ladder: Ladder<'a>,
     truth: Arc<Vec<DVec3>>,
-    resident: Option<Resident>,
+    resident: Option<SceneRenderer>,
     uploads: Vec<Upload>,
     /// What was measured. A knob that is turned to where the scene has it is measured no second time: it would take another
     /// time.
@@ -322,13 +311,13 @@ impl<'a> Survey<'a> {
         let progress = &Unreported(progress);
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
-        self.upload(&scene, &planned, WARM_UP, progress)?;
+        let on_device = self.upload(scene, planned, WARM_UP, progress)?;
+        let (scene, planned, uploaded) = (on_device.scene(), on_device.planned(), on_device.uploaded());
         let size = setting.marched_size(self.options.size);
-        let Some(Resident { uploaded, .. }) = &self.resident else { return Err(RenderError::Cancelled.into()) };
-        let table = TransferTable::new(&scene, &planned, uploaded.storage.domain);
+        let table = TransferTable::new(scene, planned, uploaded.storage.domain);
         let same = Same {
             plan: planned.plan.clone(),
-            carrier: carrier(&planned),
+            carrier: carrier(planned),
             numbers: [scene.accuracy.step_length, scene.accuracy.termination, setting.scale()],
             entries: table.entries(),
         };
@@ -339,18 +328,18 @@ impl<'a> Survey<'a> {
         let volume_bytes = uploaded.bytes();
         let mut warm_up = Frames::default();
         for _ in 0..WARM_UP {
-            self.frame(&scene, &planned, uploaded, size, &mut warm_up, progress)?;
+            self.frame(&on_device, size, &mut warm_up, progress)?;
         }
         let mut frames = Frames::default();
         for _ in 0..self.options.runs.min(AT_ONCE) {
-            self.frame(&scene, &planned, uploaded, size, &mut frames, progress)?;
+            self.frame(&on_device, size, &mut frames, progress)?;
         }
-        let of_size = |size| picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress);
+        let of_size = |size| picture(&self.ladder, &on_device, size, progress);
         let whole_size = of_size(self.options.size)?;
         let enlargement = Enlargement::new(size, self.options.size);
         let enlarged = if enlargement.is_none() { None } else { Some(enlargement.pixels(&of_size(size)?)) };
         let dispatches = frames.dispatches;
-        let upload = self.uploads.iter().find(|upload| are_stored_alike(&upload.plan, &planned.plan));
+        let upload = self.uploads.iter().find(|upload| upload.plan.is_stored_as(&planned.plan));
         let times = frames.times(upload.map_or_else(|| Cost::of(&[]), |upload| Cost::of(&upload.runs)));
 
         let truth = Arc::clone(&self.truth);
@@ -367,9 +356,9 @@ impl<'a> Survey<'a> {
         }
         let ended = (accuracy.step_length, accuracy.termination, accuracy.interpolation);
         climb.to(Cause::Termination, self.ladder.full(ended.0, ended.1, ended.2, progress)?.to_vec());
-        climb.to(Cause::Basis, self.ladder.model(&scene, &planned, progress)?);
-        climb.to(Cause::Tables, self.ladder.stored::<f64>(&scene, &planned, &table, progress)?);
-        climb.to(Cause::Rounding, self.ladder.stored::<f32>(&scene, &planned, &table, progress)?);
+        climb.to(Cause::Basis, self.ladder.model(scene, planned, progress)?);
+        climb.to(Cause::Tables, self.ladder.stored::<f64>(scene, planned, &table, progress)?);
+        climb.to(Cause::Rounding, self.ladder.stored::<f32>(scene, planned, &table, progress)?);
         climb.to(Cause::Device, looked_up(&whole_size, self.options.size, &self.ladder.pixels));
         if let Some(enlarged) = enlarged {
             climb.to(Cause::Resolution, looked_up(&enlarged, self.options.size, &self.ladder.pixels));
@@ -412,7 +401,7 @@ impl<'a> Survey<'a> {
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         let stored = |index: &usize| {
             let plan = &self.known[*index].same.plan;
-            self.uploads.iter().position(|upload| are_stored_alike(&upload.plan, plan))
+            self.uploads.iter().position(|upload| upload.plan.is_stored_as(plan))
         };
         order.sort_by_key(stored);
         let total = self.options.runs.saturating_sub(AT_ONCE);
@@ -432,11 +421,10 @@ impl<'a> Survey<'a> {
         let setting = self.known[index].row.setting.clone();
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
-        self.upload(&scene, &planned, 0, progress)?;
-        let Some(Resident { uploaded, .. }) = &self.resident else { return Err(RenderError::Cancelled.into()) };
+        let on_device = self.upload(scene, planned, 0, progress)?;
         let mut frames = std::mem::take(&mut self.known[index].frames);
         let size = setting.marched_size(self.options.size);
-        let timed = self.frame(&scene, &planned, uploaded, size, &mut frames, progress);
+        let timed = self.frame(&on_device, size, &mut frames, progress);
         self.known[index].frames = frames;
         timed
     }
@@ -444,7 +432,7 @@ impl<'a> Survey<'a> {
     /// Puts the times of all runs so far into `rows`.
     fn write_times(&mut self, rows: &mut [Measured]) {
         for known in &mut self.known {
-            let upload = self.uploads.iter().find(|upload| are_stored_alike(&upload.plan, &known.same.plan));
+            let upload = self.uploads.iter().find(|upload| upload.plan.is_stored_as(&known.same.plan));
             let times = known.frames.times(upload.map_or(known.row.times.upload, |upload| Cost::of(&upload.runs)));
             known.row = Measured { frame_ms: times.frame_ms(), times, ..known.row.clone() };
             for row in rows.iter_mut().filter(|row| known.settings.contains(&row.setting)) {
@@ -467,10 +455,9 @@ impl<'a> Survey<'a> {
         let pixels: Vec<[usize; 2]> = (0..side * side).map(|i| [first[0] + i % side, first[1] + i / side]).collect();
         let scene = row.setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
-        self.upload(&scene, &planned, 0, progress)?;
-        let Some(Resident { uploaded, .. }) = &self.resident else { return Ok(None) };
+        let on_device = self.upload(scene, planned, 0, progress)?;
         let size = row.setting.marched_size(self.options.size);
-        let marched = picture(self.renderer, &self.ladder, &scene, &planned, uploaded, size, progress)?;
+        let marched = picture(&self.ladder, &on_device, size, progress)?;
         let [across, down] = self.options.size;
         let marched = Enlargement::new(size, self.options.size).pixels(&marched);
         let all: Vec<[usize; 2]> = (0..across * down).map(|i| [i % across, i / across]).collect();
@@ -482,46 +469,48 @@ impl<'a> Survey<'a> {
     /// Puts the volume onto the device as `planned` needs it, unless it is there; one more time after it was `warm_up` times.
     fn upload(
         &mut self,
-        scene: &Scene,
-        planned: &Planned,
+        scene: Scene,
+        planned: Planned,
         warm_up: usize,
         progress: &dyn Progress,
-    ) -> Result<(), SurveyError> {
-        if self.resident.as_ref().is_some_and(|it| are_stored_alike(&it.plan, &planned.plan)) {
-            return Ok(());
+    ) -> Result<SceneRenderer, SurveyError> {
+        if let Some(resident) = self.resident.as_ref().filter(|resident| resident.holds(&scene, &planned)) {
+            return Ok(resident.with_scene(scene, planned, progress)?);
         }
-        let known = self.uploads.iter().position(|upload| are_stored_alike(&upload.plan, &planned.plan));
+        let known = self.uploads.iter().position(|upload| upload.plan.is_stored_as(&planned.plan));
         let index = known.unwrap_or_else(|| {
             self.uploads.push(Upload { plan: planned.plan.clone(), runs: Vec::new() });
             self.uploads.len() - 1
         });
         let warm_up = if known.is_some() { 0 } else { warm_up };
-        for run in 0..=warm_up {
+        let mut uploaded = |warm_up: bool| {
             self.resident = None;
+            let (scene, planned, statistics) = (scene.clone(), planned.clone(), self.ladder.statistics().clone());
             let clock = Stopwatch::start();
-            let uploaded = self.renderer.upload(scene, planned, self.ladder.statistics(), progress)?;
-            let took = clock.read();
-            self.resident = Some(Resident { plan: planned.plan.clone(), uploaded });
-            if run == warm_up {
-                self.uploads[index].runs.push((took, None));
+            let resident = SceneRenderer::with_plan(self.renderer, scene, planned, statistics, progress)?;
+            if !warm_up {
+                self.uploads[index].runs.push((clock.read(), None));
             }
+            self.resident = Some(resident.clone());
+            Ok(resident)
+        };
+        for _ in 0..warm_up {
+            uploaded(true)?;
         }
-        Ok(())
+        uploaded(false)
     }
 
     /// A frame of `size`, timed.
     fn frame(
         &self,
-        scene: &Scene,
-        planned: &Planned,
-        uploaded: &Uploaded,
+        on_device: &SceneRenderer,
         size: [usize; 2],
         frames: &mut Frames,
         progress: &dyn Progress,
     ) -> Result<(), SurveyError> {
-        let matrices = self.ladder.shown(scene, planned);
+        let matrices = self.ladder.shown(on_device.scene(), on_device.planned());
         let clock = Stopwatch::start();
-        let accumulators = self.renderer.march(scene, planned, uploaded, size, progress)?;
+        let accumulators = on_device.march(size, progress)?;
         let march = (clock.read(), accumulators.device_time);
         let relight = self.renderer.relight_display(&accumulators)?;
         let clock = Stopwatch::start();
@@ -575,17 +564,14 @@ impl Times {
 
 /// Linear RGBA of every pixel, marched and relit on the device.
 pub(super) fn picture(
-    renderer: &Renderer,
     ladder: &Ladder<'_>,
-    scene: &Scene,
-    planned: &Planned,
-    uploaded: &Uploaded,
+    on_device: &SceneRenderer,
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Vec<[f32; 4]>, RenderError> {
-    let accumulators = renderer.march(scene, planned, uploaded, size, progress)?;
-    let relight = renderer.relight_linear(&accumulators)?;
-    relight.run(&ladder.shown(scene, planned))?;
+    let accumulators = on_device.march(size, progress)?;
+    let relight = on_device.renderer().relight_linear(&accumulators)?;
+    relight.run(&ladder.shown(on_device.scene(), on_device.planned()))?;
     relight.read()
 }
 

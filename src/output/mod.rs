@@ -1,19 +1,19 @@
 //! Pictures and accumulators as files.
 
-pub mod accumulators;
 mod atomic;
 mod channels;
 mod drawing;
 mod exr;
+pub mod film;
 mod picture;
 mod png;
 mod spectral;
 
 pub use self::exr::write_exr;
 pub use self::png::{Alpha, Depth, ready_png, write_png, write_ready_png};
-pub use accumulators::Accumulators;
 pub use atomic::{Sink, check_writable, discard_unfinished, write_atomically};
 pub use drawing::write_drawing;
+pub use film::FilmFile;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
 

@@ -3,14 +3,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::real::{dot, power, unit};
-use super::relight::light;
-use super::{Real, ReferenceError, Samples, Step, store};
-use crate::number::count;
+use super::{ReferenceError, Samples, Step, store};
+use crate::film::relit_pixel;
+use crate::film::{Film, RelightMatrices};
+use crate::number::{Real, count, dot, power, unit};
 use crate::plan::{Accumulate, LANE, Planned, PositionCounts, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Material, Scene};
-use crate::tables::{Accumulation, PositionTable, RayTable, RelightMatrices};
+use crate::tables::{PositionTable, RayTable};
 
 /// A ray through a pixel.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ struct Ray<R> {
 
 /// A sample that a ray comes by.
 #[derive(Clone, Copy, Debug)]
-pub struct Passing<'a, R> {
+pub struct RaySample<'a, R> {
     /// Which one, counted from 0 where the ray enters; it lies `index + ½` steps behind that.
     pub index: usize,
     /// Where, in texture coordinates.
@@ -109,7 +109,7 @@ impl<'a, R: Real> Frame<'a, R> {
         samples: &impl Samples<R>,
         pixel: [usize; 2],
         sums: &mut [R],
-        mut seen: impl FnMut(&Passing<'_, R>) -> bool,
+        mut seen: impl FnMut(&RaySample<'_, R>) -> bool,
     ) -> Vec<R> {
         let ray = self.ray_through(pixel);
         let mixed = self.planned.plan.transmittance == Transmittance::Mixed;
@@ -120,7 +120,7 @@ impl<'a, R: Real> Frame<'a, R> {
             let s = (R::from_f64(count(n)) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
-            if !seen(&Passing { index: n, place, transmittance: &transmittance }) {
+            if !seen(&RaySample { index: n, place, transmittance: &transmittance }) {
                 break;
             }
             if step.does_nothing() {
@@ -320,7 +320,7 @@ pub fn march<R: Real>(
     samples: &impl Samples<R>,
     size: [usize; 2],
     progress: &dyn Progress,
-) -> Result<Accumulation<R>, ReferenceError> {
+) -> Result<Film<R>, ReferenceError> {
     let kept = planned.plan.components() * planned.positions.len();
     let marched = pixels(scene, planned, samples, size, progress, |sums, passed| [sums, passed].concat())?;
     let numbers = kept + planned.plan.passed();
@@ -331,7 +331,7 @@ pub fn march<R: Real>(
         }
     }
     let transmittance = planes.split_off(kept * marched.len());
-    Ok(Accumulation { size, weights: planes, transmittance })
+    Ok(Film { size, components: planned.plan.components(), accumulators: planes, transmittance })
 }
 
 /// Marches and relights pixel by pixel, so that no more than a row's accumulators are held: linear sRGB and opacity, rows
@@ -348,7 +348,7 @@ pub fn render<R: Real>(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
-    pixels(scene, planned, samples, size, progress, |sums, passed| light(sums, passed, matrices))
+    pixels(scene, planned, samples, size, progress, |sums, passed| relit_pixel(sums, passed, matrices))
 }
 
 /// [`render`] of some pixels, `[x, y]` with y down: linear sRGB and opacity of each, in their order.
@@ -371,7 +371,9 @@ pub fn render_pixels<R: Real>(
     let chunks = wanted.len().div_ceil(AT_ONCE);
     let found: Vec<Vec<_>> = in_parallel(chunks, progress, |chunk| {
         let pixels = wanted.iter().skip(chunk * AT_ONCE).take(AT_ONCE);
-        pixels.map(|&pixel| frame.finished(samples, pixel, |sums, passed| light(sums, passed, matrices))).collect()
+        pixels
+            .map(|&pixel| frame.finished(samples, pixel, |sums, passed| relit_pixel(sums, passed, matrices)))
+            .collect()
     })?;
     Ok(found.concat())
 }
@@ -388,21 +390,21 @@ pub fn march_ray<R: Real>(
     samples: &impl Samples<R>,
     [size, pixel]: [[usize; 2]; 2],
     progress: &dyn Progress,
-    mut seen: impl FnMut(&Passing<'_, R>),
-) -> Result<Accumulation<R>, ReferenceError> {
+    mut seen: impl FnMut(&RaySample<'_, R>),
+) -> Result<Film<R>, ReferenceError> {
     /// Samples between two looks at whether to go on.
     const AT_ONCE: usize = 1024;
     let frame = Frame::<R>::new(scene, planned, size)?;
-    let mut weights = vec![R::default(); planned.plan.components() * planned.positions.len()];
-    let mut transmittance = frame.march_pixel(samples, pixel, &mut weights, |passing| {
-        seen(passing);
-        passing.index % AT_ONCE > 0 || !progress.cancelled()
+    let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
+    let mut transmittance = frame.march_pixel(samples, pixel, &mut accumulators, |sample| {
+        seen(sample);
+        sample.index % AT_ONCE > 0 || !progress.cancelled()
     });
     if progress.cancelled() {
         return Err(ReferenceError::Cancelled);
     }
-    store(&planned.plan, &mut weights, &mut transmittance);
-    Ok(Accumulation { size: [1, 1], weights, transmittance })
+    store(&planned.plan, &mut accumulators, &mut transmittance);
+    Ok(Film { size: [1, 1], components: planned.plan.components(), accumulators, transmittance })
 }
 
 /// `finish(sums, passed)` of every pixel, marched.

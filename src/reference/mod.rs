@@ -1,16 +1,12 @@
 //! The equations, written to be read: the truth in full spectra, and the planned model in f64 and f32.
 
 mod march;
-mod real;
-mod relight;
 mod samples;
 mod store;
 
 pub use march::{
-    Passing, composite, composite_matrix, march, march_ray, pass_by, pass_by_matrix, render, render_pixels,
+    RaySample, composite, composite_matrix, march, march_ray, pass_by, pass_by_matrix, render, render_pixels,
 };
-pub use real::Real;
-pub use relight::{opacity, relight};
 pub use samples::{Exact, Samples, Step, Stored};
 pub use store::store;
 

@@ -1,8 +1,6 @@
 //! What a sample of the volume is: exactly, or as the device's tables and textures have it.
 
-use super::Real;
-use super::real::unit;
-use crate::number::count;
+use crate::number::{Real, count, unit};
 use crate::plan::Planned;
 use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{self, LabelMap, Steps, Storage, StoredVolume, TransferTable};

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use super::Real;
+use crate::number::Real;
 use crate::plan::{ScenePlan, Transmittance};
 use crate::scene::StoreAs;
 

@@ -7,12 +7,14 @@ use bytemuck::{Pod, Zeroable};
 use half::f16;
 
 use super::{RenderError, Renderer, Source, Uploaded};
+use crate::film::Film;
+use crate::number::rounded;
 use crate::number::{count, unsigned, whole};
 use crate::plan::{Accumulate, LANE, Planned, ScenePlan, Shares, Transmittance};
 use crate::progress::Progress;
 use crate::scene::{Interpolation, Lookup, Scene, StoreAs};
 use crate::shader::Constants;
-use crate::tables::{Accumulation, PositionTable, RayTable, ShadingTable, TransferTable, rounded};
+use crate::tables::{PositionTable, RayTable, ShadingTable, TransferTable};
 use crate::vulkan::{
     Buffer, ComputePipeline, Device, DeviceKind, Filter, Format, HostUse, Resource, ResourceSet, Sampler, StorageImage,
 };
@@ -130,7 +132,7 @@ type Tables = [(&'static str, Buffer); 4];
 
 /// What a march left on the device. Clones are the same images.
 #[derive(Clone, Debug)]
-pub struct Accumulators {
+pub struct DeviceFilm {
     /// The plan it followed.
     pub planned: Planned,
     /// Pixels across and down.
@@ -141,7 +143,7 @@ pub struct Accumulators {
     pub device_time: Option<Duration>,
     /// Cells that hold something, of all cells.
     pub occupied: [usize; 2],
-    pub(super) weights: StorageImage,
+    pub(super) accumulators: StorageImage,
     pub(super) transmittance: StorageImage,
 }
 
@@ -151,7 +153,7 @@ pub struct March {
     pipeline: ComputePipeline,
     set: ResourceSet,
     schedule: Schedule,
-    left: Accumulators,
+    left: DeviceFilm,
 }
 
 /// How long a dispatch may take, about, and how much fits into that as far as is known.
@@ -344,7 +346,7 @@ impl Renderer {
         uploaded: &Uploaded,
         size: [usize; 2],
         progress: &dyn Progress,
-    ) -> Result<Accumulators, RenderError> {
+    ) -> Result<DeviceFilm, RenderError> {
         let known =
             self.learnt().as_ref().filter(|(plan, _)| *plan == planned.plan).map(|(_, speed)| speed.elsewhere());
         let mut march = self.begin_march(scene, planned, uploaded, size, known.unwrap_or(self.speed))?;
@@ -379,7 +381,7 @@ impl Renderer {
         if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
             return Err(RenderError::Matrix { dimension: plan.components() });
         }
-        self.marches.fetch_add(1, Ordering::Relaxed);
+        self.shared.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
         let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
         let step_length = scene.accuracy.step_length;
@@ -411,7 +413,7 @@ impl Renderer {
         };
         let sampler = Sampler::new(device, "volume", filter)?;
         let [vectors, passed] = formats(plan, StoreAs::Single);
-        let weights = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
+        let accumulators = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
         let transmittance =
             StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
@@ -424,7 +426,7 @@ impl Renderer {
                     "volume_sampler" => Resource::Sampler(&sampler),
                     "occupancy" => Resource::Storage(&occupied),
                     "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
-                    "accumulators" => Resource::StorageImage(&weights),
+                    "accumulators" => Resource::StorageImage(&accumulators),
                     "transmittances" => Resource::StorageImage(&transmittance),
                     _ => {
                         let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
@@ -440,13 +442,13 @@ impl Renderer {
         let dispatching = Dispatching { slice, ..self.dispatching };
         let schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
         let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
-        let left = Accumulators {
+        let left = DeviceFilm {
             planned: planned.clone(),
             size,
             dispatches: 0,
             device_time: Some(Duration::ZERO),
             occupied,
-            weights,
+            accumulators,
             transmittance,
         };
         Ok(March { pipeline, set, schedule, left })
@@ -479,36 +481,36 @@ impl Renderer {
         Ok((memory, [source?, opacity?, label_source?, label_opacity?]))
     }
 
-    /// The accumulators on the host.
+    /// Copies a film to the host.
     ///
     /// # Errors
     ///
     /// [`RenderError::Vulkan`].
-    pub fn read(&self, accumulators: &Accumulators) -> Result<Accumulation<f32>, RenderError> {
-        let plan = &accumulators.planned.plan;
-        let (size, components) = (accumulators.size, plan.components());
+    pub fn read(&self, film: &DeviceFilm) -> Result<Film<f32>, RenderError> {
+        let plan = &film.planned.plan;
+        let (size, components) = (film.size, plan.components());
         let pixels = size[0] * size[1];
-        let mut weights = Vec::with_capacity(components * plan.positions.total() * pixels);
+        let mut accumulators = Vec::with_capacity(components * plan.positions.total() * pixels);
         for position in 0..plan.positions.total() {
-            weights.extend(self.read_numbers(&accumulators.weights, position * plan.lanes(), components)?);
+            accumulators.extend(self.read_numbers(&film.accumulators, position * plan.lanes(), components)?);
         }
         let transmittance = match plan.transmittance {
-            Transmittance::Grey => read_layer(&self.device, &accumulators.transmittance, 0)?,
+            Transmittance::Grey => read_layer(&self.device, &film.transmittance, 0)?,
             Transmittance::Coloured | Transmittance::Mixed => {
-                self.read_numbers(&accumulators.transmittance, 0, plan.passed())?
+                self.read_numbers(&film.transmittance, 0, plan.passed())?
             }
         };
-        Ok(Accumulation { size, weights, transmittance })
+        Ok(Film { size, components, accumulators, transmittance })
     }
 
-    /// Copies what pixel `[x, y]` keeps to the host, y down: an accumulation of one pixel.
+    /// Copies pixel `[x, y]` of a film to the host, y down: a film of one pixel.
     ///
     /// # Errors
     ///
     /// [`RenderError::Vulkan`].
-    pub fn read_pixel(&self, accumulators: &Accumulators, pixel: [usize; 2]) -> Result<Accumulation<f32>, RenderError> {
-        let plan = &accumulators.planned.plan;
-        let images = [(&accumulators.weights, plan.layers()), (&accumulators.transmittance, plan.passed_lanes())];
+    pub fn read_pixel(&self, film: &DeviceFilm, pixel: [usize; 2]) -> Result<Film<f32>, RenderError> {
+        let plan = &film.planned.plan;
+        let images = [(&film.accumulators, plan.layers()), (&film.transmittance, plan.passed_lanes())];
         let texels =
             || images.iter().flat_map(|&(image, layers)| (0..unsigned(layers)).map(move |layer| (image, layer)));
         let bytes: u64 = texels().map(|(image, _)| u64::from(image.format().texel_bytes())).sum();
@@ -525,8 +527,8 @@ impl Renderer {
         })?;
         let mut read = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
         buffer.read(0, &mut read)?;
-        let weights = texels_of(&accumulators.weights, plan.layers());
-        let (weights, passed) = read.split_at(weights);
+        let accumulators = texels_of(&film.accumulators, plan.layers());
+        let (accumulators, passed) = read.split_at(accumulators);
         let numbers = |image: &StorageImage, bytes: &[u8]| -> Vec<f32> {
             match image.format() {
                 Format::Rgba16Float => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
@@ -537,11 +539,12 @@ impl Renderer {
             }
         };
         let (components, lanes) = (plan.components(), plan.lanes().max(1) * LANE);
-        let weights = numbers(&accumulators.weights, weights);
-        let weights = weights.chunks_exact(lanes).flat_map(|position| &position[..components]).copied().collect();
-        let mut transmittance = numbers(&accumulators.transmittance, passed);
+        let accumulators = numbers(&film.accumulators, accumulators);
+        let accumulators =
+            accumulators.chunks_exact(lanes).flat_map(|position| &position[..components]).copied().collect();
+        let mut transmittance = numbers(&film.transmittance, passed);
         transmittance.truncate(plan.passed());
-        Ok(Accumulation { size: [1, 1], weights, transmittance })
+        Ok(Film { size: [1, 1], components, accumulators, transmittance })
     }
 
     /// `count` numbers of every pixel, plane by plane, from the layer `first` on.
@@ -604,7 +607,7 @@ impl March {
             let groups = [self.schedule.size[0].div_ceil(group[0]), rows.div_ceil(group[1]), 1];
             recorder.dispatch(&self.pipeline, &self.set, bytemuck::bytes_of(&band), groups)
         })?;
-        renderer.longest_dispatch.fetch_max(whole(self.schedule.taken) as u64, Ordering::Relaxed);
+        renderer.shared.longest_dispatch.fetch_max(whole(self.schedule.taken) as u64, Ordering::Relaxed);
         self.schedule.took(begun.elapsed());
         self.left.device_time = self.left.device_time.zip(took).map(|(sum, took)| sum + took);
         self.left.dispatches += 1;
@@ -616,7 +619,7 @@ impl March {
     /// # Errors
     ///
     /// [`RenderError::Vulkan`].
-    pub fn finish(self, renderer: &Renderer) -> Result<Accumulators, RenderError> {
+    pub fn finish(self, renderer: &Renderer) -> Result<DeviceFilm, RenderError> {
         renderer.store(self.left)
     }
 }

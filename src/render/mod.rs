@@ -1,24 +1,26 @@
 //! Frames on the GPU.
 //!
-//! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] leaves [`Accumulators`] of it, and
+//! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] leaves [`DeviceFilm`] of it, and
 //! [`Renderer::relight_linear`] turns those into pictures, as often as the light changes.
 
 mod march;
 mod pipelines;
 mod relight;
+mod scene;
 mod store;
 mod upload;
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-pub use march::{Accumulators, Dispatching, March, MarchUniform, Speed, TableMemory};
+pub use march::{DeviceFilm, Dispatching, March, MarchUniform, Speed, TableMemory};
 pub use relight::{Relight, RelightUniform};
+pub use scene::SceneRenderer;
 pub use upload::Uploaded;
 
 use crate::number::readable;
-use crate::plan::ScenePlan;
+use crate::plan::{PlanError, ScenePlan};
 use crate::shader::{Constants, Shader, ShaderError, compile};
 use crate::tables::VolumeFormat;
 use crate::volume::VolumeError;
@@ -35,9 +37,15 @@ pub enum RenderError {
     /// A shader does not compile.
     #[error("a shader does not compile")]
     Shader(#[from] ShaderError),
-    /// Labels that cannot be used.
+    /// The scene has no plan.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The volume's values cannot be used.
+    #[error(transparent)]
+    Volume(VolumeError),
+    /// The labels cannot be used.
     #[error("the labels cannot be used")]
-    Labels(#[from] VolumeError),
+    Labels(#[source] VolumeError),
     /// Somebody asked it to stop.
     #[error("cancelled")]
     Cancelled,
@@ -130,13 +138,19 @@ fn without_gradients(format: VolumeFormat) -> &'static str {
     if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" }
 }
 
-/// A device and the pipelines made on it last.
-#[derive(Debug)]
+/// A device and the pipelines made on it last. Clones share them.
+#[derive(Clone, Debug)]
 pub struct Renderer {
     device: Device,
     dispatching: Dispatching,
-    /// How marches begin of a plan that nothing is known of.
+    /// The speed that a march of an unknown plan starts from.
     speed: Speed,
+    shared: Arc<Shared>,
+}
+
+/// State that the clones of a [`Renderer`] share.
+#[derive(Debug, Default)]
+struct Shared {
     /// The plan of the last march that was made at one go, and how fast that was.
     learnt: Mutex<Option<(ScenePlan, Speed)>>,
     pipelines: Mutex<Pipelines>,
@@ -171,27 +185,19 @@ impl Renderer {
     #[must_use]
     pub fn new(device: Device) -> Self {
         let dispatching = Dispatching { tables: TableMemory::fastest(&device), ..Dispatching::default() };
-        Self {
-            device,
-            dispatching,
-            speed: Speed::default(),
-            learnt: Mutex::default(),
-            pipelines: Mutex::default(),
-            marches: AtomicU64::default(),
-            longest_dispatch: AtomicU64::default(),
-        }
+        Self { device, dispatching, speed: Speed::default(), shared: Arc::default() }
     }
 
     /// How many marches it has begun.
     #[must_use]
     pub fn marches(&self) -> u64 {
-        self.marches.load(Ordering::Relaxed)
+        self.shared.marches.load(Ordering::Relaxed)
     }
 
     /// The most samples that a dispatch of its marches has had: pixels across, times rows, times samples along a ray.
     #[must_use]
     pub fn longest_dispatch(&self) -> u64 {
-        self.longest_dispatch.load(Ordering::Relaxed)
+        self.shared.longest_dispatch.load(Ordering::Relaxed)
     }
 
     /// The same renderer for a device that others wait for: dispatches of [`Self::march`] take about `dispatch`, and of a plan
@@ -204,7 +210,7 @@ impl Renderer {
 
     /// The plan of the last march that was made at one go, and how fast that was.
     fn learnt(&self) -> MutexGuard<'_, Option<(ScenePlan, Speed)>> {
-        self.learnt.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shared.learnt.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// How marches begin of a plan that nothing is known of.
@@ -241,7 +247,7 @@ impl Renderer {
         if asked.iter().zip(limit).any(|(&asked, limit)| asked as u64 > u64::from(limit)) {
             return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
         }
-        // Accumulators, and a relit picture in f32.
+        // DeviceFilm, and a relit picture in f32.
         let needed = (size[0] * size[1]) as u64 * (plan.marched_bytes() + 16);
         if needed + volume_bytes > limits.device_heap_bytes {
             return Err(RenderError::PictureMemory {
@@ -263,7 +269,7 @@ impl Renderer {
         push_constant_bytes: u32,
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
-        let pipelines = || self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let pipelines = || self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let name = source.name;
         let bound = |resources: &[String]| -> Result<Vec<Resource<'a>>, RenderError> {
             resources

@@ -6,10 +6,10 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 
 use super::march::{common, images, read_layer};
-use super::{Accumulators, RenderError, Renderer, Source};
+use super::{DeviceFilm, RenderError, Renderer, Source};
+use crate::film::RelightMatrices;
 use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
-use crate::tables::RelightMatrices;
 use crate::vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
 /// Workgroups of a relight: long rows (docs/theory/device.md).
@@ -88,8 +88,8 @@ impl Renderer {
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn relight_display(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
-        self.relight(accumulators, Target::Display, Format::Rgba8Unorm)
+    pub fn relight_display(&self, film: &DeviceFilm) -> Result<Relight, RenderError> {
+        self.relight(film, Target::Display, Format::Rgba8Unorm)
     }
 
     /// The same with blue first, as windows keep their pixels.
@@ -97,8 +97,8 @@ impl Renderer {
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn relight_window(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
-        self.relight(accumulators, Target::Display, Format::Bgra8Unorm)
+    pub fn relight_window(&self, film: &DeviceFilm) -> Result<Relight, RenderError> {
+        self.relight(film, Target::Display, Format::Bgra8Unorm)
     }
 
     /// Linear sRGB and opacity (1 − the light that passes) of every pixel in f32, rows from the top.
@@ -106,12 +106,12 @@ impl Renderer {
     /// # Errors
     ///
     /// [`RenderError`].
-    pub fn relight_linear(&self, accumulators: &Accumulators) -> Result<Relight, RenderError> {
-        self.relight(accumulators, Target::Linear, Format::Rgba32Float)
+    pub fn relight_linear(&self, film: &DeviceFilm) -> Result<Relight, RenderError> {
+        self.relight(film, Target::Linear, Format::Rgba32Float)
     }
 
-    fn relight(&self, accumulators: &Accumulators, target: Target, format: Format) -> Result<Relight, RenderError> {
-        let plan = &accumulators.planned.plan;
+    fn relight(&self, film: &DeviceFilm, target: Target, format: Format) -> Result<Relight, RenderError> {
+        let plan = &film.planned.plan;
         let device = &self.device;
         let bytes = size_of::<RelightUniform>()
             + plan.passed_lanes() * size_of::<[[f32; LANE]; 4]>()
@@ -121,23 +121,23 @@ impl Renderer {
             Target::Display => "display",
             Target::Linear => "linear",
         };
-        let picture = StorageImage::new(device, name, format, accumulators.size.map(unsigned), 1)?;
-        let columns = [unsigned(accumulators.size[0]), unsigned(accumulators.size[1]).div_ceil(ROWS)];
+        let picture = StorageImage::new(device, name, format, film.size.map(unsigned), 1)?;
+        let columns = [unsigned(film.size[0]), unsigned(film.size[1]).div_ceil(ROWS)];
         let met =
             is_lit_again(target).then(|| StorageImage::new(device, "met", Format::R32Uint, columns, 1)).transpose()?;
         let (pipeline, set) = self.bind(source(plan, target), 0, |name| {
             Some(match name {
                 "relight" => Resource::Uniform(&uniform),
-                "accumulators" => Resource::StorageImage(&accumulators.weights),
-                "transmittances" => Resource::StorageImage(&accumulators.transmittance),
+                "accumulators" => Resource::StorageImage(&film.accumulators),
+                "transmittances" => Resource::StorageImage(&film.transmittance),
                 "display" | "linear" => Resource::StorageImage(&picture),
                 "met" => Resource::StorageImage(met.as_ref()?),
                 _ => return None,
             })
         })?;
-        let passed = if passes_light(plan, target) { accumulators.transmittance.bytes() } else { 0 };
-        let weights = if plan.layers() == 0 { 0 } else { accumulators.weights.bytes() };
-        let bytes = uniform.bytes() + weights + passed + picture.bytes();
+        let passed = if passes_light(plan, target) { film.transmittance.bytes() } else { 0 };
+        let accumulators = if plan.layers() == 0 { 0 } else { film.accumulators.bytes() };
+        let bytes = uniform.bytes() + accumulators + passed + picture.bytes();
         let (device, lit) = (device.clone(), AtomicBool::new(false));
         Ok(Relight { device, components: plan.components(), pipeline, set, uniform, picture, lit, bytes })
     }
@@ -155,13 +155,13 @@ impl Relight {
         let again = u32::from(self.lit.load(Ordering::Relaxed));
         let head = RelightUniform { width: size[0], height: size[1], again, padding: 0 };
         self.uniform.write(0, bytemuck::bytes_of(&head))?;
-        let (mut passing, mut lanes) = (matrices.passing_lanes(), matrices.lanes(self.components));
+        let (mut transmittance, mut lanes) = (matrices.transmittance_lanes(), matrices.lanes(self.components));
         if self.picture.format() == Format::Bgra8Unorm {
-            passing.iter_mut().for_each(|channels| channels.swap(0, 2));
+            transmittance.iter_mut().for_each(|channels| channels.swap(0, 2));
             lanes.iter_mut().for_each(|channels| channels.swap(0, 2));
         }
-        self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&passing))?;
-        let colours_at = size_of::<RelightUniform>() + size_of_val(passing.as_slice());
+        self.uniform.write(size_of::<RelightUniform>() as u64, bytemuck::cast_slice(&transmittance))?;
+        let colours_at = size_of::<RelightUniform>() + size_of_val(transmittance.as_slice());
         self.uniform.write(colours_at as u64, bytemuck::cast_slice(&lanes))?;
         let took = self.device.run_timed("relight", |recorder| {
             recorder.compute_to_compute();

@@ -1,6 +1,6 @@
 //! Finished accumulators in 16-bit floats, on the device.
 
-use super::{Accumulators, RenderError, Renderer, Source};
+use super::{DeviceFilm, RenderError, Renderer, Source};
 use crate::plan::Transmittance;
 use crate::scene::StoreAs;
 use crate::shader::Constants;
@@ -17,17 +17,17 @@ fn source() -> Source {
 
 impl Renderer {
     /// Stores what a march left as its plan says, and lets go of what it went on from.
-    pub(super) fn store(&self, marched: Accumulators) -> Result<Accumulators, RenderError> {
+    pub(super) fn store(&self, marched: DeviceFilm) -> Result<DeviceFilm, RenderError> {
         let plan = &marched.planned.plan;
         if plan.storage == StoreAs::Single {
             return Ok(marched);
         }
-        let weights = self.in_half(&marched.weights)?;
+        let accumulators = self.in_half(&marched.accumulators)?;
         let transmittance = match plan.transmittance {
             Transmittance::Grey => marched.transmittance,
             Transmittance::Coloured | Transmittance::Mixed => self.in_half(&marched.transmittance)?,
         };
-        Ok(Accumulators { weights, transmittance, ..marched })
+        Ok(DeviceFilm { accumulators, transmittance, ..marched })
     }
 
     fn in_half(&self, finished: &StorageImage) -> Result<StorageImage, RenderError> {

@@ -65,7 +65,7 @@ impl Renderer {
         self.check(planned, &storage, dims)?;
         let volume = self.fill("volume", format, dims, progress, |slices| storage.slab(&scene.volume, slices))?;
         let labels = match &scene.labels {
-            Some(labels) if planned.plan.labels => Some(LabelMap::new(labels)?),
+            Some(labels) if planned.plan.labels => Some(LabelMap::new(labels).map_err(RenderError::Labels)?),
             _ => None,
         };
         let slice = dims[0] * dims[1];

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use rayon::prelude::*;
 
 use super::{LabelMap, Storage, TransferTable};
-use crate::number::{count, whole};
+use crate::number::{count, rounded, whole};
 use crate::volume::{Volume, Voxel, with_voxels};
 
 /// Voxels along an edge of a cell.
@@ -118,7 +118,7 @@ fn ranges<T: Voxel>(stored: &[T], grid: [usize; 3], dims: [usize; 3], storage: &
                     let [xs, ..] = touched(cell, dims, grid);
                     let ends = columns[xs].iter().flatten().flatten().map(|value| storage.normalised(value.to_f64()));
                     let (low, high) = ends.fold((1.0_f64, 0.0_f64), |(low, high), end| (low.min(end), high.max(end)));
-                    [super::rounded(low), super::rounded(high)]
+                    [rounded(low), rounded(high)]
                 })
                 .collect()
         })

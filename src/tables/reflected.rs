@@ -1,6 +1,6 @@
 //! The spectra that the numbers of a pixel stand for.
 
-use super::Components;
+use crate::film::Components;
 use crate::model::Reconstruction;
 use crate::plan::Transmittance;
 use crate::scene::Mix;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::rounded;
+use crate::number::rounded;
 use crate::number::{count, readable, whole};
 use crate::plan::ScenePlan;
 use crate::scene::{Labels, VolumeAs};

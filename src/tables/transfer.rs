@@ -1,8 +1,9 @@
 //! The transfer function as a table over the data's range, for one step length.
 
-use super::{Storage, rounded};
+use super::Storage;
 use crate::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
 use crate::number::count;
+use crate::number::rounded;
 use crate::plan::{Accumulate, LANE, Planned, Shares, Transmittance};
 use crate::scene::{Lookup, Material, Medium, Scene, depth_from_opacity};
 use crate::spectrum::{BANDS, Spectrum};

@@ -8,16 +8,16 @@ use std::time::{Duration, Instant};
 use glam::DVec2;
 
 use super::export::Snapshot;
-use super::load::{Loaded, warm_up};
+use super::load::Loaded;
 use super::probe::Pixel;
 use super::state::State;
+use crate::film::{Components, RelightMatrices};
 use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
-use crate::plan::{PlanError, Planned, ScenePlan, plan};
+use crate::plan::{PlanError, Planned, Stale, plan};
 use crate::progress::Quiet;
-use crate::render::{Accumulators, March, Relight, RenderError, Renderer, Speed, Uploaded};
-use crate::scene::{Material, Scene, positions};
-use crate::tables::{Components, RelightMatrices};
+use crate::render::{DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
+use crate::scene::{Scene, positions};
 use crate::volume::Statistics;
 use crate::vulkan::{StorageImage, give_back_freed};
 
@@ -31,18 +31,6 @@ const COARSE: Duration = Duration::from_millis(60);
 const COARSEST: usize = 16;
 /// Pixels of a coarse picture for one of the next finer one.
 const FINER: usize = 4;
-
-/// Why there is no picture of what is asked for.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum EngineError {
-    /// The device.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    /// What the scene has become has no plan.
-    #[error(transparent)]
-    Plan(#[from] PlanError),
-}
 
 /// What was done so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -58,16 +46,12 @@ pub struct Counts {
 /// Makes pictures of one loaded scene.
 #[derive(Debug)]
 pub struct Engine {
-    renderer: Arc<Renderer>,
-    planned: Planned,
-    uploaded: Arc<Uploaded>,
-    statistics: Statistics,
+    /// The scene of the march under way and of those that refine it.
+    on_device: SceneRenderer,
     /// Pixels of the finest picture.
     size: [usize; 2],
     /// The scene to march, where another than the one that is marched or shown.
     wanted: Option<Box<Scene>>,
-    /// The scene of the march under way and of those that refine it; `planned` is its plan.
-    scene: Box<Scene>,
     /// Another plan, which is made ready beside the window: its colour model, its pipelines, the volume as it needs it.
     planning: Option<Planning>,
     /// The colour model for whoever looks now, which is fitted beside the window.
@@ -115,8 +99,7 @@ pub struct Stepped {
 /// A plan under way.
 #[derive(Debug)]
 struct Planning {
-    scene: Box<Scene>,
-    thread: JoinHandle<Result<(Planned, Arc<Uploaded>), EngineError>>,
+    thread: JoinHandle<Result<SceneRenderer, RenderError>>,
 }
 
 /// A fit of a colour model's matrices under way.
@@ -144,7 +127,7 @@ struct Lit {
     level: usize,
     /// The pixels of the window that it was marched for.
     size: [usize; 2],
-    accumulators: Accumulators,
+    accumulators: DeviceFilm,
     components: Components,
 }
 
@@ -169,16 +152,12 @@ impl Engine {
     /// Makes pictures of what was `loaded`; nothing is marched yet.
     #[must_use]
     pub fn new(loaded: Loaded) -> Self {
-        let Loaded { renderer, scene, planned, uploaded, statistics, .. } = loaded;
-        let state = State::new(scene);
+        let on_device = loaded.on_device;
+        let state = State::new(on_device.scene().clone());
         Self {
-            renderer,
-            planned,
-            uploaded,
-            statistics,
+            on_device,
             size: [0; 2],
             wanted: None,
-            scene: Box::new(state.scene.clone()),
             planning: None,
             fitting: None,
             marching: None,
@@ -221,13 +200,44 @@ impl Engine {
         *self.state = state.clone();
     }
 
+    /// Asks for pictures of `size` of `state`, and does what has become stale since the last one. Returns whether rays
+    /// are marched anew.
+    pub fn update(&mut self, state: &State, size: [usize; 2]) -> bool {
+        let stale = Stale::between(&self.state.scene, self.planned(), &state.scene);
+        // A scene that waits for its plan has its spectra from there.
+        let waits = self.wanted.is_some() || self.planning.is_some();
+        let marches = stale >= Stale::Accumulators || size != self.size || (waits && stale > Stale::Nothing);
+        self.light(state);
+        if marches {
+            self.look(&state.scene, size);
+        } else if stale > Stale::Nothing && !self.failed {
+            self.follow_spectra(&state.scene);
+        }
+        marches
+    }
+
+    /// Takes the spectra of `scene`, in which what pixels keep is the same.
+    fn follow_spectra(&mut self, scene: &Scene) {
+        let planned = self.planned().clone();
+        self.on_device.retarget(scene.clone(), planned);
+        if let Some(lit) = &mut self.lit
+            && let Components::Surfaces(spectra) = &mut lit.components
+            && let Components::Surfaces(now) = Components::new(scene, &lit.accumulators.planned)
+            && *spectra != now
+        {
+            *spectra = now;
+            // The same numbers are another picture.
+            self.pictures += 1;
+        }
+    }
+
     /// Lights the picture as it was last asked for. Says whether it is another.
     ///
     /// # Errors
     ///
-    /// [`EngineError`]. What failed is not tried again before something else is asked for.
-    pub fn show(&mut self) -> Result<bool, EngineError> {
-        let shown = self.follow_observer().and_then(|()| Ok(self.relight()?));
+    /// [`RenderError`]. What failed is not tried again before something else is asked for.
+    pub fn show(&mut self) -> Result<bool, RenderError> {
+        let shown = self.follow_observer().and_then(|()| self.relight());
         self.attempted(shown)
     }
 
@@ -236,19 +246,19 @@ impl Engine {
     /// # Errors
     ///
     /// As [`Self::show`].
-    pub fn step(&mut self, hand_rests: bool) -> Result<Stepped, EngineError> {
+    pub fn step(&mut self, hand_rests: bool) -> Result<Stepped, RenderError> {
         let stepped = self.advance(hand_rests);
         self.attempted(stepped)
     }
 
-    fn attempted<T>(&mut self, done: Result<T, EngineError>) -> Result<T, EngineError> {
+    fn attempted<T>(&mut self, done: Result<T, RenderError>) -> Result<T, RenderError> {
         if done.is_err() {
             (self.wanted, self.marching, self.unlit, self.failed) = (None, None, false, true);
         }
         done
     }
 
-    fn advance(&mut self, hand_rests: bool) -> Result<Stepped, EngineError> {
+    fn advance(&mut self, hand_rests: bool) -> Result<Stepped, RenderError> {
         let begun = Instant::now();
         self.follow_observer()?;
         let shown = self.relight()?;
@@ -260,7 +270,7 @@ impl Engine {
             }
             if let Some(marching) = &mut self.marching {
                 let dispatched = Instant::now();
-                marching.march.step(&self.renderer)?;
+                marching.march.step(self.on_device.renderer())?;
                 marching.spent += dispatched.elapsed();
                 self.counts.dispatches += 1;
                 stepped.worked = true;
@@ -288,13 +298,13 @@ impl Engine {
 
     /// Takes the colour model that was fitted for whoever looks, or begins to fit it; until it is there, the picture is as
     /// it was seen before. What pixels keep stays.
-    fn follow_observer(&mut self) -> Result<(), EngineError> {
+    fn follow_observer(&mut self) -> Result<(), RenderError> {
         if let Some(Fitting { of, thread }) = self.fitting.take_if(|fitting| fitting.thread.is_finished()) {
             // A panic there has been told of.
             if let Ok(fitted) = thread.join() {
                 let fitted = Arc::new(fitted.map_err(PlanError::from)?);
-                if self.planned.model.as_ref().is_some_and(|model| Arc::ptr_eq(model, &of)) {
-                    self.planned.model = Some(Arc::clone(&fitted));
+                if self.planned().model.as_ref().is_some_and(|model| Arc::ptr_eq(model, &of)) {
+                    self.on_device.set_model(Arc::clone(&fitted));
                 }
                 if let Some(lit) = &mut self.lit
                     && let Components::Model(model, _) = &mut lit.components
@@ -309,7 +319,7 @@ impl Engine {
             }
         }
         let observer = self.state.scene.display.observer;
-        let stale = self.planned.model.as_ref().filter(|model| model.observer() != observer);
+        let stale = self.planned().model.as_ref().filter(|model| model.observer() != observer);
         if let (Some(of), None) = (stale.map(Arc::clone), &self.fitting) {
             let model = Arc::clone(&of);
             self.fitting = Some(Fitting { of, thread: std::thread::spawn(move || model.seen_by(observer)) });
@@ -319,7 +329,7 @@ impl Engine {
 
     /// Begins the march of what is wanted, or else a finer one of what is shown. Says whether there is one to go on with:
     /// a new plan may take its time.
-    fn begin(&mut self) -> Result<bool, EngineError> {
+    fn begin(&mut self) -> Result<bool, RenderError> {
         let mut level = self.lit.as_ref().map(|lit| lit.level).filter(|&level| level > 1).map(|it| it / FINER.min(it));
         if let Some(planning) = self.planning.take() {
             if !planning.thread.is_finished() {
@@ -327,81 +337,50 @@ impl Engine {
                 return Ok(false);
             }
             // A panic there has been told of.
-            if let Ok(planned) = planning.thread.join() {
-                let (planned, uploaded) = planned?;
-                if self.only_relights(&planned, &planning.scene) {
-                    self.show_as(planned, planning.scene);
-                } else {
-                    self.uploaded = uploaded;
-                    self.adopt(planned, planning.scene);
-                    level = Some(self.coarse);
+            if let Ok(on_device) = planning.thread.join() {
+                let on_device = on_device?;
+                if on_device.planned().plan != self.planned().plan {
+                    self.speeds.clear();
                 }
+                self.on_device = on_device;
+                level = Some(self.coarse);
             }
         }
         if let Some(scene) = self.wanted.take() {
-            let Some(planned) = self.planned.changed_to(&self.scene, &scene) else {
-                self.plan(scene);
+            let Some(planned) = self.planned().changed_to(self.scene(), &scene) else {
+                self.plan(*scene);
                 return Ok(false);
             };
-            self.adopt(planned, scene);
+            self.on_device.retarget(*scene, planned);
             level = Some(self.coarse);
         }
         let Some(level) = level else { return Ok(false) };
         let size = self.size.map(|pixels| pixels.div_ceil(level).max(1));
         let elsewhere = || self.speeds.values().next().map(|speed| speed.elsewhere());
-        let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer.speed());
-        let march = self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)?;
+        let speed = self.speeds.get(&level).copied().or_else(elsewhere).unwrap_or_else(|| self.renderer().speed());
+        let march = self.on_device.begin_march(size, speed)?;
         self.counts.marches += 1;
         self.marching = Some(Marching { march, level, spent: Duration::ZERO });
         Ok(true)
     }
 
-    /// Whether what is shown has in it what `scene` needs, as `planned`: weights of materials are the same whatever their
-    /// spectra.
-    fn only_relights(&self, planned: &Planned, scene: &Scene) -> bool {
-        let shown = self.lit.as_ref().filter(|lit| lit.size == self.size).map(|lit| &lit.accumulators.planned);
-        let same = shown.is_some_and(|shown| {
-            shown.model.is_none() && shown.plan == planned.plan && shown.materials == planned.materials
-        });
-        same && planned.model.is_none() && same_rays(&self.scene, scene)
-    }
-
-    /// Shows what there is in the spectra of `scene`.
-    fn show_as(&mut self, planned: Planned, scene: Box<Scene>) {
-        if let Some(lit) = &mut self.lit {
-            lit.components = Components::new(&scene, &planned);
-            lit.accumulators.planned = planned.clone();
-            // The same numbers are another picture.
-            self.pictures += 1;
-            self.unlit = true;
-        }
-        (self.planned, self.scene) = (planned, scene);
-    }
-
     /// Begins to plan `scene`, and to make ready on the device what the plan runs there.
-    fn plan(&mut self, scene: Box<Scene>) {
-        let (renderer, uploaded) = (Arc::clone(&self.renderer), Arc::clone(&self.uploaded));
-        let (before, planned, statistics) = (self.planned.plan.clone(), scene.clone(), self.statistics.clone());
+    fn plan(&mut self, scene: Scene) {
+        let before = self.on_device.clone();
         let thread = std::thread::spawn(move || {
-            let made = ready(&renderer, &planned, &before, uploaded, &statistics);
+            let made = ready(&before, scene);
+            // Its volume may have been replaced.
+            drop(before);
             give_back_freed();
             made
         });
-        self.planning = Some(Planning { scene, thread });
+        self.planning = Some(Planning { thread });
     }
 
     /// Waits for the plan under way: the end of the program is no time to be at work on the device.
     pub fn end(mut self) {
         // A panic there has been told of.
         self.planning.take().map(|planning| planning.thread.join()).transpose().ok();
-    }
-
-    /// From now on marches `scene` as `planned`, with the volume as that needs it.
-    fn adopt(&mut self, planned: Planned, scene: Box<Scene>) {
-        if planned.plan != self.planned.plan {
-            self.speeds.clear();
-        }
-        (self.planned, self.scene) = (planned, scene);
     }
 
     /// Shows what the march has left.
@@ -415,11 +394,11 @@ impl Engine {
                 self.coarse /= 2;
             }
         }
-        let mut accumulators = march.finish(&self.renderer)?;
-        let relight = self.renderer.relight_window(&accumulators)?;
+        let mut accumulators = march.finish(self.renderer())?;
+        let relight = self.renderer().relight_window(&accumulators)?;
         // Its colour model may have been fitted for another observer since.
-        accumulators.planned.model.clone_from(&self.planned.model);
-        let components = Components::new(&self.scene, &accumulators.planned);
+        accumulators.planned.model.clone_from(&self.planned().model);
+        let components = Components::new(self.scene(), &accumulators.planned);
         self.pictures += 1;
         self.lit = Some(Lit { relight, by: None, level, size: self.size, accumulators, components });
         self.unlit = true;
@@ -452,7 +431,7 @@ impl Engine {
     #[must_use]
     pub fn snapshot(&self) -> Option<Snapshot> {
         let lit = self.lit.as_ref()?;
-        let (renderer, accumulators) = (Arc::clone(&self.renderer), lit.accumulators.clone());
+        let (renderer, accumulators) = (self.renderer().clone(), lit.accumulators.clone());
         Some(Snapshot { renderer, accumulators, matrices: lit.matrices(&self.state)? })
     }
 
@@ -483,7 +462,7 @@ impl Engine {
         let [across, down] = place.to_array();
         let at = |part: f64, pixels: usize| whole((part * count(pixels)).max(0.0)).min(pixels - 1);
         let place = [at(across, size[0]), at(down, size[1])];
-        let numbers = self.renderer.read_pixel(accumulators, place)?;
+        let numbers = self.renderer().read_pixel(accumulators, place)?;
         let (planned, components) = (accumulators.planned.clone(), components.clone());
         Ok(Some(Pixel { place, size, numbers, planned, components }))
     }
@@ -503,13 +482,13 @@ impl Engine {
     /// The scene whose picture is shown or on its way.
     #[must_use]
     pub fn scene(&self) -> &Scene {
-        &self.scene
+        self.on_device.scene()
     }
 
     /// What the volume's values are like.
     #[must_use]
     pub fn statistics(&self) -> &Statistics {
-        &self.statistics
+        self.on_device.statistics()
     }
 
     /// What was done so far.
@@ -533,51 +512,22 @@ impl Engine {
     /// What is computed for each pixel.
     #[must_use]
     pub fn planned(&self) -> &Planned {
-        &self.planned
+        self.on_device.planned()
     }
 
     /// The renderer, and with it the device.
     #[must_use]
-    pub fn renderer(&self) -> &Arc<Renderer> {
-        &self.renderer
+    pub fn renderer(&self) -> &Renderer {
+        self.on_device.renderer()
     }
 }
 
-/// The plan of `scene`; where it is another than `before`, all that it runs has run once. The volume that is `uploaded` stays
-/// where it is stored as the plan needs it.
-fn ready(
-    renderer: &Renderer,
-    scene: &Scene,
-    before: &ScenePlan,
-    uploaded: Arc<Uploaded>,
-    statistics: &Statistics,
-) -> Result<(Planned, Arc<Uploaded>), EngineError> {
-    let planned = plan(scene, &Quiet)?;
-    let uploaded = if planned.plan.is_stored_as(before) {
-        uploaded
-    } else {
-        Arc::new(renderer.upload(scene, &planned, statistics, &Quiet)?)
-    };
-    if planned.plan != *before {
-        warm_up(renderer, scene, &planned, &uploaded)?;
+/// `scene` planned and on the device, warmed up where its plan differs from the one `before`.
+fn ready(before: &SceneRenderer, scene: Scene) -> Result<SceneRenderer, RenderError> {
+    let planned = plan(&scene, &Quiet)?;
+    let on_device = before.with_scene(scene, planned, &Quiet)?;
+    if on_device.planned().plan != before.planned().plan {
+        on_device.warm_up()?;
     }
-    Ok((planned, uploaded))
-}
-
-/// Whether two states of one scene differ in their spectra and in how they are shown, at most.
-fn same_rays(one: &Scene, two: &Scene) -> bool {
-    let shape = |scene: &Scene| -> Vec<_> {
-        let of = |it: &Material| (it.ambient, it.diffuse, it.specular, it.exponent, it.xray, it.absorption.clone());
-        scene.materials.iter().map(of).collect()
-    };
-    let places = |scene: &Scene| -> Vec<_> { scene.lights.iter().map(|light| light.placement).collect() };
-    let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
-    one.camera == two.camera
-        && one.crop == two.crop
-        && one.transfer == two.transfer
-        && one.accuracy == two.accuracy
-        && one.shading == two.shading
-        && shape(one) == shape(two)
-        && places(one) == places(two)
-        && labels(one) == labels(two)
+    Ok(on_device)
 }

@@ -1,12 +1,11 @@
 //! Pictures and accumulators on their way to files, beside the window.
 
 use std::path::Path;
-use std::sync::Arc;
 
+use crate::film::RelightMatrices;
 use crate::output::{self, OutputError, Picture, PictureKind, write_exr, write_ready_png};
-use crate::render::{Accumulators, RenderError, Renderer};
+use crate::render::{DeviceFilm, RenderError, Renderer};
 use crate::scene::Scene;
-use crate::tables::RelightMatrices;
 
 /// Why a picture, or what it is made of, could not be saved.
 #[derive(Debug, thiserror::Error)]
@@ -23,8 +22,8 @@ pub enum ExportError {
 /// What a picture is made of. What the window goes on with changes nothing of it.
 #[derive(Debug)]
 pub struct Snapshot {
-    pub(super) renderer: Arc<Renderer>,
-    pub(super) accumulators: Accumulators,
+    pub(super) renderer: Renderer,
+    pub(super) accumulators: DeviceFilm,
     pub(super) matrices: RelightMatrices,
 }
 
@@ -58,7 +57,7 @@ impl Snapshot {
     }
 
     /// Writes what the march of `scene`, mixed as it opens, has left: the accumulator file of
-    /// [`output::accumulators`].
+    /// [`output::film`].
     ///
     /// # Errors
     ///
@@ -67,7 +66,7 @@ impl Snapshot {
         PictureKind::require_exr(path)?;
         let accumulation = self.renderer.read(&self.accumulators)?;
         let planned = &self.accumulators.planned;
-        Ok(output::Accumulators::of_march(scene, planned, accumulation)?.write(path)?)
+        Ok(output::FilmFile::of_march(scene, planned, accumulation)?.write(path)?)
     }
 }
 

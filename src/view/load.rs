@@ -7,11 +7,9 @@ use std::thread::JoinHandle;
 use super::camera::{Move, Side, moved};
 use super::job::Listener;
 use crate::number::count;
-use crate::plan::{PlanError, Planned, plan};
 use crate::progress::{Progress, Quiet};
-use crate::render::{RenderError, Renderer, Speed, Uploaded};
+use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::scene::{self, Definition, Scene, SceneError, SceneOptions, Term};
-use crate::tables::{Components, RelightMatrices};
 use crate::volume::{self, Geometry, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 use crate::vulkan::give_back_freed;
 
@@ -37,10 +35,7 @@ pub enum LoadError {
     /// Its volume.
     #[error(transparent)]
     Volume(#[from] VolumeError),
-    /// What it needs.
-    #[error(transparent)]
-    Plan(#[from] PlanError),
-    /// The device.
+    /// Its plan, or the device.
     #[error(transparent)]
     Render(#[from] RenderError),
 }
@@ -103,17 +98,9 @@ impl LoadError {
 /// A scene on the device.
 #[derive(Debug)]
 pub struct Loaded {
-    /// What makes pictures of it.
-    pub renderer: Arc<Renderer>,
-    /// The scene.
-    pub scene: Scene,
-    /// What it needs.
-    pub planned: Planned,
-    /// Its volume on the device.
-    pub uploaded: Arc<Uploaded>,
-    /// What the volume's values are like.
-    pub statistics: Statistics,
-    /// What it was read from.
+    /// The scene, planned, uploaded and warmed up.
+    pub on_device: SceneRenderer,
+    /// Its file.
     pub source: Source,
 }
 
@@ -290,7 +277,7 @@ impl Source {
     /// # Errors
     ///
     /// [`LoadError`].
-    pub fn load(&self, renderer: Arc<Renderer>, progress: &dyn Progress) -> Result<Loaded, LoadError> {
+    pub fn load(&self, renderer: &Renderer, progress: &dyn Progress) -> Result<Loaded, LoadError> {
         let (scene, statistics) = self.scene(progress)?;
         Loaded::prepare(renderer, scene, statistics, self.clone(), progress)
     }
@@ -301,42 +288,18 @@ impl Loaded {
     ///
     /// # Errors
     ///
-    /// [`LoadError::Plan`], [`LoadError::Render`].
+    /// [`LoadError::Render`].
     pub fn prepare(
-        renderer: Arc<Renderer>,
+        renderer: &Renderer,
         scene: Scene,
         statistics: Statistics,
         source: Source,
         progress: &dyn Progress,
     ) -> Result<Self, LoadError> {
-        let planned = plan(&scene, progress)?;
-        let uploaded = Arc::new(renderer.upload(&scene, &planned, &statistics, progress)?);
-        warm_up(&renderer, &scene, &planned, &uploaded)?;
-        Ok(Self { renderer, scene, planned, uploaded, statistics, source })
+        let on_device = SceneRenderer::with_statistics(renderer, scene, statistics, progress)?;
+        on_device.warm_up()?;
+        Ok(Self { on_device, source })
     }
-}
-
-/// Pixels across and down of a picture that nobody sees. Lavapipe compiles anew where a side becomes a power of two, or no
-/// longer is one, and few are.
-const UNSEEN: [usize; 2] = [9, 7];
-
-/// Runs everything once that pictures of `scene` run on the device: what compiles shaders as they first run, or before, is not
-/// to do so while a hand waits.
-pub(super) fn warm_up(
-    renderer: &Renderer,
-    scene: &Scene,
-    planned: &Planned,
-    uploaded: &Uploaded,
-) -> Result<(), RenderError> {
-    let mut march = renderer.begin_march(scene, planned, uploaded, UNSEEN, Speed::default())?;
-    while !march.is_done() {
-        march.step(renderer)?;
-    }
-    let relight = renderer.relight_display(&march.finish(renderer)?)?;
-    let (components, background) = (Components::new(scene, planned), scene.background.as_ref());
-    let mix = scene.opening_mix();
-    relight.run(&RelightMatrices::new(&components, planned.positions.len(), background, &mix, &scene.display))?;
-    Ok(())
 }
 
 /// What is wrong with the file `path`, which could not be read as a scene. One that is no text of a scene's length is told of as

@@ -27,11 +27,11 @@ pub mod window;
 
 pub use crate::scene::{LightState, Mixing, Slider};
 pub use action::Action;
-pub use engine::{Counts, Engine, EngineError};
+pub use engine::{Counts, Engine};
 pub use load::{LoadError, Loaded, Source};
 pub use probe::Probe;
 pub use script::{Script, ScriptError};
 pub use session::SessionError;
-pub use state::{Cost, Document, Edit, State};
+pub use state::{Document, Edit, State};
 #[cfg(feature = "window")]
 pub use window::{Options, Report, ViewError, run};

@@ -3,16 +3,17 @@
 use glam::DVec3;
 use serde_json::{Value, json};
 
+use crate::film::{Components, Film, RelightMatrices};
 use crate::number::count;
 use crate::plan::{Planned, Transmittance, plan_full_spectrum};
 use crate::progress::Progress;
-use crate::reference::{Exact, Passing, ReferenceError, march_ray, relight};
+use crate::reference::{Exact, RaySample, ReferenceError, march_ray};
 use crate::scene::{Mix, MixLight, Scene, depth_from_opacity};
 use crate::spectrum::colour::{
     Lab, LinearSrgb, OBSERVER, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, display_code, lab_from_xyz,
 };
 use crate::spectrum::{BANDS, Spectrum};
-use crate::tables::{Accumulation, Components, LabelMap, Reflected, RelightMatrices, Storage};
+use crate::tables::{LabelMap, Reflected, Storage};
 use crate::volume::{Statistics, VolumeError};
 
 /// How many times shorter the steps of the truth are than those of the picture.
@@ -28,7 +29,7 @@ pub struct Pixel {
     /// Pixels of the picture, across and down.
     pub size: [usize; 2],
     /// Its numbers, as an accumulation of one pixel.
-    pub numbers: Accumulation<f32>,
+    pub numbers: Film<f32>,
     /// What they are about.
     pub planned: Planned,
     /// What they stand for.
@@ -143,7 +144,7 @@ impl Probe {
         let background = scene.background.as_ref();
         let matrices = |mix: &Mix| RelightMatrices::new(&pixel.components, positions, background, mix, &scene.display);
         let lit = |name: &str, mix: &Mix| {
-            let shown = Shown(only(relight(numbers, &matrices(mix))));
+            let shown = Shown(only(numbers.relight(&matrices(mix))));
             let error = ray.map(|ray| {
                 let [all, model] = ray.colours(scene, mix).map(|truth| shown.difference(truth));
                 Error { all, model }
@@ -162,7 +163,11 @@ impl Probe {
         let lights = alone.into_iter().map(|(_, light)| lit(&light.name.clone(), &Mix(vec![light]))).collect();
         let spectrum = |mix: &Mix| reflected.map(|reflected| spectrum(reflected, numbers, mix, positions));
         let now = matrices(mix);
-        let through = numbers.transmittance.iter().zip(&now.passing).map(|(&passed, share)| f64::from(passed) * share);
+        let through = numbers
+            .transmittance
+            .iter()
+            .zip(&now.transmittance_weights)
+            .map(|(&passed, share)| f64::from(passed) * share);
         let (shares, of_positions) = shares(pixel, scene, &now, ray);
         Self {
             place: pixel.place,
@@ -171,7 +176,7 @@ impl Probe {
             lights,
             spectrum: spectrum(mix),
             reflectance: reflected.map(|reflected| {
-                let components = reflected.components.iter().cycle().zip(&numbers.weights);
+                let components = reflected.components.iter().cycle().zip(&numbers.accumulators);
                 let sent =
                     components.fold(Spectrum::constant(0.0), |sum, (part, &weight)| &sum + &part.scaled(weight.into()));
                 // The background is lit from every place.
@@ -244,9 +249,9 @@ fn only(picture: Vec<DVec3>) -> DVec3 {
 }
 
 /// The spectrum that `numbers` send to the eye under `mix`.
-fn spectrum(reflected: &Reflected, numbers: &Accumulation<f32>, mix: &Mix, positions: usize) -> Spectrum {
+fn spectrum(reflected: &Reflected, numbers: &Film<f32>, mix: &Mix, positions: usize) -> Spectrum {
     let [parts, behind] = reflected.under(mix, positions);
-    let kept = parts.iter().zip(&numbers.weights).chain(behind.iter().zip(&numbers.transmittance));
+    let kept = parts.iter().zip(&numbers.accumulators).chain(behind.iter().zip(&numbers.transmittance));
     kept.fold(Spectrum::constant(0.0), |sum, (part, &number)| &sum + &part.scaled(f64::from(number)))
 }
 
@@ -254,7 +259,7 @@ fn spectrum(reflected: &Reflected, numbers: &Accumulation<f32>, mix: &Mix, posit
 fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<&Ray>) -> (Vec<Share>, Vec<Share>) {
     let (numbers, planned) = (&pixel.numbers, &pixel.planned);
     let parts = planned.plan.components();
-    let sent: Vec<f64> = (numbers.weights.iter().zip(&matrices.colours))
+    let sent: Vec<f64> = (numbers.accumulators.iter().zip(&matrices.colours))
         .map(|(&weight, &colour)| f64::from(weight) * Shown(colour).luminance())
         .collect();
     let behind: f64 = (numbers.transmittance.iter().zip(&matrices.background))
@@ -276,18 +281,19 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
         let all = matter.chain(planned.plan.specular().map(|_| ("highlights", None)));
         for (part, (name, seen)) in all.enumerate() {
             let here = |numbers: &mut dyn Iterator<Item = f64>| numbers.skip(part).step_by(parts.max(1)).sum();
-            let weight = here(&mut numbers.weights.iter().map(|&weight| f64::from(weight)));
+            let weight = here(&mut numbers.accumulators.iter().map(|&weight| f64::from(weight)));
             shares.push(share(name, seen, weight, here(&mut sent.iter().copied())));
         }
     }
     if planned.plan.background {
-        let through: f64 = numbers.transmittance.iter().zip(&matrices.passing).map(|(&t, p)| f64::from(t) * p).sum();
+        let through: f64 =
+            numbers.transmittance.iter().zip(&matrices.transmittance_weights).map(|(&t, p)| f64::from(t) * p).sum();
         shares.push(share("background", Some(through), through, behind));
     }
     let places = planned.positions.iter().enumerate().map(|(position, place)| {
         let here = position * parts..(position + 1) * parts;
         let weight =
-            numbers.weights.get(here.clone()).map_or(0.0, |weights| weights.iter().copied().map(f64::from).sum());
+            numbers.accumulators.get(here.clone()).map_or(0.0, |weights| weights.iter().copied().map(f64::from).sum());
         let light = sent.get(here).map_or(0.0, |sent| sent.iter().sum());
         share(&place.name, None, weight, light)
     });
@@ -319,7 +325,7 @@ pub struct Ray {
     components: Components,
     positions: usize,
     /// At an eighth of the picture's steps, and at its own.
-    marched: [Accumulation<f64>; 2],
+    marched: [Film<f64>; 2],
     /// What it meets, from the eye on.
     pub stretches: Vec<Stretch>,
     /// How much of each material of the scene is seen along it, whatever its shade; to a grey eye, where what passes has a
@@ -360,9 +366,9 @@ impl Ray {
         let exact = Exact::new(scene, &planned, storage(), labels.as_ref());
         let mut profile = Profile::new(scene);
         let dims = DVec3::from_array(scene.volume.geometry.dims.map(count));
-        let own = march_ray(scene, &planned, &exact, [size, place], progress, |passing: &Passing<'_, f64>| {
-            let place = DVec3::from_array(passing.place) * dims - 0.5;
-            profile.add(place, exact.at(passing.place), passing.transmittance);
+        let own = march_ray(scene, &planned, &exact, [size, place], progress, |sample: &RaySample<'_, f64>| {
+            let place = DVec3::from_array(sample.place) * dims - 0.5;
+            profile.add(place, exact.at(sample.place), sample.transmittance);
         })?;
         let mut finer = scene.clone();
         finer.accuracy.step_length /= FINER;
@@ -382,7 +388,7 @@ impl Ray {
     pub fn colours(&self, scene: &Scene, mix: &Mix) -> [Shown; 2] {
         let background = scene.background.as_ref();
         let matrices = RelightMatrices::new(&self.components, self.positions, background, mix, &scene.display);
-        self.marched.each_ref().map(|marched| Shown(only(relight(marched, &matrices))))
+        self.marched.each_ref().map(|marched| Shown(only(marched.relight(&matrices))))
     }
 }
 

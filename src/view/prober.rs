@@ -8,10 +8,11 @@ use super::engine::Engine;
 use super::job::Job;
 use super::probe::{Pixel, Probe, ProbeError, Ray};
 use super::state::State;
+use crate::film::Components;
 use crate::model::ColourModel;
 use crate::render::RenderError;
 use crate::scene::positions;
-use crate::tables::{Components, Reflected};
+use crate::tables::Reflected;
 
 /// What takes longer than a frame.
 struct Behind {

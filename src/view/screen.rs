@@ -22,7 +22,7 @@ pub(super) struct Screen {
     // Before the window it draws in.
     pub(super) surface: Surface,
     pub(super) egui: egui_winit::State,
-    pub(super) renderer: Arc<Renderer>,
+    pub(super) renderer: Renderer,
     pub(super) window: Arc<Window>,
     /// How often the device was opened.
     opened: usize,
@@ -66,9 +66,9 @@ impl Screen {
 }
 
 /// A device that shows pictures in `window`.
-fn device(options: &Options, window: &Arc<Window>) -> Result<(Surface, Arc<Renderer>), ViewError> {
+fn device(options: &Options, window: &Arc<Window>) -> Result<(Surface, Renderer), ViewError> {
     let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
     let device = Device::open_for_window(&options.device, options.validation, display.as_raw())?;
     let surface = Surface::new(&device, Arc::clone(window))?;
-    Ok((surface, Arc::new(Renderer::new(device).with_dispatches_of(DISPATCH))))
+    Ok((surface, Renderer::new(device).with_dispatches_of(DISPATCH)))
 }

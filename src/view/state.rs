@@ -103,15 +103,6 @@ pub enum Edit {
     Spectra(Arc<Spectra>),
 }
 
-/// What has to be done again after an edit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Cost {
-    /// The light of the picture: one small matrix a pixel.
-    Relight,
-    /// The way of every ray through the volume.
-    March,
-}
-
 impl Edit {
     /// What tells it from other kinds: the hand on a node is on its way as anywhere else.
     fn kind(&self) -> Discriminant<Self> {
@@ -121,10 +112,21 @@ impl Edit {
         }
     }
 
-    /// What has to be done again after it.
+    /// Whether it leaves the lights and their mix as they are.
     #[must_use]
-    pub fn cost(&self) -> Cost {
+    pub fn leaves_light(&self) -> bool {
         match self {
+            Self::Camera(..)
+            | Self::Interval(..)
+            | Self::AddInterval(_)
+            | Self::RemoveTerm(_)
+            | Self::Intervals(_)
+            | Self::Crop(_)
+            | Self::ResetCrop
+            | Self::Label(..)
+            | Self::ResetTransfer
+            | Self::Accuracy(_)
+            | Self::Spectra(_) => true,
             Self::Weight(..)
             | Self::On(..)
             | Self::Solo(_)
@@ -146,18 +148,7 @@ impl Edit {
             | Self::Adapt(_)
             | Self::Observer(_)
             | Self::Deficiency(_)
-            | Self::Design(_) => Cost::Relight,
-            Self::Camera(..)
-            | Self::Interval(..)
-            | Self::AddInterval(_)
-            | Self::RemoveTerm(_)
-            | Self::Intervals(_)
-            | Self::Crop(_)
-            | Self::ResetCrop
-            | Self::Label(..)
-            | Self::ResetTransfer
-            | Self::Accuracy(_)
-            | Self::Spectra(_) => Cost::March,
+            | Self::Design(_) => false,
         }
     }
 }
@@ -284,22 +275,36 @@ impl State {
         }
     }
 
-    /// What has to be done to go from `before` to this state; `None` where both look alike.
+    /// Whether both states write the same session.
     #[must_use]
-    pub fn cost_from(&self, before: &Self) -> Option<Cost> {
-        let (now, then) = (&self.scene, &before.scene);
-        let other_labels = declared(now) != declared(then);
-        let other_rays = now.camera != then.camera || now.crop != then.crop || now.accuracy != then.accuracy;
-        // What spectra cost is found out by the engine, which knows what pixels keep.
-        let spectra = now.materials != then.materials || now.lights != then.lights || now.background != then.background;
-        if other_rays || now.transfer != then.transfer || other_labels || spectra {
-            return Some(Cost::March);
-        }
-        let alike = self.palette == before.palette
-            && self.light == before.light
-            && now.dial == then.dial
-            && now.display == then.display;
-        (!alike).then_some(Cost::Relight)
+    pub fn writes_as(&self, other: &Self) -> bool {
+        let Self { scene, light, palette } = self;
+        // Taken apart without `..`: a new field does not compile until it is decided here whether sessions have it.
+        let Scene {
+            source: _,
+            text: _,
+            base: _,
+            inputs: _,
+            volume: _,
+            labels: _,
+            materials,
+            transfer,
+            lights,
+            dial,
+            // As the scene opened: `State::light` is what sessions have.
+            light: _,
+            shading: _,
+            background,
+            camera,
+            crop,
+            accuracy,
+            display,
+        } = scene;
+        let to = &other.scene;
+        (light, palette) == (&other.light, &other.palette)
+            && (camera, crop, accuracy, display) == (&to.camera, &to.crop, &to.accuracy, &to.display)
+            && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
+            && (transfer, dial, declared(scene)) == (&to.transfer, &to.dial, declared(to))
     }
 
     fn apply(&mut self, edit: &Edit, opened: &Scene) {
@@ -474,7 +479,7 @@ impl State {
             | Edit::Deficiency(_)
             | Edit::Rename(..)
             | Edit::Design(_) => light.situation,
-            _ if edit.cost() == Cost::March => light.situation,
+            _ if edit.leaves_light() => light.situation,
             _ => None,
         };
     }
@@ -520,7 +525,7 @@ impl Document {
     /// Whether it is as it was opened, or saved last.
     #[must_use]
     pub fn is_saved(&self) -> bool {
-        self.now.cost_from(&self.saved).is_none()
+        self.now.writes_as(&self.saved)
     }
 
     /// The same, where the values of its volume are known to have `statistics`.
@@ -598,11 +603,13 @@ impl Document {
     }
 
     /// Changes it. Until [`Self::rest`], edits of one kind are one step back, also where others come between: a camera is turned
-    /// while a tour is played. `None` where nothing has changed.
-    pub fn edit(&mut self, edit: &Edit) -> Option<Cost> {
+    /// while a tour is played. Returns whether anything has changed.
+    pub fn edit(&mut self, edit: &Edit) -> bool {
         let before = self.now.clone();
         self.now.apply(edit, &self.opened);
-        let cost = self.now.cost_from(&before)?;
+        if self.now.writes_as(&before) {
+            return false;
+        }
         let kind = edit.kind();
         if !self.gesture.contains(&kind) {
             self.gesture.push(kind);
@@ -612,7 +619,7 @@ impl Document {
             }
         }
         self.future.clear();
-        Some(cost)
+        true
     }
 
     /// How it would be after `edit`, which is not made.
@@ -626,7 +633,7 @@ impl Document {
     /// The hand has let go: the next edit is a step back of its own. One that ended where it began is none.
     pub fn rest(&mut self) {
         for _ in self.gesture.drain(..) {
-            let nothing = |before: &State| self.now.cost_from(before).is_none();
+            let nothing = |before: &State| self.now.writes_as(before);
             if self.past.last().is_some_and(nothing) {
                 self.past.pop();
             }
@@ -652,19 +659,19 @@ impl Document {
         !self.future.is_empty()
     }
 
-    /// Goes a step back.
-    pub fn undo(&mut self) -> Option<Cost> {
-        let before = self.past.pop()?;
+    /// Undoes the last step. Returns whether there was one.
+    pub fn undo(&mut self) -> bool {
+        let Some(before) = self.past.pop() else { return false };
         self.gesture.clear();
         self.future.push(std::mem::replace(&mut self.now, before));
-        self.future.last().and_then(|undone| self.now.cost_from(undone))
+        true
     }
 
-    /// Goes a step forward.
-    pub fn redo(&mut self) -> Option<Cost> {
-        let after = self.future.pop()?;
+    /// Redoes the last step undone. Returns whether there was one.
+    pub fn redo(&mut self) -> bool {
+        let Some(after) = self.future.pop() else { return false };
         self.gesture.clear();
         self.past.push(std::mem::replace(&mut self.now, after));
-        self.past.last().and_then(|before| self.now.cost_from(before))
+        true
     }
 }

@@ -20,7 +20,7 @@ use winit::window::WindowId;
 
 use super::action::{Action, Leaving, Losing};
 use super::effort::Curve;
-use super::engine::{Counts, Engine, EngineError, Reached, Stepped};
+use super::engine::{Counts, Engine, Reached, Stepped};
 use super::export::write_rgba;
 use super::job::Job;
 use super::load::{LoadError, Loaded, Loading, Source};
@@ -28,7 +28,7 @@ use super::probe::Probe;
 use super::prober::Prober;
 use super::screen::Screen;
 use super::script::{Script, ScriptError};
-use super::state::{Cost, Document, Edit};
+use super::state::{Document, Edit};
 use super::tour::Tour;
 use super::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
 use crate::number::{count, unsigned, whole};
@@ -356,7 +356,7 @@ impl Viewer {
     fn ask(&mut self, action: Action) {
         match action {
             Action::Edit(edit) => {
-                if edit.cost() == Cost::Relight {
+                if !edit.leaves_light() {
                     self.stop_tour();
                 }
                 // Neither changes a picture.
@@ -405,20 +405,20 @@ impl Viewer {
     }
 
     /// Changes what is looked at. The pictures of a tour that is saved are all of one thing, which the change `spares` or not.
-    fn change(&mut self, spares: bool, change: impl FnOnce(&mut Document) -> Option<Cost>) {
-        let cost = self.document.as_mut().and_then(change);
-        if cost.is_some() && !spares {
+    fn change(&mut self, spares: bool, change: impl FnOnce(&mut Document) -> bool) {
+        if !self.document.as_mut().is_some_and(change) {
+            return;
+        }
+        if !spares {
             self.give_up_tour("Something was changed");
         }
-        self.show_again(cost);
+        self.show_again();
     }
 
-    fn show_again(&mut self, cost: Option<Cost>) {
-        let (Some(document), Some(engine), Some(cost)) = (&self.document, &mut self.engine, cost) else { return };
-        let state = document.state();
-        engine.light(state);
-        if cost == Cost::March {
-            engine.look(&state.scene, self.report.size);
+    /// Shows the document as it is now.
+    fn show_again(&mut self) {
+        let (Some(document), Some(engine)) = (&self.document, &mut self.engine) else { return };
+        if engine.update(document.state(), self.report.size) {
             (self.moved, self.reached) = (Instant::now(), Reached::default());
         }
     }
@@ -499,9 +499,9 @@ impl Viewer {
     }
 
     /// What the engine has made, or nothing: why not is told.
-    fn made<T: Default>(&mut self, made: Result<T, EngineError>) -> Result<T, VulkanError> {
+    fn made<T: Default>(&mut self, made: Result<T, RenderError>) -> Result<T, VulkanError> {
         match made {
-            Err(EngineError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
+            Err(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => Err(lost),
             Err(error) => {
                 self.tell(&error);
                 Ok(T::default())
@@ -663,7 +663,7 @@ impl Viewer {
         let [_, _, width, height] = self.pixels(pixels_per_point).map(|pixels| pixels.max(1));
         let before = std::mem::replace(&mut self.report.size, [width as usize, height as usize]);
         self.look_at_the_same(before);
-        self.show_again(Some(Cost::March));
+        self.show_again();
     }
 
     /// Looks at what it looked at in a picture of another size, or at nothing where that is no longer in the picture.

@@ -147,12 +147,13 @@ pub(crate) fn probed_of(document: &Document) -> Probe {
     let rungs = relume::measure::Rungs::planned(scene.clone(), planned.clone(), size).unwrap();
     let marched = rungs.march::<f32>(&rungs.stored(), &Quiet).unwrap();
     let of = |planes: &[f32]| planes.iter().step_by(4).copied().collect();
-    let numbers = relume::tables::Accumulation {
+    let numbers = relume::film::Film {
         size: [1, 1],
-        weights: of(&marched.weights),
+        components: marched.components,
+        accumulators: of(&marched.accumulators),
         transmittance: of(&marched.transmittance),
     };
-    let components = relume::tables::Components::new(&scene, &planned);
+    let components = relume::film::Components::new(&scene, &planned);
     let reflected = relume::tables::Reflected::new(&components, None);
     let ray = Ray::march(&scene, &scene.volume.statistics().unwrap(), [size, [0, 0]], &Quiet).unwrap();
     let pixel = Pixel { place: [0, 0], size, numbers, planned, components };

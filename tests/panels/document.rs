@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec2;
+use relume::plan::Stale;
 use relume::progress::Quiet;
 use relume::scene::{self, Accuracy, Interval, SceneOptions};
 use relume::spectrum::observer::Observer;
@@ -40,8 +41,8 @@ fn numbers_out_of_range_are_brought_into_it() {
 }
 
 #[test]
-fn an_edit_costs_what_it_says() {
-    let edits = [
+fn an_edit_makes_stale_what_it_must() {
+    let lights = [
         Edit::Weight(0, 0.5),
         Edit::On(0, false),
         Edit::Solo(Some(0)),
@@ -52,25 +53,42 @@ fn an_edit_costs_what_it_says() {
         Edit::NodePlace(0, DVec2::splat(0.3)),
         Edit::NodeOn(0, false),
         Edit::Situation(0),
-        Edit::Exposure(2.0),
-        Edit::Adapt(true),
-        Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0),
-        Edit::Camera(Move::Projection, 1.0),
+        offered(&document()),
+    ];
+    let display = [Edit::Exposure(2.0), Edit::Adapt(true)];
+    let observer = [Edit::Observer(Observer::Cie1964)];
+    let camera = [Edit::Camera(Move::Orbit { right: 10.0, up: 0.0 }, 1.0), Edit::Camera(Move::Projection, 1.0)];
+    let tables = [
         Edit::Interval(0, Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
         Edit::AddInterval(Interval { material: 0, range: [1.0, 2.0], ramp: 0.5, opacity: 0.5, absorption: 0.0 }),
         Edit::RemoveTerm(0),
         Edit::Accuracy(Accuracy { step_length: 0.7, ..document().state().scene.accuracy.clone() }),
-        Edit::Observer(Observer::Cie1964),
-        offered(&document()),
-        Edit::Spectra(Arc::new(
-            Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
-        )),
     ];
-    for edit in edits {
-        let mut document = document();
-        assert_eq!(document.edit(&edit), Some(edit.cost()), "{edit:?}");
-        assert_eq!(document.undo(), Some(edit.cost()), "{edit:?} undone");
-        assert_eq!(document.redo(), Some(edit.cost()), "{edit:?} done again");
+    let spectra = [Edit::Spectra(Arc::new(
+        Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
+    ))];
+    // Pixels of this scene keep weights, which are the same whatever the spectra.
+    let expected = [
+        (&lights[..], Stale::Nothing),
+        (&display, Stale::Picture),
+        (&spectra, Stale::Picture),
+        (&observer, Stale::Matrices),
+        (&camera, Stale::Accumulators),
+        (&tables, Stale::Tables),
+    ];
+    for (edits, stale) in expected {
+        for edit in edits {
+            let mut document = document();
+            let before = document.state().scene.clone();
+            let planned = relume::plan::plan(&before, &Quiet).unwrap();
+            assert!(document.edit(edit), "{edit:?}");
+            let after = document.state().scene.clone();
+            assert_eq!(Stale::between(&before, &planned, &after), stale, "{edit:?}");
+            assert!(document.undo(), "{edit:?} undone");
+            assert_eq!(Stale::between(&before, &planned, &document.state().scene), Stale::Nothing, "{edit:?} undone");
+            assert!(document.redo(), "{edit:?} redone");
+            assert_eq!(Stale::between(&after, &planned, &document.state().scene), Stale::Nothing, "{edit:?} redone");
+        }
     }
 }
 
@@ -82,7 +100,7 @@ fn steps_back_are_bounded_however_much_is_done() {
         document.rest();
     }
     let mut undone = 0;
-    while document.undo().is_some() {
+    while document.undo() {
         undone += 1;
     }
     assert_eq!(undone, 200);
@@ -98,7 +116,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     let scene = before.opened().clone();
     assert!(before.lies_as(&scene));
     let after = before.clone().beside(scene.clone(), false);
-    assert!(after.state().cost_from(before.state()).is_none(), "also a transfer function that was changed");
+    assert!(after.state().writes_as(before.state()), "also a transfer function that was changed");
     let mut back = after.clone();
     while back.can_undo() {
         back.undo();
@@ -129,7 +147,7 @@ fn what_ends_where_it_began_is_no_step_back() {
     document.edit(&places[1]);
     document.edit(&places[2]);
     document.rest();
-    assert!(document.undo().is_some() && !document.can_undo());
+    assert!(document.undo() && !document.can_undo());
 }
 
 #[test]

@@ -8,7 +8,7 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use relume::progress::Quiet;
 use relume::scene::{self, Interval, SceneOptions};
-use relume::view::{Action, Cost, Document, Edit};
+use relume::view::{Action, Document, Edit};
 
 use crate::app::{App, click_at, document, drag_along, intervals, is_painted, type_into, wide, with_histogram};
 use crate::support::program::SCENE;
@@ -86,9 +86,9 @@ fn intervals_are_added_removed_and_brought_back() {
     window.get_by_label("Reset transfer").click();
     window.run();
     assert_eq!(intervals(&window), before);
-    let marching =
-        window.state().asked.iter().all(|action| matches!(action, Action::Edit(edit) if edit.cost() == Cost::March));
-    assert!(marching, "{:?}", window.state().asked);
+    let of_volume =
+        window.state().asked.iter().all(|action| matches!(action, Action::Edit(edit) if edit.leaves_light()));
+    assert!(of_volume, "{:?}", window.state().asked);
 }
 
 #[test]

@@ -9,10 +9,12 @@
 //! 1e-5 of the bounds.
 
 use glam::DVec3;
+use relume::film::Film;
+use relume::number::Real;
 use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
-use relume::reference::{Real, Samples, Step};
+use relume::reference::{Samples, Step};
 use relume::scene::{Lookup, Material, Placement, Position, View};
-use relume::tables::{Accumulation, RayTable, Steps, StoredVolume};
+use relume::tables::{RayTable, Steps, StoredVolume};
 
 use super::rungs::Rungs;
 use super::scenes::float;
@@ -145,10 +147,10 @@ impl<F> Bounding<'_, F> {
 /// `roundings` per step in the arithmetic of a step and its sum.
 pub fn bounds<R: Real>(
     rungs: &Rungs,
-    expected: &Accumulation<R>,
+    expected: &Film<R>,
     roundings: f64,
     sample: impl Fn([f64; 3]) -> (Step<f64>, Difference) + Sync,
-) -> Accumulation<f64> {
+) -> Film<f64> {
     let (scene, planned, size) = (&rungs.scene, &rungs.planned, &rungs.size);
     let (components, passed) = (planned.plan.components(), planned.plan.passed());
     let plan = ScenePlan {
@@ -160,22 +162,23 @@ pub fn bounds<R: Real>(
     };
     let everywhere = Position { name: "everywhere".into(), placement: Placement::Ambient, lights: Vec::new() };
     let differences = Planned { plan, materials: Vec::new(), positions: vec![everywhere], model: None };
-    let behind = expected.weights.iter().fold(largest_behind(rungs), |most, weight| most.max(weight.to_f64().abs()));
+    let behind =
+        expected.accumulators.iter().fold(largest_behind(rungs), |most, weight| most.max(weight.to_f64().abs()));
     let rounded = roundings * longest(rungs) * ROUNDING_UNIT;
     let bounding = Bounding { rungs, behind, rounded, sample };
     let marched = relume::reference::march(scene, &differences, &bounding, *size, &relume::progress::Quiet).unwrap();
 
     let pixels = size[0] * size[1];
-    let plane = |component: usize| &marched.weights[component * pixels..][..pixels];
+    let plane = |component: usize| &marched.accumulators[component * pixels..][..pixels];
     // Weights are what they sum up; the terms of spectra may cancel, and have brought their roundings along.
     let of_sum = if planned.model.is_some() { 0.0 } else { rounded };
-    let weights = expected.weights.iter().enumerate().map(|(i, weight)| {
+    let weights = expected.accumulators.iter().enumerate().map(|(i, weight)| {
         plane(i / pixels % components)[i % pixels] + of_sum * weight.to_f64().abs() + f64::from(f32::MIN_POSITIVE)
     });
     let transmittance = expected.transmittance.iter().enumerate().map(|(i, number)| {
         plane(components + i / pixels)[i % pixels] + rounded * number.to_f64() + f64::from(f32::MIN_POSITIVE)
     });
-    Accumulation { size: *size, weights: weights.collect(), transmittance: transmittance.collect() }
+    Film { size: *size, components, accumulators: weights.collect(), transmittance: transmittance.collect() }
 }
 
 /// The most, in a component, that materials send from behind a step which hide as much as they scatter.
@@ -198,7 +201,7 @@ fn largest_behind(rungs: &Rungs) -> f64 {
 /// middle of an entry is missed by a quarter of its change of slope per entry, of which such a difference sees at least
 /// 1.5 entries; a parabola, by a 32nd of it), a rounding of its own entries aside; a stored value is off by
 /// [`relume::tables::Storage::loss`], a stored difference by half a code.
-pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f64> {
+pub fn of_tables(rungs: &Rungs, expected: &Film<f64>) -> Film<f64> {
     assert_eq!(rungs.planned.plan.lookup, Lookup::Linear, "jumps move by an entry");
     let [low, high] = rungs.storage.domain;
     let entry = (high - low) / float(rungs.table.entries() - 1);
@@ -238,12 +241,7 @@ pub fn of_tables(rungs: &Rungs, expected: &Accumulation<f64>) -> Accumulation<f6
 /// Between two rungs that read the same tables and volume, at places up to `reach` (texture coordinates) apart: the
 /// differences to the corners of the cube that far around a place, which hold the extremes of anything that is monotonic
 /// in the cube, and the roundings of interpolation.
-pub fn of_places<R: Real>(
-    rungs: &Rungs,
-    expected: &Accumulation<R>,
-    reach: [f64; 3],
-    roundings: f64,
-) -> Accumulation<f64> {
+pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], roundings: f64) -> Film<f64> {
     let stored = rungs.stored::<f64>();
     let texels = Texels::new(&rungs.volume);
     let scale = DVec3::from_array(rungs.storage.gradient_scale());

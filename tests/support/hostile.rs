@@ -8,7 +8,7 @@ use std::io::{Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use relume::output::Accumulators;
+use relume::output::FilmFile;
 use relume::palette::{self, Palette};
 use relume::plan;
 use relume::progress::{Progress, Quiet};
@@ -167,7 +167,7 @@ impl Place {
             Reader::Palette => self.palette(bytes),
             Reader::Spectrum => self.spectrum(),
             Reader::Accumulators => {
-                Accumulators::read(&self.path).ok().map(|read| 4 * (read.weights.len() + read.transmittance.len()))
+                FilmFile::read(&self.path).ok().map(|read| 4 * (read.accumulators.len() + read.transmittance.len()))
             }
         });
         let allowed = ALLOWED.max(2 * size.unwrap_or(0));

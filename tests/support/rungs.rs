@@ -3,14 +3,15 @@
 use std::ops::{Deref, DerefMut};
 
 use glam::DVec3;
+use relume::film::{Film, RelightMatrices};
 use relume::measure;
+use relume::number::Real;
 use relume::plan::Planned;
 use relume::progress::Quiet;
-use relume::reference::{self, Real, Samples};
-use relume::render::{Accumulators, Renderer};
+use relume::reference::{self, Samples};
+use relume::render::{DeviceFilm, Renderer};
 use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
-use relume::tables::{Accumulation, RelightMatrices};
 
 use super::device::open;
 
@@ -41,7 +42,7 @@ impl Rungs {
         Self(measure::Rungs::planned(scene, planned, size).unwrap())
     }
 
-    pub fn march<R: Real>(&self, samples: &impl Samples<R>) -> Accumulation<R> {
+    pub fn march<R: Real>(&self, samples: &impl Samples<R>) -> Film<R> {
         self.0.march(samples, &Quiet).unwrap()
     }
 
@@ -68,11 +69,11 @@ impl Rungs {
         full.lit(&full.stored()).into_iter().map(|(colour, _)| colour).collect()
     }
 
-    pub fn gpu(&self, renderer: &Renderer) -> Accumulation<f32> {
+    pub fn gpu(&self, renderer: &Renderer) -> Film<f32> {
         renderer.read(&self.gpu_accumulators(renderer)).unwrap()
     }
 
-    pub fn gpu_accumulators(&self, renderer: &Renderer) -> Accumulators {
+    pub fn gpu_accumulators(&self, renderer: &Renderer) -> DeviceFilm {
         self.0.render(renderer, &Quiet).unwrap()
     }
 
@@ -96,23 +97,19 @@ pub fn in_xyz(matrices: &RelightMatrices) -> RelightMatrices {
     RelightMatrices {
         colours: matrices.colours.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
         background: matrices.background.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
-        passing: matrices.passing.clone(),
+        transmittance_weights: matrices.transmittance_weights.clone(),
     }
 }
 
 /// Σ|weight · colour| of every pixel and channel: what errors of a picture are relative to.
-pub fn magnitudes<R: Real>(accumulation: &Accumulation<R>, matrices: &RelightMatrices) -> Vec<DVec3> {
-    let absolute = Accumulation {
-        size: accumulation.size,
-        weights: accumulation.weights.iter().map(|weight| weight.to_f64().abs()).collect(),
-        transmittance: accumulation.transmittance.iter().map(|passed| passed.to_f64().abs()).collect::<Vec<f64>>(),
-    };
+pub fn magnitudes<R: Real>(accumulation: &Film<R>, matrices: &RelightMatrices) -> Vec<DVec3> {
+    let absolute = accumulation.map(|number| number.to_f64().abs());
     let matrices = RelightMatrices {
         colours: matrices.colours.iter().map(|colour| colour.abs()).collect(),
         background: matrices.background.iter().map(|colour| colour.abs()).collect(),
-        passing: matrices.passing.clone(),
+        transmittance_weights: matrices.transmittance_weights.clone(),
     };
-    reference::relight(&absolute, &matrices)
+    absolute.relight(&matrices)
 }
 
 /// Runs `test` on a renderer, and fails where the validation layer has something to say.

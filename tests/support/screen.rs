@@ -25,16 +25,22 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// `None`, and a word about it, where there is no Xvfb.
-    #[expect(clippy::print_stdout, reason = "a test says what it did not test")]
+    /// `None` where tests of the window are to be skipped (`GPU_TESTS=skip`).
+    ///
+    /// # Panics
+    ///
+    /// Where there is no Xvfb: the message says how to get it.
+    #[expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
     pub fn new() -> Option<Self> {
+        if std::env::var("GPU_TESTS").as_deref() == Ok("skip") {
+            eprintln!("skipped: GPU_TESTS=skip");
+            return None;
+        }
         let mut command = Command::new("Xvfb");
         command.args(["-displayfd", "1", "-screen", "0", "1700x1100x24", "-nolisten", "tcp", "-noreset"]);
         let started = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let Ok(mut server) = started else {
-            println!("nothing was tested: there is no Xvfb (scripts/setup --tests installs it)");
-            return None;
-        };
+        let mut server =
+            started.unwrap_or_else(|error| panic!("this test needs Xvfb (scripts/setup --tests installs it): {error}"));
         let mut number = String::new();
         BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
         Some(Self { server, display: format!(":{}", number.trim()) })

@@ -1,22 +1,20 @@
 //! Frames of scenes on a device, timed and counted.
 
-use std::rc::Rc;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+use relume::film::RelightMatrices;
 use relume::measure::{Stopwatch, Summary, Timing, peak_mb, summary};
-use relume::plan::{Accumulate, Planned, ScenePlan, plan};
+use relume::plan::{Accumulate, Planned, plan};
 use relume::progress::Progress;
-use relume::render::{Renderer, Uploaded};
+use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Aim, Mix, Scene, Shading};
-use relume::tables::RelightMatrices;
-use relume::volume::{Statistics, Volume};
+use relume::volume::Statistics;
 use relume::vulkan::DeviceKind;
 
 use super::cases::{Case, Subject, Varied};
-use super::{Args, CliError, Learnt, matrices};
+use super::{Args, CliError, Learnt};
 
 /// Frames before those that count.
 const WARM_UP: u32 = 2;
@@ -122,8 +120,8 @@ pub(super) struct Bench<'a> {
     renderer: &'a Renderer,
     progress: &'a dyn Progress,
     loaded: Option<Loaded>,
-    /// Volumes on the device, of that scene.
-    resident: Vec<Rc<Resident>>,
+    /// That scene on the device, once per way its volume is stored.
+    resident: Vec<SceneRenderer>,
     /// Plans of that scene, each with what it is the plan of: a colour model is fitted, and warned of, once.
     plans: Vec<(Scene, Planned)>,
     /// Frames that were marched, of all there are to march.
@@ -136,19 +134,10 @@ struct Loaded {
     statistics: Statistics,
 }
 
-/// A volume on the device, and what it was put there for.
-struct Resident {
-    volume: Arc<Volume>,
-    plan: ScenePlan,
-    uploaded: Uploaded,
-}
-
 /// A case that is ready, and what was measured of it so far.
 struct Running<'a> {
     case: &'a Case,
-    scene: Scene,
-    planned: Planned,
-    resident: Rc<Resident>,
+    on_device: SceneRenderer,
     matrices: RelightMatrices,
     marches: Vec<(Timing, Option<Duration>)>,
     relights: Vec<(Timing, Option<Duration>)>,
@@ -207,32 +196,25 @@ impl<'a> Bench<'a> {
                 planned
             }
         };
-        let fits = |it: &&Rc<Resident>| {
-            Arc::ptr_eq(&it.volume, &scene.volume)
-                && it.plan.is_stored_as(&planned.plan)
-                && (it.plan.interpolation, it.plan.labels) == (planned.plan.interpolation, planned.plan.labels)
-        };
-        let resident = match self.resident.iter().find(fits) {
-            Some(resident) => Rc::clone(resident),
+        let on_device = match self.resident.iter().find(|resident| resident.holds(&scene, &planned)) {
+            Some(resident) => resident.with_scene(scene, planned, progress)?,
             None => {
-                let uploaded = renderer.upload(&scene, &planned, statistics, progress)?;
-                let (volume, plan) = (Arc::clone(&scene.volume), planned.plan.clone());
-                let resident = Rc::new(Resident { volume, plan, uploaded });
-                self.resident.push(Rc::clone(&resident));
+                let resident = SceneRenderer::with_plan(renderer, scene, planned, statistics.clone(), progress)?;
+                self.resident.push(resident.clone());
                 resident
             }
         };
         let counts = Counts {
-            pixel_bytes: planned.plan.pixel_bytes(),
-            volume_bytes: resident.uploaded.bytes(),
+            pixel_bytes: on_device.planned().plan.pixel_bytes(),
+            volume_bytes: on_device.uploaded().bytes(),
             march_dispatches: 0,
             relight_dispatches: 0,
             relight_marches: 0,
             relight_bytes: 0,
         };
-        let matrices = matrices(&scene, &planned, &Mix::of_scene(&scene));
+        let matrices = on_device.matrices(&Mix::of_scene(on_device.scene()));
         let (marches, relights) = (Vec::new(), Vec::new());
-        Ok(Running { case, scene, planned, resident, matrices, marches, relights, counts, startup_ms: None })
+        Ok(Running { case, on_device, matrices, marches, relights, counts, startup_ms: None })
     }
 }
 
@@ -243,12 +225,11 @@ impl Running<'_> {
         let (done, all) = bench.frames;
         bench.progress.report(&format!("measuring {}", self.case.workload), done, all);
         bench.frames.0 += 1;
-        if let Aim::Orbit { azimuth, .. } = &mut self.scene.camera.aim {
+        if let Aim::Orbit { azimuth, .. } = &mut self.on_device.camera_mut().aim {
             *azimuth = -20.0 + 8.0 * f64::from(frame);
         }
-        let uploaded = &self.resident.uploaded;
         let clock = Stopwatch::start();
-        let accumulators = renderer.march(&self.scene, &self.planned, uploaded, self.case.size, bench.progress)?;
+        let accumulators = self.on_device.march(self.case.size, bench.progress)?;
         let march = (clock.read(), accumulators.device_time);
         let relight = renderer.relight_display(&accumulators)?;
         relight.run(&self.matrices)?;
@@ -274,7 +255,8 @@ impl Running<'_> {
     }
 
     fn row(self, renderer: &Renderer) -> Row {
-        let Self { case, scene, planned, marches, relights, counts, startup_ms, .. } = self;
+        let Self { case, on_device, marches, relights, counts, startup_ms, .. } = self;
+        let (scene, planned) = (on_device.scene(), on_device.planned());
         let info = renderer.device().info();
         let shading = if scene.shading == Shading::None { "none" } else { "diffuse" };
         let varied = case.varied.map_or_else(String::new, |Varied { name, value }| format!(" {name}={value}"));

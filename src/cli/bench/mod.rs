@@ -28,7 +28,6 @@ use frames::{Bench, Row};
 
 use super::accuracy::AccuracyArgs;
 use super::model::Learnt;
-use super::render::matrices;
 use super::scene::{DefineArgs, SelectionArgs, size};
 use super::{CliError, Report, figures, files};
 

@@ -3,19 +3,18 @@
 use glam::{DMat3, DVec3};
 
 use super::{ExtremeError, Rung};
+use crate::film::{Film, RelightMatrices};
 use crate::measure::rungs::{RungError, Rungs};
 use crate::plan::Planned;
 use crate::progress::Progress;
-use crate::reference::{Real, relight};
 use crate::render::Renderer;
 use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
-use crate::tables::{Accumulation, RelightMatrices};
 
 /// What a rung left of a scene.
 pub(super) struct Left<'a> {
     pub(super) rungs: &'a Rungs,
     pub(super) rung: Rung,
-    pub(super) sums: Accumulation<f64>,
+    pub(super) sums: Film<f64>,
     /// Linear sRGB under the scene's own lights.
     pub(super) picture: Vec<DVec3>,
     pub(super) matrices: RelightMatrices,
@@ -35,7 +34,7 @@ impl<'a> Left<'a> {
         let (sums, picture, dispatches) = match (rung, renderer) {
             (Rung::Gpu, Some(renderer)) => {
                 let marched = rungs.render(renderer, progress)?;
-                let sums = widened(&renderer.read(&marched).map_err(RungError::from)?);
+                let sums = renderer.read(&marched).map_err(RungError::from)?.map(f64::from);
                 let linear = || {
                     let shown = renderer.relight_linear(&marched)?;
                     shown.run(&matrices)?;
@@ -47,13 +46,13 @@ impl<'a> Left<'a> {
             }
             (Rung::Double, _) => {
                 let sums = rungs.march::<f64>(&rungs.exact(), progress)?;
-                let picture = relight(&sums, &matrices);
+                let picture = sums.relight(&matrices);
                 (sums, picture, 0)
             }
             _ => {
                 let sums = rungs.march::<f32>(&rungs.stored::<f32>(), progress)?;
-                let picture = relight(&sums, &matrices);
-                (widened(&sums), picture, 0)
+                let picture = sums.relight(&matrices);
+                (sums.map(f64::from), picture, 0)
             }
         };
         Ok(Self { rungs, rung, sums, picture, matrices, dispatches })
@@ -65,7 +64,7 @@ impl<'a> Left<'a> {
 
     /// What may never be, whatever the scene.
     pub(super) fn problem(&self) -> Option<String> {
-        let Accumulation { weights, transmittance, .. } = &self.sums;
+        let Film { accumulators, transmittance, .. } = &self.sums;
         let unlit =
             self.rungs.mix.0.iter().all(|light| {
                 light.weight == 0.0 || light.spectrum.spectrum().samples().iter().all(|&power| power == 0.0)
@@ -74,7 +73,7 @@ impl<'a> Left<'a> {
             numbers.iter().enumerate().find(|&(_, &number)| wrong(number)).map(|(i, &number)| (i, number))
         };
         let pixels = self.picture.len();
-        if let Some((i, number)) = find(weights, &|number| !number.is_finite()) {
+        if let Some((i, number)) = find(accumulators, &|number| !number.is_finite()) {
             return Some(format!("pixel {} holds {number}", i % pixels));
         }
         if let Some((i, number)) = find(transmittance, &|number| !(0.0..=1.0).contains(&number)) {
@@ -89,7 +88,7 @@ impl<'a> Left<'a> {
 
     /// Component `c` of the first position in pixel `i`.
     pub(super) fn weight(&self, c: usize, i: usize) -> f64 {
-        self.sums.weights.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
+        self.sums.accumulators.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
     }
 
     /// The number `c` of what passes pixel `i`.
@@ -112,18 +111,13 @@ impl<'a> Left<'a> {
 
     /// How far this is from `other`, which must have the very same numbers.
     pub(super) fn apart(&self, other: &Self) -> f64 {
-        let numbers = |left: &Self| [left.sums.weights.clone(), left.sums.transmittance.clone()].concat();
+        let numbers = |left: &Self| [left.sums.accumulators.clone(), left.sums.transmittance.clone()].concat();
         let (ours, theirs) = (numbers(self), numbers(other));
         if ours.len() != theirs.len() {
             return f64::NAN;
         }
         worst(ours.iter().zip(&theirs).map(|(one, other)| (one - other).abs()))
     }
-}
-
-fn widened<R: Real>(sums: &Accumulation<R>) -> Accumulation<f64> {
-    let numbers = |numbers: &[R]| numbers.iter().map(|number| number.to_f64()).collect();
-    Accumulation { size: sums.size, weights: numbers(&sums.weights), transmittance: numbers(&sums.transmittance) }
 }
 
 /// The largest error; NaN where one is.

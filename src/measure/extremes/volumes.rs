@@ -188,7 +188,9 @@ fn broken(shading: &'static str) -> Extreme {
         Bound::EXACT,
         both,
         |lefts| match lefts {
-            [broken, mended] if mended.sums.weights.iter().any(|&weight| weight > 0.0) => Left::apart(broken, mended),
+            [broken, mended] if mended.sums.accumulators.iter().any(|&weight| weight > 0.0) => {
+                Left::apart(broken, mended)
+            }
             _ => f64::NAN,
         },
     )

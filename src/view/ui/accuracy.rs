@@ -8,10 +8,11 @@ use super::controls::{number, panel, remembered};
 use super::spectrum::narrow;
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
+use crate::plan::Stale;
 use crate::scene::Accuracy;
 use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
-use crate::view::state::{Cost, Document, Edit, STEPS};
+use crate::view::state::{Document, Edit, STEPS};
 
 /// What is known of the effort that pictures take.
 #[derive(Clone, Copy, Debug, Default)]
@@ -39,7 +40,7 @@ const PRESETS: [(&str, Preset, &str); 3] = [
 
 /// Shows the accuracy panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: &mut Vec<Action>) {
-    panel(ui, "Accuracy", Cost::March, |ui| {
+    panel(ui, "Accuracy", Stale::Tables, |ui| {
         let scene = &document.state().scene;
         if let Some(planned) = effort.planned {
             colours(ui, planned);

@@ -12,20 +12,21 @@ use egui::{
 };
 
 use crate::number::whole;
+use crate::plan::Stale;
 use crate::view::action::Action;
-use crate::view::state::{BRIGHTEST, Cost};
+use crate::view::state::BRIGHTEST;
 
 /// How long it is told that something typed was refused.
 const LONG_ENOUGH: Duration = Duration::from_secs(5);
 
-/// A panel that can be folded, with what its controls cost. The same words everywhere, so that they are learnt once.
-pub(super) fn panel(ui: &mut Ui, name: &str, cost: Cost, contents: impl FnOnce(&mut Ui)) {
+/// A collapsible panel. Its badge says in the same words everywhere what its controls make `stale`.
+pub(super) fn panel(ui: &mut Ui, name: &str, stale: Stale, contents: impl FnOnce(&mut Ui)) {
     let title = RichText::new(name).strong();
     CollapsingHeader::new(title).id_salt(name).default_open(true).show(ui, |ui| {
         ui.horizontal(|ui| {
             let (dot, _) = ui.allocate_exact_size(Vec2::splat(8.0), Sense::hover());
-            ui.painter().circle_filled(dot.center(), 3.5, colour(ui, cost));
-            ui.label(RichText::new(word(cost)).small().color(colour(ui, cost))).on_hover_text(sentence(cost));
+            ui.painter().circle_filled(dot.center(), 3.5, colour(ui, stale));
+            ui.label(RichText::new(word(stale)).small().color(colour(ui, stale))).on_hover_text(sentence(stale));
         });
         contents(ui);
     });
@@ -252,25 +253,24 @@ fn show_said(id: Id, field: &Response, is: f64) {
     field.ctx.data_mut(|data| data.insert_temp(id, Said { of: Some(is), ..said }));
 }
 
-fn word(cost: Cost) -> &'static str {
-    match cost {
-        Cost::Relight => "relights: at once",
-        Cost::March => "marches: coarse first",
+/// What a panel's controls make stale, in two words, in a sentence and in colour.
+fn word(stale: Stale) -> &'static str {
+    if stale < Stale::Accumulators { "relights: at once" } else { "marches: coarse first" }
+}
+
+fn sentence(stale: Stale) -> &'static str {
+    if stale < Stale::Accumulators {
+        "These controls change only the light. The marched picture is kept."
+    } else {
+        "These controls march all rays again: first a coarse picture, then the full resolution."
     }
 }
 
-fn sentence(cost: Cost) -> &'static str {
-    match cost {
-        Cost::Relight => "What is changed here changes the light alone: the rays through the volume are kept.",
-        Cost::March => "What is changed here sends all rays through the volume anew: first a few, then all of them.",
-    }
-}
-
-fn colour(ui: &Ui, cost: Cost) -> Color32 {
-    match (cost, ui.visuals().dark_mode) {
-        (Cost::Relight, true) => Color32::from_rgb(110, 200, 130),
-        (Cost::Relight, false) => Color32::from_rgb(20, 110, 50),
-        (Cost::March, true) => Color32::from_rgb(235, 170, 90),
-        (Cost::March, false) => Color32::from_rgb(150, 80, 0),
+fn colour(ui: &Ui, stale: Stale) -> Color32 {
+    match (stale < Stale::Accumulators, ui.visuals().dark_mode) {
+        (true, true) => Color32::from_rgb(110, 200, 130),
+        (true, false) => Color32::from_rgb(20, 110, 50),
+        (false, true) => Color32::from_rgb(235, 170, 90),
+        (false, false) => Color32::from_rgb(150, 80, 0),
     }
 }

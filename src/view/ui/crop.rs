@@ -8,10 +8,11 @@ use super::axes::{COLOURS, patient_end};
 use super::controls::{number, panel, say_beside};
 use super::spectrum::narrow;
 use crate::number::count;
+use crate::plan::Stale;
 use crate::scene::View;
 use crate::view::action::Action;
 use crate::view::camera::{Move, Side};
-use crate::view::state::{Cost, Document, Edit, THINNEST};
+use crate::view::state::{Document, Edit, THINNEST};
 use crate::volume::Geometry;
 
 /// Points across a handle, and across where it is caught.
@@ -48,7 +49,7 @@ fn kept() -> Id {
 
 /// Shows the crop panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
-    panel(ui, "Crop box", Cost::March, |ui| {
+    panel(ui, "Crop box", Stale::Accumulators, |ui| {
         let crop = document.state().crop();
         ui.horizontal(|ui| {
             let mut on = crop.is_some();

@@ -6,9 +6,10 @@ use glam::DVec2;
 use super::controls::panel;
 use super::spectrum::{narrow, paint_swatch, readable_text};
 use crate::number::count;
+use crate::plan::Stale;
 use crate::scene::{Dial, Mixing};
 use crate::view::action::Action;
-use crate::view::state::{Cost, Document, Edit, polygon, reset_nodes};
+use crate::view::state::{Document, Edit, polygon, reset_nodes};
 
 /// Points between the outermost nodes and the edge, for their names.
 const MARGIN: f32 = 28.0;
@@ -25,7 +26,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     if dial.nodes.len() < 2 {
         return;
     }
-    panel(ui, "Light dial", Cost::Relight, |ui| {
+    panel(ui, "Light dial", Stale::Picture, |ui| {
         let side = ui.available_width().min(210.0);
         let (rect, hand) = ui.allocate_exact_size(vec2(ui.available_width(), side), Sense::click_and_drag());
         hand.widget_info(|| WidgetInfo::labeled(WidgetType::Slider, true, "light dial"));

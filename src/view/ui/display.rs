@@ -3,14 +3,15 @@
 use egui::{ComboBox, Ui};
 
 use super::controls::{panel, slider, toggle};
+use crate::plan::Stale;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
-use crate::view::state::{Cost, Document, Edit};
+use crate::view::state::{Document, Edit};
 
 /// Shows the display panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
-    panel(ui, "Display", Cost::Relight, |ui| {
+    panel(ui, "Display", Stale::Picture, |ui| {
         let display = &document.state().scene.display;
         let mut exposure = display.exposure;
         ui.horizontal(|ui| {

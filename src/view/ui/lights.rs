@@ -4,13 +4,14 @@ use egui::{Checkbox, RichText, Ui, Vec2};
 
 use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
+use crate::plan::Stale;
 use crate::scene::Mixing;
 use crate::view::action::Action;
-use crate::view::state::{BRIGHTEST, Cost, Document, Edit};
+use crate::view::state::{BRIGHTEST, Document, Edit};
 
 /// Shows the light panel.
 pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
-    panel(ui, "Lights", Cost::Relight, |ui| {
+    panel(ui, "Lights", Stale::Picture, |ui| {
         let state = document.state();
         let shares = state.shares();
         if state.scene.lights.is_empty() {

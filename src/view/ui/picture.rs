@@ -11,10 +11,11 @@ use super::axes::side_name;
 use super::controls::{panel, toggle};
 use super::spectrum::narrow;
 use crate::number::count;
+use crate::plan::Stale;
 use crate::scene::Projection;
 use crate::view::action::{Action, File};
 use crate::view::camera::{Move, Side};
-use crate::view::state::{Cost, Document, Edit};
+use crate::view::state::{Document, Edit};
 
 /// Degrees that a drag over the whole picture turns.
 const TURN: f64 = 180.0;
@@ -143,7 +144,7 @@ fn keys(ui: &Ui, go: &mut impl FnMut(Move)) {
 
 /// Shows the camera panel.
 pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mut Vec<Action>) {
-    panel(ui, "Camera", Cost::March, |ui| {
+    panel(ui, "Camera", Stale::Accumulators, |ui| {
         let mut go = |step: Move| asked.push(Action::Edit(Edit::Camera(step, aspect)));
         ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 3.0;

@@ -3,9 +3,10 @@
 use egui::{Id, Key, TextEdit, Ui, WidgetInfo};
 
 use super::controls::{panel, remembered, toggle};
+use crate::plan::Stale;
 use crate::scene::{Mixing, Situation};
 use crate::view::action::Action;
-use crate::view::state::{Cost, Document, Edit};
+use crate::view::state::{Document, Edit};
 use crate::view::tour::{LONGEST, Tour};
 
 /// How long a tour takes at first, in seconds.
@@ -23,7 +24,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
     let here = document.situation();
     let mut places = state.scene.dial.nodes.iter().zip(&document.opened().dial.nodes);
     let are_moved = places.any(|(node, opened)| node.place != opened.place);
-    panel(ui, "Light situations", Cost::Relight, |ui| {
+    panel(ui, "Light situations", Stale::Picture, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
         // An empty row would be seen.
         if !situations.is_empty() {

@@ -8,11 +8,12 @@ use super::accuracy::Effort;
 use super::controls::{panel, sides};
 use super::spectrum::{curve, narrow, plot, strip};
 use crate::number::count;
+use crate::plan::Stale;
 use crate::scene::Scene;
 use crate::spectrum::{Absorption, BANDS, Kind, Spectrum, standard, wavelength_nm};
 use crate::view::action::Action;
 use crate::view::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
-use crate::view::state::{Cost, Document, Edit};
+use crate::view::state::{Document, Edit};
 
 /// Where egui keeps the name of the material whose curve is drawn.
 const DRAWN: &str = "spectra: drawn";
@@ -68,7 +69,7 @@ fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Ve
 /// Shows the spectra panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: &mut Vec<Action>) {
     let fitted = effort.planned.is_some_and(|planned| planned.model.is_some());
-    panel(ui, "Spectra", if fitted { Cost::March } else { Cost::Relight }, |ui| {
+    panel(ui, "Spectra", if fitted { Stale::Tables } else { Stale::Picture }, |ui| {
         let (scene, opened) = (&document.state().scene, document.opened());
         for (index, (now, then)) in scene.materials.iter().zip(&opened.materials).enumerate() {
             let back = (now.reflectance.spectrum(), then.reflectance.spectrum());

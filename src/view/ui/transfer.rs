@@ -10,15 +10,16 @@ use glam::DVec3;
 
 use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
+use crate::film::{Components, RelightMatrices};
 use crate::number::{count, whole};
+use crate::plan::Stale;
 use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
 use crate::spectrum::colour::{LinearSrgb, display_code};
 use crate::spectrum::{Absorption, Spectrum};
-use crate::tables::{Components, RelightMatrices};
 use crate::view::action::Action;
 use crate::view::presets::Preset;
-use crate::view::state::{Cost, Document, Edit, State};
+use crate::view::state::{Document, Edit, State};
 use crate::volume::Statistics;
 
 /// Points from the bottom to opacity 1.
@@ -34,7 +35,7 @@ const HELP: &str = "Grey: how often each value occurs, on a log scale. Drag an i
 
 /// Shows the transfer function and the labels.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
-    panel(ui, "Transfer function", Cost::March, |ui| {
+    panel(ui, "Transfer function", Stale::Tables, |ui| {
         let state = document.state();
         let colours = colours(state);
         if let Some(statistics) = document.statistics() {

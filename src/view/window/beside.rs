@@ -80,7 +80,7 @@ impl Viewer {
     /// Measures settings of what is looked at, for `goal` or for a curve; what was being measured is given up.
     pub(super) fn measure(&mut self, goal: Option<Goal>) {
         let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
-        let renderer = Arc::clone(engine.renderer());
+        let renderer = engine.renderer().clone();
         let (scene, mix) = (document.state().scene.clone(), document.state().mix());
         let (size, cache) = (self.report.size, self.options.cache.clone());
         let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));

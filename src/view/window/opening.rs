@@ -1,7 +1,5 @@
 //! What is opened, beside the window; and the device, opened again when it is lost.
 
-use std::sync::Arc;
-
 use egui::Rect;
 
 use super::{MOST_LOSSES, ViewError, Viewer, Woken};
@@ -44,7 +42,7 @@ impl Viewer {
         &mut self,
         source: Source,
         again: bool,
-        load: impl FnOnce(Arc<Renderer>, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
+        load: impl FnOnce(&Renderer, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
     ) {
         let Some(screen) = &self.screen else { return };
         self.opened += 1;
@@ -55,9 +53,9 @@ impl Viewer {
             move |loaded| drop(proxy.send_event(Woken::Loaded { number, again, loaded: Box::new(loaded) }))
         };
         let progressed = move || drop(proxy.send_event(Woken::Progress));
-        let renderer = Arc::clone(&screen.renderer);
+        let renderer = screen.renderer.clone();
         self.give_up();
-        self.loading = Some(Loading::start(source, move |progress| load(renderer, progress), progressed, loaded));
+        self.loading = Some(Loading::start(source, move |progress| load(&renderer, progress), progressed, loaded));
     }
 
     /// Gives up what is being opened.
@@ -109,9 +107,9 @@ impl Viewer {
             self.stop_tour();
             self.give_up_tour("Something else was opened");
             self.forget_waiting();
-            self.document = Some(document.with_statistics(loaded.statistics.clone()));
+            self.document = Some(document.with_statistics(loaded.on_device.statistics().clone()));
             self.source = loaded.source.clone();
-            self.selection = loaded.scene.volume.selection.clone();
+            self.selection = loaded.on_device.scene().volume.selection.clone();
             self.title = self.source.title(&self.selection);
             (self.curve, self.chosen) = (None, None);
         }
@@ -132,7 +130,7 @@ impl Viewer {
 
     /// How what was opened is looked at first. `None` where that would take away what was changed and not saved.
     fn document_of(&self, loaded: &Loaded) -> Option<Document> {
-        let scene = &loaded.scene;
+        let scene = loaded.on_device.scene();
         let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
         let alike = but_time(&scene.volume.selection) == but_time(&self.selection);
         match self.document.as_ref().filter(|_| loaded.source.is_another_of(&self.source)) {

@@ -226,11 +226,13 @@ impl Viewer {
         let edit = tour.edit();
         let plays = matches!(tour, Tour::Playing { .. });
         if plays {
-            let cost = document.edit(&edit);
+            let changed = document.edit(&edit);
             if matches!(edit, Edit::Tour(step, of) if step >= of) {
                 self.tour = None;
             }
-            self.show_again(cost);
+            if changed {
+                self.show_again();
+            }
         } else if let Some(engine) = &mut self.engine {
             engine.light(&document.preview(&edit));
         }

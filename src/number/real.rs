@@ -1,4 +1,4 @@
-//! The two kinds of number the reference is written over.
+//! Single and double precision behind one trait.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -89,7 +89,7 @@ macro_rules! real {
 real!(f32, f64);
 
 /// `x^exponent` by squarings, lowest bit first.
-pub(super) fn power<R: Real>(base: R, exponent: u32) -> R {
+pub(crate) fn power<R: Real>(base: R, exponent: u32) -> R {
     let (mut result, mut square) = (R::from_f64(1.0), base);
     let mut rest = exponent;
     while rest > 0 {
@@ -103,12 +103,12 @@ pub(super) fn power<R: Real>(base: R, exponent: u32) -> R {
 }
 
 /// a · b
-pub(super) fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
+pub(crate) fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
 /// The unit vector of `a`; 0 stays 0.
-pub(super) fn unit<R: Real>(a: [R; 3]) -> [R; 3] {
+pub(crate) fn unit<R: Real>(a: [R; 3]) -> [R; 3] {
     let square = dot(a, a);
     if square > R::default() {
         let length = square.sqrt();

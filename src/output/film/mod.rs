@@ -121,7 +121,7 @@ const LARGEST_CLOUD: usize = 16_384;
 
 /// What a march leaves per pixel, and what it takes to make a picture of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Accumulators {
+pub struct FilmFile {
     /// Pixels across.
     pub width: usize,
     /// Pixels down.
@@ -144,7 +144,7 @@ pub struct Accumulators {
     pub dial: Option<Dial>,
     /// The numbers, rows from the top: of position p, component c and a pixel at
     /// `(p * components.len() + c) * width * height + pixel`.
-    pub weights: Vec<f32>,
+    pub accumulators: Vec<f32>,
     /// What passes each pixel, 0–1: one number, or one per component c at `c * width * height + pixel`.
     pub transmittance: Vec<f32>,
 }
@@ -231,7 +231,7 @@ pub enum PositionKind {
 pub struct Light {
     /// Unique among the lights.
     pub name: String,
-    /// Index of its position in [`Accumulators::positions`].
+    /// Index of its position in [`FilmFile::positions`].
     pub position: usize,
     /// Its intensity.
     pub weight: f64,
@@ -287,7 +287,7 @@ pub struct Node {
     pub on: bool,
 }
 
-impl Accumulators {
+impl FilmFile {
     /// Writes the file described at [the top of this module](self) to `path`. A model's spectra and their coefficients
     /// are rounded to f32, which holds those of a fit exactly.
     ///
@@ -303,7 +303,7 @@ impl Accumulators {
         let (size, pixels) = ((self.width, self.height), self.width * self.height);
         let (names, attributes) = (self.channel_names(), [(ATTRIBUTE, &*text)]);
         let planes: Vec<&[f32]> =
-            self.weights.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels)).collect();
+            self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels)).collect();
         let picture = |first: usize, data: &mut [f32]| {
             for (y, line) in (first..).zip(data.chunks_exact_mut(size.0 * names.len())) {
                 for (values, plane) in line.chunks_exact_mut(size.0).zip(&planes) {

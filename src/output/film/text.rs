@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::rules::{check_dimension, check_finite};
-use super::{Accumulators, BANDS, Component, Components, Dial, Light, Position, PositionKind, Stored};
+use super::{BANDS, Component, Components, Dial, FilmFile, Light, Position, PositionKind, Stored};
 use crate::model::{ErrorSummary, LightMatrix, ModelKind};
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light as LightSpectrum, Spectrum};
@@ -128,12 +128,12 @@ fn is_usual(observer: &Observer) -> bool {
 }
 
 /// The text of `accumulators`.
-pub(super) fn written(accumulators: &Accumulators) -> Result<String, String> {
+pub(super) fn written(accumulators: &FilmFile) -> Result<String, String> {
     toml::to_string(&Document::from(accumulators)).map_err(|error| error.to_string())
 }
 
-impl From<&Accumulators> for Document {
-    fn from(accumulators: &Accumulators) -> Self {
+impl From<&FilmFile> for Document {
+    fn from(accumulators: &FilmFile) -> Self {
         let (surfaces, stored) = match &accumulators.components {
             Components::Surfaces(surfaces) => (surfaces.as_slice(), None),
             Components::Model(stored) => (&[][..], Some(stored)),
@@ -210,7 +210,7 @@ pub(super) struct ModelDraft {
 }
 
 /// What `text` says, without pixels; where it tells of a colour model, the components are that one's, and left empty.
-pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), String> {
+pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String> {
     let located = |error: toml::de::Error| match error.span().and_then(|span| text.get(..span.start)) {
         Some(before) => format!("line {}: {}", before.matches('\n').count() + 1, error.message()),
         None => error.message().to_owned(),
@@ -257,7 +257,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
     let lights = document.lights.into_iter().map(light).collect::<Result<_, String>>()?;
     let background = document.background.map(|spectrum| bands("`background`", spectrum)).transpose()?;
     let Document { exposure, adapt, observer, dial, .. } = document;
-    let accumulators = Accumulators {
+    let accumulators = FilmFile {
         width: 0,
         height: 0,
         components: Components::Surfaces(components),
@@ -268,7 +268,7 @@ pub(super) fn parse(text: &str) -> Result<(Accumulators, Option<ModelDraft>), St
         adapt,
         observer,
         dial,
-        weights: Vec::new(),
+        accumulators: Vec::new(),
         transmittance: Vec::new(),
     };
     Ok((accumulators, model))

@@ -16,7 +16,7 @@ use ::exr::prelude::f16;
 use super::rules::{check_cloud, check_planes};
 use super::text::{self, ModelDraft};
 use super::{
-    ATTRIBUTE, Accumulators, BANDS, CLOUD, COEFFICIENTS, Components, OutputError, Stored, UNSEEN, UNSEEN_COEFFICIENTS,
+    ATTRIBUTE, BANDS, CLOUD, COEFFICIENTS, Components, FilmFile, OutputError, Stored, UNSEEN, UNSEEN_COEFFICIENTS,
     channel_names, coefficient_names, has_coefficients,
 };
 use crate::input;
@@ -50,7 +50,7 @@ struct Wanted {
     data: Vec<f32>,
 }
 
-impl Accumulators {
+impl FilmFile {
     /// Reads the file described at [the top of this module](super).
     ///
     /// Nothing is allocated for pixels before the file is known to be long enough to hold them.
@@ -106,7 +106,7 @@ impl Accumulators {
             this.components = Components::Model(model.stored(parts).map_err(wrong_text)?);
         }
         this.transmittance = numbers.split_off(numbers.len() - this.passed() * this.width * this.height);
-        this.weights = numbers;
+        this.accumulators = numbers;
         Ok(this)
     }
 }

@@ -2,26 +2,27 @@
 
 use std::sync::Arc;
 
-use super::{Accumulators, Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored};
+use super::{Component, Components, Dial, FilmFile, Light, Node, Position, PositionKind, Situation, Stored};
+use crate::film;
+use crate::film::Film;
 use crate::output::OutputError;
 use crate::plan::{Planned, Transmittance};
 use crate::scene::{Mix, MixLight, Placement, Scene};
 use crate::spectrum::Spectrum;
-use crate::tables::{self, Accumulation};
 
-impl Accumulators {
+impl FilmFile {
     /// What a march of `scene` by its plan has left in every pixel, with all that it takes to light it.
     ///
     /// # Errors
     ///
     /// [`OutputError::Matrix`].
-    pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Accumulation<f32>) -> Result<Self, OutputError> {
+    pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Film<f32>) -> Result<Self, OutputError> {
         if planned.plan.transmittance == Transmittance::Mixed {
             return Err(OutputError::Matrix);
         }
-        let components = match tables::Components::new(scene, planned) {
-            tables::Components::Surfaces(surfaces) => Components::Surfaces(named(scene, planned, &surfaces)),
-            tables::Components::Model(model, transmittance) => Components::Model(Stored {
+        let components = match film::Components::new(scene, planned) {
+            film::Components::Surfaces(surfaces) => Components::Surfaces(named(scene, planned, &surfaces)),
+            film::Components::Model(model, transmittance) => Components::Model(Stored {
                 model: Arc::unwrap_or_clone(model),
                 coloured: transmittance == Transmittance::Coloured,
                 tolerance: scene.accuracy.tolerance,
@@ -77,7 +78,7 @@ impl Accumulators {
             adapt: scene.display.adapt,
             observer: scene.display.observer,
             dial: Some(dial),
-            weights: accumulation.weights,
+            accumulators: accumulation.accumulators,
             transmittance: accumulation.transmittance,
         })
     }

@@ -2,10 +2,10 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::{Accumulators, Components, LARGEST_CLOUD, PositionKind, Stored};
+use super::{Components, FilmFile, LARGEST_CLOUD, PositionKind, Stored};
 use crate::model::LARGEST_DIMENSION;
 
-impl Accumulators {
+impl FilmFile {
     /// Whether all of it keeps the rules of the file.
     pub(super) fn check(&self) -> Result<(), String> {
         let names = self.channel_names();
@@ -16,13 +16,13 @@ impl Accumulators {
         let pixels = self.width * self.height;
         let passed = self.passed() * pixels;
         let expected = names.len() * pixels - passed;
-        if self.weights.len() != expected {
-            return Err(format!("{expected} weights are needed, and there are {}", self.weights.len()));
+        if self.accumulators.len() != expected {
+            return Err(format!("{expected} weights are needed, and there are {}", self.accumulators.len()));
         }
         if self.transmittance.len() != passed {
             return Err(format!("{passed} transmittances are needed, and there are {}", self.transmittance.len()));
         }
-        let planes = self.weights.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels));
+        let planes = self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels));
         check_planes(&names, planes, self.width, "")
     }
 

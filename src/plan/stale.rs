@@ -1,0 +1,194 @@
+//! What a change of a scene leaves to do again.
+#![expect(clippy::float_cmp, reason = "a number is the same or another one")]
+
+use std::sync::Arc;
+
+use super::{Planned, ScenePlan, planned};
+use crate::scene::{Accuracy, Display, LabelEntry, Labels, Material, Scene, SceneLight};
+
+/// The earliest stage of rendering whose result no longer serves. Each stage makes the later ones stale too.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stale {
+    /// The picture stands.
+    #[default]
+    Nothing,
+    /// The relight matrices are multiplied with the film again.
+    Picture,
+    /// The colour model's matrices are fitted again; what pixels keep stays.
+    Matrices,
+    /// The rays are marched again, by the same tables.
+    Accumulators,
+    /// The plan is made again, and with it tables and, where its spectra have changed, the colour model.
+    Tables,
+    /// The volume is uploaded again.
+    Volume,
+}
+
+impl Stale {
+    /// What `after` leaves to do again, where `planned` is the plan of `before`.
+    ///
+    /// Every struct is taken apart without `..`: a new field does not compile until its stage is decided here.
+    #[must_use]
+    pub fn between(before: &Scene, planned: &Planned, after: &Scene) -> Self {
+        let Scene {
+            source: _,
+            text: _,
+            base: _,
+            inputs: _,
+            dial: _,
+            light: _,
+            volume,
+            labels,
+            materials,
+            transfer,
+            lights,
+            // Compared in the plan.
+            shading: _,
+            background,
+            camera,
+            crop,
+            accuracy,
+            display,
+        } = before;
+        // Weights are the same whatever the spectra; a colour model is fitted to them.
+        let spectra = if planned.model.is_some() { Self::Tables } else { Self::Picture };
+        let mut stale = Self::of_plans(before, after);
+        let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
+        add(!Arc::ptr_eq(volume, &after.volume), Self::Volume);
+        add(true, of_labels(labels.as_ref(), after.labels.as_ref()));
+        add(true, of_lists(materials, &after.materials, |before, after| of_materials(before, after, spectra)));
+        add(*transfer != after.transfer, Self::Tables);
+        add(true, of_lists(lights, &after.lights, |before, after| of_lights(before, after, spectra)));
+        add(*background != after.background, spectra);
+        add(*camera != after.camera, Self::Accumulators);
+        add(*crop != after.crop, Self::Accumulators);
+        add(true, of_accuracy(accuracy, &after.accuracy));
+        add(true, of_display(display, &after.display));
+        stale
+    }
+
+    /// What the plans of two scenes leave to do again, spectra aside.
+    fn of_plans(before: &Scene, after: &Scene) -> Self {
+        let [before, after] = [before, after].map(|scene| planned(scene, None));
+        let Planned { plan, materials, positions, model: _ } = &before;
+        if !plan.is_stored_as(&after.plan) {
+            return Self::Volume;
+        }
+        // Interpolation, storage of the volume and labels are compared above.
+        let ScenePlan {
+            accumulate,
+            transmittance,
+            positions: counts,
+            shading,
+            labels: _,
+            background,
+            lookup,
+            interpolation: _,
+            volume: _,
+            gradients: _,
+            skipping,
+            storage,
+        } = *plan;
+        let later = &after.plan;
+        let tables = (accumulate, transmittance, counts, shading, lookup)
+            != (later.accumulate, later.transmittance, later.positions, later.shading, later.lookup);
+        if tables || *materials != after.materials || positions.len() != after.positions.len() {
+            return Self::Tables;
+        }
+        let march = (background, skipping, storage) != (later.background, later.skipping, later.storage);
+        if march { Self::Accumulators } else { Self::Nothing }
+    }
+}
+
+/// The most that any two of equal rank leave to do again; all where one list is longer.
+fn of_lists<T>(before: &[T], after: &[T], of: impl Fn(&T, &T) -> Stale) -> Stale {
+    if before.len() != after.len() {
+        return Stale::Tables;
+    }
+    before.iter().zip(after).map(|(before, after)| of(before, after)).max().unwrap_or_default()
+}
+
+fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
+    let (Some(Labels { volume, declared }), Some(after)) = (before, after) else {
+        return if before.is_some() == after.is_some() { Stale::Nothing } else { Stale::Volume };
+    };
+    if !Arc::ptr_eq(volume, &after.volume) {
+        return Stale::Volume;
+    }
+    let of_entries = |before: &LabelEntry, after: &LabelEntry| {
+        let LabelEntry { label, name: _, material, opacity, absorption } = before;
+        let same = (label, material) == (&after.label, &after.material)
+            && (*opacity, *absorption) == (after.opacity, after.absorption);
+        if same { Stale::Nothing } else { Stale::Tables }
+    };
+    // Rows of the label map on the device follow the list.
+    let listed = |entries: &[LabelEntry]| entries.iter().map(|entry| entry.label).collect::<Vec<_>>();
+    if listed(declared) != listed(&after.declared) {
+        return Stale::Volume;
+    }
+    of_lists(declared, &after.declared, of_entries)
+}
+
+fn of_materials(before: &Material, after: &Material, spectra: Stale) -> Stale {
+    let Material { name: _, reflectance, absorption, ambient, diffuse, specular, exponent, xray } = before;
+    let same_medium = *absorption == after.absorption
+        && (*ambient, *diffuse, *specular) == (after.ambient, after.diffuse, after.specular)
+        && (*exponent, *xray) == (after.exponent, after.xray);
+    if !same_medium {
+        Stale::Tables
+    } else if *reflectance != after.reflectance {
+        spectra
+    } else {
+        Stale::Nothing
+    }
+}
+
+fn of_lights(before: &SceneLight, after: &SceneLight, spectra: Stale) -> Stale {
+    let SceneLight { name: _, spectrum, intensity, placement } = before;
+    if *placement != after.placement {
+        Stale::Tables
+    } else if *spectrum != after.spectrum {
+        spectra
+    } else if *intensity != after.intensity {
+        Stale::Picture
+    } else {
+        Stale::Nothing
+    }
+}
+
+fn of_accuracy(before: &Accuracy, after: &Accuracy) -> Stale {
+    let Accuracy {
+        step_length,
+        termination,
+        accumulate,
+        model,
+        tolerance,
+        dimension,
+        // Compared in the plan.
+        skipping: _,
+        interpolation: _,
+        volume: _,
+        gradients: _,
+        storage: _,
+    } = before;
+    let same_model = (accumulate, model, dimension) == (&after.accumulate, &after.model, &after.dimension)
+        && tolerance.to_bits() == after.tolerance.to_bits();
+    if !same_model || *step_length != after.step_length {
+        Stale::Tables
+    } else if *termination != after.termination {
+        Stale::Accumulators
+    } else {
+        Stale::Nothing
+    }
+}
+
+fn of_display(before: &Display, after: &Display) -> Stale {
+    let Display { exposure, adapt, observer, deficiency } = before;
+    if *observer != after.observer {
+        Stale::Matrices
+    } else if (*exposure, *adapt, deficiency) != (after.exposure, after.adapt, &after.deficiency) {
+        Stale::Picture
+    } else {
+        Stale::Nothing
+    }
+}

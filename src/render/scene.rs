@@ -1,0 +1,178 @@
+//! A scene on the device: its plan and its volume, ready to march and relight.
+
+use std::sync::Arc;
+
+use super::{DeviceFilm, March, RenderError, Renderer, Speed, Uploaded};
+use crate::film::RelightMatrices;
+use crate::model::ColourModel;
+use crate::plan::{Planned, plan};
+use crate::progress::Progress;
+use crate::scene::{Camera, Mix, Scene};
+use crate::volume::Statistics;
+
+/// Pixels across and down of a picture that compiles the shaders. Lavapipe compiles anew where a side becomes a power of
+/// two, or no longer is one, and few are.
+const WARM_UP: [usize; 2] = [9, 7];
+
+/// A scene on the device: scene → statistics → plan → upload, then any number of marches and relights.
+///
+/// Clones share the uploaded volume.
+#[derive(Clone, Debug)]
+pub struct SceneRenderer {
+    renderer: Renderer,
+    scene: Scene,
+    planned: Planned,
+    statistics: Statistics,
+    uploaded: Arc<Uploaded>,
+}
+
+impl SceneRenderer {
+    /// Plans `scene` and uploads its volume.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn new(renderer: &Renderer, scene: Scene, progress: &dyn Progress) -> Result<Self, RenderError> {
+        let statistics = scene.volume.statistics().map_err(RenderError::Volume)?;
+        Self::with_statistics(renderer, scene, statistics, progress)
+    }
+
+    /// Plans `scene`, whose values have `statistics`, and uploads its volume.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn with_statistics(
+        renderer: &Renderer,
+        scene: Scene,
+        statistics: Statistics,
+        progress: &dyn Progress,
+    ) -> Result<Self, RenderError> {
+        let planned = plan(&scene, progress)?;
+        Self::with_plan(renderer, scene, planned, statistics, progress)
+    }
+
+    /// Uploads the volume of `scene`, whose values have `statistics`, as `planned` stores it.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn with_plan(
+        renderer: &Renderer,
+        scene: Scene,
+        planned: Planned,
+        statistics: Statistics,
+        progress: &dyn Progress,
+    ) -> Result<Self, RenderError> {
+        let uploaded = Arc::new(renderer.upload(&scene, &planned, &statistics, progress)?);
+        Ok(Self { renderer: renderer.clone(), scene, planned, statistics, uploaded })
+    }
+
+    /// Whether the uploaded volume is the one of `scene`, stored as `planned` needs it.
+    #[must_use]
+    pub fn holds(&self, scene: &Scene, planned: &Planned) -> bool {
+        Arc::ptr_eq(&self.scene.volume, &scene.volume) && self.planned.plan.is_stored_as(&planned.plan)
+    }
+
+    /// Another `scene`. Uploads its volume only if the device does not hold it yet ([`holds`](Self::holds)).
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn with_scene(&self, scene: Scene, planned: Planned, progress: &dyn Progress) -> Result<Self, RenderError> {
+        if self.holds(&scene, &planned) {
+            return Ok(Self { scene, planned, ..self.clone() });
+        }
+        let statistics = if Arc::ptr_eq(&self.scene.volume, &scene.volume) {
+            self.statistics.clone()
+        } else {
+            scene.volume.statistics().map_err(RenderError::Volume)?
+        };
+        Self::with_plan(&self.renderer, scene, planned, statistics, progress)
+    }
+
+    /// The camera, to be moved. No plan depends on it.
+    pub fn camera_mut(&mut self) -> &mut Camera {
+        &mut self.scene.camera
+    }
+
+    /// The same scene with `model` as its colour model: one of equal accumulators, fitted for another observer.
+    pub fn set_model(&mut self, model: Arc<ColourModel>) {
+        self.planned.model = Some(model);
+    }
+
+    /// Replaces scene and plan where the plan stores the volume as it is on the device.
+    pub(crate) fn retarget(&mut self, scene: Scene, planned: Planned) {
+        debug_assert!(self.holds(&scene, &planned), "another volume, or stored otherwise");
+        (self.scene, self.planned) = (scene, planned);
+    }
+
+    /// The renderer, and with it the device.
+    #[must_use]
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The plan of the scene.
+    #[must_use]
+    pub fn planned(&self) -> &Planned {
+        &self.planned
+    }
+
+    /// Statistics of the volume's values.
+    #[must_use]
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// The volume on the device.
+    #[must_use]
+    pub fn uploaded(&self) -> &Uploaded {
+        &self.uploaded
+    }
+
+    /// Marches a picture of `size` (width, height).
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn march(&self, size: [usize; 2], progress: &dyn Progress) -> Result<DeviceFilm, RenderError> {
+        self.renderer.march(&self.scene, &self.planned, &self.uploaded, size, progress)
+    }
+
+    /// Sets up the march of a picture of `size` (width, height), to be continued step by step.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn begin_march(&self, size: [usize; 2], speed: Speed) -> Result<March, RenderError> {
+        self.renderer.begin_march(&self.scene, &self.planned, &self.uploaded, size, speed)
+    }
+
+    /// The relight matrices of the scene under `mix`.
+    #[must_use]
+    pub fn matrices(&self, mix: &Mix) -> RelightMatrices {
+        RelightMatrices::of_scene(&self.scene, &self.planned, mix)
+    }
+
+    /// Runs every pipeline of the scene once, so that no compilation delays the first picture.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn warm_up(&self) -> Result<(), RenderError> {
+        let mut march = self.begin_march(WARM_UP, Speed::default())?;
+        while !march.is_done() {
+            march.step(&self.renderer)?;
+        }
+        let relight = self.renderer.relight_display(&march.finish(&self.renderer)?)?;
+        relight.run(&self.matrices(&self.scene.opening_mix()))?;
+        Ok(())
+    }
+}
