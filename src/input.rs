@@ -1,17 +1,17 @@
-//! Files that are read, which are files.
+//! Access to regular files only.
 
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-/// Opens a regular file, or what a symbolic link to one leads to. All others are refused: a pipe would wait for ever, a
-/// device would never end.
+/// Opens a regular file, following symbolic links. Refuses all other files: a pipe would block for ever, a device would
+/// never end.
 ///
 /// # Errors
 ///
-/// What the system says, or what is there in place of a file.
+/// The system's error, or a message with the type of the refused file.
 pub fn open(path: &Path) -> io::Result<File> {
-    // Before it is opened, because opening a pipe waits for somebody to write.
+    // Checked before opening, because opening a pipe waits for a writer.
     let metadata = std::fs::metadata(path)?;
     if !metadata.is_file() {
         let what = if metadata.is_dir() { "a folder" } else { "a pipe, a socket or a device" };
@@ -20,11 +20,11 @@ pub fn open(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// The bytes of a regular file, `longest` at most; one more tells that there are more.
+/// Reads at most `longest` + 1 bytes of a regular file; the extra byte shows that the file is longer.
 ///
 /// # Errors
 ///
-/// As [`open`], and what the system says.
+/// Those of [`open`], and the system's errors.
 pub fn read(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path)?.take(longest.saturating_add(1)).read_to_end(&mut bytes)?;

@@ -1,14 +1,14 @@
-//! How much memory there is.
+//! Available memory.
 
-/// Bytes that a program can take without the system swapping or ending it; `None` where the system does not tell.
+/// Bytes that a program can allocate before the system swaps or kills it; `None` if the system does not report them.
 ///
-/// `MemAvailable` of `proc_meminfo(5)`. The limits of a container are not in it.
+/// Reads `MemAvailable` of `proc_meminfo(5)`, which ignores the limits of a container.
 #[must_use]
 pub fn available_bytes() -> Option<u64> {
     available_in(&std::fs::read_to_string("/proc/meminfo").ok()?)
 }
 
-/// `MemAvailable` ("kB" of 1024 bytes) in bytes.
+/// `MemAvailable` (in "kB" of 1024 bytes), in bytes.
 fn available_in(meminfo: &str) -> Option<u64> {
     let kibibytes = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?.trim().strip_suffix("kB")?;
     kibibytes.trim().parse::<u64>().ok()?.checked_mul(1024)

@@ -1,8 +1,8 @@
-//! How long work says how far it is, and hears that it should stop.
+//! Progress reports and cancellation of long work.
 
-/// Listens to long work. Implementations are cheap: work may report thousands of times a second.
+/// Receiver of progress reports. Implementations must be cheap: work may report thousands of times a second.
 pub trait Progress: Sync {
-    /// `done` of `total` units of `stage` (a short noun phrase such as "reading frog.zraw") are finished.
+    /// Reports that `done` of `total` units of `stage` (a short noun phrase such as "reading frog.zraw") are finished.
     fn report(&self, stage: &str, done: u64, total: u64);
 
     /// Whether the work should stop at the next opportunity, with its module's `Cancelled` error.
@@ -11,7 +11,7 @@ pub trait Progress: Sync {
     }
 }
 
-/// Nobody listens, nobody cancels.
+/// Ignores reports and never cancels.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Quiet;
 

@@ -1,76 +1,78 @@
-//! What light meets on its way to the eye, as arithmetic that is the same for 81 bands and for k coefficients.
+//! Chains: light paths to the eye, with the same arithmetic for 81 bands and for k coefficients.
 
 use super::peercy::Matrices;
 use super::random::Random;
 use crate::spectrum::{BANDS, Spectrum};
 
-/// The way of some light: through steps of a medium, and from what is behind them.
+/// Path of light through steps of a medium, from a surface behind them.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
-    /// Front to back.
+    /// Steps, front to back.
     steps: Vec<Step>,
-    /// The sources that reflect it one after the other behind the steps; none: nothing is there.
+    /// Sources that reflect the light in sequence behind the steps; `None` for a path without light from behind.
     behind: Option<Vec<usize>>,
-    /// The share of light that shading leaves there.
+    /// Fraction of the light behind the steps that shading leaves.
     lit_behind: f64,
 }
 
-/// A piece of a medium that is the same throughout.
+/// A homogeneous piece of a medium.
 #[derive(Clone, Debug)]
 struct Step {
-    /// The share of light that shading leaves.
+    /// Fraction of the light that shading leaves.
     lit: f64,
-    /// Optical depths by which sources scatter, alike at all wavelengths.
+    /// Scattering sources and their optical depths, equal at all wavelengths.
     scattered: Vec<(usize, f64)>,
-    /// Optical depths, at the peak, by which absorptions absorb.
+    /// Absorptions and their optical depths at the peak.
     absorbed: Vec<(usize, f64)>,
 }
 
-/// The optical depth per component of so much of these absorptions.
+/// Optical depth per component of a list of absorptions with their depths.
 type Depths<'a> = dyn Fn(&[(usize, f64)]) -> Vec<f64> + 'a;
 
-/// The optical depth per wavelength of so much of these absorptions.
+/// Optical depth per wavelength of a list of absorptions with their depths.
 type FullDepth<'a> = dyn Fn(&[(usize, f64)]) -> Spectrum + 'a;
 
-/// Kinds of chains; letters are those of the published tables.
+/// Class of chains; letters in brackets are those of the published tables.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChainClass {
     /// One reflection (a).
     Reflections,
-    /// Two (two thirds) or three reflections (b). No renderer here makes them; the published tables have them.
+    /// Two (in two thirds of the chains) or three reflections (b). No renderer of this crate produces them; the
+    /// published tables contain them.
     Bounces,
-    /// One reflection seen through one absorber or several, half of them deep: optical depths are log-uniform from 0.05
-    /// to the largest, or uniform in the upper three quarters. What deep absorbers leave together is hardest to carry.
+    /// One reflection seen through one or several absorbers. Optical depths are log-uniform from 0.05 to the largest;
+    /// in half of the chains they are uniform in the upper three quarters instead, because combinations of deep
+    /// absorbers are the hardest to represent.
     Absorbed,
-    /// One reflection seen through one absorber of log-uniform optical depth: what the published tables call c.
+    /// One reflection seen through one absorber of log-uniform optical depth (c).
     SinglyAbsorbed,
     /// Rays of this many steps through grey media of total optical depth 0.3 to 20 (d0).
     GreyRays(usize),
     /// Rays of this many steps through media that scatter and absorb, of total optical depth 0.3 to 20 (d1).
     ColouredRays(usize),
-    /// The same (without absorptions, through grey media) where shading leaves less of the light: from all of it to a
-    /// fiftieth, more and more, or less and less, along the ray.
+    /// [`Self::ColouredRays`] (without absorptions, [`Self::GreyRays`]) with shading: the fraction of light left,
+    /// between 1 and 1/50, rises or falls along the ray.
     ShadedRays(usize),
 }
 
-/// The least share of light that shading leaves a shaded ray: what is darker is too dark for errors to show.
+/// Least fraction of light that shading leaves; errors in darker light are not visible.
 const DARKEST: f64 = 0.02;
 
-/// What chains can be made of.
+/// Sources and absorptions available to chains.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Supply {
-    /// How many sources there are: materials, white, the background.
+    /// Number of sources: materials, white, the background.
     pub(crate) sources: usize,
-    /// How many of them scatter inside a medium: all but the background, which is the last.
+    /// Number of sources that scatter inside a medium: all except the background, which is the last.
     pub(crate) scattering: usize,
-    /// How many absorptions there are.
+    /// Number of absorptions.
     pub(crate) absorptions: usize,
-    /// The largest optical depth of coloured absorption.
+    /// Largest optical depth of coloured absorption.
     pub(crate) largest_depth: f64,
 }
 
 impl Chain {
-    /// The light of one source, by its number.
+    /// Chain of one reflection by a source, given by its index.
     pub(crate) fn reflection(source: usize) -> Self {
         Self::of(Vec::new(), Some(vec![source]))
     }
@@ -79,7 +81,7 @@ impl Chain {
         Self { steps, behind, lit_behind: 1.0 }
     }
 
-    /// A random chain of a class.
+    /// Draws a random chain of a class.
     pub(crate) fn draw(class: ChainClass, supply: Supply, random: &mut Random) -> Self {
         match class {
             ChainClass::Reflections => Self::reflection(random.index(supply.sources)),
@@ -128,7 +130,7 @@ impl Chain {
         Self::of(steps, drawn_behind(supply, random))
     }
 
-    /// The same, less and less lit from one of its ends to the other. A background is not shaded.
+    /// Adds shading that rises or falls geometrically from one end to the other. A background is not shaded.
     fn shaded(mut self, supply: Supply, random: &mut Random) -> Self {
         let [front, back] = [(); 2].map(|()| random.between_magnitudes(DARKEST, 1.0));
         let steps = crate::number::count(self.steps.len());
@@ -141,10 +143,10 @@ impl Chain {
         self
     }
 
-    /// The same way through somewhat more or less of each thing, somewhat better or worse lit.
+    /// Returns the same path with randomly scaled amounts of each source and absorption, and scaled shading.
     pub(crate) fn varied(&self, supply: Supply, random: &mut Random) -> Self {
         let mut varied = self.clone();
-        // Cubed, so that most are near 1.
+        // Cubed, so that most factors are near 1.
         let mut factor = || (random.between(-1.0, 1.0).powi(3)).exp();
         let scattering: Vec<f64> = (0..supply.sources).map(|_| factor()).collect();
         let absorbing: Vec<f64> = (0..supply.absorptions).map(|_| factor()).collect();
@@ -168,10 +170,10 @@ impl Chain {
         varied
     }
 
-    /// The light that comes back, per component.
+    /// Returns the reflected light per component.
     ///
-    /// `sources` holds the components of each source, `depths` gives the optical depth per component of a step's
-    /// absorptions. One step is exact for a medium that is the same throughout.
+    /// `sources` holds the components of each source; `depths` returns the optical depth per component of a step's
+    /// absorptions. A step is exact for a homogeneous medium.
     pub(crate) fn walk(&self, dimension: usize, sources: &[Vec<f64>], depths: &Depths<'_>) -> Vec<f64> {
         let mut light = vec![0.0; dimension];
         let mut transmittance = vec![1.0; dimension];
@@ -204,9 +206,10 @@ impl Chain {
 }
 
 impl Chain {
-    /// The light that comes back as a vector of `matrices`, each step being a matrix, as is what it lets pass.
+    /// Returns the reflected light as a vector of `matrices`; each step, and the transmittance in front of it, is a
+    /// matrix.
     ///
-    /// `depth` gives the optical depth per wavelength of a step's absorptions.
+    /// `depth` returns the optical depth per wavelength of a step's absorptions.
     pub(crate) fn walk_by_matrices(
         &self,
         matrices: &Matrices,
@@ -253,19 +256,19 @@ impl Chain {
     }
 }
 
-/// Adds `factor` times the product of a matrix, row by row, and a vector.
+/// Adds `factor` times the product of a row-major matrix and a vector.
 fn add_product(sum: &mut [f64], matrix: &[f64], vector: &[f64], factor: f64) {
     for (sum, row) in sum.iter_mut().zip(matrix.chunks_exact(vector.len())) {
         *sum += factor * row.iter().zip(vector).map(|(part, number)| part * number).sum::<f64>();
     }
 }
 
-/// 1 − e^(−depth).
+/// Absorbed fraction 1 − e^(−depth).
 fn absorbed_share(depth: f64) -> f64 {
     -(-depth).exp_m1()
 }
 
-/// Behind a ray is the background where there is one; a third of the others end on a surface.
+/// Draws the end of a ray: the background if there is one, else a surface for a third of the rays.
 fn drawn_behind(supply: Supply, random: &mut Random) -> Option<Vec<usize>> {
     if supply.sources > supply.scattering {
         return Some(vec![supply.sources - 1]);
@@ -273,7 +276,7 @@ fn drawn_behind(supply: Supply, random: &mut Random) -> Option<Vec<usize>> {
     (random.unit() < 1.0 / 3.0).then(|| vec![random.index(supply.sources)])
 }
 
-/// A total optical depth in random shares, all equally likely, of so many of the `count` absorptions there are.
+/// Splits a total optical depth into random shares, all equally likely, over `absorbers` of `count` absorptions.
 fn shared(depth: f64, absorbers: usize, count: usize, random: &mut Random) -> Vec<(usize, f64)> {
     if absorbers == 1 {
         return vec![(random.index(count), depth)];
@@ -287,12 +290,12 @@ fn shared(depth: f64, absorbers: usize, count: usize, random: &mut Random) -> Ve
     shares
 }
 
-/// Per step, the optical depth of each of `count` smooth clouds along a ray; all together `total`.
+/// Per step, the optical depths of `count` smooth clouds along a ray; their sum is `total`.
 fn clouds(count: usize, steps: usize, total: f64, random: &mut Random) -> Vec<Vec<(usize, f64)>> {
     let mut depths = vec![Vec::with_capacity(count); steps];
     let mut sum = 0.0;
     for index in 0..count {
-        // Cubed, so that one or two of many are most of it.
+        // Cubed, so that one or two clouds dominate.
         let height = random.unit().powi(3) + 1e-3;
         let bumps = [(); 2].map(|()| (random.unit(), random.between_magnitudes(0.03, 0.5)));
         for (step, depths) in depths.iter_mut().enumerate() {

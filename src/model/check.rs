@@ -1,4 +1,4 @@
-//! The colours that a model is worst at: where they are found, what they are used for.
+//! Search for the worst colours of a model, for validation and refits.
 
 use rayon::prelude::*;
 
@@ -10,9 +10,9 @@ use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
 
 impl ColourModel {
-    /// Notes the errors of the model's lights on spectra that were not used in the fit: those of `unseen`, and harder ones
-    /// that are found from them by varying the ways of their light, for a random way is seldom the hardest of its kind.
-    /// Keeps these spectra for [`Self::learn`].
+    /// Measures the errors of the model's lights on spectra not used in the fit: those of `unseen`, and harder ones
+    /// found by varying their light paths, because a random path is seldom the hardest of its class. Keeps these
+    /// spectra for [`Self::learn`].
     ///
     /// # Errors
     ///
@@ -34,13 +34,13 @@ impl ColourModel {
         Ok(())
     }
 
-    /// Adds a light to the model, fitted on the cloud, and notes its error on [`Self::unseen`] where there are such.
+    /// Adds a light to the model, fits it on the cloud, and measures its error on [`Self::unseen`], if any.
     ///
-    /// A light that the model has already, under whatever name, stays as it is.
+    /// A light already in the model, under any name, stays unchanged.
     ///
     /// # Errors
     ///
-    /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, cannot be computed with.
+    /// [`ModelError::NotFinite`] when the light, or the cloud of stored parts, leads to numbers that are not finite.
     pub fn learn(&mut self, name: &str, light: &Light) -> Result<(), ModelError> {
         if self.lights.iter().any(|(_, known, _)| known == light) {
             return Ok(());
@@ -55,12 +55,12 @@ impl ColourModel {
         Ok(())
     }
 
-    /// The same model with its lights' matrices fitted on the cloud for `observer`, and their errors to that: the
-    /// coefficients of spectra stay what they are.
+    /// Returns the model with its lights' matrices fitted on the cloud for `observer`, and their errors for that
+    /// observer. The coefficients of spectra do not change.
     ///
     /// # Errors
     ///
-    /// [`ModelError::NotFinite`] when colours cannot be computed with.
+    /// [`ModelError::NotFinite`] when a number is not finite.
     pub fn seen_by(&self, observer: Observer) -> Result<Self, ModelError> {
         if observer == self.observer {
             return Ok(self.clone());
@@ -78,17 +78,17 @@ impl ColourModel {
         if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
     }
 
-    /// Fits the lights' matrices anew on the cloud and on the hardest ways that are found from it.
+    /// Refits the lights' matrices on the cloud and on the hardest paths found from it.
     ///
-    /// Those of models whose matrices do not depend on a cloud stay as they are, and those that are far off anyway: better
-    /// on the worst colours, they would be worse on all others.
+    /// Skips kinds other than nodes and bands (most have matrices independent of a cloud), and models with errors above
+    /// ΔE00 2: a better fit of their worst colours would be worse for all others.
     pub(super) fn refit(&mut self, cloud: &Cloud) -> Result<(), ModelError> {
         const ROUNDS: usize = 2;
         const FAR_OFF: f64 = 2.0;
         if !matches!(self.kind, ModelKind::Nodes | ModelKind::Bands) || self.worst().max > FAR_OFF {
             return Ok(());
         }
-        // In an order that does not depend on the scene's.
+        // In an order independent of the scene's.
         let mut lights: Vec<Light> = self.lights.iter().map(|(_, light, _)| light.clone()).collect();
         lights.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
         for _ in 0..ROUNDS {
@@ -105,7 +105,7 @@ impl ColourModel {
         Ok(())
     }
 
-    /// The hardest ways of `unseen` under a light of the model, each varied many times for a larger error.
+    /// Returns the hardest paths of `unseen` under a light, each varied repeatedly towards a larger error.
     fn harder(&self, unseen: &Cloud, light: &Light) -> Result<Cloud, ModelError> {
         const WAYS: usize = 16;
         const ROUNDS: usize = 64;
@@ -128,11 +128,12 @@ impl ColourModel {
         unseen.of(ways.into_iter().map(|(_, way)| way).collect())
     }
 
-    /// ΔE00 on the spectra that were not used in the fit, under `light`, whose colours `xyz` makes of coefficients; `None`
-    /// where there are no such spectra.
+    /// ΔE00 under `light` on the spectra not used in the fit, for the colour matrix `xyz`; `None` if there are no such
+    /// spectra.
     ///
-    /// Where lights shine from several places, it is also that of a spectrum under it and another, as bright or darker,
-    /// under each other light of the model: the same error shows more where the sum has less colour than its parts.
+    /// For lights from several positions, it includes sums of a spectrum under this light and another spectrum, as
+    /// bright or darker, under each other light of the model: the same error is more visible where the sum has less
+    /// colour than its parts.
     fn unseen_error(&self, light: &Light, xyz: &[[f64; 3]]) -> Option<ErrorSummary> {
         const SEED: u64 = 4;
         const PARTNERS: usize = 4;

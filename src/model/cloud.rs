@@ -1,4 +1,4 @@
-//! Spectra that the light of a scene can have.
+//! Clouds of spectra that the light of a scene can have.
 
 use rayon::prelude::*;
 
@@ -7,12 +7,12 @@ use super::random::Random;
 use super::{Ingredients, ModelError};
 use crate::spectrum::{BANDS, Spectrum, wavelength_nm};
 
-/// The largest optical depth that is looked at: deeper absorption leaves no light worth a colour.
+/// Largest optical depth considered: deeper absorption leaves too little light for a visible colour.
 pub const LARGEST_DEPTH: f64 = 20.0;
 
-/// Light-independent spectra of pixels: chains of what a scene is made of.
+/// Light-independent spectra of pixels: chains of a scene's ingredients.
 ///
-/// Equal ingredients in another order make the same cloud: they are sorted, and duplicates are dropped.
+/// The ingredients are sorted and deduplicated, so that their order does not change the cloud.
 #[derive(Clone, Debug)]
 pub struct Cloud {
     pub(super) sources: Vec<Spectrum>,
@@ -24,8 +24,8 @@ pub struct Cloud {
 }
 
 impl Cloud {
-    /// Every source once, and so many random chains of each class. Classes that need absorptions are left out where
-    /// there are none.
+    /// Builds a cloud of every source once and the given number of random chains of each class. Without absorptions,
+    /// the classes that need them are left out.
     ///
     /// # Errors
     ///
@@ -60,7 +60,7 @@ impl Cloud {
         Self { sources, absorptions, supply, mixed, chains: Vec::new(), spectra: Vec::new() }.of(chains)
     }
 
-    /// Other chains of the same things.
+    /// Builds a cloud of other chains from the same ingredients.
     pub(super) fn of(&self, chains: Vec<Chain>) -> Result<Self, ModelError> {
         let (sources, absorptions) = (self.sources.clone(), self.absorptions.clone());
         let mut cloud =
@@ -69,7 +69,7 @@ impl Cloud {
         if cloud.spectra.iter().all(Spectrum::is_finite) { Ok(cloud) } else { Err(ModelError::NotFinite) }
     }
 
-    /// The spectra, rounded to what f32 holds, so that a file of f32 brings the very same ones back.
+    /// Spectra, rounded to f32 so that a file of f32 stores them exactly.
     pub fn spectra(&self) -> &[Spectrum] {
         &self.spectra
     }
@@ -84,14 +84,14 @@ impl Cloud {
         self.chains.par_iter().map(spectrum).collect()
     }
 
-    /// The optical depth per wavelength of so much of these absorptions.
+    /// Optical depth per wavelength of a list of absorptions with their depths.
     pub(super) fn depth(&self, absorbed: &[(usize, f64)]) -> Spectrum {
         let parts = absorbed.iter().map(|&(index, depth)| self.absorptions[index].scaled(depth));
         parts.fold(Spectrum::constant(0.0), |sum, part| &sum + &part)
     }
 }
 
-/// The nearest number that f32 holds.
+/// Rounds to f32.
 #[expect(clippy::cast_possible_truncation, reason = "the rounding is the purpose")]
 pub(super) fn single(number: f64) -> f64 {
     f64::from(number as f32)
@@ -101,7 +101,7 @@ fn is_coloured(ingredients: &Ingredients) -> bool {
     !ingredients.absorptions.is_empty() && ingredients.largest_depth > 0.0
 }
 
-/// The different ones of `spectra`, in an order that does not depend on theirs.
+/// Sorts and deduplicates spectra; the result does not depend on their order.
 pub(super) fn sorted(spectra: &[Spectrum]) -> Vec<Spectrum> {
     let mut sorted = spectra.to_vec();
     sorted.sort_by(compare);
@@ -109,7 +109,7 @@ pub(super) fn sorted(spectra: &[Spectrum]) -> Vec<Spectrum> {
     sorted
 }
 
-/// An order of spectra: that of their first samples that differ.
+/// Order of spectra by the first pair of samples that differ.
 pub(super) fn compare(one: &Spectrum, two: &Spectrum) -> std::cmp::Ordering {
     let pairs = one.samples().iter().zip(two.samples());
     pairs.map(|(one, two)| one.total_cmp(two)).find(|order| order.is_ne()).unwrap_or(std::cmp::Ordering::Equal)

@@ -1,29 +1,29 @@
-//! What keeps a colour model from being fitted.
+//! Errors of fitting a colour model.
 
 use super::ModelKind;
 
-/// Why there is no colour model.
+/// Error of fitting or assembling a colour model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
     /// A dimension that no model has.
     #[error("a colour model has 1 to {largest} coefficients, not {dimension}")]
     Dimension {
-        /// The dimension asked for.
+        /// Requested dimension.
         dimension: usize,
-        /// The largest there is.
+        /// Largest dimension.
         largest: usize,
     },
-    /// A dimension that RGB does not have.
+    /// A dimension other than 3 for RGB.
     #[error("RGB has 3 coefficients, not {dimension}; the other models have as many as you like")]
     NotThree {
-        /// The dimension asked for.
+        /// Requested dimension.
         dimension: usize,
     },
-    /// A tolerance that nothing can keep.
+    /// A tolerance that is not above 0.
     #[error("a tolerance is a ΔE00 above 0, not {tolerance}")]
     NotATolerance {
-        /// The tolerance asked for.
+        /// Requested tolerance.
         tolerance: f64,
     },
     /// No dimension keeps the tolerance.
@@ -32,43 +32,43 @@ pub enum ModelError {
          differs by {reached:.3} at worst; to go on with it, add --k {dimension} or --tolerance {kept:.3}{way_out}"
     )]
     Tolerance {
-        /// The kind of model asked for.
+        /// Requested kind of model.
         kind: ModelKind,
-        /// The tolerance asked for.
+        /// Requested tolerance.
         tolerance: f64,
-        /// The largest dimension there is.
+        /// Largest dimension.
         largest: usize,
-        /// The dimension that comes nearest.
+        /// Dimension with the smallest error.
         dimension: usize,
-        /// The worst ΔE00 of that.
+        /// Worst ΔE00 of that dimension.
         reached: f64,
-        /// A tolerance that it keeps.
+        /// Tolerance that this dimension keeps.
         kept: f64,
-        /// What else could be done, as the end of the sentence.
+        /// Other remedies, as the end of the sentence.
         way_out: String,
     },
-    /// A spectrum that cannot be computed with.
+    /// An unusable spectrum.
     #[error("{what} is {value} at {nm} nm; {expected}")]
     Sample {
-        /// Which spectrum it is.
+        /// Name of the spectrum.
         what: String,
-        /// Where.
+        /// Wavelength of the sample in nm.
         nm: f64,
-        /// The sample.
+        /// Value of the sample.
         value: f64,
-        /// What would be right.
+        /// Requirement for the sample.
         expected: &'static str,
     },
-    /// Spectra so large or so small that the fit overflows.
+    /// Spectra too large or too small: the fit overflows.
     #[error("the spectra of this scene are too large or too small to be computed with: a fitted colour is not finite")]
     NotFinite,
-    /// Stored parts of a model that do not fit one another.
+    /// Inconsistent stored parts of a model.
     #[error("these are not the parts of one colour model: {problem}")]
     Parts {
-        /// What does not fit.
+        /// Description of the inconsistency.
         problem: String,
     },
-    /// Whoever listened wished to stop.
+    /// The fit was cancelled.
     #[error("fitting the colour model was stopped")]
     Cancelled,
 }

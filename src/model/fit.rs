@@ -1,4 +1,4 @@
-//! Models of what a scene holds: of so many coefficients, or of the fewest that keep a tolerance.
+//! Fits of colour models to a scene: with a given number of coefficients, or with the fewest that keep a tolerance.
 
 use std::ops::RangeInclusive;
 
@@ -13,7 +13,8 @@ use crate::progress::Progress;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Spectrum, standard};
 
-/// What models are fitted on: all that the renderer can make of a scene. It makes single reflections and rays.
+/// Chains that models are fitted on: everything that the renderer can make of a scene, i.e. single reflections and
+/// rays.
 const FIT: [(ChainClass, usize); 5] = [
     (ChainClass::GreyRays(24), 100),
     (ChainClass::Absorbed, 400),
@@ -24,7 +25,7 @@ const FIT: [(ChainClass, usize); 5] = [
 
 const FIT_SEED: u64 = 1;
 
-/// What models are checked on. Most of it is behind absorbers, where a rare few of them can be far worse than all others.
+/// Chains that models are checked on. Most are behind absorbers, where a rare few can be far worse than all others.
 const VALIDATION: [(ChainClass, usize); 4] = [
     (ChainClass::GreyRays(24), 200),
     (ChainClass::Absorbed, 800),
@@ -34,16 +35,16 @@ const VALIDATION: [(ChainClass, usize); 4] = [
 
 const VALIDATION_SEED: u64 = 2;
 
-/// The model of `kind` with `dimension` coefficients for what is in `ingredients`.
+/// Fits a model of `kind` with `dimension` coefficients to `ingredients`.
 ///
-/// It takes equal steps for equal input: equal models come out, also when materials or lights are given in another
-/// order. Without lights it is fitted for D65. Whoever looks, it is planned for the observer of 1931.
+/// The fit is deterministic: equal ingredients give equal models, also with the materials or lights in another order.
+/// Without lights, the model is fitted for D65. The fit is always for the observer of 1931.
 ///
 /// # Errors
 ///
-/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 31, [`ModelError::NotThree`] for RGB of another dimension than
-/// 3, [`ModelError::Sample`] and [`ModelError::NotFinite`] for spectra that cannot be computed with,
-/// [`ModelError::Cancelled`] when `progress` says so.
+/// [`ModelError::Dimension`] unless 1 ≤ `dimension` ≤ 31, [`ModelError::NotThree`] for RGB of another dimension than 3,
+/// [`ModelError::Sample`] and [`ModelError::NotFinite`] for unusable spectra, [`ModelError::Cancelled`] when `progress`
+/// cancels.
 pub fn fit(
     ingredients: &Ingredients,
     kind: ModelKind,
@@ -56,9 +57,10 @@ pub fn fit(
     Ok(model)
 }
 
-/// The model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
+/// Fits the model of `kind` with the fewest coefficients whose worst ΔE00 keeps `tolerance`.
 ///
-/// Kept means: over the cloud of the fit, and over the spectra not used in it that [`ColourModel::check_on`] finds.
+/// The tolerance holds over the cloud of the fit, and over the spectra not used in it that [`ColourModel::check_on`]
+/// finds.
 ///
 /// # Errors
 ///
@@ -98,11 +100,12 @@ pub fn fit_automatic(
     })
 }
 
-/// The model of [`fit_automatic`] if it has at most `largest` coefficients; `None` where so few do not keep `tolerance`.
+/// Returns the model of [`fit_automatic`] if it has at most `largest` coefficients; `None` if these do not keep
+/// `tolerance`.
 ///
 /// # Errors
 ///
-/// Those of [`fit_automatic`] but [`ModelError::Tolerance`].
+/// Those of [`fit_automatic`] except [`ModelError::Tolerance`].
 pub fn fit_narrow(
     ingredients: &Ingredients,
     kind: ModelKind,
@@ -116,7 +119,7 @@ pub fn fit_narrow(
     Ok(least(&cloud, &unseen, &ingredients.lights, kind, tolerance, dimensions, progress)?.ok())
 }
 
-/// Spectra that are not used in fits for `ingredients`: what [`ColourModel::check_on`] begins with.
+/// Builds a cloud of spectra not used in fits for `ingredients`, the starting point of [`ColourModel::check_on`].
 ///
 /// # Errors
 ///
@@ -129,12 +132,13 @@ fn check_tolerance(tolerance: f64) -> Result<(), ModelError> {
     if tolerance.is_nan() || tolerance <= 0.0 { Err(ModelError::NotATolerance { tolerance }) } else { Ok(()) }
 }
 
-/// The dimensions up to `largest` that a model of `kind` can have.
+/// Dimensions up to `largest` that a model of `kind` can have.
 fn dimensions(kind: ModelKind, largest: usize) -> RangeInclusive<usize> {
     if kind.is_rgb() { 3..=largest.min(3) } else { 1..=largest }
 }
 
-/// The model of the first of `dimensions` that keeps `tolerance`, or the dimension that comes nearest.
+/// Fits the model of the first of `dimensions` that keeps `tolerance`; otherwise returns the dimension with the
+/// smallest error.
 fn least(
     cloud: &Cloud,
     unseen: &Cloud,
@@ -163,7 +167,7 @@ fn least(
     Ok(Err(nearest.1))
 }
 
-/// The model of `kind` with `dimension` coefficients for the spectra of `cloud` under `lights`.
+/// Fits a model of `kind` with `dimension` coefficients to the spectra of `cloud` under `lights`.
 ///
 /// # Errors
 ///
@@ -178,7 +182,7 @@ pub fn fit_cloud(
     fit_targets(cloud, lights, kind, dimension, f64::INFINITY, progress)
 }
 
-/// [`fit_cloud`], whose nodes are left as they are once an error above `hopeless` shows that there are too few.
+/// [`fit_cloud`] that stops optimising the nodes once an error above `hopeless` shows that they are too few.
 fn fit_targets(
     cloud: &Cloud,
     lights: &[(String, Light)],
@@ -193,7 +197,7 @@ fn fit_targets(
     if !(1..=LARGEST_DIMENSION).contains(&dimension) {
         return Err(ModelError::Dimension { dimension, largest: LARGEST_DIMENSION });
     }
-    // What the fit is for, in an order that does not depend on the scene's.
+    // Lights of the fit, in an order independent of the scene's.
     let mut wanted: Vec<&Light> = lights.iter().map(|(_, light)| light).collect();
     wanted.sort_by(|one, two| cloud::compare(one.spectrum(), two.spectrum()));
     wanted.dedup();

@@ -1,4 +1,4 @@
-//! Models that no scene shapes: uniform bands, and RGB.
+//! Models independent of the scene: uniform bands and RGB.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, OBSERVER, XYZ_FROM_LINEAR_SR
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, STEP_NM, Spectrum, standard};
 
-/// Means over `dimension` equal intervals from 400 to 700 nm; a sample stands for the 5 nm around it.
+/// Means over `dimension` equal intervals from 400 to 700 nm; each sample represents the 5 nm around it.
 pub(super) fn bands(dimension: usize) -> Vec<Spectrum> {
     let edge = |band: usize| 300.0f64.mul_add(crate::number::count(band) / crate::number::count(dimension), 400.0);
     let row = |band: usize| {
@@ -17,12 +17,12 @@ pub(super) fn bands(dimension: usize) -> Vec<Spectrum> {
     (0..dimension).map(row).collect()
 }
 
-/// Linear sRGB under the equal-energy light, white being (1, 1, 1).
+/// Linear sRGB under the equal-energy light; white is (1, 1, 1).
 pub(super) fn rgb() -> Vec<Spectrum> {
     rgb_under(&Spectrum::constant(1.0))
 }
 
-/// Linear sRGB under D65, white being (1, 1, 1).
+/// Linear sRGB under D65; white is (1, 1, 1).
 pub(super) fn rgb_prefiltered() -> Vec<Spectrum> {
     rgb_under(standard::d65().spectrum())
 }
@@ -41,7 +41,8 @@ fn normalised(row: &Spectrum) -> Spectrum {
     row.scaled(1.0 / row.sum())
 }
 
-/// XYZ per unit of red, green and blue under a light: the primaries, each as strong as the light's own to `observer`.
+/// XYZ per unit of red, green and blue under a light: the primaries, scaled by the light's own components for
+/// `observer`.
 pub(super) fn rgb_matrix(light: &Light, observer: Observer) -> Vec<[f64; 3]> {
     let white = *LINEAR_SRGB_FROM_XYZ * DVec3::from(observer.xyz_of(light.spectrum()).0);
     (0..3).map(|axis| (XYZ_FROM_LINEAR_SRGB.col(axis) * white[axis]).to_array()).collect()

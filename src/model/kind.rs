@@ -1,39 +1,39 @@
-//! The kinds of colour models, and their names.
+//! Kinds of colour models and their names.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// How the few numbers of a model stand for a spectrum.
+/// Kind of a colour model: the meaning of its coefficients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum ModelKind {
-    /// Its samples at wavelengths chosen for the scene, with a matrix fitted to each light: the default.
+    /// Samples at wavelengths chosen for the scene, with a matrix fitted to each light: the default.
     #[default]
     Nodes,
-    /// Its coefficients in the sharpened factor model (Bergner et al. 2002, section 5.1; Drew and Finlayson 2003).
+    /// Coefficients in the sharpened factor model (Bergner et al. 2002, section 5.1; Drew and Finlayson 2003).
     Sharpened(Order),
-    /// Its coefficients in an orthonormal basis of the scene, with a k × k matrix for what light meets on its way (Peercy 1993).
+    /// Coefficients in an orthonormal basis of the scene, with a k × k matrix per interaction of light (Peercy 1993).
     Peercy,
-    /// Its means over equal intervals from 400 to 700 nm, with a matrix fitted to each light.
+    /// Means over equal intervals from 400 to 700 nm, with a matrix fitted to each light.
     Bands,
-    /// Red, green and blue, multiplied as if they were wavelengths: the better of the next two.
+    /// Red, green and blue, multiplied componentwise: the better of [`Self::RgbNaive`] and [`Self::RgbPrefiltered`].
     Rgb,
-    /// Those of the spectrum itself, as under a light that is equal at all wavelengths.
+    /// RGB of the spectrum itself, i.e. under an equal-energy light.
     RgbNaive,
-    /// Those under D65 (prefiltered).
+    /// RGB under D65 (prefiltered).
     RgbPrefiltered,
-    /// Those under D65, with a matrix fitted to each light: the most that three such numbers can do.
+    /// RGB under D65, with a matrix fitted to each light: the best result from these three coefficients.
     RgbFitted,
 }
 
-/// In which order a sharpened model projects and exponentiates an absorption.
+/// Order in which a sharpened model projects and exponentiates an absorption.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Order {
-    /// The paper's: each step's transmittance is projected (its equations 9 and 11).
+    /// Projects each step's transmittance, as in the paper (equations 9 and 11).
     Step,
-    /// The absorption is projected, and exponentiated per component: no step length enters.
+    /// Projects the absorption and exponentiates it per component, independently of the step length.
     Semigroup,
 }
 
@@ -51,7 +51,7 @@ impl ModelKind {
         Self::RgbFitted,
     ];
 
-    /// Its name on the command line and in files.
+    /// Name on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Nodes => "nodes",
@@ -66,7 +66,7 @@ impl ModelKind {
         }
     }
 
-    /// Whether it has three numbers, and no others.
+    /// Whether the model always has three coefficients.
     pub const fn is_rgb(self) -> bool {
         matches!(self, Self::Rgb | Self::RgbNaive | Self::RgbPrefiltered | Self::RgbFitted)
     }

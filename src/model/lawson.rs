@@ -1,4 +1,4 @@
-//! The matrix that makes colours of coefficients, fitted such that the worst colour is nearly right.
+//! Fit of the matrix from coefficients to colours that keeps the largest error small.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -6,24 +6,24 @@ use super::target::{ErrorSummary, Target, applied, colour};
 use crate::number::count;
 
 const ITERATIONS: usize = 15;
-/// Added to the diagonal of normal equations scaled to a diagonal of ones.
+/// Added to the diagonal of normal equations that are scaled to a diagonal of ones.
 const RIDGE: f64 = 1e-9;
 
-/// A fitted matrix.
+/// A fitted matrix with its errors.
 pub(super) struct Fitted {
     /// Column i: XYZ per unit of component i.
     pub(super) matrix: Vec<[f64; 3]>,
-    /// Of the matrix, over the cloud it was fitted on.
+    /// Errors of the matrix over the cloud of the fit.
     pub(super) error: ErrorSummary,
-    /// Weights of the cloud's members after the last iteration, of mean 1: large where the fit is hard.
+    /// Weights of the cloud's spectra after the last iteration, with a mean of 1; large where the fit is hard.
     pub(super) weights: Vec<f64>,
 }
 
-/// Fits `W` to `target` on `vectors` (one k-vector per colour) by least squares in ΔE00, reweighted such that large
-/// errors weigh more (Lawson 1961); the best of the iterations is kept.
+/// Fits `W` to `target` on `vectors` (one k-vector per colour) by least squares in ΔE00, reweighted in each iteration
+/// towards large errors (Lawson 1961). Keeps the best iteration.
 ///
-/// `forms` are [`Target::forms`]. Each iteration corrects the matrix of the one before it, so that the ridge leaves no bias: of colours that k
-/// coefficients can hold exactly, the errors vanish.
+/// `forms` are [`Target::forms`]. Each iteration corrects the previous matrix, so that the ridge leaves no bias: the
+/// errors vanish for colours that k coefficients represent exactly.
 pub(super) fn fit(vectors: &[Vec<f64>], dimension: usize, target: &Target, forms: &[[f64; 6]]) -> Fitted {
     let mut weights = vec![1.0; vectors.len()];
     let mut matrix = vec![[0.0; 3]; dimension];
@@ -40,7 +40,7 @@ pub(super) fn fit(vectors: &[Vec<f64>], dimension: usize, target: &Target, forms
         if best.as_ref().is_none_or(|(score, ..)| error.score() < *score) {
             best = Some((error.score(), matrix.clone(), error));
         }
-        // Nothing is left to weigh.
+        // No errors to reweight by.
         if !error.mean.is_finite() || error.max <= 1e-9 {
             break;
         }
@@ -62,7 +62,7 @@ pub(super) fn fit(vectors: &[Vec<f64>], dimension: usize, target: &Target, forms
     }
 }
 
-/// What to add to `matrix` for the least weighted sum of squared differences; `None` where that is not finite.
+/// Change of `matrix` for the least weighted sum of squared differences; `None` if it is not finite.
 fn correction(
     vectors: &[Vec<f64>],
     matrix: &[[f64; 3]],
@@ -71,7 +71,7 @@ fn correction(
     forms: &[[f64; 6]],
 ) -> Option<Vec<[f64; 3]>> {
     let dimension = matrix.len();
-    // Blocks (p, q), q ≤ p, of the six numbers of a symmetric 3×3.
+    // Blocks (p, q), q ≤ p, each the six entries of a symmetric 3×3 matrix.
     let mut blocks = vec![[0.0; 6]; dimension * (dimension + 1) / 2];
     let mut right = vec![[0.0; 3]; dimension];
     for (index, vector) in vectors.iter().enumerate() {
@@ -112,7 +112,7 @@ fn correction(
     change.iter().flatten().all(|part| part.is_finite()).then_some(change)
 }
 
-/// 1/√`square`, or 1 where there is nothing to scale.
+/// 1/√`square`, or 1 if `square` is not positive and finite.
 pub(super) fn inverse_root(square: f64) -> f64 {
     if square > 0.0 && square.is_finite() { 1.0 / square.sqrt() } else { 1.0 }
 }

@@ -1,8 +1,8 @@
-//! How few numbers carry a spectrum through a scene, and at what error.
+//! Colour models: spectra as few coefficients, with known errors.
 //!
-//! A colour model is a projection `P` (k × 81) and a matrix `W` (3 × k) per light. A material is carried as `P` times
-//! its spectrum; everything on the way of light is componentwise; and the colour of a pixel that holds the k numbers
-//! `c` is `W·c`. Which light it is enters in `W` alone.
+//! A colour model is a projection `P` (k × 81) and a matrix `W` (3 × k) per light. `P` times a material's spectrum
+//! gives its coefficients; light transport is componentwise; and the colour of a pixel with the k coefficients `c` is
+//! `W·c`. Only `W` depends on the light.
 
 mod chain;
 mod check;
@@ -36,92 +36,93 @@ pub use target::ErrorSummary;
 
 use target::Target;
 
-/// The largest dimension of a model: the bands of 10 nm from 400 to 700 nm that spectra are tabulated in, ends included.
+/// Largest dimension of a model: the number of 10 nm bands from 400 to 700 nm, ends included, in which spectra are
+/// tabulated.
 pub const LARGEST_DIMENSION: usize = 31;
 
-/// The largest dimension that [`fit_automatic`] and [`fit_narrow`] take by themselves: what more could gain is below every
-/// tolerance that anyone sees, and each is as dear as the ones before.
+/// Largest dimension that [`fit_automatic`] and [`fit_narrow`] choose. Further coefficients gain less than any visible
+/// tolerance, and each costs as much as the ones before.
 pub const LARGEST_AUTOMATIC_DIMENSION: usize = 16;
 
-/// What the light of a scene can meet on its way: what a model must carry.
+/// Spectra and optical depths of a scene that a model must represent.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ingredients {
-    /// The materials in use. Negative samples are allowed: artificial ones have them.
+    /// Reflectances of the materials in use. Negative samples are allowed: artificial materials have them.
     pub reflectances: Vec<Spectrum>,
-    /// The shapes, of peak 1, of the wavelength-dependent absorptions in use; none: all absorption is grey.
+    /// Absorption spectra in use, with a peak of 1; empty if all absorption is grey.
     pub absorptions: Vec<Spectrum>,
-    /// What is seen through what passes.
+    /// Background, seen through the volume.
     pub background: Option<Spectrum>,
     /// Whether white highlights are in use.
     pub highlights: bool,
-    /// The scene's own lights, by name.
+    /// Lights of the scene, by name.
     pub lights: Vec<(String, Light)>,
-    /// Whether they shine from several places: a pixel then adds up different spectra under each of them.
+    /// Whether the lights shine from several positions: a pixel then sums different spectra under each of them.
     pub mixed: bool,
-    /// The largest optical depth of coloured absorption that can occur; 0 when all absorption is grey. Above
-    /// [`LARGEST_DEPTH`], it counts as that.
+    /// Largest possible optical depth of coloured absorption; 0 if all absorption is grey. Limited to
+    /// [`LARGEST_DEPTH`].
     pub largest_depth: f64,
 }
 
-/// How the colours under one light are made of a model's coefficients.
+/// Matrix from a model's coefficients to colours under one light, with its errors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightMatrix {
     /// Column i: XYZ per unit of component i.
     pub xyz: Vec<[f64; 3]>,
-    /// ΔE00 over the cloud that the model was fitted on.
+    /// ΔE00 over the cloud of the fit.
     pub error: ErrorSummary,
-    /// ΔE00 over spectra that were not used in the fit, where that was measured.
+    /// ΔE00 over spectra not used in the fit, if measured.
     pub unseen: Option<ErrorSummary>,
 }
 
 impl LightMatrix {
-    /// The worse of the errors on the cloud and on spectra that were not used in the fit.
+    /// Larger of the errors on the cloud and on spectra not used in the fit.
     pub fn worst(&self) -> ErrorSummary {
         self.unseen.map_or(self.error, |unseen| self.error.worst(unseen))
     }
 }
 
-/// What becomes of coefficients of an absorption that are negative, which would amplify light.
+/// Treatment of negative coefficients of an absorption, which would amplify light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Amplification {
-    /// They are held at 0: what pictures are made with.
+    /// Held at 0, as in pictures.
     Held,
-    /// They are kept, to show what the model does by itself.
+    /// Kept, to show the behaviour of the model itself.
     Kept,
 }
 
-/// Few numbers that stand for a spectrum: see the [module](self).
+/// A linear map from spectra to k coefficients; see the [module](self).
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColourModel {
     kind: ModelKind,
-    /// Whom its matrices are for.
+    /// Observer of the matrices.
     observer: Observer,
     projection: Vec<Spectrum>,
     cloud: Vec<Spectrum>,
     vectors: Vec<Vec<f64>>,
-    /// Spectra that were not used in the fit, with their coefficients; none where nothing was checked.
+    /// Spectra not used in the fit, with their coefficients; empty if the model was not checked.
     unseen: Samples,
-    /// Whether it is checked on sums of different spectra under different lights, too.
+    /// Whether the check includes sums of different spectra under different lights.
     mixed: bool,
     lights: Vec<(String, Light, LightMatrix)>,
 }
 
-/// Light-independent spectra of pixels.
+/// Light-independent spectra of pixels, with their coefficients.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
-    /// The spectra.
+    /// Spectra.
     pub spectra: Vec<Spectrum>,
-    /// The coefficients of each, as componentwise arithmetic makes them.
+    /// Coefficients of each spectrum, from componentwise arithmetic.
     pub vectors: Vec<Vec<f64>>,
 }
 
-/// The row of a projection that takes the sample of one band.
+/// Row of a projection that selects the sample of one band.
 fn one_band(band: usize) -> Spectrum {
     Spectrum::from_samples(std::array::from_fn(|other| if other == band { 1.0 } else { 0.0 }))
 }
 
 impl ColourModel {
-    /// Every band of the grid: nothing is left out, and nothing is fitted. What other models are measured against.
+    /// Model of all bands, without loss or fit: the reference for the other models.
     pub fn full_spectrum() -> Self {
         let projection = (0..BANDS).map(one_band).collect();
         let (kind, observer) = (ModelKind::Nodes, Observer::default());
@@ -129,16 +130,16 @@ impl ColourModel {
         Self { kind, observer, projection, cloud, vectors, unseen, mixed: false, lights }
     }
 
-    /// A model of stored parts; with it, new lights are fitted as with the model that the parts were taken from.
+    /// Assembles a model from stored parts. New lights are fitted as with the original model.
     ///
-    /// `projection` has a row per coefficient; `cloud` holds the spectra of [`Self::cloud`], and `vectors` their
-    /// coefficients. Where those are left out they are the projections of the cloud's spectra, which for nodes they
-    /// are anyway; for other models the errors of componentwise products are then left out too.
+    /// `projection` has one row per coefficient; `cloud` holds the spectra of [`Self::cloud`], and `vectors` their
+    /// coefficients. Without `vectors`, the projections of the cloud's spectra are used. For nodes these are the same;
+    /// for other models they omit the errors of componentwise products.
     ///
     /// # Errors
     ///
-    /// [`ModelError::Parts`] when the numbers of rows, columns and coefficients differ, when there is nothing, or when
-    /// a row of nodes is not one wavelength; [`ModelError::NotFinite`] when a part is not finite.
+    /// [`ModelError::Parts`] when the numbers of rows, columns and coefficients differ, when parts are empty, or when a
+    /// row of nodes is not a single wavelength; [`ModelError::NotFinite`] when a part is not finite.
     pub fn from_parts(
         kind: ModelKind,
         projection: Vec<Spectrum>,
@@ -167,14 +168,14 @@ impl ColourModel {
         if model.is_finite() { Ok(model) } else { Err(ModelError::NotFinite) }
     }
 
-    /// The same of stored parts whose matrices are those of `observer`, not of 1931: see [`Self::from_parts`].
+    /// Sets the observer of stored matrices that are not for 1931; see [`Self::from_parts`].
     #[must_use]
     pub fn with_observer(self, observer: Observer) -> Self {
         Self { observer, ..self }
     }
 
-    /// The same with stored spectra that were not used in its fit, and their coefficients: see [`Self::from_parts`].
-    /// `mixed` says whether it is checked on sums of them under several lights.
+    /// Adds stored spectra not used in the fit, and their coefficients; see [`Self::from_parts`]. `mixed` says whether
+    /// the check includes sums of them under several lights.
     ///
     /// # Errors
     ///
@@ -191,7 +192,7 @@ impl ColourModel {
         if self.is_finite() { Ok(self) } else { Err(ModelError::NotFinite) }
     }
 
-    /// `vectors`, or where there are none the projections of `spectra`, if there is a whole one for each of these.
+    /// Returns `vectors`, by default the projections of `spectra`, after a check for one complete vector per spectrum.
     fn checked_vectors(
         &self,
         spectra: &[Spectrum],
@@ -216,22 +217,22 @@ impl ColourModel {
         spectra.into_iter().all(Spectrum::is_finite) && vectors.flatten().chain(matrices).all(|part| part.is_finite())
     }
 
-    /// What kind of model it is.
+    /// Kind of the model.
     pub const fn kind(&self) -> ModelKind {
         self.kind
     }
 
-    /// Whom its matrices, and their errors, are for.
+    /// Observer of the matrices and their errors.
     pub const fn observer(&self) -> Observer {
         self.observer
     }
 
-    /// How many coefficients it has: `k`.
+    /// Number of coefficients `k`.
     pub const fn dimension(&self) -> usize {
         self.projection.len()
     }
 
-    /// The model in words: "8 nodes (420, 455, … nm)", "RGB, prefiltered by D65".
+    /// Description in words: "8 nodes (420, 455, … nm)", "RGB, prefiltered by D65".
     pub fn description(&self) -> String {
         let k = self.dimension();
         let plural = if k == 1 { "" } else { "s" };
@@ -255,73 +256,72 @@ impl ColourModel {
         }
     }
 
-    /// `P`: a row per coefficient, whose products with a spectrum's samples sum to it.
+    /// Projection `P`: one row per coefficient, the plain sum of the row's products with a spectrum's samples.
     pub fn projection(&self) -> &[Spectrum] {
         &self.projection
     }
 
-    /// The wavelengths, ascending, whose samples are the coefficients; `None` for models that are not nodes.
+    /// Wavelengths of the nodes in nm, ascending; `None` for models that are not nodes.
     pub fn nodes_nm(&self) -> Option<Vec<f64>> {
         let bands = (self.kind == ModelKind::Nodes).then(|| self.bands())?;
         Some(bands.into_iter().map(wavelength_nm).collect())
     }
 
-    /// The bands of rows that take one band's sample.
+    /// Bands that single rows of the projection select, ascending.
     fn bands(&self) -> Vec<usize> {
         let is_row = |band: &usize| self.projection.iter().any(|row| *row == one_band(*band));
         (0..BANDS).filter(is_row).collect()
     }
 
-    /// The spectra that the model was fitted on: light-independent spectra of pixels, which f32 holds exactly.
+    /// Spectra that the model was fitted on: light-independent spectra of pixels, exact in f32.
     pub fn cloud(&self) -> &[Spectrum] {
         &self.cloud
     }
 
-    /// The coefficients of each spectrum of the cloud, as componentwise arithmetic makes them; f32 holds them exactly.
+    /// Coefficients of each spectrum of the cloud, from componentwise arithmetic; exact in f32.
     pub fn cloud_vectors(&self) -> &[Vec<f64>] {
         &self.vectors
     }
 
-    /// Spectra that were not used in the fit, with their coefficients, which f32 holds exactly; none where nothing was
-    /// checked.
+    /// Spectra not used in the fit, with their coefficients, exact in f32; empty if the model was not checked.
     pub fn unseen(&self) -> &Samples {
         &self.unseen
     }
 
-    /// Whether errors are those of sums of different spectra under different lights, too.
+    /// Whether errors include sums of different spectra under different lights.
     pub const fn is_mixed(&self) -> bool {
         self.mixed
     }
 
-    /// The lights the model was fitted for, in the order they were given in.
+    /// Lights of the fit, in their given order.
     pub fn lights(&self) -> &[(String, Light, LightMatrix)] {
         &self.lights
     }
 
-    /// The largest of the errors under the model's lights; zeros when there are none.
+    /// Largest errors under the model's lights; zeros if there are none.
     pub fn worst(&self) -> ErrorSummary {
         self.lights.iter().map(|(.., matrix)| matrix.worst()).fold(ErrorSummary::default(), ErrorSummary::worst)
     }
 
-    /// The k coefficients of a spectrum of reflection; those of white are ones. Negative ones are kept.
+    /// Returns the k coefficients of a reflectance; those of white are ones. Negative coefficients are kept.
     pub fn coefficients(&self, spectrum: &Spectrum) -> Vec<f64> {
         self.projection.iter().map(|row| row.dot(spectrum)).collect()
     }
 
-    /// The k coefficients of a shape of absorption, none of them negative; see [`Self::amplification`].
+    /// Returns the k coefficients of an absorption spectrum, with negative ones held at 0; see [`Self::amplification`].
     ///
-    /// Times an optical depth, they are the optical depths of the components. The model
+    /// Multiplied by an optical depth, they are the optical depths of the components. The model
     /// [`ModelKind::Sharpened`]`(`[`Order::Step`]`)` needs [`Self::step_depths`] instead.
     pub fn absorption_coefficients(&self, absorption: &Spectrum) -> Vec<f64> {
         self.unclamped_absorption_coefficients(absorption).into_iter().map(|depth| depth.max(0.0)).collect()
     }
 
-    /// What [`Self::absorption_coefficients`] are before negative ones are held at 0: for reports.
+    /// [`Self::absorption_coefficients`] with negative coefficients kept, for reports.
     pub fn unclamped_absorption_coefficients(&self, absorption: &Spectrum) -> Vec<f64> {
         self.coefficients(absorption)
     }
 
-    /// A sentence on the coefficients of an absorption that had to be held at 0, where there are any.
+    /// Sentence about the coefficients of an absorption that are held at 0, if any.
     pub fn amplification(&self, absorption: &Spectrum) -> Option<String> {
         let coefficients = self.unclamped_absorption_coefficients(absorption);
         let least = coefficients.iter().copied().fold(0.0, f64::min);
@@ -335,11 +335,11 @@ impl ColourModel {
         })
     }
 
-    /// The optical depth of each component across one step of a medium whose optical depth per wavelength is `depth`.
+    /// Optical depth of each component across one step of a medium with the optical depth per wavelength `depth`.
     ///
-    /// Linear in `depth`, and so independent of how a way is cut into steps, for every model but
-    /// [`ModelKind::Sharpened`]`(`[`Order::Step`]`)`, which projects the step's transmittance. Between 0 and 80 where
-    /// amplification is [`Amplification::Held`].
+    /// Linear in `depth`, and therefore independent of the division of a path into steps, for every model except
+    /// [`ModelKind::Sharpened`]`(`[`Order::Step`]`)`, which projects the step's transmittance. Between 0 and 80 with
+    /// [`Amplification::Held`].
     pub fn step_depths(&self, depth: &Spectrum, amplification: Amplification) -> Vec<f64> {
         const OPAQUE: f64 = 80.0;
         let mut depths = match self.kind {
@@ -358,9 +358,9 @@ impl ColourModel {
         depths
     }
 
-    /// The coefficients that componentwise arithmetic makes of each chain of `cloud`.
+    /// Coefficients of each chain of `cloud`, from componentwise arithmetic (Peercy's model: matrix products).
     fn vectors_of(&self, cloud: &Cloud, amplification: Amplification) -> Vec<Vec<f64>> {
-        // At nodes all arithmetic is that of the spectra themselves.
+        // At nodes, the arithmetic is that of the spectra themselves.
         if self.kind == ModelKind::Nodes {
             return nodes::sampled(&cloud.spectra, &self.bands());
         }
@@ -387,29 +387,28 @@ impl ColourModel {
         cloud.chains.par_iter().map(|chain| chain.walk(self.dimension(), &sources, &depths)).collect()
     }
 
-    /// [`Self::vectors_of`] in numbers that f32 holds, so that a file of f32 brings the very same ones back.
+    /// [`Self::vectors_of`], rounded to f32 so that a file of f32 stores them exactly.
     fn stored_vectors_of(&self, cloud: &Cloud) -> Vec<Vec<f64>> {
         let mut vectors = self.vectors_of(cloud, Amplification::Held);
         vectors.iter_mut().flatten().for_each(|part| *part = cloud::single(*part));
         vectors
     }
 
-    /// ΔE00 of each of `cloud`'s spectra under `light`, whether it belongs to the model or is new.
+    /// ΔE00 of each spectrum of `cloud` under `light`, one of the model's lights or a new one.
     pub fn errors(&self, cloud: &Cloud, light: &Light, amplification: Amplification) -> Vec<f64> {
         let target = Target::new(&cloud.spectra, light, self.observer);
         target.errors(&self.vectors_of(cloud, amplification), &self.matrix(light).xyz)
     }
 
-    /// The matrix of a light to `observer`: that of [`Self::matrix`] where it is the model's own observer, else a new one
-    /// fitted on the cloud, which takes its time: see [`Self::seen_by`].
+    /// Matrix of a light for `observer`: [`Self::matrix`] for the model's own observer, else a new fit on the cloud,
+    /// which is slow; see [`Self::seen_by`].
     pub fn matrix_for(&self, light: &Light, observer: Observer) -> LightMatrix {
         if observer == self.observer { self.matrix(light) } else { self.fitted_for(light, observer) }
     }
 
-    /// The matrix of a light: the model's own where the light is one of its lights, else a new one fitted on the
-    /// cloud.
+    /// Matrix of a light: the stored matrix of one of the model's lights, else a new fit on the cloud.
     ///
-    /// It is made of the cloud and the light alone: a model of stored parts gives the very same numbers.
+    /// The fit depends on the cloud and the light alone: a model of stored parts gives identical numbers.
     pub fn matrix(&self, light: &Light) -> LightMatrix {
         match self.lights.iter().find(|(_, known, _)| known == light) {
             Some((.., matrix)) => matrix.clone(),
@@ -442,18 +441,18 @@ impl ColourModel {
         LightMatrix { xyz, error, unseen: None }
     }
 
-    /// How spectra are made of coefficients again; see [`Reconstruction`].
+    /// Reconstruction of spectra from coefficients; see [`Reconstruction`].
     pub fn reconstruction(&self) -> Reconstruction {
         Reconstruction::new(self)
     }
 
-    /// The most, in ΔE00, that storing finished coefficients in 16-bit floats can change a colour: over the cloud and
-    /// the model's lights, shown `brightness` times as bright as unit lights are, where pixels may hold up to `sum`
-    /// times what one surface sends. Both are 1 at least.
+    /// Largest change of a colour, in ΔE00, when finished coefficients are stored in 16-bit floats: over the cloud and
+    /// the model's lights, displayed `brightness` times as bright as unit lights, in pixels of up to `sum` times the
+    /// light of one surface. Both factors are at least 1.
     ///
-    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. A colour brighter than white
-    /// is looked at where there is so little of it that it is white. Infinite where a coefficient is larger than such a
-    /// float can be.
+    /// Each coefficient is off by at most 2⁻¹¹ of itself, or 2⁻²⁵ below the normal numbers. A colour that can be
+    /// brighter than white is evaluated at the amount that makes it white. Infinite if a coefficient exceeds the
+    /// largest 16-bit float.
     pub fn half_precision_error(&self, brightness: f64, sum: f64) -> f64 {
         const LARGEST: f64 = 65504.0;
         if self.vectors.iter().flatten().any(|part| part.abs() > LARGEST) {
@@ -461,7 +460,7 @@ impl ColourModel {
         }
         let least = brightness * 0.5_f64.powi(25);
         let of_light = |(_, light, matrix): &(String, Light, LightMatrix)| {
-            // How much of each there can be: what makes it white, or all.
+            // Largest amount of each spectrum: up to white, or all there is.
             let shown = |spectrum: &Spectrum| {
                 let luminance = self.observer.matching()[1].dot(&(light.spectrum() * spectrum));
                 if luminance > 0.0 { luminance.recip().max(1.0).min(brightness * sum) } else { brightness * sum }
@@ -484,7 +483,7 @@ impl ColourModel {
     }
 }
 
-/// The rows of `spectra` as a matrix.
+/// Matrix with one spectrum per row.
 fn matrix_of(spectra: &[Spectrum]) -> DMatrix<f64> {
     DMatrix::from_fn(spectra.len(), BANDS, |row, band| spectra[row].samples()[band])
 }

@@ -1,4 +1,4 @@
-//! The few wavelengths that stand for all: products, exponentials and powers are exact at each of them.
+//! Selection of the nodes of a colour model: products, exponentials and powers are exact at each node.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -11,16 +11,16 @@ use crate::spectrum::{BANDS, Spectrum};
 
 const ROUNDS: u64 = 3;
 const SWEEPS: usize = 12;
-/// Added to the diagonal of normal equations scaled to a diagonal of ones.
+/// Added to the diagonal of normal equations that are scaled to a diagonal of ones.
 const RIDGE: f64 = 1e-9;
-/// Rows and columns of the normal equations over all candidates: X, Y, Z of each band.
+/// Rows and columns of the normal equations over all candidates: X, Y and Z of each band.
 const SIZE: usize = 3 * BANDS;
 
-/// The bands, ascending, whose samples tell most about the colours of `targets`.
+/// Selects the bands, ascending, whose samples best determine the colours of `targets`.
 ///
-/// Each round selects bands by weighted least squares, greedily and then by exchanges, and weighs the spectra anew by
-/// how hard the fit with these bands found them; the best round is kept. `hopeless` ends the search when the largest
-/// error after the first round is above it.
+/// Each round selects bands by weighted least squares, first greedily and then by exchanges, and reweights the spectra
+/// by their errors in the fit with these bands. The best round is kept. The search ends when the largest error after a
+/// round exceeds `hopeless`.
 pub(super) fn select(
     spectra: &[Spectrum],
     targets: &[Target],
@@ -66,22 +66,22 @@ pub(super) fn select(
     Ok(best.map_or(chosen, |(_, bands)| bands))
 }
 
-/// The samples of each spectrum at `bands`.
+/// Samples of each spectrum at `bands`.
 pub(super) fn sampled(spectra: &[Spectrum], bands: &[usize]) -> Vec<Vec<f64>> {
     spectra.iter().map(|spectrum| bands.iter().map(|&band| spectrum.samples()[band]).collect()).collect()
 }
 
-/// The weighted normal equations of one light over all bands, scaled to a diagonal of ones, with the ridge.
+/// Weighted normal equations of one light over all bands, scaled to a diagonal of ones, with the ridge.
 struct Candidates {
     /// `SIZE` × `SIZE`, symmetric; X, Y and Z of band `p` are 3p, 3p + 1 and 3p + 2.
     system: Vec<f64>,
     right: Vec<f64>,
-    /// The weighted sum of squares that is to be explained.
+    /// Weighted sum of squares to explain.
     total: f64,
 }
 
 impl Candidates {
-    /// `samples` has a column per spectrum.
+    /// `samples` has one column per spectrum.
     fn new(
         samples: &DMatrix<f64>,
         transposed: &DMatrix<f64>,
@@ -127,16 +127,16 @@ impl Candidates {
     }
 }
 
-/// Cholesky's elimination of some bands from the normal equations of one light, and what remains of the others.
+/// Cholesky elimination of bands from the normal equations of one light, with the remainder for the other bands.
 struct Elimination<'a> {
     of: &'a Candidates,
-    /// A row of the factor per eliminated equation, over all columns.
+    /// One row of the factor per eliminated equation, over all columns.
     rows: Vec<Vec<f64>>,
-    /// What remains of the right side.
+    /// Remainder of the right-hand side.
     right: Vec<f64>,
-    /// What remains of each band's diagonal block: 00, 10, 11, 20, 21, 22.
+    /// Remainder of each band's diagonal block: 00, 10, 11, 20, 21, 22.
     blocks: Vec<[f64; 6]>,
-    /// The part of the total that the eliminated bands explain.
+    /// Part of the total explained by the eliminated bands.
     explained: f64,
 }
 
@@ -180,7 +180,7 @@ impl<'a> Elimination<'a> {
         }
     }
 
-    /// What `band` would explain of the rest.
+    /// Part of the remainder that `band` would explain.
     fn gain(&self, band: usize) -> f64 {
         let [b00, b10, b11, b20, b21, b22] = self.blocks[band];
         let right = &self.right[3 * band..3 * band + 3];
@@ -197,12 +197,12 @@ impl<'a> Elimination<'a> {
     }
 }
 
-/// Whether enough is left of a diagonal entry to divide by it; the ridge keeps all but rounding above this.
+/// Whether a diagonal entry is large enough to divide by; thanks to the ridge, only rounding errors are not.
 fn is_pivot(square: f64) -> bool {
     square > RIDGE / 100.0
 }
 
-/// The band outside `taken` that all lights together gain most from, and how much.
+/// Band outside `taken` with the largest gain over all lights, and the gain.
 fn best_gain(eliminations: &[Elimination<'_>], taken: &[usize]) -> Option<(usize, f64)> {
     let free = (0..BANDS).filter(|band| !taken.contains(band));
     let gains = free.map(|band| (band, total_gain(eliminations, band)));
@@ -224,7 +224,7 @@ fn greedy(candidates: &[Candidates], dimension: usize) -> Vec<usize> {
     chosen
 }
 
-/// Replaces one band by a better one as long as there are any.
+/// Replaces single bands by better ones until none is found, for at most [`SWEEPS`] sweeps.
 fn exchange(candidates: &[Candidates], chosen: &mut [usize]) {
     let total: f64 = candidates.iter().map(|candidates| candidates.total).sum();
     for _ in 0..SWEEPS {
@@ -240,7 +240,7 @@ fn exchange(candidates: &[Candidates], chosen: &mut [usize]) {
             let eliminations: Vec<Elimination<'_>> = candidates.par_iter().map(eliminated).collect();
             let kept = total_gain(&eliminations, chosen[place]);
             let cost = total - kept - eliminations.iter().map(|elimination| elimination.explained).sum::<f64>();
-            // Below the second bound a gain is rounding.
+            // Gains below the second bound are rounding errors.
             let worthwhile = (1e-6 * cost).max(1e-13 * total);
             if let Some((band, gain)) = best_gain(&eliminations, &others)
                 && gain - kept > worthwhile

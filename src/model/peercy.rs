@@ -1,8 +1,9 @@
-//! Peercy's full matrices: products of spectra as k × k matrices in an orthonormal basis (Peercy 1993, "Linear color
+//! Peercy's model: products of spectra as k × k matrices in an orthonormal basis (Peercy 1993, "Linear color
 //! representations for full spectral rendering").
 //!
-//! A vector holds the light; what it meets is a matrix `Mᵢⱼ = Σ eᵢ·s·eⱼ`, the spectrum `s` seen through the basis. Here the
-//! light's own spectrum enters last, as in every model of this program, so that vectors are of what materials send back.
+//! A vector represents the light. Each interaction with a spectrum `s` is a matrix `Mᵢⱼ = Σ eᵢ·s·eⱼ`, the spectrum in
+//! the basis. As in every model of this program, the light's own spectrum is applied last, so that vectors represent
+//! reflected spectra.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,14 +13,14 @@ use crate::spectrum::colour::Xyz;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{BANDS, Light, Spectrum};
 
-/// The basis that holds most of the spectra of `cloud`, turned so that all coefficients of white are alike, which is then 1: a
-/// turn changes no product of matrices.
+/// Basis of the first singular vectors of `cloud`, rotated and scaled so that all coefficients of white are 1. A
+/// rotation does not change products of matrices.
 pub(super) fn projection(cloud: &[Spectrum], dimension: usize) -> Vec<Spectrum> {
     let roots = visual_roots();
     let basis = basis(cloud, &[&Spectrum::constant(1.0)], dimension, &roots);
     let white = basis.transpose() * DVector::from_column_slice(&roots);
     let (length, side) = (white.norm(), crate::number::count(dimension).sqrt());
-    // The reflection that takes white's direction to that of (1, 1, …).
+    // Householder reflection of the direction of white onto that of (1, 1, …).
     let mirror = &white / length - DVector::from_element(dimension, side.recip());
     let square = mirror.norm_squared();
     let mut turned = basis;
@@ -33,7 +34,7 @@ pub(super) fn projection(cloud: &[Spectrum], dimension: usize) -> Vec<Spectrum> 
     (0..dimension).map(row).collect()
 }
 
-/// XYZ per unit of each component under a light: the colours of the dual basis, lit.
+/// XYZ per unit of each component under a light: the colours of the dual basis under that light.
 pub(super) fn matrix(projection: &[Spectrum], light: &Light, observer: Observer) -> Vec<[f64; 3]> {
     let dual = dual(projection);
     let of = |index: usize| Spectrum::from_samples(std::array::from_fn(|band| dual[(band, index)]));
@@ -44,7 +45,7 @@ pub(super) fn matrix(projection: &[Spectrum], light: &Light, observer: Observer)
     (0..projection.len()).map(lit).collect()
 }
 
-/// Spectra as vectors, and as the matrices that take them to others.
+/// Conversion of spectra to vectors, and to matrices that act on vectors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matrices {
     /// k × 81.
@@ -54,7 +55,7 @@ pub struct Matrices {
 }
 
 impl Matrices {
-    /// Those of `model`'s basis.
+    /// Matrices of `model`'s basis.
     #[must_use]
     pub fn new(model: &ColourModel) -> Self {
         Self { projection: matrix_of(model.projection()), dual: dual(model.projection()) }
@@ -66,14 +67,14 @@ impl Matrices {
         (&self.projection * DVector::from_column_slice(spectrum)).as_slice().to_vec()
     }
 
-    /// The k × k matrix, row by row, of what `spectrum` leaves of each component in each other.
+    /// The k × k matrix, row by row, of the multiplication by `spectrum`.
     #[must_use]
     pub fn matrix(&self, spectrum: &[f64; BANDS]) -> Vec<f64> {
         let mut met = self.dual.clone();
         for (mut row, &factor) in met.row_iter_mut().zip(spectrum) {
             row *= factor;
         }
-        // Column by column of the transpose: row by row.
+        // The transpose column by column is the matrix row by row.
         (&self.projection * met).transpose().as_slice().to_vec()
     }
 }

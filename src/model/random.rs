@@ -1,11 +1,11 @@
-//! Numbers that look random and are the same everywhere.
+//! Deterministic pseudo-random numbers, equal on all platforms.
 
-/// `SplitMix64` (Steele, Lea and Flood 2014): one 64-bit state, equal for equal seeds.
+/// `SplitMix64` (Steele, Lea and Flood 2014): one 64-bit state, equal sequences for equal seeds.
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
 impl Random {
-    /// The sequence of a seed.
+    /// Starts the sequence of a seed.
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self(seed)
@@ -19,23 +19,23 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
-    /// A number from 0 to below 1.
+    /// Uniform number from 0 to below 1.
     #[expect(clippy::cast_precision_loss, reason = "53 bits are exact")]
     pub fn unit(&mut self) -> f64 {
         (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A number between two ends.
+    /// Uniform number between `low` and `high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         (high - low).mul_add(self.unit(), low)
     }
 
-    /// A number between two positive ends, whose logarithm is equally likely anywhere.
+    /// Log-uniform number between two positive bounds.
     pub fn between_magnitudes(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
     }
 
-    /// One of the indices below `count`; 0 when there is none.
+    /// Uniform index below `count`; 0 if `count` is 0.
     pub fn index(&mut self, count: usize) -> usize {
         let share = crate::number::whole(self.unit() * crate::number::count(count));
         share.min(count.saturating_sub(1))

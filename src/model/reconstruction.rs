@@ -1,4 +1,4 @@
-//! Full spectra of a model's coefficients.
+//! Reconstruction of full spectra from a model's coefficients.
 
 use nalgebra::DMatrix;
 
@@ -7,14 +7,14 @@ use super::{ColourModel, ErrorSummary, matrix_of};
 use crate::number::count;
 use crate::spectrum::{BANDS, Spectrum};
 
-/// The 81 × k matrix that brings spectra back from coefficients, with least squares over a model's cloud; of all 81 bands,
-/// the bands themselves.
+/// The 81 × k matrix from coefficients to spectra, fitted by least squares over a model's cloud; the identity for the
+/// model of all 81 bands.
 #[derive(Clone, Debug)]
 pub struct Reconstruction {
-    /// Column i: the spectrum per unit of component i.
+    /// Column i: spectrum per unit of component i.
     pub spectra: Vec<Spectrum>,
-    /// The root of the mean squared difference of the cloud's samples: of light that comes back at a wavelength, as a share
-    /// of what a white surface would send there.
+    /// Root mean square difference of the cloud's samples: reflected light per wavelength, as a fraction of the light
+    /// from a white surface.
     pub rms: f64,
     /// ΔE00 of the cloud's reconstructed spectra under each of the model's lights, by name.
     pub errors: Vec<(String, ErrorSummary)>,
@@ -49,7 +49,7 @@ impl Reconstruction {
         made
     }
 
-    /// The spectrum of so many coefficients as the model has.
+    /// Reconstructs the spectrum of the model's k coefficients.
     pub fn spectrum(&self, coefficients: &[f64]) -> Spectrum {
         let parts = self.spectra.iter().zip(coefficients).map(|(spectrum, &part)| spectrum.scaled(part));
         parts.fold(Spectrum::constant(0.0), |sum, part| &sum + &part)

@@ -1,4 +1,4 @@
-//! The sharpened factor model: a basis of all the light of a scene, turned such that products are nearly componentwise.
+//! Sharpened factor model: a basis of all the light of a scene, transformed so that products are nearly componentwise.
 //!
 //! A reconstruction of Drew and Finlayson 2003 by sensor sharpening (Finlayson, Drew and Funt 1994): the authors'
 //! scaling is not known.
@@ -10,19 +10,19 @@ use crate::spectrum::colour::{OBSERVER, Xyz};
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{BANDS, Light, Spectrum};
 
-/// How much each wavelength matters to the eye.
+/// Visual weight of each wavelength: (x̄ + ȳ + z̄) / max + 0.02.
 fn visual_weights() -> [f64; BANDS] {
     let sums: [f64; BANDS] = std::array::from_fn(|band| OBSERVER.iter().map(|matching| matching.samples()[band]).sum());
     let largest = sums.iter().copied().fold(0.0, f64::max);
     sums.map(|sum| sum / largest + 0.02)
 }
 
-/// The roots of how much each wavelength matters to the eye: what spectra are multiplied by before they are compared.
+/// Square roots of the visual weights, by which spectra are multiplied before comparison.
 pub(super) fn visual_roots() -> [f64; BANDS] {
     visual_weights().map(f64::sqrt)
 }
 
-/// The rows that give the coefficients, white's being ones, for the spectra of `cloud` under `lights`.
+/// Rows of the projection for the spectra of `cloud` under `lights`; the coefficients of white are ones.
 pub(super) fn projection(cloud: &[Spectrum], lights: &[&Light], dimension: usize) -> Vec<Spectrum> {
     let roots = visual_roots();
     let lights: Vec<&Spectrum> = lights.iter().map(|light| light.spectrum()).collect();
@@ -38,7 +38,7 @@ pub(super) fn projection(cloud: &[Spectrum], lights: &[&Light], dimension: usize
     (0..dimension).map(row).collect()
 }
 
-/// The first right singular vectors (81 × k) of all light, each spectrum of unit norm and visually weighted.
+/// First right singular vectors (81 × k) of all light, with each spectrum scaled to unit norm and visually weighted.
 pub(super) fn basis(cloud: &[Spectrum], lights: &[&Spectrum], dimension: usize, roots: &[f64; BANDS]) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(BANDS, BANDS);
     for light in lights {
@@ -62,7 +62,7 @@ pub(super) fn basis(cloud: &[Spectrum], lights: &[&Spectrum], dimension: usize, 
     DMatrix::from_fn(BANDS, dimension, |band, index| eigen.eigenvectors[(band, order[index])])
 }
 
-/// A column per interval of equal leverage: the direction in which the basis is largest there.
+/// One column per wavelength interval of equal leverage: the direction in which the basis is largest there.
 fn sharpening(basis: &DMatrix<f64>) -> DMatrix<f64> {
     let dimension = basis.ncols();
     let mut leverage = 0.0;
@@ -83,8 +83,7 @@ fn sharpening(basis: &DMatrix<f64>) -> DMatrix<f64> {
     DMatrix::from_columns(&columns)
 }
 
-/// XYZ per unit of each component under a light: the colours of the basis dual to the projection, each times the
-/// light's own component.
+/// XYZ per unit of each component under a light: the colours of the dual basis, each times the light's own coefficient.
 pub(super) fn matrix(projection: &[Spectrum], light: &Light, observer: Observer) -> Vec<[f64; 3]> {
     let dual = dual(projection);
     let column = |index: usize| {
@@ -94,7 +93,7 @@ pub(super) fn matrix(projection: &[Spectrum], light: &Light, observer: Observer)
     (0..projection.len()).map(column).collect()
 }
 
-/// The basis dual to a projection (81 × k), in which its coefficients add up to spectra.
+/// Dual basis of a projection (81 × k): the projection's coefficients are those of the spectrum in this basis.
 pub(super) fn dual(projection: &[Spectrum]) -> DMatrix<f64> {
     let weights = visual_weights();
     let rows = matrix_of(projection);

@@ -1,4 +1,4 @@
-//! The colours that a cloud of spectra has under a light, and how far a model's colours are from them.
+//! Exact colours of a cloud of spectra under a light, and the errors of a model's colours.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,19 +8,19 @@ use crate::spectrum::metric::quadratic_form;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Spectrum};
 
-/// How far colours are from what they should be, in ΔE00.
+/// Summary of colour errors in ΔE00.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ErrorSummary {
-    /// The mean.
+    /// Mean.
     pub mean: f64,
-    /// What 95 of 100 are within.
+    /// 95th percentile.
     pub p95: f64,
-    /// The largest.
+    /// Maximum.
     pub max: f64,
 }
 
 impl ErrorSummary {
-    /// The summary of `errors`; of none, zeros. What is NaN counts as infinite.
+    /// Summary of `errors`; zeros if there are none. NaN counts as infinite.
     pub fn of(errors: &[f64]) -> Self {
         let mut sorted: Vec<f64> = errors.iter().map(|&e| if e.is_nan() { f64::INFINITY } else { e }).collect();
         sorted.sort_by(f64::total_cmp);
@@ -29,19 +29,19 @@ impl ErrorSummary {
         Self { mean: sorted.iter().sum::<f64>() / count(sorted.len()), p95: sorted[rank - 1], max }
     }
 
-    /// The summary that is nowhere below either.
+    /// Maximum of each component of two summaries.
     #[must_use]
     pub fn worst(self, other: Self) -> Self {
         Self { mean: self.mean.max(other.mean), p95: self.p95.max(other.p95), max: self.max.max(other.max) }
     }
 
-    /// What a fit makes small: mostly the largest error, and the mean.
+    /// Objective of a fit: the largest error plus five times the mean.
     pub(super) fn score(&self) -> f64 {
         5.0f64.mul_add(self.mean, self.max)
     }
 }
 
-/// Exact colours of a cloud under one light, to one observer.
+/// Exact colours of a cloud under one light for one observer.
 pub(super) struct Target {
     pub(super) xyz: Vec<[f64; 3]>,
     lab: Vec<Lab>,
@@ -55,7 +55,7 @@ impl Target {
         Self { xyz, lab }
     }
 
-    /// The quadratic form of ΔE00² at each colour: its entries 00, 01, 02, 11, 12, 22.
+    /// Quadratic form of ΔE00² at each colour: its entries 00, 01, 02, 11, 12, 22.
     pub(super) fn forms(&self) -> Vec<[f64; 6]> {
         let form = |&xyz: &[f64; 3]| {
             let form = quadratic_form(Xyz(xyz)).to_cols_array();
@@ -64,12 +64,12 @@ impl Target {
         self.xyz.iter().map(form).collect()
     }
 
-    /// ΔE00 of `model`'s colour number `index`.
+    /// ΔE00 between the colour `model` and the exact colour at `index`.
     pub(super) fn error(&self, index: usize, model: [f64; 3]) -> f64 {
         ciede2000(lab(model), self.lab[index])
     }
 
-    /// ΔE00 of the colours that `matrix` makes of `vectors`.
+    /// ΔE00 of the colours that `matrix` gives for `vectors`.
     pub(super) fn errors(&self, vectors: &[Vec<f64>], matrix: &[[f64; 3]]) -> Vec<f64> {
         vectors.iter().enumerate().map(|(index, vector)| self.error(index, colour(matrix, vector))).collect()
     }
@@ -84,7 +84,7 @@ pub(super) fn difference(one: [f64; 3], two: [f64; 3]) -> f64 {
     ciede2000(lab(one), lab(two))
 }
 
-/// The colour of a vector: the sum of the matrix's columns, each times its component.
+/// Colour of a vector: the sum of the matrix's columns, each times its component.
 pub(super) fn colour(matrix: &[[f64; 3]], vector: &[f64]) -> [f64; 3] {
     let mut xyz = [0.0; 3];
     for (column, &component) in matrix.iter().zip(vector) {
@@ -95,7 +95,7 @@ pub(super) fn colour(matrix: &[[f64; 3]], vector: &[f64]) -> [f64; 3] {
     xyz
 }
 
-/// `form` times `vector`.
+/// Product of the symmetric matrix `form` and `vector`.
 pub(super) fn applied(form: &[f64; 6], vector: [f64; 3]) -> [f64; 3] {
     let [f00, f01, f02, f11, f12, f22] = *form;
     let [x, y, z] = vector;

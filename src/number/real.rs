@@ -1,9 +1,9 @@
-//! Single and double precision behind one trait.
+//! Common trait of single and double precision.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// f32 or f64.
+/// Floating-point number: f32 or f64.
 pub trait Real:
     Copy
     + Debug
@@ -18,32 +18,32 @@ pub trait Real:
     + Neg<Output = Self>
     + 'static
 {
-    /// Rounds.
+    /// Converts from f64, with rounding.
     fn from_f64(value: f64) -> Self;
-    /// Exact.
+    /// Converts to f64, exactly.
     fn to_f64(self) -> f64;
     /// `self · factor + summand`, rounded once.
     #[must_use]
     fn mul_add(self, factor: Self, summand: Self) -> Self;
-    /// √
+    /// Square root √x.
     #[must_use]
     fn sqrt(self) -> Self;
-    /// |x|
+    /// Absolute value |x|.
     #[must_use]
     fn abs(self) -> Self;
-    /// ⌊x⌋
+    /// Rounds down, ⌊x⌋.
     #[must_use]
     fn floor(self) -> Self;
-    /// ⌈x⌉
+    /// Rounds up, ⌈x⌉.
     #[must_use]
     fn ceil(self) -> Self;
-    /// The smaller one.
+    /// Smaller of two numbers.
     #[must_use]
     fn min(self, other: Self) -> Self;
-    /// The larger one.
+    /// Larger of two numbers.
     #[must_use]
     fn max(self, other: Self) -> Self;
-    /// As an index; negative ones are 0.
+    /// Truncates to an index; negative numbers become 0.
     fn index(self) -> usize;
 }
 
@@ -88,7 +88,7 @@ macro_rules! real {
 
 real!(f32, f64);
 
-/// `x^exponent` by squarings, lowest bit first.
+/// `base^exponent` by repeated squaring, lowest bit first.
 pub(crate) fn power<R: Real>(base: R, exponent: u32) -> R {
     let (mut result, mut square) = (R::from_f64(1.0), base);
     let mut rest = exponent;
@@ -102,12 +102,12 @@ pub(crate) fn power<R: Real>(base: R, exponent: u32) -> R {
     result
 }
 
-/// a · b
+/// Dot product a · b.
 pub(crate) fn dot<R: Real>(a: [R; 3], b: [R; 3]) -> R {
     a[0].mul_add(b[0], a[1].mul_add(b[1], a[2] * b[2]))
 }
 
-/// The unit vector of `a`; 0 stays 0.
+/// Unit vector along `a`; zero stays zero.
 pub(crate) fn unit<R: Real>(a: [R; 3]) -> [R; 3] {
     let square = dot(a, a);
     if square > R::default() {
