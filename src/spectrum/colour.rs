@@ -1,4 +1,4 @@
-//! What a spectrum looks like: XYZ, linear sRGB, Lab and the difference of two colours.
+//! Colours of spectra: XYZ, linear sRGB, Lab and colour differences.
 //!
 //! Matrices act on columns: `xyz_from_linear_srgb * rgb`. The wavelength integral is the plain sum on the grid.
 
@@ -18,8 +18,8 @@ pub static OBSERVER: [Spectrum; 3] = {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Xyz(pub [f64; 3]);
 
-/// Red, green and blue of IEC 61966-2-1 before its transfer function; (1, 1, 1) is its white. Values below 0 and above
-/// 1 are colours that a display cannot show.
+/// Red, green and blue of IEC 61966-2-1 before its transfer function; (1, 1, 1) is its white. Values below 0 or above 1
+/// are colours that a display cannot show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinearSrgb(pub [f64; 3]);
 
@@ -27,72 +27,73 @@ pub struct LinearSrgb(pub [f64; 3]);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lab(pub [f64; 3]);
 
-/// The colour of a reflectance under a light.
+/// Colour of a reflectance under a light.
 pub fn xyz(light: &Light, reflectance: &Reflectance) -> Xyz {
     xyz_of(&(light.spectrum() * reflectance.spectrum()))
 }
 
-/// The colour of a spectrum that reaches the eye: the sums of its products with [`OBSERVER`].
+/// Colour of a spectrum that reaches the eye: the sums of its products with [`OBSERVER`].
 ///
-/// For the colour of a light itself: `xyz_of(light.spectrum())`.
+/// The colour of a light itself is `xyz_of(light.spectrum())`.
 pub fn xyz_of(spectrum: &Spectrum) -> Xyz {
     Xyz(OBSERVER.each_ref().map(|matching| matching.dot(spectrum)))
 }
 
-/// The white of D65 on the grid, at Y = 1.
+/// White of D65 on the grid, at Y = 1.
 pub fn d65_white() -> Xyz {
     static WHITE: LazyLock<Xyz> = LazyLock::new(|| xyz_of(standard::d65().spectrum()));
     *WHITE
 }
 
-/// XYZ of linear sRGB: the primaries' chromaticities of IEC 61966-2-1, scaled such that their sum is D65's white as
-/// ASTM E308 tabulates it, (0.95047, 1, 1.08883).
+/// Matrix from linear sRGB to XYZ: the primaries' chromaticities of IEC 61966-2-1, scaled so that their sum is D65's
+/// white of ASTM E308, (0.95047, 1, 1.08883).
 ///
-/// The white of D65 on the grid is within 1.2e-4 of (1, 1, 1).
+/// In linear sRGB, the white of D65 on the grid is within 1.2e-4 of (1, 1, 1).
 pub static XYZ_FROM_LINEAR_SRGB: LazyLock<DMat3> = LazyLock::new(|| {
     let primary = |x: f64, y: f64| DVec3::new(x, y, 1.0 - x - y);
     let primaries = DMat3::from_cols(primary(0.64, 0.33), primary(0.30, 0.60), primary(0.15, 0.06));
     primaries * DMat3::from_diagonal(primaries.inverse() * DVec3::new(0.95047, 1.0, 1.08883))
 });
 
-/// Linear sRGB of XYZ, the inverse of [`XYZ_FROM_LINEAR_SRGB`].
+/// Matrix from XYZ to linear sRGB, the inverse of [`XYZ_FROM_LINEAR_SRGB`].
 pub static LINEAR_SRGB_FROM_XYZ: LazyLock<DMat3> = LazyLock::new(|| XYZ_FROM_LINEAR_SRGB.inverse());
 
-/// The colour in linear sRGB, without adaptation and without clipping.
+/// Converts XYZ to linear sRGB, without adaptation or clipping.
 pub fn linear_srgb_from_xyz(xyz: Xyz) -> LinearSrgb {
     LinearSrgb((*LINEAR_SRGB_FROM_XYZ * DVec3::from(xyz.0)).to_array())
 }
 
-/// The inverse of [`linear_srgb_from_xyz`].
+/// Inverse of [`linear_srgb_from_xyz`].
 pub fn xyz_from_linear_srgb(rgb: LinearSrgb) -> Xyz {
     Xyz((*XYZ_FROM_LINEAR_SRGB * DVec3::from(rgb.0)).to_array())
 }
 
-/// The transfer function of IEC 61966-2-1, from linear 0..=1 to display values 0..=1; it goes on beyond both ends.
+/// Transfer function of IEC 61966-2-1, from linear 0..=1 to display values 0..=1; it extends beyond both ends.
 pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055f64.mul_add(linear.powf(1.0 / 2.4), -0.055) }
 }
 
-/// The inverse of [`encode_srgb`], to 3e-8 (the published constants leave a step of that size at the linear end).
+/// Inverse of [`encode_srgb`], to 3e-8 (the published constants leave a step of that size at the end of the linear
+/// segment).
 pub fn decode_srgb(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
-/// What a display shows of a colour: `#rrggbb`, clipped to what it can show.
+/// Display code `#rrggbb` of a colour, clipped to the displayable range.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole numbers from 0 to 255")]
 pub fn display_code(colour: LinearSrgb) -> String {
     let parts = colour.0.map(|part| (255.0 * encode_srgb(part.clamp(0.0, 1.0))).round());
     format!("#{:02x}{:02x}{:02x}", parts[0] as u8, parts[1] as u8, parts[2] as u8)
 }
 
-/// Whether a display can show a colour, to half a step of 8 bits.
+/// Whether a display can show the colour, to half a step of 8 bits.
 pub fn is_displayable(colour: LinearSrgb) -> bool {
     colour.0.iter().all(|&part| (-0.5..=255.5).contains(&(255.0 * encode_srgb(part))))
 }
 
-/// L*a*b* relative to `white` ([`d65_white`] unless a reason says otherwise).
+/// L*a*b* relative to `white`, usually [`d65_white`].
 ///
-/// Values at or below (6/29)³ of the white's, negative ones included, take the linear branch.
+/// Components at or below (6/29)³ of the white's, including negative ones, take the linear branch.
 pub fn lab_from_xyz(xyz: Xyz, white: Xyz) -> Lab {
     const KNEE: f64 = 6.0 / 29.0;
     let compress = |t: f64| if t > KNEE.powi(3) { t.cbrt() } else { t / (3.0 * KNEE * KNEE) + 4.0 / 29.0 };
@@ -100,7 +101,7 @@ pub fn lab_from_xyz(xyz: Xyz, white: Xyz) -> Lab {
     Lab([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)])
 }
 
-/// The inverse of [`lab_from_xyz`].
+/// Inverse of [`lab_from_xyz`].
 pub fn xyz_from_lab(lab: Lab, white: Xyz) -> Xyz {
     const KNEE: f64 = 6.0 / 29.0;
     let expand = |f: f64| if f > KNEE { f.powi(3) } else { 3.0 * KNEE * KNEE * (f - 4.0 / 29.0) };
@@ -110,9 +111,8 @@ pub fn xyz_from_lab(lab: Lab, white: Xyz) -> Xyz {
     Xyz(std::array::from_fn(|axis| parts[axis] * white.0[axis]))
 }
 
-/// The difference ΔE00 of two colours (CIEDE2000, kL = kC = kH = 1), as Sharma, Wu and Dalal 2005 state it; their
-/// letters are used. Of colours that are not finite, and of those that are too far from white to be computed with (a
-/// chroma above 1e44), it is NaN.
+/// Colour difference ΔE00 (CIEDE2000, kL = kC = kH = 1), in the formulation and notation of Sharma, Wu and Dalal 2005.
+/// NaN for colours that are not finite, or too far from white to compute with (a chroma above 1e44).
 pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     const POW25_7: f64 = 6_103_515_625.0;
     let [l1, a1, b1] = one.0;
@@ -149,15 +149,15 @@ pub fn ciede2000(one: Lab, two: Lab) -> f64 {
     let rotation = (60.0 * (-((h - 275.0) / 25.0).powi(2)).exp()).to_radians().sin();
     let (l, c, h) = (dl / sl, dc / sc, dh / sh);
     let square = l * l + c * c + h * h - 2.0 * saturation(f64::midpoint(c1, c2)) * rotation * c * h;
-    // What rounds below zero is zero, and what is no number stays none.
+    // Rounding below zero gives zero; NaN stays NaN.
     if square < 0.0 { 0.0 } else { square.sqrt() }
 }
 
-/// The Bradford adaptation: the matrix on XYZ that takes `from_white` to `to_white`.
+/// Matrix of the Bradford adaptation on XYZ from `from_white` to `to_white`.
 ///
-/// Both must have positive cone responses, as the whites of real lights do; else the matrix is not finite.
+/// Both whites must have positive cone responses, like the whites of real lights; otherwise the matrix is not finite.
 pub fn bradford(from_white: Xyz, to_white: Xyz) -> DMat3 {
-    // Lam 1985, as the ICC profile format uses it; given by columns.
+    // Lam 1985, as in the ICC profile format; listed by columns.
     const CONES_FROM_XYZ: DMat3 = DMat3::from_cols_array(&[
         0.8951, -0.7502, 0.0389, //
         0.2664, 1.7135, -0.0685, //

@@ -1,15 +1,15 @@
-//! Reads the tables of `data/spectra/` while the crate is compiled, so that a malformed one is a compile error.
+//! Parses the tables of `data/spectra/` at compile time, so that a malformed table is a compile error.
 
 use super::{BANDS, FIRST_NM, LAST_NM, STEP_NM};
 
-/// Columns 2, 3, … of `csv` on the grid.
+/// Parses columns 2, 3, … of `csv` on the grid.
 ///
-/// `csv` has comment lines (`#`), one header line, and rows of a wavelength in nm and `N` values at the grid's
-/// spacing; rows outside 380–780 nm are passed over.
+/// `csv` has comment lines (`#`), one header line, and rows of a wavelength in nm and `N` values at the grid's spacing;
+/// rows outside 380–780 nm are skipped.
 ///
 /// # Panics
 ///
-/// On any other text; called for statics only, where a panic is a compile error.
+/// On any other text. Called for statics only, where a panic is a compile error.
 pub(super) const fn columns<const N: usize>(csv: &str) -> [[f64; BANDS]; N] {
     let text = csv.as_bytes();
     let mut columns = [[0.0; BANDS]; N];
@@ -43,7 +43,7 @@ pub(super) const fn columns<const N: usize>(csv: &str) -> [[f64; BANDS]; N] {
     columns
 }
 
-/// The byte after the next line feed.
+/// Index of the byte after the next line feed.
 const fn next_line(text: &[u8], mut at: usize) -> usize {
     while text[at] != b'\n' {
         at += 1;
@@ -51,7 +51,8 @@ const fn next_line(text: &[u8], mut at: usize) -> usize {
     at + 1
 }
 
-/// The unsigned decimal number (`1.5`, `3e-06`) at byte `at`, correctly rounded, and the byte behind it.
+/// Parses the unsigned decimal number (`1.5`, `3e-06`) at byte `at`, correctly rounded; returns it with the index of
+/// the next byte.
 const fn decimal(text: &[u8], mut at: usize) -> (f64, usize) {
     let mut digits: u64 = 0;
     let mut decimals: u32 = 0;
@@ -79,7 +80,7 @@ const fn decimal(text: &[u8], mut at: usize) -> (f64, usize) {
         }
         at = after;
     }
-    // Both are exact in f64, so their quotient is the nearest number to the decimal one.
+    // Both operands are exact in f64, so the quotient is correctly rounded.
     assert!(digits < 1 << 53 && decimals <= 22, "a number has too many digits");
     let mut power = 1.0;
     while decimals > 0 {

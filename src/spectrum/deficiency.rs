@@ -1,4 +1,4 @@
-//! What people see who lack one kind of cone.
+//! Simulation of colour vision deficiencies: vision without one type of cone.
 
 use std::fmt;
 use std::sync::LazyLock;
@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use super::colour::LinearSrgb;
 
-/// Which cones are missing.
+/// Colour vision deficiency, by the missing type of cone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Deficiency {
@@ -20,18 +20,18 @@ pub enum Deficiency {
 }
 
 impl Deficiency {
-    /// All of them.
+    /// All deficiencies.
     pub const ALL: [Self; 3] = [Self::Protan, Self::Deutan, Self::Tritan];
 
-    /// What somebody with this deficiency sees of a colour, as the colour that looks so to others (Machado, Oliveira
-    /// and Fernandes 2009, severity 1). The colour is first clipped to what a display shows, and so is the answer.
+    /// Simulates the deficiency: returns the colour that looks to normal vision as `colour` looks to this deficiency
+    /// (Machado, Oliveira and Fernandes 2009, severity 1). Clips `colour` and the result to the displayable range.
     #[must_use]
     pub fn seen(self, colour: LinearSrgb) -> LinearSrgb {
         let shown = DVec3::from(colour.0).clamp(DVec3::ZERO, DVec3::ONE);
         LinearSrgb((self.matrix() * shown).clamp(DVec3::ZERO, DVec3::ONE).to_array())
     }
 
-    /// The matrix on linear sRGB that [`Self::seen`] takes, which clips nothing.
+    /// Matrix of [`Self::seen`] on linear sRGB, without clipping.
     #[must_use]
     pub fn matrix(self) -> DMat3 {
         static MATRICES: LazyLock<[DMat3; 3]> = LazyLock::new(|| Deficiency::ALL.map(published));
@@ -53,7 +53,7 @@ impl fmt::Display for Deficiency {
     }
 }
 
-/// The matrix of the table; NaN where it has none.
+/// Matrix from the published table; NaN for missing entries.
 fn published(deficiency: Deficiency) -> DMat3 {
     let table = include_str!("../../data/observers/machado2009_dichromats.csv");
     let name = deficiency.to_string();

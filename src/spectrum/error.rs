@@ -1,10 +1,10 @@
-//! What can be wrong with a spectrum.
+//! Errors of spectra.
 
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-/// What a spectrum is used as.
+/// Kind of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kind {
     /// See [`super::Reflectance`].
@@ -25,155 +25,155 @@ impl fmt::Display for Kind {
     }
 }
 
-/// Why there is no spectrum.
+/// Error of a spectrum's description, file or samples.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SpectrumError {
     /// A sample is infinite or NaN.
     #[error("{kind} must be finite, and this one is {value} at {nm} nm")]
     NotFinite {
-        /// What the spectrum was to be.
+        /// Intended kind of the spectrum.
         kind: Kind,
-        /// Where the sample is.
+        /// Wavelength of the sample in nm.
         nm: f64,
-        /// The sample.
+        /// Value of the sample.
         value: f64,
     },
     /// An absorption is negative somewhere.
     #[error("an absorption must not be negative (it would amplify light), and this one is {value} at {nm} nm")]
     NegativeAbsorption {
-        /// Where it is.
+        /// Wavelength of the sample in nm.
         nm: f64,
-        /// The sample.
+        /// Value of the sample.
         value: f64,
     },
-    /// An absorption is zero everywhere, so that its peak cannot be 1.
+    /// An absorption is zero everywhere and cannot be scaled to a peak of 1.
     #[error("an absorption of zeros has no peak; leave it out to absorb nothing")]
     NoAbsorption,
-    /// A temperature at which no black body can be computed.
+    /// A temperature too low, or not finite, for a black body.
     #[error("a black body of {kelvin} K cannot be used as a light; its temperature must be at least 100 K")]
     Temperature {
-        /// The temperature asked for.
+        /// Requested temperature in kelvin.
         kelvin: f64,
     },
-    /// A Gaussian band that the grid cannot hold.
+    /// A Gaussian that the grid cannot sample.
     #[error(
         "a Gaussian of centre {centre_nm} nm, sigma {sigma_nm} nm and height {height} cannot be sampled every 5 nm; \
          all three must be finite, and sigma at least 2.5 nm (give a narrower line as a table)"
     )]
     Gaussian {
-        /// The centre asked for.
+        /// Requested centre in nm.
         centre_nm: f64,
-        /// The standard deviation asked for.
+        /// Requested standard deviation in nm.
         sigma_nm: f64,
-        /// The height asked for.
+        /// Requested height.
         height: f64,
     },
     /// A list of samples of the wrong length.
     #[error("{found} samples are given; the grid from 380 to 780 nm in steps of 5 nm has 81")]
     SampleCount {
-        /// How many there are.
+        /// Number of samples given.
         found: usize,
     },
-    /// A list of points that is no curve; the text says why.
+    /// Points that do not define a curve, with the reason.
     #[error("{0}")]
     Points(String),
     /// A colour code that is not `#rrggbb`.
     #[error("{text:?} is no sRGB colour; write it as \"#rrggbb\" with hexadecimal digits, \"#ff8000\" for orange")]
     ColourCode {
-        /// What was written.
+        /// Text of the code.
         text: String,
     },
-    /// A colour that no reflectance has.
+    /// A colour that no reflectance between 0 and 1 has.
     #[error("no reflectance between 0 and 1 has the linear sRGB colour [{}, {}, {}] under D65", .linear_srgb[0], .linear_srgb[1], .linear_srgb[2])]
     Unattainable {
-        /// The colour asked for.
+        /// Requested colour.
         linear_srgb: [f64; 3],
     },
     /// A spectrum of one kind is used as another.
     #[error("{name} is {is}, and cannot be used as {wanted}")]
     WrongKind {
-        /// The spectrum.
+        /// Name of the spectrum.
         name: String,
-        /// What it is.
+        /// Its kind.
         is: Kind,
-        /// What it was to be.
+        /// Requested kind.
         wanted: Kind,
     },
-    /// A name that no standard has.
+    /// A name that no standard of the kind has.
     #[error("{name:?} is not the name of {kind}; {hint}")]
     NoStandard {
-        /// The name.
+        /// Name.
         name: String,
-        /// What was to be called so.
+        /// Requested kind.
         kind: Kind,
-        /// What could be meant.
+        /// Suggestion for the message.
         hint: String,
     },
     /// A name that is neither a standard nor a file.
     #[error("no standard spectrum is called {name:?}, and there is no file {}; {hint}", .path.display())]
     Unknown {
-        /// The name.
+        /// Name.
         name: String,
-        /// Where the file would be.
+        /// Path of the missing file.
         path: PathBuf,
-        /// What could be meant.
+        /// Suggestion for the message.
         hint: String,
     },
     /// A file cannot be read.
     #[error("the spectrum file {} cannot be read", .path.display())]
     Read {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: io::Error,
     },
-    /// A file whose size shows that it is no spectrum.
+    /// A file too large for a spectrum.
     #[error("{} is larger than 10 MB; that is no spectrum file", .path.display())]
     TooLarge {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
     /// A file that is not UTF-8 text.
     #[error("{} is not text; a spectrum file is UTF-8 text of wavelengths in nm and values", .path.display())]
     NotText {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// A file without a single row of numbers.
+    /// A file without rows of numbers.
     #[error("{} holds no rows of numbers; a spectrum file is text of wavelengths in nm and values", .path.display())]
     Empty {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// A line of a file that cannot be used.
+    /// An invalid line of a file.
     #[error("{}, line {line}: {problem}, in {text:?}", .path.display())]
     Line {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// The line's number, the first being 1.
+        /// Line number from 1.
         line: usize,
-        /// The line, shortened.
+        /// Text of the line, shortened.
         text: String,
-        /// What is wrong with it.
+        /// What is wrong with the line.
         problem: String,
     },
-    /// A file's column cannot be chosen.
+    /// No column of a file could be chosen.
     #[error("{}: {problem}; its columns are {columns}", .path.display())]
     Column {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
         /// What is wrong with the choice.
         problem: String,
-        /// The columns there are.
+        /// Available columns.
         columns: String,
     },
-    /// A file whose rows, each in order, are no spectrum.
+    /// A file with valid rows that do not form a spectrum.
     #[error("the spectrum file {} cannot be used", .path.display())]
     File {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: Box<Self>,
     },
 }

@@ -1,16 +1,16 @@
-//! What the samples of a spectrum mean, each with its normalisation.
+//! Kinds of spectra, with the meaning and normalisation of their samples.
 
 use super::colour::OBSERVER;
 use super::{BANDS, Kind, Spectrum, SpectrumError, wavelength_nm};
 
-/// The share of light that a surface sends back, per wavelength: unitless, not normalised.
+/// Fraction of light that a surface reflects per wavelength: unitless, not normalised.
 ///
-/// Negative samples are allowed: an artificial reflectance, such as a metameric black, has them.
+/// Negative samples are allowed for artificial reflectances, such as a metameric black.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reflectance(Spectrum);
 
 impl Reflectance {
-    /// A reflectance with these samples.
+    /// Reflectance of these samples.
     ///
     /// # Errors
     ///
@@ -20,35 +20,34 @@ impl Reflectance {
         Ok(Self(spectrum))
     }
 
-    /// The samples.
+    /// Samples.
     pub const fn spectrum(&self) -> &Spectrum {
         &self.0
     }
 
-    /// A reflectance with samples that are known to be finite.
+    /// Reflectance of samples known to be finite.
     pub(crate) const fn of_finite(spectrum: Spectrum) -> Self {
         Self(spectrum)
     }
 
-    /// Whether a surface could have it: every sample is between 0 and 1.
+    /// Whether a real surface can have it: every sample is between 0 and 1.
     pub fn is_physical(&self) -> bool {
         self.0.samples().iter().all(|sample| (0.0..=1.0).contains(sample))
     }
 }
 
-/// A luminance so near 1 is 1, but for the rounding of its sum.
+/// Largest deviation of a normalised luminance from 1, which is rounding of its sum.
 const NORMALISED: f64 = 1e-13;
 
-/// The relative power of a light, per wavelength, such that the perfect reflector has Y = 1 under it.
+/// Relative power of a light per wavelength; the perfect reflector under it has Y = 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light(Spectrum);
 
 impl Light {
-    /// The light of these relative powers, divided by their luminance: the plain sum of their products with the
-    /// 2-degree observer's ȳ.
+    /// Divides the relative powers by their luminance, the plain sum of their products with the 2-degree observer's ȳ.
     ///
-    /// Where that luminance is not positive (a light of zeros, or an artificial one) they are used as they are, with
-    /// a warning. What is normalised already comes back to the bit.
+    /// If the luminance is not positive (a light of zeros, or an artificial one), the powers stay unscaled, with a
+    /// warning. Normalised powers are returned unchanged to the bit.
     ///
     /// # Errors
     ///
@@ -58,17 +57,17 @@ impl Light {
         Ok(Self::normalised(spectrum))
     }
 
-    /// The light of finite samples that are normalised already, as far as they can be.
+    /// Light of finite samples that are already normalised, as far as possible.
     pub(crate) const fn of_normalised(spectrum: Spectrum) -> Self {
         Self(spectrum)
     }
 
-    /// What [`Self::new`] does to finite samples.
+    /// [`Self::new`] for samples known to be finite.
     pub(crate) fn normalised(spectrum: Spectrum) -> Self {
         if (OBSERVER[1].dot(&spectrum) - 1.0).abs() <= NORMALISED {
             return Self(spectrum);
         }
-        // Divided by the peak first, since a luminance of huge samples would overflow.
+        // Divided by the peak first, because a luminance of huge samples would overflow.
         let peak = spectrum.samples().iter().fold(0.0, |peak: f64, sample| peak.max(sample.abs()));
         let relative = Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak));
         let luminance = OBSERVER[1].dot(&relative);
@@ -81,7 +80,7 @@ impl Light {
         Self(spectrum)
     }
 
-    /// The light of a black body of this temperature in kelvin (Planck's law, c₂ = 1.438776877e-2 m K).
+    /// Light of a black body of this temperature in kelvin (Planck's law, c₂ = 1.438776877e-2 m K).
     ///
     /// # Errors
     ///
@@ -90,30 +89,31 @@ impl Light {
         Ok(Self::normalised(planck(kelvin)?))
     }
 
-    /// Y of the perfect reflector under it, to twelve decimals: exactly 1, unless the light could not be scaled so.
+    /// Y of the perfect reflector under the light, to twelve decimals: exactly 1 unless the light could not be
+    /// normalised.
     #[must_use]
     pub fn luminance(&self) -> f64 {
         (OBSERVER[1].dot(&self.0) * 1e12).round() / 1e12
     }
 
-    /// The powers, normalised.
+    /// Normalised powers.
     pub const fn spectrum(&self) -> &Spectrum {
         &self.0
     }
 }
 
-/// The shape of an absorption per wavelength: no sample is negative, and the largest is 1. How strong it is, is said
-/// where it is used.
+/// Absorption spectrum: shape of an absorption per wavelength, without negative samples and with a peak of 1. Its
+/// strength is defined at its use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Absorption(Spectrum);
 
 impl Absorption {
-    /// These samples divided by their largest.
+    /// Divides the samples by the largest one.
     ///
     /// # Errors
     ///
-    /// [`SpectrumError::NotFinite`] when a sample is infinite or NaN, [`SpectrumError::NegativeAbsorption`] when one
-    /// is below zero (it would amplify light), [`SpectrumError::NoAbsorption`] when all are zero.
+    /// [`SpectrumError::NotFinite`] when a sample is infinite or NaN, [`SpectrumError::NegativeAbsorption`] when a
+    /// sample is negative (it would amplify light), [`SpectrumError::NoAbsorption`] when all samples are zero.
     pub fn new(spectrum: Spectrum) -> Result<Self, SpectrumError> {
         finite(Kind::Absorption, &spectrum)?;
         if let Some((nm, value)) = find(&spectrum, |sample| sample < 0.0) {
@@ -126,15 +126,15 @@ impl Absorption {
         Ok(Self(Spectrum::from_samples(spectrum.samples().map(|sample| sample / peak))))
     }
 
-    /// The samples, normalised.
+    /// Normalised samples.
     pub const fn spectrum(&self) -> &Spectrum {
         &self.0
     }
 }
 
-/// Planck's law relative to its value at 560 nm.
+/// Planck's law, relative to its value at 560 nm.
 pub(super) fn planck(kelvin: f64) -> Result<Spectrum, SpectrumError> {
-    /// Second radiation constant in nm K: CODATA 2018, exact to the digits given.
+    /// Second radiation constant in nm K (CODATA 2018, exact to the digits given).
     const C2: f64 = 1.438_776_877e7;
     if !(kelvin.is_finite() && kelvin >= 100.0) {
         return Err(SpectrumError::Temperature { kelvin });
@@ -154,7 +154,7 @@ fn finite(kind: Kind, spectrum: &Spectrum) -> Result<(), SpectrumError> {
     }
 }
 
-/// Wavelength and value of the first sample that `is_wanted`.
+/// Wavelength and value of the first sample that satisfies `is_wanted`.
 fn find(spectrum: &Spectrum, is_wanted: impl Fn(f64) -> bool) -> Option<(f64, f64)> {
     (0..BANDS).map(|band| (wavelength_nm(band), spectrum.samples()[band])).find(|&(_, sample)| is_wanted(sample))
 }

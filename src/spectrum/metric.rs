@@ -1,17 +1,17 @@
-//! How large a small change of a colour looks: ΔE00 as a quadratic form of XYZ.
+//! Perceptual size of a small colour difference: ΔE00 as a quadratic form of XYZ.
 
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
 
 use super::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz};
 
-/// The share of D65's white below which a colour is as dark as matters: [`quadratic_form`] clamps it from below.
+/// Lower clamp of [`quadratic_form`], as a fraction of D65's white; darker differences do not matter.
 const DARKEST: f64 = 0.002;
 
-/// The matrix `F` with |F·d| ≈ ΔE00 of `xyz` and `xyz + d`, for small `d`.
+/// Returns the matrix `F` with |F·d| ≈ ΔE00 between `xyz` and `xyz + d`, for small `d`.
 ///
-/// `xyz` is clamped from below, axis by axis, to 0.002 of D65's white: blacker blacks, and colours with negative
-/// parts, are judged as that. At |d| of 1e-4 the two agree to 0.02 % in the median and 0.4 % at worst.
+/// Each component of `xyz` is clamped to at least 0.002 of D65's white; darker and negative components count as that.
+/// At |d| = 1e-4 the two agree to 0.02 % in the median and 0.4 % at worst.
 pub fn difference_matrix(xyz: Xyz) -> DMat3 {
     let form = quadratic_form(xyz);
     let eigen = SymmetricEigen::new(Matrix3::from_fn(|row, column| form.col(column)[row]));
@@ -20,13 +20,13 @@ pub fn difference_matrix(xyz: Xyz) -> DMat3 {
     }))
 }
 
-/// The symmetric matrix `G` = `F`ᵀ`F` of [`difference_matrix`]: d·G·d ≈ ΔE00².
+/// Returns the symmetric matrix `G` = `F`ᵀ`F` of [`difference_matrix`]: d·G·d ≈ ΔE00².
 pub fn quadratic_form(xyz: Xyz) -> DMat3 {
     const STEP: f64 = 1e-3;
     let white = d65_white();
     let clamped = Xyz(std::array::from_fn(|axis| xyz.0[axis].max(DARKEST * white.0[axis])));
     let lab = lab_from_xyz(clamped, white);
-    // ΔE00² around `lab`, by polarisation; it has no derivatives where the chroma is 0.
+    // ΔE00² around `lab` by polarisation, because it has no derivatives at a chroma of 0.
     let squared = |step: DVec3| {
         let moved = Lab((DVec3::from(lab.0) + STEP * step).to_array());
         (ciede2000(lab, moved) / STEP).powi(2)
@@ -43,7 +43,7 @@ pub fn quadratic_form(xyz: Xyz) -> DMat3 {
     lab_of_xyz.transpose() * of_lab * lab_of_xyz
 }
 
-/// The derivatives of L*, a*, b* (rows) by X, Y, Z (columns).
+/// Derivatives of L*, a*, b* (rows) with respect to X, Y, Z (columns).
 fn lab_slopes(xyz: Xyz, white: Xyz) -> DMat3 {
     const KNEE: f64 = 6.0 / 29.0;
     let [x, y, z] = std::array::from_fn(|axis| {

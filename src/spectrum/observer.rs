@@ -1,4 +1,4 @@
-//! Who looks: the standard observers.
+//! CIE standard observers.
 
 use std::fmt;
 use std::sync::LazyLock;
@@ -15,26 +15,28 @@ pub static OBSERVER_1964: [Spectrum; 3] = {
     [Spectrum::from_samples(x), Spectrum::from_samples(y), Spectrum::from_samples(z)]
 };
 
-/// Whose eyes make colours of spectra. Lights stay as strong as they are: their luminance is that of 1931.
+/// Standard observer for the colours of spectra. It does not affect the strength of lights: their luminance is always
+/// that of 1931.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Observer {
-    /// The CIE 1931 2-degree standard observer: small fields, as on a screen. Displays are made for it.
+    /// CIE 1931 2-degree standard observer, for small fields such as on a screen. Displays are designed for it.
     #[default]
     #[serde(rename = "1931")]
     Cie1931,
-    /// The CIE 1964 10-degree standard observer: large fields.
+    /// CIE 1964 10-degree standard observer, for large fields.
     #[serde(rename = "1964")]
     Cie1964,
 }
 
 impl Observer {
-    /// All of them.
+    /// All observers.
     pub const ALL: [Self; 2] = [Self::Cie1931, Self::Cie1964];
 
-    /// The three functions whose sums of products with a spectrum are the XYZ that a display shows it as.
+    /// Returns the three functions whose plain sums of products with a spectrum are the XYZ to display.
     ///
-    /// Those of 1931 are [`OBSERVER`]. A display is made for these, and its white is D65: the others are scaled so that D65
-    /// has Y = 1 and taken to its white by Bradford, so that it looks white to everybody who looks.
+    /// Those of 1931 are [`OBSERVER`]. Displays are designed for these and have a D65 white. The functions of 1964 are
+    /// therefore scaled so that D65 has Y = 1, and adapted by Bradford to the D65 white of 1931: D65 looks white to
+    /// either observer.
     pub fn matching(self) -> &'static [Spectrum; 3] {
         static SHOWN_1964: LazyLock<[Spectrum; 3]> = LazyLock::new(|| {
             let white = OBSERVER_1964.each_ref().map(|matching| matching.dot(standard::d65().spectrum()));
@@ -52,7 +54,7 @@ impl Observer {
         }
     }
 
-    /// The colour that a display shows of a spectrum that reaches this eye; D65 at Y = 1 has the white of the display.
+    /// XYZ to display for a spectrum that reaches this observer; D65 at Y = 1 has the white of the display.
     pub fn xyz_of(self, spectrum: &Spectrum) -> Xyz {
         Xyz(self.matching().each_ref().map(|matching| matching.dot(spectrum)))
     }

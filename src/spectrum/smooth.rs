@@ -1,16 +1,16 @@
-//! The smoothest reflectance of a given colour.
+//! Smoothest reflectance of a given colour.
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::colour::{LinearSrgb, OBSERVER, xyz_from_linear_srgb};
 use super::{BANDS, Reflectance, Spectrum, SpectrumError, standard};
 
-/// The reflectance between 0 and 1 that has this colour under D65, to 1e-9 in XYZ, and is smoothest.
+/// Returns the smoothest reflectance between 0 and 1 with this colour under D65, to 1e-9 in XYZ.
 ///
-/// It is (tanh z + 1) / 2 with the least sum of squared slopes of z (the "least hyperbolic tangent slope squared" of
-/// Burns 2020, Color Research and Application 45, 8), hence strictly inside 0 and 1 up to rounding. Two colours that
-/// no such curve has are exact constants instead: (0, 0, 0), all zeros; and (1, 1, 1), all ones, whose colour is
-/// D65's white on the grid, within 1.2e-4 of (1, 1, 1).
+/// The reflectance is (tanh z + 1) / 2, where z has the least sum of squared slopes (the "least hyperbolic tangent
+/// slope squared" of Burns 2020, Color Research and Application 45, 8); it is strictly inside 0 and 1 up to rounding.
+/// Two colours without a curve of this form have exact constants instead: (0, 0, 0), all zeros; and (1, 1, 1), all
+/// ones, whose colour is D65's white on the grid, within 1.2e-4 of (1, 1, 1).
 ///
 /// # Errors
 ///
@@ -28,8 +28,8 @@ pub fn smooth_reflectance(colour: LinearSrgb) -> Result<Reflectance, SpectrumErr
     if !(target.iter().all(|part| part.is_finite()) && luminance > 0.0 && luminance < 1.0) {
         return Err(unattainable());
     }
-    // From the grey of the same luminance, which is the constant curve, the colour is approached in steps that Newton's
-    // method can follow.
+    // Continuation: starts at the constant curve, the grey of the same luminance, and approaches the colour in steps
+    // small enough for Newton's method.
     let colours = colours_of_bands();
     let grey = &colours * DVector::from_element(BANDS, luminance);
     let mut curve = Iterate::grey(luminance);
@@ -50,13 +50,13 @@ pub fn smooth_reflectance(colour: LinearSrgb) -> Result<Reflectance, SpectrumErr
     Reflectance::new(Spectrum::from_samples(std::array::from_fn(|band| reflectance[band])))
 }
 
-/// XYZ under D65 of a reflectance of 1 in one band, by columns.
+/// XYZ under D65 of a reflectance of 1 in one band; one column per band.
 fn colours_of_bands() -> DMatrix<f64> {
     let light = standard::d65().spectrum().samples();
     DMatrix::from_fn(3, BANDS, |axis, band| OBSERVER[axis].samples()[band] * light[band])
 }
 
-/// The state of Newton's method on the Lagrangian `|D z|² / 2 + λ · (colour(z) − target)`.
+/// State of Newton's method on the Lagrangian `|D z|² / 2 + λ · (colour(z) − target)`.
 #[derive(Clone)]
 struct Iterate {
     z: DVector<f64>,
@@ -69,11 +69,11 @@ impl Iterate {
     }
 
     fn reflectance(&self) -> DVector<f64> {
-        // (tanh z + 1) / 2, without its cancellation for dark colours.
+        // (tanh z + 1) / 2, without cancellation for dark colours.
         self.z.map(|z| 1.0 / (1.0 + (-2.0 * z).exp()))
     }
 
-    /// The smoothest curve of colour `target`, found from this one, if Newton's method finds it.
+    /// Runs Newton's method from this curve to the smoothest curve of colour `target`; `None` if it does not converge.
     fn bent_to(&self, colours: &DMatrix<f64>, target: &Vector3<f64>) -> Option<Self> {
         let mut curve = self.clone();
         for _ in 0..25 {
@@ -108,7 +108,7 @@ impl Iterate {
             let change = system.lu().solve(&right)?;
             curve.z += change.rows(0, BANDS);
             curve.multipliers += change.rows(BANDS, 3);
-            // `all`, since `amax` passes over NaN.
+            // `all`, because `amax` ignores NaN.
             let moved_at_most = |limit: f64| change.rows(0, BANDS).iter().all(|part| part.abs() <= limit);
             if !moved_at_most(10.0) {
                 return None;

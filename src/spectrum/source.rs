@@ -1,4 +1,4 @@
-//! How a scene or the command line writes a spectrum.
+//! Syntax of spectra in scenes and on the command line.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -14,96 +14,96 @@ use super::kind::planck;
 use super::standard::{self, Standard};
 use super::{Absorption, BANDS, Kind, Light, Reflectance, STEP_NM, Spectrum, SpectrumError, smooth_reflectance, table};
 
-/// A spectrum as it is written: in a scene by `Deserialize`, on the command line by `FromStr`.
+/// Description of a spectrum, parsed from a scene by `Deserialize` and from the command line by `FromStr`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SpectrumSource {
-    /// A number: this value at every wavelength.
+    /// A number: the same value at every wavelength.
     Constant(f64),
     /// A string: the name of a standard (see [`standard::find`]), else the path of a text file of two columns.
     Named(String),
     /// `{ 400 = 0.1, "532.5" = 0.3 }`: values at wavelengths in nm.
     Points(Vec<(f64, f64)>),
-    /// `{ file = "x.csv", column = "flesh" }`: one column of a text file.
+    /// `{ file = "x.csv", column = "flesh" }`: a column of a text file.
     File {
-        /// The file, relative to the folder that the resolver is given.
+        /// File, relative to the base folder of the resolver.
         path: PathBuf,
-        /// Which column; `None` where there are two.
+        /// Column of the values; optional in a file of two columns.
         column: Option<Column>,
     },
-    /// `{ gaussian = [{ centre = 550, sigma = 20, height = 0.8 }], base = 0.05 }`: bell curves on a constant.
+    /// `{ gaussian = [{ centre = 550, sigma = 20, height = 0.8 }], base = 0.05 }`: sum of Gaussians and a constant.
     Gaussians {
-        /// The bell curves, which are added.
+        /// Gaussians to add.
         bands: Vec<Gaussian>,
-        /// The constant, 0 if not written.
+        /// Constant, 0 by default.
         base: f64,
     },
     /// `{ srgb = "#rrggbb" }` or `{ linear_srgb = [r, g, b] }`: the smooth reflectance of a colour
     /// ([`smooth_reflectance`]).
     Colour(LinearSrgb),
-    /// `{ samples = [81 numbers] }`: the grid's samples themselves.
+    /// `{ samples = [81 numbers] }`: the samples on the grid.
     Samples(Box<Spectrum>),
-    /// `{ blackbody = 2856 }`: the light of a black body of this temperature in kelvin.
+    /// `{ blackbody = 2856 }`: light of a black body of this temperature in kelvin.
     Blackbody(f64),
 }
 
-/// Which column of a file holds the values.
+/// Column of a file with the values of a spectrum.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(untagged, expecting = "a column is its name or its number, the first being 1")]
 pub enum Column {
-    /// The column of this number; 1 is the first one, which holds the wavelengths.
+    /// Column number from 1; column 1 holds the wavelengths.
     Number(usize),
-    /// The column with this name in the header line, in upper or lower case.
+    /// Column name in the header line; case is ignored.
     Name(String),
 }
 
-/// One bell curve; see [`Spectrum::gaussian`].
+/// A Gaussian; see [`Spectrum::gaussian`].
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gaussian {
-    /// The wavelength of its top in nm.
+    /// Wavelength of the peak in nm.
     pub centre: f64,
-    /// Its standard deviation in nm.
+    /// Standard deviation in nm.
     pub sigma: f64,
-    /// Its height.
+    /// Height of the peak.
     pub height: f64,
 }
 
 impl SpectrumSource {
-    /// The reflectance that is meant; file names are relative to `base`.
+    /// Resolves the source to a reflectance; file names are relative to `base`.
     ///
     /// Tables are sampled by [`Spectrum::interpolate`].
     ///
     /// # Errors
     ///
-    /// A [`SpectrumError`] when what is written is no reflectance, or a file cannot be read.
+    /// A [`SpectrumError`] when the source is not a reflectance, or a file cannot be read.
     pub fn reflectance(&self, base: &Path) -> Result<Reflectance, SpectrumError> {
         Reflectance::new(self.spectrum(base, Kind::Reflectance)?)
     }
 
-    /// The light that is meant; file names are relative to `base`.
+    /// Resolves the source to a light; file names are relative to `base`.
     ///
-    /// Tables that are finer than the grid anywhere are sampled by [`Spectrum::box_average`], others by
+    /// Tables with any spacing finer than the grid are sampled by [`Spectrum::box_average`], others by
     /// [`Spectrum::interpolate`].
     ///
     /// # Errors
     ///
-    /// A [`SpectrumError`] when what is written is no light, or a file cannot be read.
+    /// A [`SpectrumError`] when the source is not a light, or a file cannot be read.
     pub fn light(&self, base: &Path) -> Result<Light, SpectrumError> {
         Light::new(self.spectrum(base, Kind::Light)?)
     }
 
-    /// The absorption that is meant; file names are relative to `base`.
+    /// Resolves the source to an absorption; file names are relative to `base`.
     ///
     /// Tables are sampled by [`Spectrum::interpolate`].
     ///
     /// # Errors
     ///
-    /// A [`SpectrumError`] when what is written is no absorption, or a file cannot be read.
+    /// A [`SpectrumError`] when the source is not an absorption, or a file cannot be read.
     pub fn absorption(&self, base: &Path) -> Result<Absorption, SpectrumError> {
         Absorption::new(self.spectrum(base, Kind::Absorption)?)
     }
 
-    /// The file that is meant, where it is one; file names are relative to `base`. It need not exist.
+    /// Path of the source's file, relative to `base`; `None` if the source is not a file. The file need not exist.
     #[must_use]
     pub fn file(&self, base: &Path) -> Option<PathBuf> {
         match self {
@@ -154,7 +154,7 @@ impl SpectrumSource {
 impl FromStr for SpectrumSource {
     type Err = Infallible;
 
-    /// A finite number is [`Self::Constant`], anything else [`Self::Named`].
+    /// Parses a finite number as [`Self::Constant`], any other text as [`Self::Named`].
     fn from_str(text: &str) -> Result<Self, Infallible> {
         match text.trim().parse::<f64>() {
             Ok(value) if value.is_finite() => Ok(Self::Constant(value)),
@@ -171,7 +171,7 @@ fn from_file(path: &Path, column: Option<&Column>, kind: Kind) -> Result<Spectru
 fn sampled(points: &[(f64, f64)], kind: Kind) -> Result<Spectrum, SpectrumError> {
     let mut wavelengths: Vec<f64> = points.iter().map(|point| point.0).collect();
     wavelengths.sort_by(f64::total_cmp);
-    // A millionth of a nm is what rounding does to wavelengths such as 380.1, 385.1, ….
+    // Tolerates rounding of 1e-6 nm in wavelengths such as 380.1, 385.1, ….
     let is_finer = wavelengths.windows(2).any(|pair| pair[1] - pair[0] < STEP_NM - 1e-6);
     if kind == Kind::Light && is_finer { Spectrum::box_average(points) } else { Spectrum::interpolate(points) }
 }
@@ -182,7 +182,7 @@ fn sum_of_gaussians(bands: &[Gaussian], base: f64) -> Result<Spectrum, SpectrumE
     })
 }
 
-/// Red, green and blue of `#rrggbb`.
+/// Parses `#rrggbb` into red, green and blue.
 pub(crate) fn srgb_code(text: &str) -> Result<[u8; 3], SpectrumError> {
     let wrong = || SpectrumError::ColourCode { text: text.to_owned() };
     let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6 && digits.is_ascii()).ok_or_else(wrong)?;
@@ -194,7 +194,7 @@ pub(crate) fn srgb_code(text: &str) -> Result<[u8; 3], SpectrumError> {
     Ok(rgb)
 }
 
-/// What an error message says could stand here.
+/// Accepted forms, for error messages.
 const FORMS: &str = "a spectrum: a number, a name such as \"D65\" or \"dark skin\", a file, or one of the tables \
                      { 400 = 0.1, 500 = 0.3 }, { file, column }, { gaussian, base }, { srgb }, { linear_srgb }, \
                      { samples }, { blackbody }";
@@ -291,7 +291,7 @@ impl<'de> Visitor<'de> for SourceVisitor {
     }
 }
 
-/// Finds, while the place in the text is known, what would be wrong with a source in any use of it.
+/// Checks a source for errors that are independent of its use, while the position in the text is still known.
 fn check(source: &SpectrumSource) -> Result<(), SpectrumError> {
     match source {
         SpectrumSource::Points(points) => Spectrum::interpolate(points).map(drop),
@@ -305,7 +305,7 @@ fn check(source: &SpectrumSource) -> Result<(), SpectrumError> {
     }
 }
 
-/// The value at a wavelength.
+/// Value at a wavelength.
 #[derive(Deserialize)]
 #[serde(
     untagged,

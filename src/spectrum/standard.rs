@@ -1,10 +1,10 @@
-//! Spectra with names: standard illuminants, typical lamps, black bodies and the `ColorChecker`.
+//! Named spectra: standard illuminants, typical lamps, black bodies and the `ColorChecker`.
 
 use std::sync::LazyLock;
 
 use super::{BANDS, Kind, Light, Reflectance, Spectrum, SpectrumError, data};
 
-/// The columns of the first table, then those of the second.
+/// Columns of `illuminants_5nm.csv`, then those of `led_5nm.csv`.
 const ILLUMINANTS: [&str; 16] = [
     "A", "D65", "D50", "E", "FL2", "FL7", "FL11", "LED-B1", "LED-B3", "LED-B5", "LED-BH1", "LED-RGB1", "LED-V1",
     "LED-B2", "LED-B4", "LED-V2",
@@ -41,19 +41,19 @@ static LED_POWERS: [[f64; BANDS]; 3] = data::columns(include_str!("../../data/sp
 static PATCH_REFLECTANCES: [[f64; BANDS]; 24] =
     data::columns(include_str!("../../data/spectra/colorchecker_ohta1997_5nm.csv"));
 
-/// What a name stands for.
+/// A named standard spectrum.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Standard {
-    /// The powers of an illuminant or a lamp, as published.
+    /// Published relative powers of an illuminant or a lamp.
     Light(Spectrum),
-    /// A patch of the `ColorChecker`.
+    /// Reflectance of a `ColorChecker` patch.
     Reflectance(Spectrum),
-    /// A black body of this temperature in kelvin, whatever it is.
+    /// Black body of this temperature in kelvin; the range is not checked.
     Blackbody(f64),
 }
 
 impl Standard {
-    /// What the spectrum can be used as.
+    /// Kind of the spectrum.
     pub const fn kind(&self) -> Kind {
         match self {
             Self::Light(_) | Self::Blackbody(_) => Kind::Light,
@@ -62,11 +62,11 @@ impl Standard {
     }
 }
 
-/// The standard called `name`, if there is one.
+/// Returns the standard called `name`, if it exists.
 ///
 /// Lights are [`names`]`(Kind::Light)` and `blackbody T`, with T in kelvin (`blackbody 2856` or `blackbody 2856K`);
-/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` do not matter, but for the sign of a
-/// T, nor does what stands in brackets behind a name (`white 9.5 (.05 D)`).
+/// reflectances are the 24 patches of the `ColorChecker`. Case, blanks, `_` and `-` (except the sign of T) are ignored,
+/// as is text in brackets after a name (`white 9.5 (.05 D)`).
 pub fn find(name: &str) -> Option<Standard> {
     let wanted = key(name);
     let position = |names: &[&str]| names.iter().position(|name| key(name) == wanted);
@@ -83,7 +83,7 @@ pub fn find(name: &str) -> Option<Standard> {
     kelvin.parse().ok().map(Standard::Blackbody)
 }
 
-/// The light called `name`; see [`find`].
+/// Returns the light called `name`; see [`find`].
 ///
 /// # Errors
 ///
@@ -97,7 +97,7 @@ pub fn light(name: &str) -> Result<Light, SpectrumError> {
     }
 }
 
-/// The reflectance called `name`; see [`find`].
+/// Returns the reflectance called `name`; see [`find`].
 ///
 /// # Errors
 ///
@@ -115,7 +115,7 @@ pub fn d65() -> &'static Light {
     &D65
 }
 
-/// The names of one kind, in the order of the published tables; there are none of absorptions.
+/// Names of all standards of one kind, in the order of the published tables; empty for absorptions.
 pub const fn names(kind: Kind) -> &'static [&'static str] {
     match kind {
         Kind::Light => &ILLUMINANTS,
@@ -124,7 +124,7 @@ pub const fn names(kind: Kind) -> &'static [&'static str] {
     }
 }
 
-/// The name of the standard of this kind that is this spectrum, where one is.
+/// Returns the name of the standard of this kind with exactly this spectrum, if it exists.
 pub fn name_of(spectrum: &Spectrum, kind: Kind) -> Option<&'static str> {
     type Named = Vec<(&'static str, Spectrum)>;
     static LIGHTS: LazyLock<Named> = LazyLock::new(|| {
@@ -141,7 +141,7 @@ pub fn name_of(spectrum: &Spectrum, kind: Kind) -> Option<&'static str> {
     named.iter().find(|(_, known)| known == spectrum).map(|(name, _)| *name)
 }
 
-/// A sentence part for error messages: the standard of this kind that `name` is nearly the name of, else all of them.
+/// Part of a sentence for error messages: the standard of this kind with a similar name, else all names.
 pub fn hint(name: &str, kind: Kind) -> String {
     let names = names(kind);
     match nearest(name, names.iter().copied()) {
@@ -152,7 +152,7 @@ pub fn hint(name: &str, kind: Kind) -> String {
     }
 }
 
-/// The one of `names` that `name` is nearly, where one is.
+/// Returns the entry of `names` most similar to `name`, if it is similar enough.
 pub(crate) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let wanted = key(name);
     let (distance, nearest) = names.map(|name| (edit_distance(&wanted, &key(name)), name)).min()?;
@@ -163,20 +163,20 @@ fn no_standard(name: &str, kind: Kind) -> SpectrumError {
     SpectrumError::NoStandard { name: name.to_owned(), kind, hint: hint(name, kind) }
 }
 
-/// What two spellings of a name have in common.
+/// Normalised spelling of a name: lower case, without brackets, blanks, `_` and `-`.
 fn key(name: &str) -> String {
     let bare = without_brackets(name).chars().filter(|letter| *letter != '-' && !BLANKS.contains(letter));
     bare.flat_map(char::to_lowercase).collect()
 }
 
-/// What parts words.
+/// Word separators.
 const BLANKS: [char; 2] = [' ', '_'];
 
 fn without_brackets(name: &str) -> &str {
     name.split('(').next().unwrap_or_default()
 }
 
-/// What it takes to make `b` of `a`: 2 for a letter inserted, deleted or replaced, 1 for a swap of neighbours.
+/// Edit distance from `a` to `b`: 2 per inserted, deleted or replaced letter, 1 per swap of neighbours.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut before_last: Vec<usize> = Vec::new();

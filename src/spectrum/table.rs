@@ -1,24 +1,24 @@
-//! Curves through tabulated points, from text files too.
+//! Curves through tabulated points, also read from text files.
 
 use std::path::Path;
 
 use super::{Column, FIRST_NM, LAST_NM, SpectrumError};
 use crate::input;
 
-/// A table of more wavelengths than this is none: steps of a hundredth of a nm would take fewer.
+/// Largest number of rows: even a spacing of 0.01 nm needs fewer.
 const MOST_ROWS: usize = 100_000;
 
-/// Thousands of columns.
+/// Longest line in bytes, enough for thousands of columns.
 const LONGEST_LINE: usize = 1 << 16;
 
-/// A piecewise linear curve, constant beyond its ends.
+/// Piecewise linear curve, constant beyond its ends.
 pub(super) struct Curve {
-    /// Wavelength in nm, strictly ascending, and value. Never empty.
+    /// Wavelengths in nm, strictly ascending, and values; never empty.
     points: Vec<(f64, f64)>,
 }
 
 impl Curve {
-    /// The curve through `points` in any order; see [`super::Spectrum::interpolate`].
+    /// Builds the curve through `points` in any order; see [`super::Spectrum::interpolate`].
     pub(super) fn new(points: &[(f64, f64)]) -> Result<Self, SpectrumError> {
         let mut points = points.to_vec();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -44,7 +44,7 @@ impl Curve {
         Ok(Self { points })
     }
 
-    /// The curve's value.
+    /// Value at a wavelength.
     pub(super) fn at(&self, nm: f64) -> f64 {
         let above = self.points.partition_point(|point| point.0 <= nm);
         match (above.checked_sub(1).and_then(|below| self.points.get(below)), self.points.get(above)) {
@@ -57,7 +57,8 @@ impl Curve {
         }
     }
 
-    /// The curve's mean over the part of `from..to` between its ends, or its value there if that part is empty.
+    /// Mean over the part of `from..to` between the curve's ends; the value at the middle of `from..to` if that part is
+    /// empty.
     pub(super) fn mean(&self, from: f64, to: f64) -> f64 {
         let first = self.points.first().map_or(from, |point| point.0.max(from));
         let last = self.points.last().map_or(to, |point| point.0.min(to));
@@ -76,7 +77,7 @@ impl Curve {
     }
 }
 
-/// Why a point cannot lie on a curve.
+/// Returns the reason why a point is invalid, if any.
 fn point_problem(nm: f64, value: f64) -> Option<String> {
     if !(nm.is_finite() && nm > 0.0) {
         return Some(format!("a wavelength must be a positive number of nm, not {nm}"));
@@ -84,14 +85,14 @@ fn point_problem(nm: f64, value: f64) -> Option<String> {
     (!value.is_finite()).then(|| format!("the value at {nm} nm must be finite, not {value}"))
 }
 
-/// Wavelengths in nm and values of a text file, in the file's order.
+/// Reads wavelengths in nm and values from a text file, in the file's order.
 ///
-/// Columns are separated by semicolons, tabs, commas or blanks; blank lines and comments (`#`, `%`) are passed over,
-/// one header line may come first. The first column is the wavelength; `column` may be left out where there are two.
+/// Columns are separated by semicolons, tabs, commas or blanks. Blank lines and comments (`#`, `%`) are skipped; one
+/// header line may come first. The first column is the wavelength; `column` is optional in a file of two columns.
 ///
 /// # Errors
 ///
-/// A [`SpectrumError`] that names the file and, where there is one, the line.
+/// A [`SpectrumError`] with the file and, where known, the line.
 pub(super) fn read(path: &Path, column: Option<&Column>) -> Result<Vec<(f64, f64)>, SpectrumError> {
     let text = read_text(path)?;
     let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
@@ -146,7 +147,7 @@ fn read_text(path: &Path) -> Result<String, SpectrumError> {
     }
 }
 
-/// The fields of one line, without quotes; a separator at the end adds none.
+/// Splits a line into fields without quotes; a trailing separator adds none.
 fn fields(line: &str) -> Vec<&str> {
     let separator = [';', '\t', ','].into_iter().find(|&separator| line.contains(separator));
     let mut fields: Vec<&str> = match separator {
@@ -164,7 +165,7 @@ fn parsed(fields: &[&str], index: usize) -> Result<f64, String> {
     field.parse().map_err(|_| format!("{:?} is no number", shortened(field)))
 }
 
-/// The index, from 0, of the column of values.
+/// Index, from 0, of the column of values.
 fn choose(path: &Path, column: Option<&Column>, header: Option<&[&str]>, count: usize) -> Result<usize, SpectrumError> {
     let problem = match column {
         None if count == 2 => return Ok(1),
@@ -202,7 +203,7 @@ fn refuse_repetition(path: &Path, text: &str, rows: &[(usize, f64, f64)]) -> Res
     Ok(())
 }
 
-/// At most the first 60 characters.
+/// Truncates to 60 characters.
 fn shortened(text: &str) -> String {
     match text.char_indices().nth(60) {
         Some((end, _)) => format!("{}…", &text[..end]),
