@@ -1,4 +1,4 @@
-//! Numbers of data files become voxels, slab by slab.
+//! Decoding of data files to voxels, slab by slab.
 
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
@@ -10,10 +10,10 @@ use super::voxels::with_type;
 use super::{VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::Progress;
 
-/// Bytes decoded between two looks at the listener.
+/// Bytes decoded between two progress reports.
 pub(super) const SLAB_BYTES: usize = 1 << 22;
 
-/// A file and how many numbers it holds.
+/// A file and the count of numbers in it.
 #[derive(Clone, Debug)]
 pub(super) struct DataFile {
     pub(super) path: PathBuf,
@@ -21,7 +21,7 @@ pub(super) struct DataFile {
 }
 
 impl DataFile {
-    /// A file that is there: long lists of files that are not must end at the first.
+    /// Returns an existing file; a long list of missing files must fail at the first.
     pub(super) fn found(path: PathBuf, numbers: usize) -> Result<Self, VolumeError> {
         match std::fs::metadata(&path) {
             Ok(_) => Ok(Self { path, numbers }),
@@ -30,8 +30,8 @@ impl DataFile {
     }
 }
 
-/// The file `name` that `header` says the voxels are in, which must lie in its folder or below: a header may come from
-/// anywhere, and must not choose which files of this machine are read.
+/// Returns the path of the data file `name` of `header`. It must lie in the header's folder or below: a header may come
+/// from anywhere, and must not choose which files of this machine are read.
 pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> {
     let inside = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
     if Path::new(name).components().all(inside) {
@@ -41,9 +41,9 @@ pub(super) fn beside(header: &Path, name: &str) -> Result<PathBuf, VolumeError> 
     }
 }
 
-/// Refuses axes that together have more numbers than can be addressed.
+/// Refuses axes with more numbers in total than can be addressed.
 pub(super) fn check_size(source: &str, axes: &[usize]) -> Result<(), VolumeError> {
-    // Eight bytes a number must be addressable, whatever the type.
+    // Eight bytes per number must be addressable, whatever the type.
     let bytes = axes.iter().try_fold(8_usize, |product, &n| product.checked_mul(n));
     if !axes.contains(&0) && bytes.is_some_and(|bytes| isize::try_from(bytes).is_ok()) {
         return Ok(());
@@ -52,7 +52,7 @@ pub(super) fn check_size(source: &str, axes: &[usize]) -> Result<(), VolumeError
     Err(VolumeError::Dims { source_name: source.to_owned(), dims: dims.join("×") })
 }
 
-/// All that it takes to read voxels; the files follow one another.
+/// Description of the stored voxels; the files are concatenated.
 #[derive(Clone, Debug)]
 pub(super) struct Data {
     pub(super) files: Vec<DataFile>,
@@ -60,19 +60,20 @@ pub(super) struct Data {
     pub(super) encoding: Encoding,
     pub(super) voxel_type: VoxelType,
     pub(super) byte_order: ByteOrder,
-    /// Which of the numbers are voxels; of disjoint axes, all of them where there is none.
+    /// Positions on disjoint axes that select the voxels among the numbers; if empty, all numbers are voxels.
     pub(super) picks: Vec<Pick>,
 }
 
 impl Data {
-    /// The files, in order.
+    /// Paths of the files, in order.
     pub(super) fn paths(&self) -> Vec<PathBuf> {
         self.files.iter().map(|file| file.path.clone()).collect()
     }
 
-    /// The voxels of all files. What was odd but harmless goes to `notes`.
+    /// Reads the voxels of all files. Harmless oddities are appended to `notes`.
     ///
-    /// No more memory is taken than the lengths of the files justify, and none before all of them have been looked at.
+    /// Memory is bounded by what the lengths of the files justify, and is allocated only after all files have been
+    /// examined.
     pub(super) fn read(&self, progress: &dyn Progress, notes: &mut Vec<String>) -> Result<Voxels, VolumeError> {
         with_type!(self.voxel_type, T => self.read_as::<T>(progress, notes))
     }
@@ -127,7 +128,7 @@ impl Data {
             (_, None) => 0,
             (Skip::Bytes(bytes), Some(_)) => bytes,
             (Skip::Tail, Some(_)) => {
-                // Where the end is only decoding tells; the second time it is known.
+                // Only decoding finds the end of the data; the second pass then knows the offset.
                 let mut all = stream::decoded(path, start, self.encoding)?;
                 let length = slabs.pass_over(file, &mut all, u64::MAX, damaged)?;
                 length.checked_sub(expected).ok_or_else(|| VolumeError::Short {
@@ -143,7 +144,7 @@ impl Data {
         if !whole || self.encoding.packing().is_none() {
             return Ok(());
         }
-        // One byte more: there should be none, and getting there checks the checksum.
+        // Tries to read one byte more. There should be none, and reaching the end verifies the checksum.
         if read_fully(&mut stream, &mut [0]).map_err(|source| damaged(source, expected))? > 0 {
             notes.push(format!(
                 "{}: inflates to more than the {expected} bytes the header makes it; the rest is left",
@@ -160,7 +161,8 @@ impl Data {
         Ok(())
     }
 
-    /// The first byte of the numbers of `file` as they are encoded; the file is long enough to hold them.
+    /// Returns the offset of the first encoded byte in `file`, after a check that the file is long enough for its
+    /// numbers.
     fn start_of(&self, file: &DataFile, notes: &mut Vec<String>) -> Result<u64, VolumeError> {
         let path = &file.path;
         let (begin, length) = stream::after_lines(path, self.start)?;
@@ -184,7 +186,7 @@ impl Data {
             (Encoding::Hex, _) if found / 2 < expected => {
                 Err(VolumeError::Short { path: path.clone(), found: found / 2, expected })
             }
-            // A number and what parts it from the next take two bytes; the last needs no parting.
+            // A number and its separator take two bytes; the last number needs no separator.
             (Encoding::Text, _) if found.div_ceil(2) < count(file.numbers) => Err(VolumeError::ShortText {
                 path: path.clone(),
                 found: usize::try_from(found.div_ceil(2)).unwrap_or(usize::MAX),
@@ -200,29 +202,30 @@ impl Data {
     }
 }
 
-/// The voxels so far, and how to come by more.
+/// The voxels decoded so far, and the state of decoding.
 struct Slabs<'a, T> {
     voxels: Vec<T>,
-    /// How many there will be.
+    /// Number of voxels at the end.
     all: usize,
-    /// Which of the numbers they are.
+    /// Positions that select the voxels among the numbers.
     picks: Vec<Pick>,
-    /// Numbers of all files so far, and altogether.
+    /// Numbers decoded from all files so far; `numbers` is the total.
     at: usize,
     numbers: usize,
-    /// Numbers of which some are voxels.
+    /// Slab of decoded numbers from which voxels are picked.
     buffer: Vec<T>,
     swap: bool,
     progress: &'a dyn Progress,
 }
 
 impl<T: Voxel> Slabs<'_, T> {
-    /// Whether a voxel is in `file`, the next one.
+    /// Whether `file`, the next one, holds a voxel.
     fn wants(&self, file: &DataFile) -> bool {
         next_run(&self.picks, self.at).0 < self.at + file.numbers
     }
 
-    /// Appends the voxels of `file`; `decode` makes the numbers from so many on. Whether all of them were needed.
+    /// Appends the voxels of `file`; `decode` fills a slab with the numbers from the given index on. Returns whether
+    /// the numbers were decoded to the end of the file.
     fn take(
         &mut self,
         file: &DataFile,
@@ -254,7 +257,7 @@ impl<T: Voxel> Slabs<'_, T> {
         Ok(whole)
     }
 
-    /// Appends the voxels of `file` from `stream`; `failed` makes the error, given the bytes decoded until then.
+    /// Appends the voxels of `file` from `stream`; `failed` makes the error from the count of bytes decoded before it.
     fn fill(
         &mut self,
         file: &DataFile,
@@ -265,12 +268,12 @@ impl<T: Voxel> Slabs<'_, T> {
         self.take(file, |slab, first| Next::of(file, first).decode(slab, stream, swap, &failed))
     }
 
-    /// Appends the voxels of `file`, written as text.
+    /// Appends the voxels of `file` from text.
     fn parse(&mut self, file: &DataFile, stream: &mut dyn io::BufRead) -> Result<bool, VolumeError> {
         self.take(file, |slab, first| Next::of(file, first).parse(slab, stream))
     }
 
-    /// Leaves out `bytes` of `stream`, or what there is of them; how many that were.
+    /// Discards up to `bytes` of `stream`; returns the number of discarded bytes.
     fn pass_over(
         &self,
         file: &DataFile,
@@ -292,7 +295,7 @@ impl<T: Voxel> Slabs<'_, T> {
         Ok(passed)
     }
 
-    /// Makes room for `more` voxels; the room doubles as voxels arrive, and is never more than all of them need.
+    /// Reserves room for `more` voxels. The capacity doubles as voxels arrive, up to that of all voxels.
     fn make_room(&mut self, file: &DataFile, more: usize) -> Result<(), VolumeError> {
         let there = self.voxels.len();
         if self.voxels.capacity() - there < more {
@@ -311,7 +314,7 @@ impl<T: Voxel> Slabs<'_, T> {
     }
 }
 
-/// The numbers of a file from `first` on, of which there should be `expected` in all.
+/// The numbers of a file from index `first` on; the file should hold `expected` numbers.
 pub(super) struct Next<'a> {
     pub(super) path: &'a Path,
     pub(super) first: usize,
@@ -323,8 +326,8 @@ impl<'a> Next<'a> {
         Self { path: &file.path, first, expected: file.numbers }
     }
 
-    /// Fills `slab` from bytes, swapped if they are of the other order; `failed` makes the error, given the bytes
-    /// decoded until then.
+    /// Fills `slab` from bytes, with an optional swap of the byte order; `failed` makes the error from the count of
+    /// bytes decoded before it.
     pub(super) fn decode<T: Voxel>(
         &self,
         slab: &mut [T],
@@ -365,7 +368,7 @@ impl<'a> Next<'a> {
     }
 }
 
-/// So many zeros, of which the system makes memory when they are first written to.
+/// Returns a vector of zeros; the system provides its memory at the first write.
 pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Result<Vec<T>, VolumeError> {
     bytemuck::try_zeroed_vec(length).map_err(|()| VolumeError::Memory {
         source_name: path.display().to_string(),
@@ -373,7 +376,7 @@ pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Resul
     })
 }
 
-/// Says that so many of all bytes of `path` are read; the error that ends the reading if that is wanted.
+/// Reports that `done` of `all` bytes of `path` have been read; returns an error if `progress` cancels.
 pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     progress.report(&format!("reading {name}"), done, all);

@@ -1,19 +1,19 @@
-//! Where the voxels of a volume lie in the world.
+//! Position of a volume's voxels in the world.
 
 use glam::{DMat3, DVec3};
 
 use super::VolumeError;
 use crate::number::count;
 
-/// How far `DᵀD` of a direction matrix may be from the identity, entry by entry: headers are written with few digits.
+/// Largest deviation of an entry of `DᵀD` from the identity, for a direction matrix D: headers have few digits.
 const ORTHONORMALITY: f64 = 1e-3;
 
-/// The grid of a volume. Voxels are points: voxel (0, 0, 0) lies on `origin`.
+/// Grid of a volume. Voxels are points: voxel (0, 0, 0) lies on `origin`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
     /// Voxels along x, y and z; x varies fastest.
     pub dims: [usize; 3],
-    /// World units between neighbours along each axis, positive.
+    /// World units between neighbouring voxels along each axis, positive.
     pub spacing: DVec3,
     /// World position of voxel (0, 0, 0).
     pub origin: DVec3,
@@ -22,13 +22,13 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// A grid that is known to be sound; `source` is the file to blame if it is not.
+    /// A validated grid; `source` is the file named in errors.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Spacing`] where
-    /// a spacing is not a positive number, [`VolumeError::Origin`] where the origin is not finite,
-    /// [`VolumeError::Direction`] where the axes are not orthonormal within 1e-3.
+    /// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Spacing`] if a
+    /// spacing is not a positive number, [`VolumeError::Origin`] if the origin is not finite,
+    /// [`VolumeError::Direction`] if the axes are not orthonormal within 1e-3.
     pub fn new(
         source: &str,
         dims: [usize; 3],
@@ -37,7 +37,7 @@ impl Geometry {
         direction: DMat3,
     ) -> Result<Self, VolumeError> {
         let source = || source.to_owned();
-        // Eight bytes a voxel must be addressable, whatever the type.
+        // Eight bytes per voxel must be addressable, whatever the type.
         let bytes = dims.iter().try_fold(8_usize, |product, &n| product.checked_mul(n));
         if dims.contains(&0) || bytes.is_none_or(|bytes| isize::try_from(bytes).is_err()) {
             return Err(VolumeError::Dims {
@@ -68,17 +68,18 @@ impl Geometry {
         }
     }
 
-    /// A grid of spacing 1 along the world's axes, from the origin.
+    /// A grid of spacing 1 along the world's axes, with its origin at 0.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed.
+    /// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed.
     pub fn unit(source: &str, dims: [usize; 3]) -> Result<Self, VolumeError> {
         Self::new(source, dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)
     }
 
-    /// Whether its voxels lie where those of `other` do: spacings within a thousandth of each other, directions within
-    /// 1e-3, origins within a thousandth of a voxel and a millionth of their distance from 0, as headers are rounded.
+    /// Whether the voxels coincide with those of `other`, up to the rounding of headers: spacings within a thousandth
+    /// of each other, directions within 1e-3, origins within a thousandth of a voxel plus a millionth of their distance
+    /// from 0.
     #[must_use]
     pub fn lies_on(&self, other: &Self) -> bool {
         let spacing = self.spacing.max(other.spacing);
@@ -89,19 +90,19 @@ impl Geometry {
             && self.direction.abs_diff_eq(other.direction, 1e-3)
     }
 
-    /// How long it is along each of its axes in world units, voxels counted whole.
+    /// Size along each axis in world units, `spacing · dims`.
     #[must_use]
     pub fn extent(&self) -> DVec3 {
         self.spacing * DVec3::from_array(self.dims.map(count))
     }
 
-    /// How many voxels the grid has.
+    /// Number of voxels.
     #[must_use]
     pub fn voxels(&self) -> usize {
         self.dims.iter().product()
     }
 
-    /// The place of voxel `[x, y, z]` among the voxels; `None` outside the grid.
+    /// Linear index of voxel `[x, y, z]`; `None` outside the grid.
     #[must_use]
     pub fn linear_index(&self, [x, y, z]: [usize; 3]) -> Option<usize> {
         let [nx, ny, nz] = self.dims;

@@ -1,4 +1,4 @@
-//! What the data is.
+//! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
 mod data;
 mod error;
@@ -34,42 +34,42 @@ pub use vti::PackedBlocks;
 
 use std::path::PathBuf;
 
-/// A scalar volume: voxels, where they lie, and what they mean.
+/// A scalar volume: voxels, their geometry, and their scaling to values.
 #[derive(Clone, Debug)]
 pub struct Volume {
-    /// The voxels as stored, x fastest.
+    /// Voxels as stored, x fastest.
     pub voxels: Voxels,
-    /// Where they lie; it has as many voxels as `voxels`.
+    /// Position of the voxels; has as many voxels as `voxels`.
     pub geometry: Geometry,
-    /// Whether the file says that its axes are anatomical. The world is left-posterior-superior then, as in DICOM: x to a
-    /// patient's left, y to the back, z to the head.
+    /// Whether the file declares its axes as anatomical. The world is then left-posterior-superior, as in DICOM: x
+    /// points to a patient's left, y to the back, z to the head.
     pub anatomical: bool,
-    /// A voxel means `slope · stored + intercept`.
+    /// Slope of the voxel value `slope · stored + intercept`.
     pub slope: f64,
-    /// See `slope`.
+    /// Intercept of the voxel value; see `slope`.
     pub intercept: f64,
-    /// Numbers per voxel in the file, of which one was read.
+    /// Components per voxel in the file; one of them was read.
     pub components: usize,
-    /// Which of several volumes in the file it is.
+    /// Choice among the volumes of the file.
     pub selection: Selection,
-    /// Voxels of the file that each voxel is the mean of, along each axis.
+    /// Size of the block of file voxels whose mean is one voxel, along each axis.
     pub blocks: [usize; 3],
-    /// The file as it was asked for, or the name of the phantom.
+    /// Path of the file as requested, or name of the phantom.
     pub source: String,
-    /// The files that it was read from: header, sidecar and data; none for a phantom.
+    /// Files that were read: header, sidecar and data; empty for a phantom.
     pub files: Vec<PathBuf>,
-    /// What else the file says: keys and values that are kept but not interpreted.
+    /// Further keys and values of the file, kept but not interpreted.
     pub metadata: Vec<(String, String)>,
-    /// Sentences about what was odd, or was given up; the caller passes them on as warnings.
+    /// Sentences about oddities and losses in reading; the caller reports them as warnings.
     pub notes: Vec<String>,
 }
 
 impl Volume {
-    /// A volume of `voxels` that mean what is stored, with nothing else to say.
+    /// A volume of `voxels` with slope 1, intercept 0 and no metadata.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Layout`] where `geometry` has another number of voxels.
+    /// [`VolumeError::Layout`] if `geometry` has a different number of voxels.
     pub fn new(source: &str, voxels: Voxels, geometry: Geometry) -> Result<Self, VolumeError> {
         if voxels.len() != geometry.voxels() {
             let problem = format!("{} voxels in a grid of {}", voxels.len(), geometry.voxels());
@@ -91,18 +91,18 @@ impl Volume {
         })
     }
 
-    /// What voxel `[x, y, z]` means: `slope · stored + intercept`; `None` outside the grid.
+    /// Value of voxel `[x, y, z]`, `slope · stored + intercept`; `None` outside the grid.
     #[must_use]
     pub fn value(&self, index: [usize; 3]) -> Option<f64> {
         let stored = self.voxels.value(self.geometry.linear_index(index)?)?;
         Some(stored.mul_add(self.slope, self.intercept))
     }
 
-    /// The same voxels on a grid of another spacing.
+    /// Replaces the spacing of the grid.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Spacing`] where a spacing is not a positive number.
+    /// [`VolumeError::Spacing`] if a spacing is not a positive number.
     pub fn with_spacing(mut self, spacing: glam::DVec3) -> Result<Self, VolumeError> {
         let Geometry { dims, origin, direction, .. } = self.geometry;
         self.geometry = Geometry::new(&self.source, dims, spacing, origin, direction)?;

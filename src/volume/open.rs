@@ -1,4 +1,4 @@
-//! Which reader a file of voxels is for.
+//! Selection of the reader for a volume file.
 
 use std::io::Read;
 use std::path::Path;
@@ -6,17 +6,17 @@ use std::path::Path;
 use super::{PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
 use crate::progress::Progress;
 
-/// A format that is read.
+/// A format with a reader.
 struct Format {
     name: &'static str,
-    /// Ends of file names, in lower case.
+    /// File extensions, in lower case.
     extensions: &'static [&'static str],
-    /// Whether a file that begins so is of this format; asked where the extension says nothing.
+    /// Whether the first bytes of a file identify the format; used if the extension does not.
     recognises: fn(&[u8]) -> bool,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
 }
 
-/// A new reader is a new line.
+/// All formats; a new reader is a new line.
 const FORMATS: [Format; 5] = [
     Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
     Format { name: "NRRD", extensions: &["nrrd", "nhdr"], recognises: nrrd::recognises, read: nrrd::read },
@@ -30,12 +30,12 @@ const FORMATS: [Format; 5] = [
     Format { name: "sidecar of raw voxels", extensions: &["toml"], recognises: |_| false, read: raw::read_sidecar },
 ];
 
-/// Ends of the names of files that [`open`] may read, in lower case; a `.toml` may be a scene as well.
+/// Extensions of the files that [`open`] may read, in lower case; a `.toml` may also be a scene.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
     FORMATS.iter().flat_map(|format| format.extensions.iter().copied())
 }
 
-/// How much of a file is looked at to recognise it.
+/// Number of bytes examined to recognise a file.
 const BEGINNING: u64 = 4096;
 
 fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
@@ -45,16 +45,16 @@ fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
     Ok(bytes)
 }
 
-/// Reads the volume in a file, whose format is known by its extension, else by how the file begins.
+/// Reads the volume in a file. The extension determines the format; for other extensions, the first bytes do.
 ///
-/// Of a file that holds several, `selection` says which. Memory is bounded by that one and a slab of 4 MiB, of VTK files
-/// one block of their compressed values; `progress` counts decoded bytes.
+/// `selection` chooses among several volumes in a file. Memory is bounded by the chosen volume and a slab of 4 MiB; VTK
+/// files need one block of their compressed values in addition. `progress` counts decoded bytes.
 ///
 /// # Errors
 ///
-/// [`VolumeError::UnknownFormat`] where no reader knows the file, [`VolumeError::Choose`] where it holds several volumes
-/// and `selection` does not say which, [`VolumeError::NoSuch`] where what it says is not there,
-/// [`VolumeError::Cancelled`] when `progress` asks to stop, and whatever is wrong with the file.
+/// [`VolumeError::UnknownFormat`] if no reader knows the file, [`VolumeError::Choose`] if it holds several volumes and
+/// `selection` does not choose one, [`VolumeError::NoSuch`] if the chosen volume does not exist,
+/// [`VolumeError::Cancelled`] if `progress` requests it, and the error of the reader for a defective file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     if let Some(what) = foreign::describe_folder(path) {
         return Err(unknown(path, what.to_owned()));
@@ -70,8 +70,8 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     }
 }
 
-/// The compressed blocks of the values that [`open`] would read of `path`; `None` where it is no VTK XML file of compressed
-/// blocks. They take as much memory as they take in the file.
+/// Returns the compressed blocks of the values that [`open`] would read from `path`; `None` unless it is a VTK XML file
+/// of compressed blocks. They take as much memory as in the file.
 ///
 /// # Errors
 ///
@@ -85,31 +85,31 @@ pub fn packed_blocks(
     if vti::recognises(&beginning) { vti::packed(path, selection, progress) } else { Ok(None) }
 }
 
-/// The refusal of `path`, which is `what`.
+/// The error for `path`, which `what` describes.
 fn unknown(path: &Path, what: String) -> VolumeError {
     let known = FORMATS.map(|format| format!("{} (.{})", format.name, format.extensions.join(", .")));
     VolumeError::UnknownFormat { path: path.to_owned(), what, known: known.join(", ") }
 }
 
-/// Whether a file of this name, or one that begins with these bytes, is a volume; a `.toml` may be anything.
+/// Whether the extension or the first bytes of a file identify a volume; the extension `.toml` does not count.
 pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let named = |format: &Format| extension != "toml" && format.extensions.contains(&extension.as_str());
     FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
 }
 
-/// The refusal of a file or folder that is something else by its beginning, as [`open`] says it.
+/// The error of [`open`] for a folder, or for a file whose first bytes identify a format without a reader.
 pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
     let what = || beginning(path).ok().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
     foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what))
 }
 
-/// Whether the file `path` says itself how its voxels lie.
+/// Whether the file `path` has a header that describes its voxels.
 pub(crate) fn has_header(path: &Path) -> bool {
     beginning(path).is_ok_and(|beginning| FORMATS.iter().any(|format| (format.recognises)(&beginning)))
 }
 
-/// Reads the volume in the file `path`, by `layout` where one is stated, whatever file that names, else as [`open`] does.
+/// Reads the volume in the file `path`: by `layout` if given (its `file` is ignored), otherwise as [`open`] does.
 ///
 /// # Errors
 ///
@@ -133,7 +133,7 @@ pub fn open_by(
 ///
 /// # Errors
 ///
-/// As [`open`]; [`VolumeError::Layout`] where the layout contradicts itself, or the file has a header.
+/// As [`open`]; [`VolumeError::Layout`] if the layout contradicts itself, or if the file has a header.
 pub fn open_raw(
     layout: &RawLayout,
     base: &Path,

@@ -1,6 +1,6 @@
 //! Numbered file names such as `slice.%03d`.
 
-/// The longest number a name may be padded to; wider ones are mistakes.
+/// Largest padding width of a number; wider ones are mistakes.
 const WIDEST: usize = 32;
 
 /// A printf pattern with one `%d`.
@@ -13,8 +13,8 @@ pub(super) struct Pattern {
 }
 
 impl Pattern {
-    /// Reads a pattern with exactly one of `%d`, `%4d`, `%04d` (or `i`, `u` for `d`); `%%` is a per cent sign.
-    /// The error is a sentence for the message of whoever asked.
+    /// Parses a pattern with exactly one of `%d`, `%4d`, `%04d` (or `i`, `u` for `d`); `%%` is a per cent sign. The
+    /// error is a sentence for the caller's message.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         let wrong = || format!("{text:?} is no pattern of numbered files; write it like slice%03d.raw, with one %d");
         let mut pieces = vec![String::new()];
@@ -44,21 +44,22 @@ impl Pattern {
         }
     }
 
-    /// The name of file `number`.
+    /// Name of file `number`.
     pub(super) fn name(&self, number: i64) -> String {
         let Self { before, width, zeros, after } = self;
         if *zeros { format!("{before}{number:0width$}{after}") } else { format!("{before}{number:width$}{after}") }
     }
 }
 
-/// How many numbers there are from `first` to `last` in steps of `step`; none where the steps lead away.
+/// Number of terms from `first` to `last` in steps of `step`; 0 if the steps lead away from `last`.
 pub(super) fn count([first, last, step]: [i64; 3]) -> usize {
     let steps = if step == 0 { None } else { last.checked_sub(first).and_then(|span| span.checked_div(step)) };
     let away = step < 0 && last > first || step > 0 && last < first;
     steps.filter(|_| !away).and_then(|steps| usize::try_from(steps).ok()).map_or(0, |steps| steps.saturating_add(1))
 }
 
-/// `wanted` numbers from `first` to `last` in steps of `step`, or the sentence that says why they are not `wanted`.
+/// Returns `wanted` numbers from `first` to `last` in steps of `step`. The error is a sentence if the range has a
+/// different number of terms.
 pub(super) fn numbers([first, last, step]: [i64; 3], wanted: usize) -> Result<impl Iterator<Item = i64>, String> {
     let given = count([first, last, step]);
     if given == wanted {

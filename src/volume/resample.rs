@@ -1,4 +1,4 @@
-//! Coarser grids.
+//! Downsampling.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,14 +6,14 @@ use rayon::prelude::*;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 
 impl Volume {
-    /// The mean of every block of `block` voxels, rounded to the stored type (integers half up: ⌊x + ½⌋).
+    /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋).
     ///
-    /// Blocks at the end that are not full are dropped, and noted. A new voxel lies in the middle of its block, and has
-    /// the spacing of blocks. NaN is left out of a mean, unless there is nothing else.
+    /// Incomplete blocks at the end of an axis are dropped, with a note. A new voxel lies at the centre of its block;
+    /// the new spacing is the size of a block. NaN is excluded from a mean unless the whole block is NaN.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Block`] where a side of the block is 0 or longer than the volume.
+    /// [`VolumeError::Block`] if a side of the block is 0 or longer than the volume.
     pub fn downsample(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
@@ -22,12 +22,12 @@ impl Volume {
         Ok(self.resampled(voxels, geometry, block))
     }
 
-    /// The most frequent voxel of every block, of equally frequent ones the smallest: labels have no mean.
+    /// Reduces every block to its most frequent voxel, the smallest one among ties, because labels have no mean.
     /// Otherwise as [`Self::downsample`].
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Block`] where a side of the block is 0 or longer than the volume.
+    /// [`VolumeError::Block`] if a side of the block is 0 or longer than the volume.
     pub fn downsample_labels(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
@@ -66,7 +66,7 @@ impl Volume {
     }
 }
 
-/// One voxel for every block, chosen from its voxels (which may be reordered).
+/// Reduces each block to one voxel; `choose` may reorder the voxels of the block.
 fn reduce<T: Voxel>(
     stored: &[T],
     [nx, ny, _]: [usize; 3],
@@ -75,7 +75,7 @@ fn reduce<T: Voxel>(
     choose: impl Fn(&mut [T]) -> Option<T> + Sync,
 ) -> Voxels {
     let [width, height, _] = coarse.dims;
-    // From the first voxel of a block to each of its voxels.
+    // Offsets from the first voxel of a block to each of its voxels.
     let offsets: Vec<usize> =
         (0..bx * by * bz).map(|i| i % bx + nx * (i / bx % by) + nx * ny * (i / (bx * by))).collect();
     let mut voxels = vec![T::zeroed(); coarse.voxels()];
@@ -94,11 +94,11 @@ fn reduce<T: Voxel>(
     T::into_voxels(voxels)
 }
 
-/// The value that occurs most often, the smallest of several.
+/// The most frequent value, the smallest one among ties.
 fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
-    // Labels are numbers; a NaN has no place among them, and any will do.
+    // Labels are numbers; NaN is not a valid label, so its order does not matter.
     values.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
     let runs = values.chunk_by(|a, b| a == b);
-    // `max_by_key` takes the last of equals: from the back, the smallest.
+    // `max_by_key` returns the last of equal maxima; in reverse order, this is the smallest value.
     runs.rev().max_by_key(|run| run.len()).map(|run| run[0])
 }

@@ -1,23 +1,23 @@
-//! What to read of a file that holds more than one scalar volume.
+//! Choice of one scalar volume from a file that holds several.
 
 use std::fmt;
 
 use super::VolumeError;
 
-/// What a file holds several of, where one of them is a volume.
+/// Alternatives in a file, each of them one volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Several {
     /// Components of a voxel.
     Components {
-        /// How many.
+        /// Number of components.
         count: usize,
-        /// What they are, where the file says.
+        /// Their kind, if the file states it.
         kind: String,
     },
-    /// So many time steps.
+    /// Number of time steps.
     Times(usize),
-    /// Arrays of these names.
+    /// Names of the arrays.
     Arrays(Vec<String>),
 }
 
@@ -36,7 +36,7 @@ impl fmt::Display for Several {
 }
 
 impl Several {
-    /// The name of the flag that chooses one, and how many there are.
+    /// Name of the flag that chooses one, and the number of alternatives.
     fn counted(&self) -> (&'static str, usize) {
         match self {
             Self::Components { count, .. } => ("component", *count),
@@ -45,7 +45,7 @@ impl Several {
         }
     }
 
-    /// The flag that chooses one, and what it may say.
+    /// The flag that chooses one, with its range, for messages.
     pub(super) fn flag(&self) -> String {
         match (self, self.counted()) {
             (Self::Arrays(_), _) => "--array NAME".to_owned(),
@@ -53,7 +53,7 @@ impl Several {
         }
     }
 
-    /// The one of them that `asked` is; `source` is the file that holds them.
+    /// Returns the index of the alternative `asked`; `source` is the file.
     fn number(self, source: &str, asked: Option<usize>) -> Result<usize, VolumeError> {
         let (name, count) = self.counted();
         match asked {
@@ -69,21 +69,22 @@ impl Several {
     }
 }
 
-/// Which of the volumes in a file is meant; nothing need be said about a file that holds one.
+/// Choice among the volumes of a file; the default suffices for a file with one volume.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
-    /// The number of a voxel's component, from 0.
+    /// Component of a voxel, from 0.
     pub component: Option<usize>,
-    /// The time step, from 0.
+    /// Time step, from 0.
     pub time: Option<usize>,
-    /// The name of an array.
+    /// Name of the array.
     pub array: Option<String>,
-    /// Whether what is not said here is asked for: also where a file has a usual array, or a scene says which it shows.
+    /// Whether an unspecified choice among several is an error, even if the file marks a default array or the scene
+    /// states a choice.
     pub asks: bool,
 }
 
 impl Selection {
-    /// What is chosen here, and where nothing is, what `otherwise` chooses.
+    /// Merges two selections; `otherwise` supplies what this one leaves open.
     #[must_use]
     pub fn or(&self, otherwise: &Self) -> Self {
         Self {
@@ -94,17 +95,17 @@ impl Selection {
         }
     }
 
-    /// Which of `count` components of the file `source` to read; `kind` says what they are, if the file does.
+    /// Returns the component to read of `count` in the file `source`; `kind` is their kind, or empty.
     pub(super) fn component(&self, source: &str, count: usize, kind: &str) -> Result<usize, VolumeError> {
         Several::Components { count, kind: kind.to_owned() }.number(source, self.component)
     }
 
-    /// Which of `count` time steps of the file `source` to read.
+    /// Returns the time step to read of `count` in the file `source`.
     pub(super) fn time(&self, source: &str, count: usize) -> Result<usize, VolumeError> {
         Several::Times(count).number(source, self.time)
     }
 
-    /// Which of the arrays `names` of the file `source` to read.
+    /// Returns the index of the array to read among `names` in the file `source`.
     pub(super) fn array(&self, source: &str, names: &[&str]) -> Result<usize, VolumeError> {
         let there = Several::Arrays(names.iter().map(|&name| name.to_owned()).collect());
         let Some(asked) = &self.array else { return there.number(source, None) };
@@ -115,7 +116,7 @@ impl Selection {
         })
     }
 
-    /// Refuses an array of the file `source`, whose format names none.
+    /// Refuses an array name for the file `source`, whose format has no named arrays.
     pub(super) fn no_array(&self, source: &str) -> Result<(), VolumeError> {
         match &self.array {
             None => Ok(()),
@@ -127,7 +128,7 @@ impl Selection {
         }
     }
 
-    /// Refuses to choose from `source`, which holds one scalar volume, anything but that.
+    /// Refuses any choice but the only scalar volume of `source`.
     pub(crate) fn only(&self, source: &str) -> Result<(), VolumeError> {
         self.component(source, 1, "")?;
         self.time(source, 1)?;
@@ -135,19 +136,19 @@ impl Selection {
     }
 }
 
-/// Of an axis of a file's numbers, the one place that is read.
+/// The position that is read along one axis of a file's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Pick {
-    /// Numbers from one place of the axis to the next: the product of the axes before it.
+    /// Distance in numbers between neighbours on the axis: the product of the lengths of the faster axes.
     pub(super) stride: usize,
-    /// The axis's length.
+    /// Length of the axis.
     pub(super) length: usize,
-    /// The place that is read.
+    /// Position that is read.
     pub(super) index: usize,
 }
 
 impl Pick {
-    /// How far from number `at` of the file the next number is that is read; 0 if that is `at` itself.
+    /// Distance from number `at` of the file to the next picked number; 0 if `at` itself is picked.
     fn gap(&self, at: usize) -> usize {
         let (place, within) = (at / self.stride % self.length, at % self.stride);
         match (self.index + self.length - place) % self.length {
@@ -157,7 +158,7 @@ impl Pick {
     }
 }
 
-/// The first run of numbers at or after `at` that all of `picks` read: where it begins, and how long it is.
+/// Returns the start and the length of the first run of numbers, at or after `at`, that all of `picks` select.
 pub(super) fn next_run(picks: &[Pick], mut at: usize) -> (usize, usize) {
     while let Some(gap) = picks.iter().map(|pick| pick.gap(at)).find(|&gap| gap > 0) {
         at += gap;
@@ -172,7 +173,7 @@ mod tests {
 
     #[test]
     fn runs_are_the_numbers_whose_every_picked_axis_is_at_its_place() {
-        // Axes of 3, 4, 2 and 5 numbers, two of them picked: whatever order they lie in.
+        // Axes of 3, 4, 2 and 5 numbers; two of them are picked, in any order.
         let lengths = [3_usize, 4, 2, 5];
         for (first, second) in [(0, 3), (0, 1), (1, 2), (3, 0), (2, 3)] {
             let pick = |axis: usize| Pick { stride: lengths[..axis].iter().product(), length: lengths[axis], index: 1 };

@@ -4,39 +4,40 @@ use rayon::prelude::*;
 
 use super::{Volume, VolumeError, Voxel, with_voxels};
 
-/// Bins of a histogram.
+/// Number of histogram bins.
 pub const BINS: usize = 64;
 
-/// Voxels one task looks at.
+/// Voxels per parallel task.
 const CHUNK: usize = 1 << 20;
 
-/// Floats added without compensation; so few round by less than 1024 · 2⁻⁵³ = 1.2e-13 of Σ|x|.
+/// Floats added without compensation; the rounding error of a run is below 1024 · 2⁻⁵³ = 1.2e-13 of Σ|x|.
 const RUN: usize = 1024;
 
-/// What the values of a volume are like: `slope · stored + intercept`.
+/// Statistics of the values `slope · stored + intercept` of a volume.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Statistics {
-    /// The smallest finite value.
+    /// Smallest finite value.
     pub min: f64,
-    /// The largest finite value.
+    /// Largest finite value.
     pub max: f64,
-    /// The mean of the finite values: of integers the exact one, rounded; of floats within 1e-12 of the mean |value|.
+    /// Mean of the finite values. For integers it is exact up to one rounding; for floats it is within 1e-12 of the
+    /// mean |value|.
     pub mean: f64,
-    /// How many finite values lie in each of 64 equal bins over `[min, max]`; a bin holds its lower edge, the last one
-    /// both. All are in the first where `min` is `max`.
+    /// Number of finite values in each of 64 equal bins over `[min, max]`. A bin includes its lower edge, the last bin
+    /// both edges. If `min` equals `max`, the first bin holds all values.
     pub histogram: [u64; BINS],
-    /// How many voxels are NaN.
+    /// Number of NaN voxels.
     pub not_a_number: u64,
-    /// How many voxels are ±∞.
+    /// Number of ±∞ voxels.
     pub infinite: u64,
 }
 
 impl Volume {
-    /// The statistics of all voxels, computed in parallel; the answer does not depend on the number of threads.
+    /// Computes the statistics of all voxels in parallel; the result does not depend on the number of threads.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::NothingFinite`] where every voxel is NaN or infinite.
+    /// [`VolumeError::NothingFinite`] if every voxel is NaN or infinite.
     pub fn statistics(&self) -> Result<Statistics, VolumeError> {
         let (extent, sums) = with_voxels!(&self.voxels, stored => measure(stored));
         let Extent { min, max, finite, not_a_number, infinite } = extent;
@@ -57,7 +58,7 @@ impl Volume {
     }
 }
 
-/// Two passes: over the voxels, or over the few values that voxels of one or two bytes can have.
+/// Runs two passes: over the voxels, or, for types of one or two bytes, over the counts of their few values.
 fn measure<T: Voxel>(stored: &[T]) -> (Extent, Sums) {
     match size_of::<T>() {
         1 => measure_counted(&counted::<T, u8>(stored)),
@@ -78,12 +79,12 @@ fn measure_counted<T: Voxel>(values: &[(T, u64)]) -> (Extent, Sums) {
     (extent, Sums::of(values.iter().copied(), &extent))
 }
 
-/// How often each value occurs; `Bits` is the unsigned integer of the size of `T`.
+/// Counts the occurrences of each value; `Bits` is the unsigned integer of the size of `T`.
 fn counted<T: Voxel, Bits: Voxel + Into<usize> + TryFrom<usize>>(stored: &[T]) -> Vec<(T, u64)> {
     let values = 1 << (8 * size_of::<Bits>());
     let bits: &[Bits] = bytemuck::cast_slice(stored);
     let tally = |chunk: &[Bits]| {
-        // Equal neighbours would wait for one another's sum; four tables do not.
+        // Equal neighbours would wait for each other's increment; four tables avoid this.
         let mut tables = vec![[0_u32; 4]; values];
         for (index, &bits) in chunk.iter().enumerate() {
             tables[bits.into()][index % 4] += 1;
@@ -94,13 +95,13 @@ fn counted<T: Voxel, Bits: Voxel + Into<usize> + TryFrom<usize>>(stored: &[T]) -
         sum.iter_mut().zip(other).for_each(|(sum, count)| *sum += count);
         sum
     };
-    // Many voxels a task: each pays for tables of its own. `u32` holds as many.
+    // Large chunks, because each task allocates its own tables; the counts still fit `u32`.
     let counts = bits.par_chunks(4 * CHUNK).map(tally).reduce(|| vec![0; values], add);
     let occurring = counts.into_iter().enumerate().filter(|&(_, count)| count > 0);
     occurring.filter_map(|(bits, count)| Some((bytemuck::cast::<Bits, T>(Bits::try_from(bits).ok()?), count))).collect()
 }
 
-/// What the first pass finds out, of stored values.
+/// Result of the first pass over the stored values.
 #[derive(Clone, Copy)]
 struct Extent {
     min: f64,
@@ -140,7 +141,8 @@ impl Extent {
         }
     }
 
-    /// A power of two that keeps sums and differences of the largest floats finite; 1 for all others.
+    /// Scale that keeps sums and differences of the largest floats finite: a power of two for large extents, otherwise
+    /// 1.
     fn unit(&self) -> f64 {
         const LARGE: f64 = 1e280;
         const SMALL: f64 = f64::EPSILON;
@@ -148,12 +150,12 @@ impl Extent {
     }
 }
 
-/// What the second pass finds out, of finite stored values.
+/// Result of the second pass over the finite stored values.
 #[derive(Clone, Copy)]
 struct Sums {
-    /// Of integers.
+    /// Sum of integer values.
     whole: i128,
-    /// Of floats, in the unit of the extent, and what was rounded off (Neumaier 1974).
+    /// Sum of float values in the extent's unit; `lost` is its accumulated rounding error (Neumaier 1974).
     sum: f64,
     lost: f64,
     histogram: [u64; BINS],
@@ -208,7 +210,7 @@ impl Sums {
     }
 }
 
-/// Equal bins over an extent, with the edges numpy's `linspace` has.
+/// Equal bins over an extent, with the edges of numpy's `linspace`.
 struct Bins {
     unit: f64,
     edges: [f64; BINS + 1],

@@ -1,11 +1,11 @@
-//! Voxels, kept in the type their file stores them in.
+//! Voxels in the type of their file.
 
 use std::fmt;
 use std::str::FromStr;
 
 use super::VolumeError;
 
-/// The types a voxel can have, named as numpy names them.
+/// Voxel types, with numpy's names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum VoxelType {
     /// `uint8`
@@ -31,7 +31,7 @@ pub enum VoxelType {
 }
 
 impl VoxelType {
-    /// All of them.
+    /// All types.
     pub const ALL: [Self; 10] =
         [Self::U8, Self::I8, Self::U16, Self::I16, Self::U32, Self::I32, Self::U64, Self::I64, Self::F32, Self::F64];
 
@@ -52,7 +52,7 @@ impl VoxelType {
         }
     }
 
-    /// Bytes of one voxel.
+    /// Bytes per voxel.
     #[must_use]
     pub fn bytes(self) -> usize {
         match self {
@@ -73,8 +73,8 @@ impl fmt::Display for VoxelType {
 impl FromStr for VoxelType {
     type Err = VolumeError;
 
-    /// Reads numpy's names and C's (`uchar`, `short`, `unsigned short`, …) in any case; C's `long` is left out, because
-    /// its size depends on who wrote the file.
+    /// Parses the names of numpy and of C (`uchar`, `short`, `unsigned short`, …) in any case. C's `long` is excluded,
+    /// because its size depends on the platform that wrote the file.
     fn from_str(text: &str) -> Result<Self, VolumeError> {
         Ok(match text.trim().to_ascii_lowercase().as_str() {
             "uint8" | "u8" | "uchar" | "unsigned char" | "byte" => Self::U8,
@@ -92,29 +92,28 @@ impl FromStr for VoxelType {
     }
 }
 
-/// A type a voxel can have; code generic over it runs on the voxels as they are stored.
+/// A voxel type; generic code over it runs on the voxels as stored.
 pub trait Voxel: bytemuck::Pod + PartialOrd + Send + Sync + fmt::Debug {
-    /// What the type is called.
+    /// The corresponding [`VoxelType`].
     const TYPE: VoxelType;
 
-    /// The value; of a 64-bit integer the nearest `f64`.
+    /// The value; 64-bit integers round to the nearest `f64`.
     fn to_f64(self) -> f64;
 
-    /// The value of an integer type, exactly; `None` for the float types.
+    /// The exact value of an integer type; `None` for float types.
     fn to_whole(self) -> Option<i128>;
 
-    /// The value with its bytes in the opposite order.
+    /// The value with its bytes reversed.
     #[must_use]
     fn with_bytes_swapped(self) -> Self;
 
-    /// The mean: of integers rounded half up, of floats that of the values that are not NaN (NaN if there are none).
-    /// `None` where there are no values at all.
+    /// The mean. Integers round half up; floats ignore NaN, and give NaN if all values are NaN. `None` without values.
     fn mean(values: impl Iterator<Item = Self>) -> Option<Self>;
 
-    /// The number in `text`; `None` where it is none, or none of this type.
+    /// Parses the number in `text`; `None` if it is not a number of this type.
     fn parse(text: &str) -> Option<Self>;
 
-    /// The vector as [`Voxels`].
+    /// Wraps the vector as [`Voxels`].
     fn into_voxels(vector: Vec<Self>) -> Voxels;
 }
 
@@ -142,7 +141,8 @@ macro_rules! integer_voxel {
                     sum += i128::from(value);
                     count += 1;
                 }
-                // ⌊sum / count + ½⌋ in integers; division of 64 bits is several times faster, and nearly always enough.
+                // ⌊sum / count + ½⌋ in integers. 64-bit division is several times faster, and nearly always wide
+                // enough.
                 let (numerator, denominator) = (2 * sum + count, 2 * count);
                 match (i64::try_from(numerator), i64::try_from(denominator)) {
                     (_, Ok(0)) => None,
@@ -155,7 +155,7 @@ macro_rules! integer_voxel {
             #[allow(clippy::cast_precision_loss, clippy::cast_lossless, reason = "limits of 64 bits round up, and are excluded")]
             #[allow(clippy::cast_sign_loss, clippy::float_cmp, reason = "whole numbers compare exactly")]
             fn parse(text: &str) -> Option<Self> {
-                // MetaIO writes integers through a double: 1e+06.
+                // MetaIO writes integers via a double: 1e+06.
                 text.parse().ok().or_else(|| {
                     let number: f64 = text.parse().ok()?;
                     let whole = number == number.trunc();
@@ -214,7 +214,7 @@ macro_rules! float_voxel {
 integer_voxel!(u8 U8, i8 I8, u16 U16, i16 I16, u32 U32, i32 I32, u64 U64, i64 I64);
 float_voxel!(f32 F32, f64 F64);
 
-/// The voxels of a volume, x fastest, in the type their file stores them in.
+/// Voxels of a volume, x fastest, in the type of their file.
 #[derive(Clone, PartialEq)]
 pub enum Voxels {
     /// `uint8`
@@ -239,8 +239,8 @@ pub enum Voxels {
     F64(Vec<f64>),
 }
 
-/// Evaluates an expression with the vector inside a [`Voxels`] by its own type:
-/// `with_voxels!(&volume.voxels, stored => stored.len())`.
+/// Evaluates an expression with the typed vector inside a [`Voxels`]: `with_voxels!(&volume.voxels, stored =>
+/// stored.len())`.
 macro_rules! with_voxels {
     ($voxels:expr, $stored:ident => $body:expr) => {
         match $voxels {
@@ -259,7 +259,7 @@ macro_rules! with_voxels {
 }
 pub(crate) use with_voxels;
 
-/// Evaluates an expression with the type that a [`VoxelType`] names: `with_type!(voxel_type, T => read::<T>())`.
+/// Evaluates an expression with the type of a [`VoxelType`]: `with_type!(voxel_type, T => read::<T>())`.
 macro_rules! with_type {
     ($voxel_type:expr, $stored:ident => $body:expr) => {
         with_type!(@ $voxel_type, $stored => $body; U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, U64 u64, I64 i64,
@@ -277,19 +277,19 @@ macro_rules! with_type {
 pub(crate) use with_type;
 
 impl Voxels {
-    /// How many voxels there are.
+    /// Number of voxels.
     #[must_use]
     pub fn len(&self) -> usize {
         with_voxels!(self, stored => stored.len())
     }
 
-    /// Whether there is none.
+    /// Whether there are no voxels.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The type of every voxel.
+    /// Type of the voxels.
     #[must_use]
     pub fn voxel_type(&self) -> VoxelType {
         fn type_of<T: Voxel>(_: &[T]) -> VoxelType {
@@ -298,19 +298,20 @@ impl Voxels {
         with_voxels!(self, stored => type_of(stored))
     }
 
-    /// numpy's name of the type of every voxel.
+    /// numpy's name of the type of the voxels.
     #[must_use]
     pub fn type_name(&self) -> &'static str {
         self.voxel_type().name()
     }
 
-    /// Voxel `index` as stored, before slope and intercept; `None` past the end. 64-bit integers round to `f64`.
+    /// Voxel `index` as stored, before slope and intercept; `None` past the end. 64-bit integers round to the nearest
+    /// `f64`.
     #[must_use]
     pub fn value(&self, index: usize) -> Option<f64> {
         with_voxels!(self, stored => stored.get(index).map(|&value| value.to_f64()))
     }
 
-    /// The voxels as bytes in the order of this machine.
+    /// The voxels as bytes in native byte order.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         with_voxels!(self, stored => bytemuck::cast_slice(stored))
@@ -318,7 +319,7 @@ impl Voxels {
 }
 
 impl fmt::Debug for Voxels {
-    /// Type and number; not the voxels, of which there are millions.
+    /// Writes the count and the type, not the millions of voxels.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{} × {}", self.len(), self.type_name())
     }
