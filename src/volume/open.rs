@@ -98,7 +98,7 @@ pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
     FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
 }
 
-/// The error of [`open`] for a folder, or for a file whose first bytes identify a format without a reader.
+/// The error of [`open`] for a folder or file whose content identifies a format without a reader; otherwise `None`.
 pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
     let what = || beginning(path).ok().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
     foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what))
