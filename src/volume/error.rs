@@ -1,11 +1,11 @@
-//! What can be wrong with a volume.
+//! Errors of volumes.
 
 use std::io;
 use std::path::PathBuf;
 
 use super::{RawLayout, Several};
 
-/// Why there is no volume.
+/// Error in reading, making or processing a volume.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VolumeError {
@@ -14,7 +14,7 @@ pub enum VolumeError {
     Open {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
     /// A file cannot be read to its end.
@@ -22,20 +22,20 @@ pub enum VolumeError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: io::Error,
     },
-    /// No reader knows the file.
+    /// No reader recognises the file.
     #[error("{}: {what}; Relume reads {known}", path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
-        /// What it is, as far as that can be told.
+        /// Description of the file, as far as it is recognised.
         what: String,
-        /// The formats that are read, with their extensions.
+        /// Formats with a reader, with their extensions.
         known: String,
     },
-    /// Headerless voxels, and nobody says how they lie.
+    /// Headerless voxels without a layout.
     #[error(
         "{}: raw voxels have no header; give dims and type (--dims, --type; and byte_order, header_bytes, spacing, origin, direction where \
          they differ from little, 0, 1 1 1, 0 0 0 and the identity), or write them into {}{}",
@@ -46,14 +46,14 @@ pub enum VolumeError {
     NoLayout {
         /// The file of voxels.
         path: PathBuf,
-        /// The sidecar that would be found.
+        /// The sidecar that would be read.
         sidecar: PathBuf,
-        /// How many bytes it has.
+        /// Size of the file in bytes.
         bytes: u64,
-        /// What its name and its size suggest, where they do.
+        /// Layout guessed from the name and size of the file.
         guess: Option<Box<RawLayout>>,
     },
-    /// The layout of headerless voxels makes no sense.
+    /// The layout of headerless voxels is invalid.
     #[error("{source_name}: {problem}")]
     Layout {
         /// The sidecar or the file of voxels.
@@ -71,7 +71,7 @@ pub enum VolumeError {
         /// What is wrong.
         problem: String,
     },
-    /// A line of a header makes no sense.
+    /// A line of a header is invalid.
     #[error("{}, line {line}: {problem}", path.display())]
     Header {
         /// The header.
@@ -81,7 +81,7 @@ pub enum VolumeError {
         /// What is wrong.
         problem: String,
     },
-    /// A key that no volume can do without is missing.
+    /// A required key is missing.
     #[error("{}: the key {key} is missing", path.display())]
     MissingKey {
         /// The header.
@@ -89,7 +89,7 @@ pub enum VolumeError {
         /// The key.
         key: &'static str,
     },
-    /// No type of voxels has this name.
+    /// No voxel type has this name.
     #[error(
         "unknown voxel type {name:?}; known are uint8, int8, uint16, int16, uint32, int32, uint64, int64, float32, float64"
     )]
@@ -97,7 +97,7 @@ pub enum VolumeError {
         /// The name.
         name: String,
     },
-    /// An axis has no voxel, or all together are too many to address.
+    /// An axis has no voxels, or the voxels are too many to address.
     #[error("{source_name}: {dims} voxels: every axis needs at least one, and all together must fit into memory")]
     Dims {
         /// The file or phantom.
@@ -134,7 +134,7 @@ pub enum VolumeError {
         /// The origin as given.
         origin: [f64; 3],
     },
-    /// The axes are not of unit length, or not at right angles.
+    /// The axes are not of unit length, or not orthogonal.
     #[error(
         "{source_name}: the axes {axes:?} are not orthonormal: |DᵀD − I| is {deviation}, at most {limit} is allowed; \
          lengths belong into the spacing, sheared volumes must be resampled"
@@ -142,29 +142,29 @@ pub enum VolumeError {
     Direction {
         /// The file or phantom.
         source_name: String,
-        /// The axes, one after the other.
+        /// The axis vectors, in order.
         axes: [[f64; 3]; 3],
         /// The largest entry of `|DᵀD − I|`.
         deviation: f64,
-        /// What it may be.
+        /// Largest permitted entry.
         limit: f64,
     },
-    /// The file holds several scalar volumes, and none is chosen.
+    /// The file holds several scalar volumes, and none is selected.
     #[error("{source_name}: {there}; choose with {}", there.flag())]
     Choose {
         /// The file.
         source_name: String,
-        /// What it holds.
+        /// Its contents.
         there: Several,
     },
-    /// What is chosen is not in the file.
+    /// The selected volume is not in the file.
     #[error("{source_name}: {asked} is not there; the file holds {there}")]
     NoSuch {
         /// The file.
         source_name: String,
-        /// The choice, as a flag.
+        /// The selection, as a flag.
         asked: String,
-        /// What the file holds.
+        /// Its contents.
         there: String,
     },
     /// A header names a file outside its folder.
@@ -176,20 +176,20 @@ pub enum VolumeError {
     Outside {
         /// The header.
         header: PathBuf,
-        /// The file of voxels as the header names it.
+        /// The file of voxels as named in the header.
         name: String,
     },
-    /// There are fewer bytes than the header makes it.
+    /// The data are shorter than the header states.
     #[error("{}: {found} bytes of voxels, but the header makes it {expected}", path.display())]
     Short {
         /// The file of voxels.
         path: PathBuf,
-        /// Bytes there (after decompression).
+        /// Bytes found (after decompression).
         found: u64,
         /// Bytes needed.
         expected: u64,
     },
-    /// Compressed data are too few to hold what the header says.
+    /// The compressed data are too short for the size in the header.
     #[error(
         "{}: {compressed} compressed bytes cannot hold {expected} bytes of voxels, as the header makes it ({encoding} \
          packs at most {limit} into one)",
@@ -198,13 +198,13 @@ pub enum VolumeError {
     Incredible {
         /// The file of voxels.
         path: PathBuf,
-        /// Compressed bytes there.
+        /// Compressed bytes found.
         compressed: u64,
         /// Bytes needed.
         expected: u64,
-        /// How they are compressed.
+        /// The compression method.
         encoding: &'static str,
-        /// How many bytes that packs into one at most.
+        /// Largest number of bytes that the method packs into one.
         limit: u64,
     },
     /// Compressed data are damaged.
@@ -212,23 +212,23 @@ pub enum VolumeError {
     Inflate {
         /// The file of voxels.
         path: PathBuf,
-        /// How they are compressed.
+        /// The compression method.
         encoding: &'static str,
-        /// Bytes of voxels well before the damage.
+        /// Intact bytes of voxels before the damage.
         decoded: u64,
-        /// What the decoder said.
+        /// Error of the decoder.
         source: io::Error,
     },
-    /// A voxel written as text is not a number of its type.
+    /// A voxel written as text is not a number of the voxel type.
     #[error("{}: voxel {index} is {text:?}, which is no {voxel_type}", path.display())]
     Text {
         /// The file of voxels.
         path: PathBuf,
-        /// Which voxel of the file, from 0.
+        /// Index of the voxel in the file, from 0.
         index: usize,
-        /// What is written.
+        /// The text.
         text: String,
-        /// The type it should have.
+        /// The voxel type.
         voxel_type: &'static str,
     },
     /// Voxels written as text end early.
@@ -236,12 +236,12 @@ pub enum VolumeError {
     ShortText {
         /// The file of voxels.
         path: PathBuf,
-        /// Numbers there.
+        /// Numbers found.
         found: usize,
         /// Voxels needed.
         expected: usize,
     },
-    /// A VTK XML file contradicts itself, or is not what it should be.
+    /// A VTK XML file is inconsistent or invalid.
     #[error("{}: {problem}", path.display())]
     Vti {
         /// The file.
@@ -256,17 +256,17 @@ pub enum VolumeError {
         path: PathBuf,
         /// The array.
         array: String,
-        /// Bytes of values well before what is wrong.
+        /// Intact bytes of values before the error.
         decoded: u64,
         /// What is wrong.
         source: io::Error,
     },
-    /// The memory is not to be had.
+    /// There is not enough memory.
     #[error("{source_name}: there is no memory for {bytes} bytes of voxels; fewer voxels take less")]
     Memory {
         /// The file or phantom.
         source_name: String,
-        /// Bytes asked for.
+        /// Bytes requested.
         bytes: u64,
     },
     /// Every voxel is NaN or infinite.
@@ -279,7 +279,7 @@ pub enum VolumeError {
         /// Voxels that are ±∞.
         infinite: u64,
     },
-    /// Blocks of no voxel, or larger than the volume.
+    /// Downsampling blocks that are empty, or larger than the volume.
     #[error(
         "{source_name}: blocks of {}×{}×{} in {}×{}×{} voxels: each side must be at least 1 and at most the volume's",
         block[0], block[1], block[2], dims[0], dims[1], dims[2]
@@ -287,7 +287,7 @@ pub enum VolumeError {
     Block {
         /// The file or phantom.
         source_name: String,
-        /// The block asked for.
+        /// The requested block.
         block: [usize; 3],
         /// The volume's dimensions.
         dims: [usize; 3],
@@ -297,10 +297,10 @@ pub enum VolumeError {
     UnknownPhantom {
         /// The name.
         name: String,
-        /// The names there are.
+        /// The known names.
         known: String,
     },
-    /// The listener asked to stop.
+    /// The progress listener cancelled the reading.
     #[error("reading {source_name} was cancelled")]
     Cancelled {
         /// The file.
@@ -308,7 +308,7 @@ pub enum VolumeError {
     },
 }
 
-/// What of damaged data can be trusted.
+/// Describes the usable part of damaged data.
 fn sound(decoded: u64) -> String {
     match decoded {
         0 => "no voxel can be read of it".to_owned(),
@@ -316,7 +316,7 @@ fn sound(decoded: u64) -> String {
     }
 }
 
-/// What a name and a size suggest.
+/// Describes the guessed layout as flags.
 fn perhaps(guess: Option<&RawLayout>) -> String {
     guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. }| {
         let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };

@@ -1,4 +1,4 @@
-//! The lines of a text header: fields of a name and a value.
+//! Text headers: lines with fields of a name and a value.
 
 use std::collections::HashSet;
 use std::io::{BufRead, BufReader, Read};
@@ -8,16 +8,16 @@ use std::str::FromStr;
 use super::VolumeError;
 use super::stream;
 
-/// Headers are short; what goes on for so many bytes is none.
+/// Largest size of a header in bytes; longer files are not headers.
 const LONGEST: u64 = 4 << 20;
 
-/// A header of more lines than this is none.
+/// Largest number of lines of a header.
 const MOST_LINES: usize = 1 << 16;
 
-/// A list of files that is longer than this is a mistake.
+/// Largest size of a list of files in bytes; longer ones are mistakes.
 const LONGEST_LIST: u64 = 32 << 20;
 
-/// A list of more files than this is too.
+/// Largest number of files in a list.
 const MOST_FILES: usize = 1 << 17;
 
 /// One `name = value`.
@@ -30,13 +30,13 @@ pub(super) struct Field {
 /// The fields of a header.
 pub(super) struct Fields<'a> {
     pub(super) path: &'a Path,
-    /// What stands between a name and its value.
+    /// Separator between a name and its value, as shown in messages.
     pub(super) sign: &'static str,
     pub(super) all: Vec<Field>,
 }
 
 impl Fields<'_> {
-    /// The field that counts: of the first name that occurs, the last line.
+    /// Returns the field of the first of `names` that occurs; of repeated fields, the last counts.
     pub(super) fn find(&self, names: &[&str]) -> Option<&Field> {
         names.iter().find_map(|name| self.all.iter().rev().find(|field| field.key.eq_ignore_ascii_case(name)))
     }
@@ -49,18 +49,18 @@ impl Fields<'_> {
         VolumeError::Header { path: self.path.to_owned(), line: field.line, problem: problem.into() }
     }
 
-    /// The error of a field that should be `what`.
+    /// The error for a field that should be `what`.
     pub(super) fn should_be(&self, field: &Field, what: &str) -> VolumeError {
         self.wrong(field, format!("{}{}{} should be {what}", field.key, self.sign, field.value))
     }
 
-    /// The numbers of a field.
+    /// Parses the numbers of a field.
     pub(super) fn numbers<T: FromStr>(&self, field: &Field, what: &str) -> Result<Vec<T>, VolumeError> {
         let parsed = field.value.split_whitespace().map(str::parse).collect::<Result<Vec<T>, _>>();
         parsed.map_err(|_| self.should_be(field, what))
     }
 
-    /// The one number of a field that may be missing.
+    /// Parses the single number of an optional field.
     pub(super) fn number<T: FromStr + Copy>(&self, names: &[&str], what: &str) -> Result<Option<T>, VolumeError> {
         let Some(field) = self.find(names) else { return Ok(None) };
         match self.numbers(field, what)?[..] {
@@ -69,7 +69,7 @@ impl Fields<'_> {
         }
     }
 
-    /// The lengths of all axes in the field `sizes`, as many as the field `number` says.
+    /// Returns the lengths of all axes from the field `sizes`; the field `number` must state their count.
     pub(super) fn axes(
         &self,
         number: &[&'static str; 1],
@@ -100,7 +100,7 @@ impl Fields<'_> {
         Err(VolumeError::Dims { source_name: self.path.display().to_string(), dims })
     }
 
-    /// The pairs of names that are not in `known`.
+    /// Returns the fields that are not in `known`, as pairs of name and value.
     pub(super) fn uninterpreted(&self, known: &[&[&str]]) -> Vec<(String, String)> {
         let is_known =
             |name: &str| known.iter().any(|names| names.iter().any(|known| known.eq_ignore_ascii_case(name)));
@@ -108,7 +108,7 @@ impl Fields<'_> {
         unknown.map(|field| (field.key.clone(), field.value.clone())).collect()
     }
 
-    /// A sentence for each field that is given twice.
+    /// Returns a note for each repeated field.
     pub(super) fn repeated(&self) -> impl Iterator<Item = String> {
         let mut seen = HashSet::new();
         let again = self.all.iter().filter(move |field| !seen.insert(field.key.to_ascii_lowercase()));
@@ -118,12 +118,12 @@ impl Fields<'_> {
     }
 }
 
-/// The lines of a header, one after the other.
+/// Line reader of a header.
 pub(super) struct Lines<'a> {
     path: &'a Path,
     stream: std::io::Take<BufReader<std::fs::File>>,
     line: Vec<u8>,
-    /// The number of the last line, from 1.
+    /// Number of the last line read, from 1.
     pub(super) number: usize,
 }
 
@@ -133,7 +133,7 @@ impl<'a> Lines<'a> {
         Ok(Self { path, stream, line: Vec::new(), number: 0 })
     }
 
-    /// The next line without its end; `None` behind the last.
+    /// Reads the next line without its line end; `None` at the end of the file.
     pub(super) fn next(&mut self) -> Result<Option<String>, VolumeError> {
         self.line.clear();
         let read = self.stream.read_until(b'\n', &mut self.line);
@@ -148,19 +148,19 @@ impl<'a> Lines<'a> {
         Ok(Some(String::from_utf8_lossy(&self.line).trim_end().to_owned()))
     }
 
-    /// The error of a line that is not as `form`.
+    /// The error for a line that is not of the form `form`.
     pub(super) fn wrong(&self, line: &str, form: &str) -> VolumeError {
         let start: String = line.trim().chars().take(40).collect();
         let problem = format!("{start:?} is not {form}");
         VolumeError::Header { path: self.path.to_owned(), line: self.number, problem }
     }
 
-    /// Bytes up to the end of the last line.
+    /// Number of bytes up to the end of the last line read.
     pub(super) fn bytes(&self) -> u64 {
         LONGEST - self.stream.limit()
     }
 
-    /// All other lines that are not blank: a list of files.
+    /// Reads the remaining non-blank lines as a list of files.
     pub(super) fn list(self) -> Result<Vec<String>, VolumeError> {
         let mut files = Vec::new();
         for line in self.stream.into_inner().take(LONGEST_LIST).lines() {

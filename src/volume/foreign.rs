@@ -1,20 +1,20 @@
-//! Files of other formats, recognised so that they can be refused by name.
+//! Recognition of formats without a reader, so that errors can name them.
 
 use std::io::Read;
 use std::path::Path;
 
 use flate2::bufread::GzDecoder;
 
-/// A format that is not read.
+/// A format without a reader.
 struct Foreign {
-    /// As in "this is …".
+    /// Name that completes "this is …".
     name: &'static str,
-    /// Ends of file names, in lower case.
+    /// File extensions, in lower case.
     extensions: &'static [&'static str],
     recognises: fn(&[u8]) -> bool,
 }
 
-/// The first that recognises a file names it.
+/// Known formats; the first that recognises a file names it.
 const FOREIGN: [Foreign; 19] = [
     Foreign { name: "a DICOM file", extensions: &["dcm", "dicom"], recognises: is_dicom },
     Foreign { name: "a NIfTI file", extensions: &["nii"], recognises: is_nifti },
@@ -49,11 +49,11 @@ const FOREIGN: [Foreign; 19] = [
     },
 ];
 
-/// What the folder or file `path` is, which begins with these bytes; where that does not tell, what its name says.
+/// Describes the file `path` by its first bytes, or else by its extension.
 pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
     if let Some(name) = name(beginning) {
         let mut inside = Vec::new();
-        // What there is of a stream that is cut short.
+        // Decompresses as much as the truncated stream holds.
         GzDecoder::new(beginning).take(1024).read_to_end(&mut inside).ok();
         return match self::name(&inside) {
             Some(inside) => format!("this is {inside}, compressed by gzip"),
@@ -67,7 +67,7 @@ pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
     format!("unknown volume format{named}{text} (headerless voxels of any name are read with --dims and --type)")
 }
 
-/// Whether a file that begins so is of a format that is not read.
+/// Whether the first bytes of a file identify a known format without a reader.
 pub(super) fn is_known(beginning: &[u8]) -> bool {
     name(beginning).is_some()
 }
@@ -76,7 +76,7 @@ fn name(beginning: &[u8]) -> Option<&'static str> {
     FOREIGN.iter().find(|foreign| (foreign.recognises)(beginning)).map(|foreign| foreign.name)
 }
 
-/// What a folder is that some programs treat as one file.
+/// Describes a folder that some programs treat as one file.
 pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
     if !path.is_dir() {
         return None;
@@ -88,7 +88,7 @@ pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
     has("index.json").then_some("this folder is a data set of vtk.js")
 }
 
-/// The mark behind the preamble, or a first element of the identifying group where there is none (DICOM PS3.10, §7.1).
+/// The mark behind the preamble, or, without a preamble, a first element of the identifying group (DICOM PS3.10, §7.1).
 fn is_dicom(beginning: &[u8]) -> bool {
     beginning.get(128..132) == Some(b"DICM")
         || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
@@ -99,17 +99,17 @@ fn is_nifti(beginning: &[u8]) -> bool {
     matches!(beginning.get(344..348), Some(b"n+1\0" | b"ni1\0")) || matches!(beginning.get(4..7), Some(b"n+2" | b"ni2"))
 }
 
-/// The word in the header, which no text has for one.
+/// The word `MAP` in the header of a file that is not text.
 fn is_mrc(beginning: &[u8]) -> bool {
     beginning.get(208..211) == Some(b"MAP") && !is_text(beginning)
 }
 
-/// The length of the header, 348 bytes, in either byte order. Its successor has a magic word too.
+/// The header length, 348 bytes, in either byte order. The successor, NIfTI, has a magic word in addition.
 fn is_analyze(beginning: &[u8]) -> bool {
     matches!(beginning, [0x5c, 0x01, 0, 0, ..] | [0, 0, 0x01, 0x5c, ..])
 }
 
-/// UTF-8, perhaps cut in the middle of a letter, without control characters other than those that part lines and columns.
+/// UTF-8 without control characters other than white space; the last character may be truncated.
 fn is_text(beginning: &[u8]) -> bool {
     let text = match std::str::from_utf8(beginning) {
         Ok(text) => text,
@@ -121,7 +121,7 @@ fn is_text(beginning: &[u8]) -> bool {
     !text.is_empty() && !text.contains(|letter: char| letter.is_control() && !letter.is_ascii_whitespace())
 }
 
-/// Either byte order, and the large ones.
+/// TIFF and BigTIFF, in either byte order.
 fn is_tiff(beginning: &[u8]) -> bool {
     matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
 }

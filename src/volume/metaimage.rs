@@ -1,6 +1,6 @@
-//! `MetaImage`, `.mhd` and `.mha`: a header of `key = value` lines, and voxels behind it or in other files.
+//! `MetaImage`, `.mhd` and `.mha`: a header of `key = value` lines, with voxels behind it or in other files.
 //!
-//! Keys and meanings as in `MetaIO` (Kitware), the library behind ITK's and VTK's readers.
+//! Keys and meanings follow `MetaIO` (Kitware), the library of ITK's and VTK's readers.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ use super::stream::{Encoding, Start};
 use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
-/// Whether a file that begins with these bytes is a `MetaImage`.
+/// Whether the first bytes of a file identify a `MetaImage`.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
     let text = String::from_utf8_lossy(beginning);
     let first = text.lines().find(|line| !line.trim().is_empty()).and_then(|line| line.split_once('='));
@@ -48,8 +48,9 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
-/// Whether `letters`, the sides of a patient that the axes come from, say of the axes what they are in a world that is
-/// left-posterior-superior. ITK means them so, and writes them of everything that has three axes.
+/// Whether `letters` agree with the axes of `geometry` in a left-posterior-superior world. Each letter names the side
+/// of a patient from which an axis starts. This is ITK's convention; ITK writes the letters for everything with three
+/// axes.
 fn is_anatomical(letters: &str, geometry: &Geometry) -> bool {
     let letters = letters.trim().to_ascii_uppercase();
     let from = letters.chars().map(|letter| "RLAPIS".find(letter));
@@ -61,7 +62,7 @@ fn is_anatomical(letters: &str, geometry: &Geometry) -> bool {
     from.eq(axes)
 }
 
-/// The keys that are interpreted, each with the names it goes by, the one that counts first.
+/// The interpreted keys, each with its aliases; the first alias has priority.
 mod key {
     pub(super) const OBJECT: [&str; 1] = ["ObjectType"];
     pub(super) const AXES: [&str; 1] = ["NDims"];
@@ -102,14 +103,14 @@ mod key {
 
 struct Header<'a> {
     fields: Fields<'a>,
-    /// Lines behind `ElementDataFile = LIST`.
+    /// Lines after `ElementDataFile = LIST`.
     list: Vec<String>,
-    /// Bytes up to the end of the line of `ElementDataFile`.
+    /// Bytes up to the end of the line `ElementDataFile`.
     bytes: u64,
 }
 
 impl<'a> Header<'a> {
-    /// Reads as far as `ElementDataFile`, which is always last, and the list of files behind it if there is one.
+    /// Reads up to `ElementDataFile`, which is always last, and the list of files after it, if any.
     fn read(path: &'a Path) -> Result<Self, VolumeError> {
         let mut lines = Lines::of(path)?;
         let mut fields = Fields { path, sign: " = ", all: Vec::new() };
@@ -132,7 +133,7 @@ impl<'a> Header<'a> {
 
     fn flag(&self, names: &[&str], default: bool) -> Result<bool, VolumeError> {
         let Some(field) = self.fields.find(names) else { return Ok(default) };
-        // MetaIO looks at the first letter only.
+        // MetaIO examines only the first letter.
         match field.value.chars().next().map(|letter| letter.to_ascii_lowercase()) {
             Some('t' | 'y' | '1') => Ok(true),
             Some('f' | 'n' | '0') => Ok(false),
@@ -140,7 +141,7 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// The lengths of all axes of the file: `NDims` numbers.
+    /// Lengths of the `NDims` axes of the file.
     fn axes(&self) -> Result<Vec<usize>, VolumeError> {
         if let Some(object) = self.fields.find(&key::OBJECT).filter(|field| !field.value.eq_ignore_ascii_case("Image"))
         {
@@ -155,7 +156,7 @@ impl<'a> Header<'a> {
         Ok(axes)
     }
 
-    /// `wanted` numbers of a field that may be missing; more are noted and left, fewer are an error.
+    /// Returns `wanted` numbers of an optional field. Excess numbers are ignored with a note; too few are an error.
     fn vector(&self, names: &[&str], wanted: usize, notes: &mut Vec<String>) -> Result<Option<Vec<f64>>, VolumeError> {
         let Some(field) = self.fields.find(names) else { return Ok(None) };
         let mut numbers: Vec<f64> = self.fields.numbers(field, "numbers")?;
@@ -177,7 +178,7 @@ impl<'a> Header<'a> {
 
     fn geometry(&self, axes: &[usize], notes: &mut Vec<String>) -> Result<Geometry, VolumeError> {
         let n = axes.len();
-        // Axes that the file does not have are one voxel long, of spacing 1, along the world's.
+        // Missing axes have one voxel, spacing 1, and the direction of the world's axis.
         let vector = |numbers: Option<Vec<f64>>, default: f64| {
             let numbers = numbers.unwrap_or_default();
             DVec3::from_array([0, 1, 2].map(|i| numbers.get(i).copied().unwrap_or(default)))
@@ -187,7 +188,7 @@ impl<'a> Header<'a> {
         let origin = vector(self.vector(&key::ORIGIN, n, notes)?, 0.0);
         let mut direction = DMat3::IDENTITY;
         if let Some(rows) = self.vector(&key::DIRECTION, n * n, notes)? {
-            // A row of the file is an axis.
+            // Each row in the file is an axis.
             for (axis, row) in rows.chunks(n).take(3).enumerate() {
                 for (i, &entry) in row.iter().take(3).enumerate() {
                     direction.col_mut(axis)[i] = entry;
@@ -208,7 +209,7 @@ impl<'a> Header<'a> {
         Ok((finite(&key::SLOPE, 1.0)?, finite(&key::INTERCEPT, 0.0)?))
     }
 
-    /// `MetaIO`'s sizes: `MET_LONG` has four bytes wherever the file was written.
+    /// Types have the sizes of `MetaIO`: `MET_LONG` has four bytes on every platform.
     fn voxel_type(&self) -> Result<VoxelType, VolumeError> {
         let field = self.fields.require(&key::TYPE)?;
         Ok(match field.value.to_ascii_uppercase().as_str() {
@@ -230,7 +231,7 @@ impl<'a> Header<'a> {
         })
     }
 
-    /// Numbers per voxel; they lie together.
+    /// Components per voxel, stored interleaved.
     fn components(&self) -> Result<usize, VolumeError> {
         let channels = self.fields.number::<usize>(&key::CHANNELS, "a whole number")?.unwrap_or(1);
         match self.fields.find(&key::CHANNELS) {
@@ -246,7 +247,7 @@ impl<'a> Header<'a> {
         selection.no_array(&source_name)?;
         let component = selection.component(&source_name, components, "")?;
         let time = selection.time(&source_name, times)?;
-        // Counted with the components, which are the first axis.
+        // The components are the first axis of the numbers.
         let all: Vec<usize> = std::iter::once(components).chain(axes.iter().copied()).collect();
         data::check_size(&source_name, &all)?;
         let picks = vec![
@@ -285,7 +286,7 @@ impl<'a> Header<'a> {
         Ok(Data { files: self.files(file, local, &all)?, start, encoding, voxel_type, byte_order, picks })
     }
 
-    /// The files of voxels that `ElementDataFile` means; of the axes of the numbers in them, the first is the component.
+    /// Returns the files of voxels that `ElementDataFile` names. The first of `all_axes` is the components.
     fn files(&self, field: &Field, local: bool, all_axes: &[usize]) -> Result<Vec<DataFile>, VolumeError> {
         let (components, axes) = (all_axes[0], &all_axes[1..]);
         let all: usize = all_axes.iter().product();
@@ -294,8 +295,8 @@ impl<'a> Header<'a> {
             return Ok(vec![DataFile { path: self.fields.path.to_owned(), numbers: all }]);
         }
         if words.first() == Some(&"LIST") {
-            // Each file has so many axes: one fewer than the volume, unless the second word says otherwise.
-            // The second word begins with their number: "2" and "2D" are the same to MetaIO.
+            // Each file holds `in_file` axes: one fewer than the volume, unless the second word states their number.
+            // MetaIO reads only the number at the beginning of that word: "2" and "2D" are equal.
             let number = |word: &&str| word.split(|letter: char| !letter.is_ascii_digit()).next()?.parse().ok();
             let given = words.get(1).and_then(number).filter(|n| (1..=axes.len()).contains(n));
             let in_file = given.unwrap_or(axes.len() - 1);
@@ -319,7 +320,7 @@ impl<'a> Header<'a> {
         if !name.contains('%') {
             return Ok(vec![DataFile { path: data::beside(self.fields.path, &field.value)?, numbers: all }]);
         }
-        // One file for each step along the last axis.
+        // One file per position on the last axis.
         let slices = axes.last().copied().unwrap_or(1);
         let range: Vec<i64> = words[words.len() - numbers..].iter().filter_map(|word| word.parse().ok()).collect();
         let first = range.first().copied().unwrap_or(1);

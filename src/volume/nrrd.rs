@@ -1,11 +1,12 @@
-//! NRRD, `.nrrd` and `.nhdr`: a header of `field: description` lines, and samples behind it or in other files.
+//! NRRD, `.nrrd` and `.nhdr`: a header of `field: description` lines, with samples behind it or in other files.
 //!
-//! Fields and meanings as in the definition of the format (<http://teem.sourceforge.net/nrrd/format.html>); where it
-//! leaves a choice, as ITK's reader chooses. No crate of the registry reads the format.
+//! Fields and meanings follow the definition of the format (<http://teem.sourceforge.net/nrrd/format.html>), and ITK's
+//! reader where the definition leaves a choice. No crate of the registry reads the format.
 //!
-//! The world is left-posterior-superior, and the two other anatomical spaces are turned to it. All others are kept as
-//! they are, left-handed ones too. An origin is the middle of the first sample, whatever the centering; only
-//! `axis mins` are edges of cells, and lie half a spacing before it unless the centering is `node`.
+//! The world is left-posterior-superior; volumes in the two other anatomical spaces are flipped to it. All other spaces
+//! are kept unchanged, including left-handed ones. An origin is the centre of the first sample, whatever the centering.
+//! Only `axis mins` are edges of samples: they lie half a spacing before the first centre, unless the centering is
+//! `node`.
 
 use std::path::Path;
 
@@ -20,7 +21,7 @@ use super::stream::{Encoding, Skip, Start};
 use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
-/// Whether a file that begins with these bytes is an NRRD.
+/// Whether the first bytes of a file identify an NRRD.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
     beginning.starts_with(b"NRRD0")
 }
@@ -34,7 +35,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let geometry = header.geometry(&axes)?;
     data::check_size(&source_name, &lengths)?;
     selection.no_array(&source_name)?;
-    // An axis that is not there has one place, and one of one place needs no choice.
+    // A missing axis has length 1, and an axis of length 1 needs no selection.
     let long = |role| (0..axes.len()).find(|&axis| axes[axis].role == role && axes[axis].length > 1);
     let length = |axis: Option<usize>| axis.map_or(1, |axis| lengths[axis]);
     let (component, time) = (long(Role::Component), long(Role::Time));
@@ -55,7 +56,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume.files = data.paths();
     volume.files.push(path.to_owned());
     volume.components = length(component);
-    // Axes without a direction are turned to nothing.
+    // A spatial axis without a direction is not anatomical.
     let directed = axes.iter().all(|axis| axis.role != Role::Space || axis.direction.is_some());
     volume.anatomical = directed && header.space()?.1.is_some();
     volume.metadata = header.fields.uninterpreted(&key::ALL);
@@ -65,7 +66,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
-/// The fields that are interpreted, in lower case and without white space, which readers ignore.
+/// The interpreted fields, in lower case and without white space, which readers ignore.
 mod key {
     pub(super) const DIMENSION: [&str; 1] = ["dimension"];
     pub(super) const SIZES: [&str; 1] = ["sizes"];
@@ -104,7 +105,8 @@ mod key {
     ];
 }
 
-/// Spaces: their names, how many axes they have, and what turns them to left-posterior-superior, where they say.
+/// Spaces: long name, short name, number of axes, and the signs that flip an anatomical space to
+/// left-posterior-superior.
 const SPACES: [(&str, &str, usize, Option<DVec3>); 12] = [
     ("right-anterior-superior", "ras", 3, Some(DVec3::new(-1.0, -1.0, 1.0))),
     ("left-anterior-superior", "las", 3, Some(DVec3::new(1.0, -1.0, 1.0))),
@@ -120,7 +122,7 @@ const SPACES: [(&str, &str, usize, Option<DVec3>); 12] = [
     ("3d-left-handed-time", "3d-left-handed-time", 4, None),
 ];
 
-/// Names of each type of sample; `char` alone is none, because its sign is not known.
+/// Names of each sample type; `char` alone is excluded, because its signedness is unknown.
 const TYPES: [(VoxelType, &[&str]); 10] = [
     (VoxelType::I8, &["signed char", "int8", "int8_t"]),
     (VoxelType::U8, &["uchar", "unsigned char", "uint8", "uint8_t"]),
@@ -137,10 +139,10 @@ const TYPES: [(VoxelType, &[&str]); 10] = [
     (VoxelType::F64, &["double"]),
 ];
 
-/// The entries of a vector of the file, where it states one.
+/// The entries of a vector; `None` if the file states `none`.
 type Vector = Option<Vec<f64>>;
 
-/// What an axis of the file is.
+/// Role of an axis of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     Space,
@@ -152,22 +154,22 @@ struct Axis {
     length: usize,
     role: Role,
     kind: String,
-    /// World units from sample to sample, where the file says.
+    /// Vector from sample to sample in world units, if stated.
     direction: Vector,
 }
 
 struct Header<'a> {
     fields: Fields<'a>,
-    /// `key:=value`, as it stands.
+    /// Pairs `key:=value`, verbatim.
     pairs: Vec<(String, String)>,
-    /// Lines behind `data file: LIST`.
+    /// Lines after `data file: LIST`.
     list: Vec<String>,
-    /// Bytes up to the samples of an attached header.
+    /// Bytes before the samples of an attached header.
     bytes: u64,
 }
 
 impl<'a> Header<'a> {
-    /// Reads as far as the blank line, the end of the file, or the list of files.
+    /// Reads up to the blank line, the end of the file, or the end of the list of files.
     fn read(path: &'a Path) -> Result<Self, VolumeError> {
         let mut lines = Lines::of(path)?;
         let magic = lines.next()?.unwrap_or_default();
@@ -193,7 +195,7 @@ impl<'a> Header<'a> {
                 continue;
             }
             let name: String = key.split_whitespace().collect::<String>().to_ascii_lowercase();
-            // Those that nothing interprets are shown as they stand.
+            // Fields that are not interpreted keep their spelling.
             let known = key::ALL.iter().any(|names| names.contains(&name.as_str()));
             let key = if known { name } else { key.trim().to_owned() };
             let field = Field { line: lines.number, key, value: value.trim().to_owned() };
@@ -212,7 +214,7 @@ impl<'a> Header<'a> {
         self.fields.path.display().to_string()
     }
 
-    /// A word for each axis.
+    /// Returns one word per axis of an optional field, in lower case.
     fn words(&self, names: &[&str], axes: usize) -> Result<Option<Vec<String>>, VolumeError> {
         let Some(field) = self.fields.find(names) else { return Ok(None) };
         let words: Vec<String> = field.value.split_whitespace().map(str::to_ascii_lowercase).collect();
@@ -222,7 +224,7 @@ impl<'a> Header<'a> {
         Err(self.count(field, words.len(), axes))
     }
 
-    /// A number for each axis; NaN is none.
+    /// Returns one number per axis; NaN and a missing field give `None`.
     fn numbers(&self, names: &[&str], axes: usize) -> Result<Vec<Option<f64>>, VolumeError> {
         let Some(field) = self.fields.find(names) else { return Ok(vec![None; axes]) };
         let numbers: Vec<f64> = self.fields.numbers(field, "numbers")?;
@@ -236,7 +238,8 @@ impl<'a> Header<'a> {
         self.fields.wrong(field, format!("{} has {there} entries, but there should be {wanted}", field.key))
     }
 
-    /// The vectors of a field that may be missing: each `(x,y,z)` of the same length, or `none`; NaN is none too.
+    /// Returns the vectors of an optional field: each is `(x,y,z)`, all of one length, or `none`. A vector with NaN
+    /// counts as `none`.
     fn vectors(&self, names: &[&str]) -> Result<Option<(&Field, Vec<Vector>)>, VolumeError> {
         let Some(field) = self.fields.find(names) else { return Ok(None) };
         let wrong = || self.fields.should_be(field, "vectors like (1,0,0), or none");
@@ -270,7 +273,8 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// How many axes the space has, where the header says, and what turns it to left-posterior-superior, where it is anatomical.
+    /// Returns the number of axes of the space, if stated, and the signs that flip it to left-posterior-superior, if it
+    /// is anatomical.
     fn space(&self) -> Result<(Option<usize>, Option<DVec3>), VolumeError> {
         let Some(field) = self.fields.find(&key::SPACE) else {
             return Ok((self.fields.number(&key::SPACE_DIMENSION, "a whole number")?, None));
@@ -285,7 +289,8 @@ impl<'a> Header<'a> {
         }
     }
 
-    /// All axes, the fastest first; at most three are of space, one of time, and one of components.
+    /// Returns all axes, fastest first: at most three spatial axes, and at most one time axis and one component axis
+    /// longer than 1.
     fn axes(&self, lengths: &[usize]) -> Result<Vec<Axis>, VolumeError> {
         let count = lengths.len();
         let kinds = self.words(&key::KINDS, count)?.unwrap_or_else(|| vec![String::new(); count]);
@@ -301,7 +306,7 @@ impl<'a> Header<'a> {
             let unstated = matches!(kind.as_str(), "" | "???" | "none");
             let role = match (kind.as_str(), &direction) {
                 ("time", _) => Role::Time,
-                // The fourth axis of a space of four is time.
+                // The fourth axis of a four-dimensional space is time.
                 (_, Some(Some(vector))) if vector.len() == 4 && vector[..3].iter().all(|&entry| entry == 0.0) => {
                     Role::Time
                 }
@@ -346,7 +351,7 @@ impl<'a> Header<'a> {
                 spacing[i] = stated;
             }
         }
-        // A slice or a line may lie anywhere in space: the other axes are at right angles to it.
+        // A slice or a line may have any orientation; the missing axes are orthogonal to it.
         let first = spatial.first().and_then(|&axis| axes[axis].direction.as_ref());
         if first.is_some_and(|vector| vector.len() >= 3) && oriented == spatial.len() {
             let DMat3 { x_axis, y_axis, .. } = direction;
@@ -428,7 +433,7 @@ impl<'a> Header<'a> {
         Ok(Data { files, start, encoding, voxel_type, byte_order, picks })
     }
 
-    /// The files that `data file` means: one, `LIST [axes]`, or `pattern first last step [axes]`.
+    /// Returns the files that `data file` names: one file, `LIST [axes]`, or `pattern first last step [axes]`.
     fn files(&self, field: &Field, lengths: &[usize]) -> Result<Vec<DataFile>, VolumeError> {
         let path = |name: &str| data::beside(self.fields.path, name);
         let words: Vec<&str> = field.value.split_whitespace().collect();
@@ -452,7 +457,8 @@ impl<'a> Header<'a> {
         names.map(|number| DataFile::found(path(&pattern.name(number))?, numbers)).collect()
     }
 
-    /// How many numbers each of `files` files has, of as many axes as `stated`: one fewer than all if it is not.
+    /// Returns the count of numbers in each of `files` files, which hold `stated` axes each; default: all axes but the
+    /// slowest.
     fn in_each(
         &self,
         field: &Field,
@@ -468,7 +474,7 @@ impl<'a> Header<'a> {
             })?,
         };
         let slowest = lengths.last().copied().unwrap_or(1);
-        // Files of all axes are slabs, equally thick.
+        // Files with all axes are slabs of equal thickness.
         let wanted = if axes < all { lengths[axes..].iter().product() } else { slowest };
         let fits = if axes < all { files == wanted } else { files > 0 && slowest.is_multiple_of(files) };
         if fits {
@@ -479,7 +485,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// The first three entries of a vector, 0 where it has fewer.
+/// The first three entries of a vector, padded with 0.
 fn three(vector: &[f64]) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|i| vector.get(i).copied().unwrap_or(0.0)))
 }

@@ -1,4 +1,4 @@
-//! Headerless voxels, whose layout somebody has to state.
+//! Headerless voxels, described by a layout from a sidecar, a scene or the command line.
 
 use std::io::Read;
 use std::num::NonZeroUsize;
@@ -14,26 +14,26 @@ use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
 use crate::number::{count, in_words, line_and_column, whole};
 use crate::progress::Progress;
 
-/// A layout is a few lines; what is longer is none. The parser takes a hundred times as much.
+/// Largest size of a sidecar in bytes; a layout is a few lines. The TOML parser takes a hundred times as much memory.
 const LONGEST_SIDECAR: u64 = 1 << 16;
 
-/// Which byte of a number comes first.
+/// Order of the bytes of a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ByteOrder {
-    /// The least significant.
+    /// Least significant byte first.
     #[default]
     Little,
-    /// The most significant.
+    /// Most significant byte first.
     Big,
 }
 
 impl ByteOrder {
-    /// The order of this machine.
+    /// The byte order of this machine.
     pub const NATIVE: Self = if cfg!(target_endian = "big") { Self::Big } else { Self::Little };
 }
 
-/// How headerless voxels lie: the keys of a sidecar, and what the command line's flags say.
+/// Layout of headerless voxels: the keys of a sidecar, and the flags of the command line.
 ///
 /// ```toml
 /// file = "CThead.%d"        # one file, or a pattern with one %d
@@ -41,52 +41,52 @@ impl ByteOrder {
 /// dims = [256, 256, 113]    # x first, which varies fastest
 /// type = "uint16"
 /// byte_order = "big"        # or "little", the default
-/// header_bytes = 0          # to leave out at the beginning of every file
+/// header_bytes = 0          # bytes to skip at the beginning of every file
 /// spacing = [1.0, 1.0, 2.0]
 /// origin = [0.0, 0.0, 0.0]
 /// direction = [1, 0, 0,  0, 1, 0,  0, 0, 1]   # three axes, one after the other
 /// downsample = [2, 2, 1]    # average blocks of voxels
-/// component = 0             # of the one number that a voxel has
-/// time = 0                  # of the one time step
+/// component = 0             # only 0: voxels have one component
+/// time = 0                  # only 0: there is one time step
 /// ```
 ///
-/// These are the keys of a scene's `[volume]`. Its others make no sense here: `labels` belong to what a scene shows,
-/// `phantom` stands in place of a file, and headerless voxels have no `array` with a name.
+/// These are the keys of a scene's `[volume]`. The other keys of `[volume]` do not apply: `labels` describe what a
+/// scene shows, `phantom` replaces a file, and headerless voxels have no named `array`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RawLayout {
-    /// The file of voxels, or the pattern of its slices, relative to the sidecar; with one sidecar beside one file it
-    /// may be left out.
+    /// The file of voxels, or the pattern of its slices, relative to the sidecar. Optional in a sidecar whose name is
+    /// that of the file.
     pub file: Option<PathBuf>,
-    /// First number of a pattern, last number, and the step between them (1 if left out); default: 1 to `dims[2]`.
+    /// First number, last number and step of a pattern (step 1 if omitted); default: 1 to `dims[2]`.
     pub slices: Option<Vec<i64>>,
     /// Voxels along x, y and z; x varies fastest.
     #[serde(deserialize_with = "from_one")]
     pub dims: [usize; 3],
-    /// The type of a voxel.
+    /// Type of the voxels.
     #[serde(rename = "type", deserialize_with = "voxel_type")]
     pub voxel_type: VoxelType,
-    /// The order of the bytes of a voxel.
+    /// Byte order of the voxels.
     #[serde(default)]
     pub byte_order: ByteOrder,
-    /// Bytes to leave out at the beginning of every file.
+    /// Bytes to skip at the beginning of every file.
     #[serde(default)]
     pub header_bytes: u64,
-    /// World units between neighbours.
+    /// World units between neighbouring voxels.
     #[serde(default = "ones")]
     pub spacing: [f64; 3],
     /// World position of voxel (0, 0, 0).
     #[serde(default)]
     pub origin: [f64; 3],
-    /// The directions of the axes, one after the other.
+    /// Unit vectors of the axes in the world, one after the other.
     #[serde(default = "identity")]
     pub direction: [f64; 9],
-    /// Blocks of voxels to average once they are read ([`Volume::downsample`]).
+    /// Blocks of voxels to average after reading ([`Volume::downsample`]).
     #[serde(default, deserialize_with = "blocks")]
     pub downsample: Option<[usize; 3]>,
-    /// Which component of a voxel to read where the caller does not choose; there is number 0.
+    /// Component to read if the caller selects none; only 0 exists.
     pub component: Option<usize>,
-    /// Which time step to read where the caller does not choose; there is number 0.
+    /// Time step to read if the caller selects none; only 0 exists.
     pub time: Option<usize>,
 }
 
@@ -98,7 +98,7 @@ fn identity() -> [f64; 9] {
     DMat3::IDENTITY.to_cols_array()
 }
 
-/// Whole numbers from 1, one for each axis.
+/// Deserializes positive whole numbers, one per axis.
 fn from_one<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[usize; 3], D::Error> {
     Ok(<[NonZeroUsize; 3]>::deserialize(deserializer)?.map(NonZeroUsize::get))
 }
@@ -112,7 +112,8 @@ fn voxel_type<'de, D: Deserializer<'de>>(deserializer: D) -> Result<VoxelType, D
 }
 
 impl RawLayout {
-    /// Little-endian voxels of a type in one file, with nothing before them and the plainest geometry.
+    /// A layout of little-endian voxels in one file without a header, with spacing 1, origin 0 and the identity as
+    /// direction.
     #[must_use]
     pub fn new(dims: [usize; 3], voxel_type: VoxelType) -> Self {
         Self {
@@ -131,7 +132,7 @@ impl RawLayout {
         }
     }
 
-    /// Bytes of one file of all the voxels, those before them included; `None` where they are too many to count.
+    /// Size of one file with all voxels and the skipped header, in bytes; `None` on overflow.
     #[must_use]
     pub fn bytes(&self) -> Option<u64> {
         let [nx, ny, nz] = self.dims;
@@ -140,8 +141,9 @@ impl RawLayout {
         voxels?.checked_add(self.header_bytes)
     }
 
-    /// What the name of a file of so many bytes suggests, as that of `foot_256x256x256_uint8.raw` does; where it has no
-    /// dimensions, a cube. What is suggested fills the file: where the name has both, what comes before the voxels, too.
+    /// Guesses a layout from the name and the size of a file, as in `foot_256x256x256_uint8.raw`. Without dimensions in
+    /// the name, the guess is a cube. The guess fills the file exactly: if the name has both dimensions and type, the
+    /// excess bytes are a header before the voxels.
     #[must_use]
     pub fn guessed(name: &str, bytes: u64) -> Option<Self> {
         let words: Vec<&str> = name.split(|letter: char| !letter.is_ascii_alphanumeric()).collect();
@@ -150,7 +152,7 @@ impl RawLayout {
             sides.ok()?.try_into().ok()
         };
         let dims = words.iter().find_map(sides);
-        // `unsigned char` is not `char`.
+        // Two words first: `unsigned char` is not `char`.
         let two = words.windows(2).find_map(|pair| pair.join(" ").parse().ok());
         let named: Option<VoxelType> = two.or_else(|| words.iter().rev().find_map(|word| word.parse().ok()));
         if let (Some(dims), Some(voxel_type)) = (dims, named) {
@@ -172,7 +174,8 @@ impl RawLayout {
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Open`], [`VolumeError::Read`], and [`VolumeError::Sidecar`] with line and column where it is no layout.
+    /// [`VolumeError::Open`], [`VolumeError::Read`], and [`VolumeError::Sidecar`] with line and column if the text is
+    /// not a layout.
     pub fn from_sidecar(path: &Path) -> Result<Self, VolumeError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
@@ -196,7 +199,7 @@ impl RawLayout {
     }
 }
 
-/// Reads what `layout` describes; its `file` is relative to the folder `base`.
+/// Reads the volume that `layout` describes; its `file` is relative to the folder `base`.
 pub(super) fn read(
     layout: &RawLayout,
     base: &Path,
@@ -219,7 +222,7 @@ pub(super) fn read(
         DMat3::from_cols_array(&layout.direction),
     )?;
     let [nx, ny, nz] = layout.dims;
-    // A name with a per cent sign is a pattern, unless there is just such a file.
+    // A name with a per cent sign is a pattern, unless a file of exactly this name exists.
     let name = file.to_string_lossy();
     let files = if layout.slices.is_some() || name.contains('%') && !base.join(file).exists() {
         let last = i64::try_from(nz).unwrap_or(i64::MAX);
@@ -256,7 +259,7 @@ pub(super) fn read(
     }
 }
 
-/// Reads what the sidecar `path` describes; without a key `file`, `NAME.toml` describes `NAME`.
+/// Reads the volume that the sidecar `path` describes; without the key `file`, `NAME.toml` describes `NAME`.
 pub(super) fn read_sidecar(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let mut layout = RawLayout::from_sidecar(path)?;
     if let Some(file) = &layout.file {
@@ -266,7 +269,7 @@ pub(super) fn read_sidecar(path: &Path, selection: &Selection, progress: &dyn Pr
     read_by(path, &layout, selection, progress)
 }
 
-/// Reads a file of headerless voxels by the sidecar beside it, `NAME.raw.toml` or `NAME.toml`.
+/// Reads a file of headerless voxels by its sidecar in the same folder, `NAME.raw.toml` or `NAME.toml`.
 pub(super) fn read_beside_sidecar(
     path: &Path,
     selection: &Selection,
@@ -277,7 +280,7 @@ pub(super) fn read_beside_sidecar(
     appended.push(".toml");
     let sidecars = [PathBuf::from(appended), path.with_extension("toml")];
     let Some(sidecar) = sidecars.iter().find(|sidecar| sidecar.exists()) else {
-        // A file that is not there needs no sidecar.
+        // A missing file is reported before a missing sidecar.
         let file = stream::open(path)?;
         let bytes = file.metadata().map_err(|source| stream::failed(path, source))?.len();
         let [sidecar, _] = sidecars;
@@ -297,7 +300,7 @@ pub(super) fn read_beside_sidecar(
     read_by(sidecar, &layout, selection, progress)
 }
 
-/// Reads what `layout` of the sidecar `path` describes.
+/// Reads the volume that `layout`, from the sidecar `path`, describes.
 fn read_by(
     path: &Path,
     layout: &RawLayout,

@@ -1,4 +1,4 @@
-//! Bytes of a data file, as they were before they were encoded.
+//! Byte streams of data files, with decompression and decoding.
 
 use std::borrow::Cow;
 use std::fs::File;
@@ -11,61 +11,61 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 use super::VolumeError;
 use crate::input;
 
-/// Deflate packs at most 1032 bytes into one (258 bytes into a match of two bits).
+/// Largest expansion by deflate: 1032 bytes per byte (a match of two bits yields 258 bytes).
 pub(super) const DEFLATE_LIMIT: u64 = 1032;
 
-/// A block of bzip2 is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
+/// Largest expansion by bzip2: a block is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
 const BZIP2_LIMIT: u64 = 1 << 21;
 
-/// Where the numbers of a file begin.
+/// Position of the numbers in a file: `lines` lines after byte `at`, encoded data begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Start {
-    /// So many bytes after the beginning,
+    /// Byte offset at which `lines` begin.
     pub(super) at: u64,
-    /// and then so many lines later,
+    /// Number of lines to skip.
     pub(super) lines: u64,
-    /// something encoded begins; what of it is left out, decoded.
+    /// Part of the decoded data to skip.
     pub(super) skip: Skip,
 }
 
-/// What is left out of decoded bytes.
+/// Part of the decoded bytes that is skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Skip {
-    /// So many at the beginning.
+    /// A number of bytes at the beginning.
     Bytes(u64),
-    /// All but as many at the end as there are numbers.
+    /// Everything before the numbers, which end the data.
     Tail,
 }
 
 impl Start {
-    /// Just the numbers end the file.
+    /// The numbers end the file.
     pub(super) const TAIL: Self = Self { at: 0, lines: 0, skip: Skip::Tail };
 
-    /// So many bytes after the beginning.
+    /// The numbers begin at byte `at`.
     pub(super) const fn at(at: u64) -> Self {
         Self { at, lines: 0, skip: Skip::Bytes(0) }
     }
 }
 
-/// How numbers are written down.
+/// Encoding of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Encoding {
-    /// As they lie in memory, in some byte order.
+    /// Binary, in some byte order.
     Raw,
-    /// The same, as one zlib stream; `said` is the number of compressed bytes the header claims.
+    /// Binary, in one zlib stream; `said` is the number of compressed bytes stated in the header.
     Zlib { said: Option<u64> },
-    /// The same, by gzip.
+    /// Binary, compressed with gzip.
     Gzip,
-    /// The same, by bzip2.
+    /// Binary, compressed with bzip2.
     Bzip2,
-    /// The same, two hexadecimal digits a byte.
+    /// Binary, two hexadecimal digits per byte.
     Hex,
-    /// As numbers between white space or commas.
+    /// Numbers separated by white space or commas.
     Text,
 }
 
 impl Encoding {
-    /// How many bytes one compressed byte can hold at most, where they are compressed.
+    /// Largest number of bytes per compressed byte; `None` if the encoding does not compress.
     pub(super) fn packing(self) -> Option<u64> {
         match self {
             Self::Raw | Self::Hex | Self::Text => None,
@@ -74,7 +74,7 @@ impl Encoding {
         }
     }
 
-    /// What damaged data of this kind are called; raw bytes cannot be damaged.
+    /// Name of the encoding in errors about damaged data; `None` if decoding cannot detect damage.
     pub(super) fn name(self) -> Option<&'static str> {
         match self {
             Self::Raw | Self::Text => None,
@@ -86,7 +86,7 @@ impl Encoding {
     }
 }
 
-/// Decoded bytes.
+/// Stream of decoded bytes.
 pub(super) enum Decoded {
     Raw(BufReader<File>),
     Zlib(ZlibDecoder<BufReader<File>>),
@@ -96,7 +96,7 @@ pub(super) enum Decoded {
 }
 
 impl Decoded {
-    /// How many compressed bytes were read, where that can be told.
+    /// Number of compressed bytes read; `None` except for zlib.
     pub(super) fn read_in(&self) -> Option<u64> {
         match self {
             Self::Zlib(stream) => Some(stream.total_in()),
@@ -117,7 +117,7 @@ impl Read for Decoded {
     }
 }
 
-/// The bytes of `path` from `start` on, decoded; not of text.
+/// Opens the bytes of `path` from offset `start` on, decoded; text is not parsed.
 pub(super) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Decoded, VolumeError> {
     let stream = at(path, start)?;
     Ok(match encoding {
@@ -129,19 +129,19 @@ pub(super) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Dec
     })
 }
 
-/// Opens a regular file; all others are refused.
+/// Opens a regular file; pipes, devices and folders are refused.
 pub(super) fn open(path: &Path) -> Result<File, VolumeError> {
     input::open(path).map_err(|source| VolumeError::Open { path: path.to_owned(), source })
 }
 
-/// The bytes of `path` from `start` on.
+/// Opens the bytes of `path` from offset `start` on.
 pub(super) fn at(path: &Path, start: u64) -> Result<BufReader<File>, VolumeError> {
     let mut stream = BufReader::with_capacity(1 << 16, open(path)?);
     stream.seek(SeekFrom::Start(start)).map_err(|source| failed(path, source))?;
     Ok(stream)
 }
 
-/// Where something encoded begins in `path`, and how long the file is.
+/// Returns the offset at which the encoded data of `path` begin, and the length of the file.
 pub(super) fn after_lines(path: &Path, start: Start) -> Result<(u64, u64), VolumeError> {
     let failed = |source| failed(path, source);
     let mut stream = at(path, start.at)?;
@@ -165,12 +165,12 @@ pub(super) fn failed(path: &Path, source: io::Error) -> VolumeError {
     VolumeError::Read { path: path.to_owned(), source }
 }
 
-/// A number of things in memory as a number of bytes of a file; memory is never larger than 2⁶⁴.
+/// Converts a count in memory to a count of bytes in a file; memory is never larger than 2⁶⁴ bytes.
 pub(super) fn count(number: usize) -> u64 {
     u64::try_from(number).unwrap_or(u64::MAX)
 }
 
-/// Fills `bytes` from pairs of hexadecimal digits, with white space anywhere.
+/// Fills `bytes` from pairs of hexadecimal digits, and ignores white space.
 fn read_hex(stream: &mut impl BufRead, bytes: &mut [u8]) -> io::Result<usize> {
     let (mut filled, mut high) = (0, None);
     while filled < bytes.len() {
@@ -204,7 +204,7 @@ fn read_hex(stream: &mut impl BufRead, bytes: &mut [u8]) -> io::Result<usize> {
     Ok(filled)
 }
 
-/// Fills `bytes` as far as `stream` goes, and says how far that was.
+/// Fills `bytes` until `stream` ends; returns the number of bytes read.
 pub(super) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<usize> {
     let mut filled = 0;
     while filled < bytes.len() {
@@ -212,7 +212,7 @@ pub(super) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<
             Ok(0) => break,
             Ok(read) => filled += read,
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            // A compressed stream that stops in the middle.
+            // A compressed stream that is truncated.
             Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => break,
             Err(error) => return Err(error),
         }
@@ -220,10 +220,10 @@ pub(super) fn read_fully(stream: &mut dyn Read, bytes: &mut [u8]) -> io::Result<
     Ok(filled)
 }
 
-/// The longest word that can be a number; longer ones are cut, and then are none.
+/// Longest word that can be a number; longer words are cut, and then do not parse.
 const LONGEST_WORD: usize = 400;
 
-/// The next run of bytes between white space or commas, which `word` is to hold; `None` at the end.
+/// Reads the next word between white space or commas into `word`; `None` at the end.
 pub(super) fn next_word<'a>(stream: &mut dyn BufRead, word: &'a mut Vec<u8>) -> io::Result<Option<Cow<'a, str>>> {
     let parts = |byte: &u8| byte.is_ascii_whitespace() || *byte == b',';
     word.clear();
