@@ -139,7 +139,7 @@ const TYPES: [(VoxelType, &[&str]); 10] = [
     (VoxelType::F64, &["double"]),
 ];
 
-/// The entries of a vector; `None` if the file states `none`.
+/// The entries of a vector of the file; `None` for `none` and NaN.
 type Vector = Option<Vec<f64>>;
 
 /// Role of an axis of the file.

@@ -17,10 +17,10 @@ pub(super) const DEFLATE_LIMIT: u64 = 1032;
 /// Largest expansion by bzip2: a block is longer than 24 bytes, and holds at most 900 000 · 255 / 5 bytes.
 const BZIP2_LIMIT: u64 = 1 << 21;
 
-/// Position of the numbers in a file: `lines` lines after byte `at`, encoded data begin.
+/// Position of the numbers in a file: encoded data begin `lines` lines after byte `at`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Start {
-    /// Byte offset at which `lines` begin.
+    /// Byte offset from which lines are counted.
     pub(super) at: u64,
     /// Number of lines to skip.
     pub(super) lines: u64,
@@ -74,7 +74,7 @@ impl Encoding {
         }
     }
 
-    /// Name of the encoding in errors about damaged data; `None` if decoding cannot detect damage.
+    /// Name of the encoding in errors about damaged data; `None` for raw bytes, which cannot be damaged, and for text.
     pub(super) fn name(self) -> Option<&'static str> {
         match self {
             Self::Raw | Self::Text => None,
