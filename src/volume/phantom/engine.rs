@@ -1,6 +1,6 @@
-//! An engine of three cylinders, cast and bored, in the smoke it makes.
+//! A three-cylinder engine of cast and bored parts, surrounded by smoke.
 //!
-//! The crankshaft lies along x and the cylinders along y, heads towards −y; the exhaust ports look towards −z. Lengths
+//! The crankshaft lies along x and the cylinders along y, with the heads towards −y; the exhaust ports face −z. Lengths
 //! are voxels of 250×235×138.
 
 use std::f32::consts::TAU;
@@ -11,10 +11,10 @@ use rayon::prelude::*;
 
 use super::field::{Grid, Layer, Slice, Solid, Wave, grain, grain_row, lay, store};
 
-/// Voxels by default; also the box the engine is designed in.
+/// Default number of voxels; also the box in which the engine is designed.
 pub const DIMS: [usize; 3] = [250, 235, 138];
 
-/// Values of the smoke around and inside it: noise, never quite clean air.
+/// Values of the smoke around and inside the engine: noise.
 pub const SMOKE: RangeInclusive<u8> = 0..=40;
 /// Values of the cast block, head and pan.
 pub const BLOCK: RangeInclusive<u8> = 88..=112;
@@ -24,16 +24,16 @@ pub const LINERS: RangeInclusive<u8> = 128..=148;
 pub const PISTONS: RangeInclusive<u8> = 162..=182;
 /// Values of the valve guides.
 pub const GUIDES: RangeInclusive<u8> = 196..=212;
-/// Values of what is of steel: valves, springs, rods, shafts.
+/// Values of the steel parts: valves, springs, rods, shafts.
 pub const STEEL: RangeInclusive<u8> = 228..=250;
 
 const SIZE: [f32; 3] = [250.0, 235.0, 138.0];
-/// The plane of the cylinder axes.
+/// z of the plane through the cylinder axes.
 const MIDDLE: f32 = 69.0;
-/// Where the cylinders are.
+/// x of the cylinder axes.
 const CYLINDERS: [f32; 3] = [58.0, 123.0, 188.0];
 const BORE: f32 = 27.0;
-/// Height of the crankshaft, radius of its cranks, length of the connecting rods.
+/// y of the crankshaft; `THROW` is the radius of its cranks, `ROD` the length of the connecting rods.
 const CRANK: f32 = 186.0;
 const THROW: f32 = 20.0;
 const ROD: f32 = 62.0;
@@ -63,7 +63,7 @@ fn pins() -> [[Vec3; 2]; 3] {
     })
 }
 
-/// Where bolts go through the rail of the pan, and through the head.
+/// Bolt holes in the rail of the pan and in the head.
 fn bolts() -> impl Iterator<Item = Solid> {
     let rail = (0..6_u8)
         .flat_map(|i| [-43.0, 43.0].map(|z| cylinder(1, 24.0 + 40.0 * f32::from(i), 166.0, MIDDLE + z, 3.2, 12.0)));
@@ -97,7 +97,7 @@ fn casting() -> Vec<Solid> {
 
 fn hollows() -> Vec<Solid> {
     let mut solids = vec![
-        // Rocker space, crank space, bell, grooves of the pulley.
+        // Rocker chamber, crank chamber, bell, grooves of the pulley.
         block(123.0, 36.0, MIDDLE, [89.0, 10.0, 17.0], 4.0),
         block(123.0, 189.0, MIDDLE, [92.0, 29.0, 34.0], 6.0),
         cylinder(0, 236.0, CRANK - 6.0, MIDDLE, 40.0, 10.0),
@@ -106,7 +106,7 @@ fn hollows() -> Vec<Solid> {
     ];
     for x in CYLINDERS {
         solids.push(cylinder(1, x, 115.0, MIDDLE, BORE + 1.0, 50.0));
-        // Water jacket, ports, hollows of the plugs.
+        // Water jacket, ports, recesses of the plugs.
         solids.push(pipe(1, x, 112.0, MIDDLE, BORE + 5.4, 1.8, 26.0));
         solids.push(cylinder(2, x, 58.0, 32.0, 8.0, 22.0));
         solids.push(cylinder(2, x, 58.0, 106.0, 7.0, 20.0));
@@ -121,7 +121,7 @@ fn liners() -> Vec<Solid> {
 }
 
 fn pistons() -> Vec<Solid> {
-    // Crown of three lands on a narrower body, hollow skirt.
+    // A crown of three lands on a narrower body, with a hollow skirt.
     let piston = |[_, pin]: [Vec3; 2]| {
         let land = |up: f32, half: f32| cylinder(1, pin.x, pin.y - up, pin.z, BORE - 1.2, half);
         let body = cylinder(1, pin.x, pin.y - 8.0, pin.z, BORE - 4.0, 5.0);
@@ -136,7 +136,7 @@ fn pistons() -> Vec<Solid> {
     pins().into_iter().flat_map(piston).collect()
 }
 
-/// Along the stems of the valves.
+/// x of the valve stems.
 fn valves() -> impl Iterator<Item = f32> {
     CYLINDERS.into_iter().flat_map(|x| VALVES.map(|beside| x + beside))
 }
@@ -162,7 +162,7 @@ fn steel() -> Vec<Solid> {
             cylinder(2, pin.x, pin.y, pin.z, 4.0, BORE - 6.0),
         ]);
         for beside in [-12.5, 12.5] {
-            // Webs, with weights opposite the pin; journals between.
+            // Webs, with counterweights opposite the pin; journals between them.
             let centre = vec3(crank.x + beside, CRANK, MIDDLE);
             let arm = vec3(0.0, crank.y - CRANK, crank.z - MIDDLE);
             solids.push(cylinder(0, centre.x, CRANK + 0.45 * arm.y, MIDDLE + 0.45 * arm.z, 17.0, 2.6));
@@ -187,7 +187,7 @@ fn steel() -> Vec<Solid> {
     solids
 }
 
-/// The engine, x fastest.
+/// Voxels of the engine, x fastest.
 pub(super) fn voxels(dims: [usize; 3]) -> Vec<u8> {
     let grid = Grid::new(dims, SIZE);
     let (casting, hollows) = (Layer::new(3.0, casting()), Layer::new(0.5, hollows()));
@@ -197,7 +197,7 @@ pub(super) fn voxels(dims: [usize; 3]) -> Vec<u8> {
         (GUIDES, Layer::new(0.5, guides())),
         (STEEL, Layer::new(1.5, steel())),
     ];
-    // Slow swells for the smoke, fast ones for the metal.
+    // Low frequencies for the smoke, a high frequency for the metal.
     let waves = [
         Wave::new(&grid, [0.045, 0.061, 0.037], 0.4),
         Wave::new(&grid, [-0.072, 0.038, 0.081], 1.7),

@@ -1,18 +1,18 @@
-//! Solids as distance fields, one slice of voxels at a time.
+//! Solids as distance fields, evaluated slice by slice.
 
 use std::ops::{Range, RangeInclusive};
 
 use glam::Vec3;
 
-/// Further away than anything.
+/// A distance larger than any other.
 const FAR: f32 = 1e6;
 
-/// Where voxels lie in the design space of a phantom, whose lengths are voxels at its default size.
+/// Voxel positions in the design space of a phantom, whose unit is a voxel at the default size.
 pub(super) struct Grid {
     pub(super) dims: [usize; 3],
     /// Coordinates of the voxels along each axis.
     pub(super) at: [Vec<f32>; 3],
-    /// Half the width of a soft edge: one voxel.
+    /// Half the width of a soft edge: one voxel, of the largest side.
     pub(super) edge: f32,
 }
 
@@ -25,25 +25,25 @@ impl Grid {
         Self { dims, at, edge: steps.into_iter().fold(0.0, f32::max) }
     }
 
-    /// The voxels along `axis` that lie within `[low, high]`.
+    /// Range of the voxels along `axis` within `[low, high]`.
     fn within(&self, axis: usize, low: f32, high: f32) -> Range<usize> {
         let at = &self.at[axis];
         at.partition_point(|&place| place < low)..at.partition_point(|&place| place <= high)
     }
 }
 
-/// A solid; lengths in the design space.
+/// A solid; lengths are in the design space.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Solid {
-    /// From one end to the other, with a radius at each.
+    /// A rod with a radius at each end.
     Rod { ends: [Vec3; 2], radii: [f32; 2] },
-    /// With its axes along the grid's.
+    /// An ellipsoid with its axes along the grid's.
     Ellipsoid { centre: Vec3, radii: Vec3 },
-    /// With rounded edges.
+    /// A block with rounded edges.
     Block { centre: Vec3, half: Vec3, rounding: f32 },
-    /// Along a grid axis.
+    /// A cylinder along a grid axis.
     Cylinder { axis: usize, centre: Vec3, radius: f32, half: f32 },
-    /// The wall of a cylinder, `wall` to either side of `radius`.
+    /// The wall of a cylinder along a grid axis, from `radius - wall` to `radius + wall`.
     Pipe { axis: usize, centre: Vec3, radius: f32, wall: f32, half: f32 },
 }
 
@@ -56,7 +56,7 @@ impl Solid {
         Self::Ellipsoid { centre, radii: Vec3::splat(radius) }
     }
 
-    /// The corners of a box around it.
+    /// Corners of a bounding box.
     fn bounds(&self) -> [Vec3; 2] {
         let around = |centre: Vec3, half: Vec3| [centre - half, centre + half];
         let along = |axis: usize, centre: Vec3, radius: f32, half: f32| {
@@ -73,12 +73,12 @@ impl Solid {
         }
     }
 
-    /// The part of a row at `y`, `z` that comes nearer than `margin`, or more.
+    /// Bounds of the x range in which the row at `y`, `z` is nearer than `margin`; may be larger than that range.
     fn reach(&self, [low, high]: [Vec3; 2], y: f32, z: f32, margin: f32) -> Option<[f32; 2]> {
         let (mut from, mut to) = (low.x - margin, high.x + margin);
         match *self {
             Self::Rod { ends: [a, b], radii: [ra, rb] } => {
-                // Only where the axis comes near enough in y and in z.
+                // Restricts the axis to the part near enough in y and in z.
                 let (reach, along) = (ra.max(rb) + margin, b - a);
                 let (mut first, mut last) = (0.0_f32, 1.0_f32);
                 for (start, slope, place) in [(a.y, along.y, y), (a.z, along.z, z)] {
@@ -102,8 +102,8 @@ impl Solid {
         }
     }
 
-    /// Takes the union of a row with this solid: the smaller distance of the two, rounded off over `blend` where they
-    /// meet. `xs` are the places of the `row`.
+    /// Unites a row of distances with this solid: takes the smaller distance, smoothed over `blend` where the two are
+    /// similar. `xs` are the positions of `row`.
     fn unite(&self, xs: &[f32], y: f32, z: f32, blend: f32, row: &mut [f32]) {
         match *self {
             Self::Rod { ends: [a, b], radii: [ra, rb] } => {
@@ -122,7 +122,7 @@ impl Solid {
                 let (ey, ez) = ((y - centre.y) * per.y, (z - centre.z) * per.z);
                 let rest = ey * (y - centre.y) + ez * (z - centre.z) - 1.0;
                 let slope = ey * ey + ez * ez + 1e-9;
-                // To first order: the function over its slope.
+                // First-order distance: the implicit function divided by the length of its gradient.
                 join(xs, blend, row, |x| {
                     let x = x - centre.x;
                     let ex = x * per.x;
@@ -166,13 +166,14 @@ impl Solid {
     }
 }
 
-/// Of a cylinder along y or z: the distance from its flat ends, and the square of that from its axis without x.
+/// For a cylinder along y or z: the distance from its flat ends, and the squared distance from its axis without the x
+/// term.
 fn turned(axis: usize, centre: Vec3, y: f32, z: f32, half: f32) -> (f32, f32) {
     let (along, across) = if axis == 1 { (y - centre.y, z - centre.z) } else { (z - centre.z, y - centre.y) };
     (along.abs() - half, across * across)
 }
 
-/// `max` for what is known not to be NaN, in one instruction.
+/// `max` for operands that are not NaN, in one instruction.
 fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
@@ -192,7 +193,7 @@ fn join(xs: &[f32], blend: f32, row: &mut [f32], distance: impl Fn(f32) -> f32) 
     }
 }
 
-/// What one tissue or part is made of: solids, each with the corners around it and how far it melts into what is there.
+/// A tissue or a part: solids, each with the corners of its bounds and the width of its blend.
 pub(super) struct Layer(Vec<(Solid, [Vec3; 2], f32)>);
 
 impl Layer {
@@ -206,7 +207,7 @@ impl Layer {
     }
 }
 
-/// Distances from a layer in one slice: negative inside, far away where `spans` says nothing is near.
+/// Distances from a layer in one slice: negative inside, [`FAR`] outside `spans`.
 pub(super) struct Slice {
     distance: Vec<f32>,
     spans: Vec<Range<usize>>,
@@ -219,7 +220,7 @@ impl Slice {
         Self { distance: vec![FAR; width * height], spans: vec![0..0; height], width }
     }
 
-    /// Puts slice `z` of `layer` here.
+    /// Evaluates slice `z` of `layer`.
     pub(super) fn fill(&mut self, layer: &Layer, grid: &Grid, z: usize) {
         for (row, span) in self.spans.iter_mut().enumerate() {
             self.distance[row * self.width..][std::mem::take(span)].fill(FAR);
@@ -249,19 +250,19 @@ impl Slice {
         }
     }
 
-    /// Where row `y` may be near, and how near.
+    /// Span of row `y` that may be near the layer, and its distances.
     pub(super) fn row(&self, y: usize) -> (Range<usize>, &[f32]) {
         let span = self.spans[y].clone();
         (span.clone(), &self.distance[y * self.width..][span])
     }
 }
 
-/// How much of a voxel is inside: from 0 to 1 over two voxels.
+/// Fraction of a voxel inside a solid: a ramp from 0 to 1 over two voxels.
 pub(super) fn covered(distance: f32, edge: f32) -> f32 {
     limit(0.5 - distance * (0.5 / edge))
 }
 
-/// Lays a part over a row of values. Its own values are spread over `values` as `texture` goes from −1 to 1.
+/// Blends a part over a row of values. The part's own values span `values` as `texture` goes from −1 to 1.
 pub(super) fn lay(
     row: &mut [f32],
     distances: &[f32],
@@ -290,7 +291,7 @@ impl Wave {
         Self { sin, cos, across: [wave[1], wave[2]], phase }
     }
 
-    /// The wave along a row.
+    /// Evaluates the wave along a row.
     pub(super) fn row(&self, y: f32, z: f32, row: &mut [f32]) {
         let (sin, cos) = (self.across[0] * y + self.across[1] * z + self.phase).sin_cos();
         for ((value, along), across) in row.iter_mut().zip(&self.sin).zip(&self.cos) {
@@ -299,27 +300,27 @@ impl Wave {
     }
 }
 
-/// Noise between 0 and 1 that depends on nothing but where it is.
+/// Noise in [0, 1), a hash of the position.
 pub(super) fn grain(x: usize, row: u32) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "any bits will do")]
     let mut bits = (x as u32).wrapping_mul(0x9e37_79b1) ^ row;
     bits = (bits ^ (bits >> 15)).wrapping_mul(0x85eb_ca6b);
     bits ^= bits >> 13;
-    // 23 bits behind the point of a number between 1 and 2.
+    // 23 mantissa bits of a number in [1, 2).
     f32::from_bits(0x3f80_0000 | (bits >> 9)) - 1.0
 }
 
-/// What `grain` takes for a row.
+/// Seed of `grain` for a row.
 pub(super) fn grain_row(y: usize, z: usize) -> u32 {
     #[expect(clippy::cast_possible_truncation, reason = "any bits will do")]
     let bits = (y as u32).wrapping_mul(0xc2b2_ae35) ^ (z as u32).wrapping_mul(0x27d4_eb2f);
     bits ^ (bits >> 16)
 }
 
-/// Rounds values between 0 and 255.
+/// Rounds values between 0 and 255 to bytes.
 pub(super) fn store(row: &[f32], out: &mut [u8]) {
     for (voxel, value) in out.iter_mut().zip(row) {
-        // Next to 2²³ a float is a whole number, in its lowest bits.
+        // Added to 2²³, a float is rounded to a whole number in its lowest bits.
         *voxel = (value + 8_388_608.0).to_bits().to_le_bytes()[0];
     }
 }

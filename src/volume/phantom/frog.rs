@@ -1,6 +1,7 @@
-//! A frog, as a cryosection might show it.
+//! A frog, as in a cryosection.
 //!
-//! The head is towards +x and the back towards −z, as in the Whole Frog data set. Lengths are voxels of 250×235×138.
+//! The head points towards +x and the back towards −z, as in the Whole Frog data set. Lengths are voxels of
+//! 250×235×138.
 
 use std::f32::consts::{PI, TAU};
 use std::ops::RangeInclusive;
@@ -10,12 +11,12 @@ use rayon::prelude::*;
 
 use super::field::{Grid, Layer, Slice, Solid, Wave, grain, grain_row, lay, store};
 
-/// Voxels by default; also the box the frog is designed in.
+/// Default number of voxels; also the box in which the frog is designed.
 pub const DIMS: [usize; 3] = [250, 235, 138];
 
-/// Values of the air around it.
+/// Values of the air around the frog.
 pub const AIR: RangeInclusive<u8> = 0..=10;
-/// Values of skin and muscle; the skin is the brighter.
+/// Values of skin and muscle; the skin is brighter.
 pub const FLESH: RangeInclusive<u8> = 48..=88;
 /// Values of the stomach; label 1.
 pub const STOMACH: RangeInclusive<u8> = 104..=128;
@@ -26,14 +27,14 @@ pub const EYES: RangeInclusive<u8> = 180..=200;
 /// Values of the bones; label 4.
 pub const SKELETON: RangeInclusive<u8> = 216..=250;
 
-/// The names of the labels of the frog, from 0.
+/// Names of the labels, from 0.
 pub const LABELS: [&str; 5] = ["unlabelled", "stomach", "intestine", "eyes", "skeleton"];
 
-/// The plane that parts left from right.
+/// y of the plane of symmetry.
 const MIDDLE: f32 = 117.5;
 const SIZE: [f32; 3] = [250.0, 235.0, 138.0];
 
-/// A place given by how far it is beside the middle.
+/// A point at distance `beside` from the plane of symmetry.
 fn at(x: f32, beside: f32, z: f32) -> Vec3 {
     vec3(x, MIDDLE + beside, z)
 }
@@ -41,7 +42,7 @@ fn at(x: f32, beside: f32, z: f32) -> Vec3 {
 /// Left and right.
 const SIDES: [f32; 2] = [-1.0, 1.0];
 
-// Joints and tips: x, how far beside the middle, z.
+// Joints and tips: x, distance from the plane of symmetry, z.
 const HIP: [f32; 3] = [74.0, 13.0, 76.0];
 const KNEE: [f32; 3] = [114.0, 74.0, 84.0];
 const HEEL: [f32; 3] = [52.0, 84.0, 98.0];
@@ -116,7 +117,7 @@ fn intestine() -> Vec<Solid> {
     let coil = |piece: u16| {
         let t = f32::from(piece) / f32::from(PIECES);
         let (sin, cos) = (TAU * TURNS * t).sin_cos();
-        // Thicker and thinner, as a gut is that moves.
+        // The radius varies, as in peristalsis.
         let radius = 4.0 + 0.5 * (TAU * 22.0 * t).sin();
         (at(136.0 - 46.0 * t, -15.0 + 11.0 * cos, 82.0 + 12.0 * sin), radius)
     };
@@ -130,19 +131,19 @@ fn eyes() -> Vec<Solid> {
     SIDES.map(|s| Solid::ball(at(197.0, s * 21.5, 53.5), 9.5)).to_vec()
 }
 
-/// A bone with knobs at its ends.
+/// A bone with a knob at each end.
 fn bone(from: Vec3, to: Vec3, radius: f32) -> [Solid; 3] {
     [Solid::rod(from, to, [radius; 2]), Solid::ball(from, 1.55 * radius), Solid::ball(to, 1.55 * radius)]
 }
 
-/// The bones of a finger: pieces with joints between.
+/// The bones of a finger, separated by joints.
 fn finger(from: Vec3, to: Vec3) -> [Solid; 3] {
     [(0.06, 0.42), (0.5, 0.7), (0.78, 0.98)].map(|(a, b)| Solid::rod(from.lerp(to, a), from.lerp(to, b), [1.9, 1.5]))
 }
 
 fn skeleton() -> Vec<Solid> {
     let mut solids = Vec::new();
-    // Vertebrae, each with its spine.
+    // Vertebrae, each with its spinous process.
     for index in 0..9_u8 {
         let t = f32::from(index) / 8.0;
         let (x, z) = (172.0 - 70.0 * t, 60.0 - 5.0 * (PI * t).sin());
@@ -160,7 +161,7 @@ fn skeleton() -> Vec<Solid> {
         Solid::rod(at(204.0, 0.0, 64.0), at(219.0, 0.0, 68.0), [5.0, 3.0]),
         Solid::Ellipsoid { centre: at(70.0, 0.0, 77.0), radii: vec3(9.0, 4.0, 8.0) },
     ]);
-    // Jaws: arches from one joint to the other.
+    // Jaws: arches between the joints.
     for (z, forward, wide, radius) in [(75.0, 29.0, 24.0, 2.4), (87.0, 26.0, 20.5, 2.1)] {
         let arch = |step: u8| {
             let angle = PI * (f32::from(step) / 14.0 - 0.5) * 1.12;
@@ -186,7 +187,7 @@ fn skeleton() -> Vec<Solid> {
         solids.extend(bone(side(KNEE, s) + vec3(-3.0, s * 4.0, 3.0), side(HEEL, s), 2.6));
         solids.extend(bone(side(SHOULDER, s), side(ELBOW, s), 2.7));
         solids.extend(bone(side(ELBOW, s) + vec3(2.0, s * 2.0, 2.0), side(HAND, s), 2.3));
-        // The long ankle has two bones side by side.
+        // The long ankle has two parallel bones.
         let apart = vec3(-1.4, s * 2.5, 0.0);
         solids.extend([-1.0, 1.0].map(|p| Solid::rod(side(HEEL, s) + apart * p, side(SOLE, s) + apart * p, [1.8; 2])));
         solids.extend(TOES.iter().flat_map(|&toe| finger(side(SOLE, s), side(toe, s))));
@@ -195,7 +196,7 @@ fn skeleton() -> Vec<Solid> {
     solids
 }
 
-/// All tissues, from the outside in: a later one lies over an earlier one.
+/// All tissues, from the outside in: each covers the earlier ones.
 struct Anatomy {
     flesh: Layer,
     cavities: Layer,
@@ -218,7 +219,7 @@ impl Anatomy {
     }
 }
 
-/// The frog, x fastest.
+/// Voxels of the frog, x fastest.
 pub(super) fn voxels(dims: [usize; 3]) -> Vec<u8> {
     let grid = Grid::new(dims, SIZE);
     let anatomy = Anatomy::new();
@@ -245,7 +246,7 @@ pub(super) fn voxels(dims: [usize; 3]) -> Vec<u8> {
                 for (x, value) in row.iter_mut().enumerate() {
                     *value = f32::from(*AIR.end()) * 0.8 * grain(x, seed);
                 }
-                // Even the eyes are near flesh.
+                // All organs, even the eyes, are near flesh.
                 if !skin.row(y).0.is_empty() {
                     let place = [grid.at[1][y], grid.at[2][z]];
                     waves.iter().zip(&mut *textures).for_each(|(wave, row)| wave.row(place[0], place[1], row));
@@ -271,7 +272,7 @@ fn paint(
     let start = span.start;
     lay(&mut row[span], near, edge, &FLESH, |index, distance| {
         let x = start + index;
-        // Skin is a bright rind with dark spots, and a dark seam parts it from the muscle.
+        // Skin is a bright rind with dark spots; a dark seam separates it from the muscle.
         let depth = -distance;
         let spots = waves[2][x] * waves[3][x];
         let muscle = 0.55 * waves[0][x] * waves[1][x] - 0.25;
@@ -285,7 +286,7 @@ fn paint(
     let (span, near) = organs[0].row(y);
     let start = span.start;
     lay(&mut row[span], near, edge, &STOMACH, |index, distance| {
-        // A folded wall around what it ate.
+        // A folded wall around the content.
         let x = start + index;
         if distance > -3.5 { 0.35 + 0.5 * waves[4][x] } else { -0.5 + 0.4 * waves[5][x] }
     });
@@ -307,7 +308,7 @@ fn paint(
     });
 }
 
-/// The labels of the frog, x fastest: what a voxel is mostly made of, as [`LABELS`] has it.
+/// Labels of the frog as in [`LABELS`], x fastest: the predominant organ of each voxel.
 pub(super) fn labels(dims: [usize; 3]) -> Vec<u8> {
     let grid = Grid::new(dims, SIZE);
     let anatomy = Anatomy::new();

@@ -1,4 +1,4 @@
-//! Volumes that need no file: closed forms, a frog and an engine.
+//! Phantoms: volumes given by formulas, among them a frog and an engine.
 
 use std::f64::consts::PI;
 use std::fmt;
@@ -13,7 +13,7 @@ pub mod engine;
 mod field;
 pub mod frog;
 
-/// A volume that is made, not read. Spacing is 1, the origin 0.
+/// A volume given by a formula, with spacing 1 and origin 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Phantom {
     /// [`slab`] of [`SLAB_VALUE`], 64³.
@@ -22,7 +22,7 @@ pub enum Phantom {
     Shells,
     /// [`gaussian`], 64³.
     Gaussian,
-    /// [`marschner_lobb`], 41³ as its authors sampled it.
+    /// [`marschner_lobb`], 41³ as sampled by its authors.
     MarschnerLobb,
     /// A [`frog`], 250×235×138.
     Frog,
@@ -35,7 +35,7 @@ impl Phantom {
     pub const ALL: [Self; 6] =
         [Self::Slab, Self::Shells, Self::Gaussian, Self::MarschnerLobb, Self::Frog, Self::Engine];
 
-    /// The name it is asked for by.
+    /// Name for files and flags.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -48,7 +48,7 @@ impl Phantom {
         }
     }
 
-    /// Its voxels along x, y and z, where none are asked for.
+    /// Default number of voxels along x, y and z.
     #[must_use]
     pub fn dims(self) -> [usize; 3] {
         match self {
@@ -78,12 +78,12 @@ impl FromStr for Phantom {
 }
 
 impl Volume {
-    /// Makes a phantom; `dims` other than its own scale it along each axis and keep its edges two voxels wide.
+    /// Makes a phantom; other `dims` than the default scale it along each axis, and keep its edges two voxels wide.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
-    /// more than there is memory for.
+    /// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Memory`] if
+    /// there is not enough memory.
     pub fn phantom(phantom: Phantom, dims: Option<[usize; 3]>) -> Result<Self, VolumeError> {
         let dims = dims.unwrap_or(phantom.dims());
         match phantom {
@@ -96,18 +96,18 @@ impl Volume {
         }
     }
 
-    /// The labels of [`Phantom::Frog`] of the same `dims`; their names are [`frog::LABELS`].
+    /// Makes the labels of [`Phantom::Frog`] for the same `dims`; their names are [`frog::LABELS`].
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
-    /// more than there is memory for.
+    /// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Memory`] if
+    /// there is not enough memory.
     pub fn frog_labels(dims: Option<[usize; 3]>) -> Result<Self, VolumeError> {
         made("frog_labels", dims.unwrap_or(frog::DIMS), 1, |dims| Voxels::U8(frog::labels(dims)))
     }
 }
 
-/// A phantom of `voxel_bytes` bytes a voxel.
+/// Makes a phantom with `voxel_bytes` bytes per voxel.
 fn made(
     name: &str,
     dims: [usize; 3],
@@ -115,7 +115,7 @@ fn made(
     make: impl FnOnce([usize; 3]) -> Voxels,
 ) -> Result<Volume, VolumeError> {
     let geometry = Geometry::unit(name, dims)?;
-    // No allocator is asked: it may promise what the system does not have.
+    // Compares with the available memory, because an allocator may promise more than the system has.
     let bytes = u64::try_from(geometry.voxels()).unwrap_or(u64::MAX).saturating_mul(voxel_bytes);
     if memory::available_bytes().is_some_and(|available| bytes > available) {
         return Err(VolumeError::Memory { source_name: format!("the phantom {name}"), bytes });
@@ -123,28 +123,28 @@ fn made(
     Volume::new(name, make(dims), geometry)
 }
 
-/// What [`Phantom::Slab`] is made of.
+/// Value of [`Phantom::Slab`].
 pub const SLAB_VALUE: u8 = 128;
 
-/// The same `value` everywhere, `uint8`.
+/// A constant volume of `value`, `uint8`.
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
-/// more than there is memory for.
+/// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Memory`] if there
+/// is not enough memory.
 pub fn slab(dims: [usize; 3], value: u8) -> Result<Volume, VolumeError> {
     made("slab", dims, 1, |dims| Voxels::U8(vec![value; dims.iter().product()]))
 }
 
-/// Crests of [`shells`] between the centre and the middle of a face.
+/// Number of crests of [`shells`] between the centre and the middle of a face.
 pub const SHELLS: u8 = 4;
 
-/// Concentric shells `½ + ½ cos(2π · SHELLS · r)`, `float32`; `r = √(x² + y² + z²)`, and every axis goes from −1 to 1.
+/// Concentric shells `½ + ½ cos(2π · SHELLS · r)`, `float32`; `r = √(x² + y² + z²)`, and every axis spans [−1, 1].
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
-/// more than there is memory for.
+/// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Memory`] if there
+/// is not enough memory.
 pub fn shells(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     closed_form("shells", dims, |[x, y, z]| {
         let r = (x * x + y * y + z * z).sqrt();
@@ -155,23 +155,23 @@ pub fn shells(dims: [usize; 3]) -> Result<Volume, VolumeError> {
 /// Standard deviation of [`gaussian`].
 pub const GAUSSIAN_SIGMA: f64 = 0.4;
 
-/// `exp(−(x² + y² + z²) / 2σ²)` with σ = [`GAUSSIAN_SIGMA`], `float32`; every axis goes from −1 to 1.
+/// `exp(−(x² + y² + z²) / 2σ²)` with σ = [`GAUSSIAN_SIGMA`], `float32`; every axis spans [−1, 1].
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
-/// more than there is memory for.
+/// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Memory`] if there
+/// is not enough memory.
 pub fn gaussian(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     closed_form("gaussian", dims, |[x, y, z]| (-(x * x + y * y + z * z) / (2.0 * GAUSSIAN_SIGMA.powi(2))).exp())
 }
 
-/// The test signal of Marschner and Lobb (Visualization 1994), `float32`; every axis goes from −1 to 1:
-/// `(1 − sin(πz/2) + α(1 + ρ(√(x² + y²)))) / (2(1 + α))`, `ρ(r) = cos(2π f cos(πr/2))`, f = 6, α = ¼.
+/// The test signal of Marschner and Lobb (Visualization 1994), `float32`; every axis spans [−1, 1]: `(1 − sin(πz/2) +
+/// α(1 + ρ(√(x² + y²)))) / (2(1 + α))`, `ρ(r) = cos(2π f cos(πr/2))`, f = 6, α = ¼.
 ///
 /// # Errors
 ///
-/// [`VolumeError::Dims`] for an axis of no voxel or more voxels than can be addressed, [`VolumeError::Memory`] for
-/// more than there is memory for.
+/// [`VolumeError::Dims`] if an axis has no voxels or the voxels cannot be addressed, [`VolumeError::Memory`] if there
+/// is not enough memory.
 pub fn marschner_lobb(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     const FREQUENCY: f64 = 6.0;
     const ALPHA: f64 = 0.25;

@@ -1,4 +1,4 @@
-//! The bytes of an array, out of base64 and compressed blocks.
+//! Decoding of an array's bytes from base64 and compressed blocks.
 
 use std::io::{self, BufRead, Read};
 
@@ -10,24 +10,24 @@ use flate2::{Decompress, FlushDecompress, Status};
 use crate::volume::raw::ByteOrder;
 use crate::volume::stream::{DEFLATE_LIMIT, count};
 
-/// How blocks are compressed.
+/// Compression method of the blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Compressor {
-    /// A zlib stream each.
+    /// One zlib stream per block.
     Zlib,
     /// Bare LZ4 blocks.
     Lz4,
-    /// An xz stream each.
+    /// One xz stream per block.
     Lzma,
 }
 
-/// Host memory an xz stream may ask for: its greatest preset takes 65 MiB.
+/// Memory limit of an xz decoder in bytes; the largest preset takes 65 MiB.
 const LZMA_MEMORY: u64 = 72 << 20;
 
 impl Compressor {
     pub(super) const ALL: [Self; 3] = [Self::Zlib, Self::Lz4, Self::Lzma];
 
-    /// VTK's name of the class.
+    /// VTK's class name.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Zlib => "vtkZLibDataCompressor",
@@ -40,18 +40,18 @@ impl Compressor {
         Self::ALL.into_iter().find(|compressor| compressor.name() == name)
     }
 
-    /// The most bytes one byte can become.
+    /// Largest expansion, in bytes per compressed byte.
     pub(super) fn limit(self) -> u64 {
         match self {
             Self::Zlib => DEFLATE_LIMIT,
-            // A byte of a length adds up to 255.
+            // One byte of a length adds up to 255.
             Self::Lz4 => 255,
             // A match of 273 bytes takes 14 decisions of at least log₂(2048/2017) bits.
             Self::Lzma => 7200,
         }
     }
 
-    /// Decodes a block, which must become just `block.len()` bytes.
+    /// Decodes a block, which must have exactly `block.len()` bytes.
     fn decode(self, packed: &[u8], block: &mut [u8], inflater: &mut Decompress) -> io::Result<()> {
         let decoded = match self {
             Self::Zlib => {
@@ -80,12 +80,12 @@ impl Compressor {
     }
 }
 
-/// What is wrong with the bytes of a file.
+/// The error for invalid bytes of a file.
 pub(super) fn wrong(problem: String) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidData, problem)
 }
 
-/// How the words before values are written.
+/// Format of the header words before the values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Words {
     pub(super) wide: bool,
@@ -93,12 +93,12 @@ pub(super) struct Words {
 }
 
 impl Words {
-    /// Bytes of a word.
+    /// Bytes per word.
     pub(super) fn bytes(self) -> u64 {
         if self.wide { 8 } else { 4 }
     }
 
-    /// The next word of `stream`.
+    /// Reads the next word of `stream`.
     pub(super) fn next(self, stream: &mut impl Read) -> io::Result<u64> {
         let mut bytes = [0; 8];
         let word = if self.wide { &mut bytes[..] } else { &mut bytes[..4] };
@@ -113,10 +113,10 @@ impl Words {
     }
 }
 
-/// What comes before the next tag.
+/// Reader that ends at the next tag.
 pub(super) struct UntilTag<R> {
     stream: R,
-    /// Bytes in the buffer of which it is known that no tag begins there: words are short, and buffers long.
+    /// Bytes of the buffer known to be before the next tag; cached, because words are short and buffers are long.
     text: usize,
 }
 
@@ -149,10 +149,10 @@ impl<R: BufRead> BufRead for UntilTag<R> {
     }
 }
 
-/// Characters decoded at once; whole groups of four.
+/// Number of characters decoded at once; a multiple of four.
 const CHARACTERS: usize = 1 << 14;
 
-/// Padding is looked at here; spare bits are not, as VTK does not.
+/// Requires canonical padding, but ignores spare bits, as VTK does.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &alphabet::STANDARD,
     GeneralPurposeConfig::new()
@@ -160,7 +160,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
         .with_decode_allow_trailing_bits(true),
 );
 
-/// Bytes out of base64. Padding ends a group, not the data: VTK pads the table of blocks by itself.
+/// Base64 decoder. Padding ends a group, not the data: VTK pads the table of blocks separately.
 pub(super) struct Base64<R> {
     text: R,
     characters: Vec<u8>,
@@ -168,10 +168,10 @@ pub(super) struct Base64<R> {
     at: usize,
 }
 
-/// How many characters come before the first blank or padding.
+/// Number of characters before the first white space or padding.
 fn plain(characters: &[u8]) -> usize {
     let special = |byte: u8| byte.is_ascii_whitespace() || byte == b'=';
-    // Whole groups without a branch for each of them, which is several times faster.
+    // Groups without a branch per character, which is several times faster.
     let groups =
         characters.chunks_exact(32).take_while(|group| !group.iter().fold(false, |any, &byte| any | special(byte)));
     let whole = groups.count() * 32;
@@ -183,7 +183,7 @@ impl<R: BufRead> Base64<R> {
         Self { text, characters: Vec::with_capacity(CHARACTERS), decoded: vec![0; CHARACTERS / 4 * 3], at: usize::MAX }
     }
 
-    /// Decodes the next characters, as far as the next padding; fewer bytes than asked for mean that the text is over.
+    /// Decodes the next characters, up to the next padding. If the buffer stays empty, the text has ended.
     fn refill(&mut self) -> io::Result<()> {
         self.characters.clear();
         let mut padded = false;
@@ -225,18 +225,18 @@ impl<R: BufRead> Read for Base64<R> {
     }
 }
 
-/// Bytes out of compressed blocks.
+/// Decoder of compressed blocks.
 pub(super) struct Blocks<R> {
     packed: R,
     compressor: Compressor,
     inflater: Decompress,
-    /// Compressed bytes of each block, the last first.
+    /// Compressed size of each remaining block, last block first.
     sizes: Vec<u64>,
-    /// How many blocks there were.
+    /// Total number of blocks.
     number: u64,
-    /// Bytes of a block.
+    /// Decoded bytes of a full block.
     full: u64,
-    /// Bytes still to be decoded.
+    /// Bytes still to decode.
     left: u64,
     input: Vec<u8>,
     block: Vec<u8>,
@@ -244,7 +244,7 @@ pub(super) struct Blocks<R> {
 }
 
 impl<R: Read> Blocks<R> {
-    /// Reads the table of blocks, which must make `expected` bytes out of no more than `there`.
+    /// Reads the table of blocks. The blocks must decode to `expected` bytes and fit into `there` compressed bytes.
     pub(super) fn new(
         mut packed: R,
         compressor: Compressor,
@@ -260,7 +260,7 @@ impl<R: Read> Blocks<R> {
                 "{number} blocks of {full} bytes, the last of {last}, are not the {expected} bytes of its extent"
             )));
         }
-        // A table takes eight bytes a block here, and must not take more than the values do.
+        // The table takes eight bytes per block in memory, and must not exceed the values.
         if number > expected / 8 + (1 << 16) || number.saturating_mul(words.bytes()) > there {
             return Err(wrong(format!("{number} blocks of {full} bytes are more than there can be")));
         }
@@ -269,7 +269,7 @@ impl<R: Read> Blocks<R> {
         for index in 0..number {
             let size = words.next(&mut packed)?;
             let block = if index + 1 == number { last } else { full };
-            // No compressor makes much more of what it cannot compress.
+            // Incompressible data grow only slightly.
             if size.saturating_mul(compressor.limit()) < block || size > block.saturating_add(block / 8 + 1024) {
                 return Err(wrong(format!("block {index}: {size} compressed bytes cannot be {block} bytes of values")));
             }
@@ -295,7 +295,7 @@ impl<R: Read> Blocks<R> {
         })
     }
 
-    /// Decodes the next block, which has `block.len()` bytes.
+    /// Decodes the next block of `block.len()` bytes.
     fn decode(&mut self, block: &mut [u8]) -> io::Result<()> {
         let index = self.number - count(self.sizes.len());
         let size = self.sizes.pop().unwrap_or_default();
@@ -307,11 +307,11 @@ impl<R: Read> Blocks<R> {
     }
 }
 
-/// Compressed blocks in memory, to be decoded to nothing: what reading a file can be compared with.
+/// Compressed blocks in memory; decoding them without storing the result is the baseline for reading a file.
 #[derive(Debug)]
 pub struct PackedBlocks {
     compressor: Compressor,
-    /// Each with how many bytes it becomes.
+    /// The compressed bytes of each block, and its decoded size.
     blocks: Vec<(Vec<u8>, usize)>,
 }
 
@@ -320,7 +320,7 @@ impl PackedBlocks {
         Self { compressor, blocks: Vec::new() }
     }
 
-    /// Takes all of `blocks` as they are.
+    /// Appends all of `blocks`, still compressed.
     pub(super) fn add(&mut self, mut blocks: Blocks<impl Read>) -> io::Result<()> {
         while let Some(size) = blocks.sizes.pop() {
             let mut packed = Vec::new();
@@ -333,7 +333,7 @@ impl PackedBlocks {
         Ok(())
     }
 
-    /// How they are compressed: "zlib", "lz4" or "lzma".
+    /// Compression method: "zlib", "lz4" or "lzma".
     #[must_use]
     pub fn compression(&self) -> &'static str {
         match self.compressor {
@@ -343,11 +343,11 @@ impl PackedBlocks {
         }
     }
 
-    /// Decodes all of them, one into the place of the other; how many bytes that were.
+    /// Decodes all blocks into one reused buffer; returns the total number of decoded bytes.
     ///
     /// # Errors
     ///
-    /// What is wrong with a block, or that there is no memory for one.
+    /// A damaged block, or not enough memory for a block.
     pub fn decode(&self) -> io::Result<usize> {
         let (mut inflater, mut place, mut all) = (Decompress::new(true), Vec::new(), 0);
         for (packed, bytes) in &self.blocks {
@@ -359,7 +359,7 @@ impl PackedBlocks {
     }
 }
 
-/// Makes room for just `size` bytes.
+/// Resizes `buffer` to exactly `size` bytes.
 fn resize(buffer: &mut Vec<u8>, size: u64) -> io::Result<()> {
     let size = usize::try_from(size).unwrap_or(usize::MAX);
     if size > buffer.len() {
@@ -373,7 +373,7 @@ impl<R: Read> Read for Blocks<R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         if self.at == self.block.len() && !bytes.is_empty() && self.left > 0 {
             let next = self.left.min(self.full);
-            // A block that fits goes straight to where it is wanted.
+            // A block that fits is decoded directly into the caller's buffer.
             if let Some(place) = usize::try_from(next).ok().and_then(|next| bytes.get_mut(..next)) {
                 let read = place.len();
                 self.decode(place)?;

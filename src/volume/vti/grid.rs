@@ -1,4 +1,4 @@
-//! Extents: which part of a grid of points or cells a piece covers.
+//! Extents: the range of points or cells that a piece covers.
 
 use std::str::FromStr;
 
@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use super::header::Section;
 use crate::volume::{Geometry, VolumeError};
 
-/// The first and last index of points along each axis; where the last is before the first there are none.
+/// First and last index of the points along each axis; empty if the last is before the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Extent {
     first: [i64; 3],
@@ -17,7 +17,7 @@ pub(super) struct Extent {
 impl FromStr for Extent {
     type Err = ();
 
-    /// `x0 x1 y0 y1 z0 z1`, of 32 bits as VTK has them, so that no difference overflows.
+    /// Parses `x0 x1 y0 y1 z0 z1`. The numbers have 32 bits, as in VTK, so that differences do not overflow.
     fn from_str(text: &str) -> Result<Self, ()> {
         let numbers = text.split_whitespace().map(|word| word.parse::<i32>().map(i64::from));
         let [x0, x1, y0, y1, z0, z1] = numbers.collect::<Result<Vec<_>, _>>().map_err(drop)?[..] else {
@@ -27,7 +27,7 @@ impl FromStr for Extent {
     }
 }
 
-/// Where the points of the whole image lie.
+/// Grid of the points of the whole image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
     pub(super) extent: Extent,
@@ -37,10 +37,10 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Which points, or cells, `extent` has.
+    /// Returns the points or cells of `extent`.
     pub(super) fn block(&self, section: Section, extent: &Extent) -> Block {
         let dims = [0, 1, 2].map(|axis| {
-            // An image that is flat along an axis has one layer of cells there, not none.
+            // An image that is flat along an axis has one layer of cells along it, not none.
             let flat = self.extent.first[axis] == self.extent.last[axis];
             let between = i64::from(section == Section::Cells && !flat);
             usize::try_from(extent.last[axis] - extent.first[axis] + 1 - between).unwrap_or(0)
@@ -48,7 +48,7 @@ impl Frame {
         Block { first: extent.first, dims }
     }
 
-    /// Where the points, or the centres of the cells, of the whole image lie.
+    /// Geometry of the points, or of the cell centres, of the whole image.
     pub(super) fn geometry(&self, source: &str, section: Section) -> Result<Geometry, VolumeError> {
         let Self { extent, origin, spacing, direction } = *self;
         let first = [0, 1, 2].map(|axis| {
@@ -70,7 +70,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// A row of `length`.
+    /// A row of `length` points.
     pub(super) fn row(length: usize) -> Self {
         Self { first: [0; 3], dims: [length, 1, 1] }
     }
@@ -79,25 +79,25 @@ impl Block {
         self.dims.contains(&0)
     }
 
-    /// How many it has; `None` where they cannot be counted.
+    /// Number of points or cells; `None` on overflow.
     pub(super) fn voxels(&self) -> Option<usize> {
         self.dims.iter().try_fold(1_usize, |product, &n| product.checked_mul(n))
     }
 
-    /// Where it begins in `whole`, if all of it lies there.
+    /// Position of the first element in `whole`; `None` if the block is not contained in it.
     fn start_in(&self, whole: &Self) -> Option<[usize; 3]> {
         let start = [0, 1, 2].map(|axis| usize::try_from(self.first[axis] - whole.first[axis]).unwrap_or(usize::MAX));
         let inside = |axis: usize| start[axis].checked_add(self.dims[axis]).is_some_and(|end| end <= whole.dims[axis]);
         [0, 1, 2].into_iter().all(inside).then_some(start)
     }
 
-    /// The first voxel and the number of each run that is in one piece in `whole`, in order; `None` where the block
-    /// does not lie in `whole`, whose voxels can be counted.
+    /// Returns the first voxel and the length of each contiguous run of the block in `whole`, in order; `None` if the
+    /// block is not contained in `whole`. The voxels of `whole` must be countable.
     pub(super) fn runs(&self, whole: &Self) -> Option<impl Iterator<Item = (usize, usize)> + use<>> {
         let [x, y, z] = self.start_in(whole)?;
         let [nx, ny, nz] = self.dims;
         let [wx, wy, _] = whole.dims;
-        // Rows as long as the whole's follow on one another, and so do layers as large.
+        // Rows that span the whole are contiguous, and so are layers that span it.
         let (length, rows, layers) = match (nx == wx, ny == wy) {
             (true, true) => (nx * ny * nz, 1, 1),
             (true, false) => (nx * ny, 1, nz),

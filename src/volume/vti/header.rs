@@ -1,4 +1,4 @@
-//! The tags of a VTK XML file: which arrays there are, and where their values begin.
+//! Parser for the tags of a VTK XML file: its arrays, and the positions of their values.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -16,22 +16,22 @@ use crate::volume::raw::ByteOrder;
 use crate::volume::stream::{self, count};
 use crate::volume::{VolumeError, VoxelType};
 
-/// More tags than this describe no image; values between tags do not count. Of tags inside one another, four times as
-/// much is kept.
+/// Largest size of the tags in bytes, without the values between them. Nested tags take up to four times as much
+/// memory.
 const LONGEST_MARKUP: u64 = 12 << 20;
 
-/// More arrays than this, those of all pieces together, are a mistake.
+/// Largest number of arrays in all pieces together; more are a mistake.
 const MOST_ARRAYS: usize = 1 << 16;
 
-/// More numbers to a voxel than this are a mistake.
+/// Largest number of components per voxel; more are a mistake.
 const MOST_COMPONENTS: usize = 1 << 16;
 
-/// What the numbers of an array belong to.
+/// Owner of an array's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Section {
     /// The corners of the grid.
     Points,
-    /// What lies between the corners.
+    /// The cells between the corners.
     Cells,
     /// The data set as a whole.
     Fields,
@@ -40,7 +40,7 @@ pub(super) enum Section {
 impl Section {
     const ALL: [Self; 3] = [Self::Points, Self::Cells, Self::Fields];
 
-    /// VTK's name of it.
+    /// VTK's name of the section.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Points => "PointData",
@@ -50,39 +50,39 @@ impl Section {
     }
 }
 
-/// Where the values of an array begin; places are bytes of the file.
+/// Position of an array's values, as an offset in the file unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     /// Numbers between tags.
     Text(u64),
-    /// Bytes between tags, as base64.
+    /// Base64 between tags.
     Base64(u64),
-    /// So many characters into the appended section.
+    /// Offset in the appended section, in characters.
     Appended(u64),
 }
 
-/// An array that the tags announce.
+/// An array declared by a tag.
 #[derive(Clone, Debug)]
 pub(super) struct Array {
     pub(super) section: Section,
     pub(super) name: String,
-    /// The type as the file calls it.
+    /// The type as named in the file.
     pub(super) type_name: String,
     pub(super) components: usize,
-    /// Whether its section names it as the scalars to show.
+    /// Whether its section names it as the default scalars.
     pub(super) active: bool,
-    /// How many tuples, where it is said, as it is in field data.
+    /// Number of tuples, if stated, as in field data.
     pub(super) tuples: Option<usize>,
     pub(super) place: Place,
 }
 
 impl Array {
-    /// The type of its values; `None` for strings and bits.
+    /// Type of the values; `None` for strings and bits.
     pub(super) fn voxel_type(&self) -> Option<VoxelType> {
         self.type_name.parse().ok()
     }
 
-    /// Whether it is the same array as `other`, of another piece or time.
+    /// Whether `other` is the same array, of another piece or time step.
     pub(super) fn is_same(&self, other: &Self) -> bool {
         self.section == other.section && self.name == other.name
     }
@@ -95,21 +95,21 @@ pub(super) struct Piece {
     pub(super) arrays: Vec<Array>,
 }
 
-/// Where appended values begin.
+/// Position and encoding of the appended values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Appended {
     pub(super) base64: bool,
     pub(super) start: u64,
 }
 
-/// All that the tags say.
+/// Content of the tags.
 #[derive(Debug)]
 pub(super) struct Header {
     pub(super) path: PathBuf,
-    /// Bytes of the file.
+    /// Size of the file in bytes.
     pub(super) length: u64,
     pub(super) byte_order: ByteOrder,
-    /// Whether a word before values has eight bytes, not four.
+    /// Whether header words before values have eight bytes instead of four.
     pub(super) wide: bool,
     pub(super) compressor: Option<Compressor>,
     pub(super) frame: Frame,
@@ -119,7 +119,7 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// Reads the tags as far as the appended section, and steps over the values between them.
+    /// Reads the tags up to the appended section, and skips the values between them.
     pub(super) fn read(path: &Path, progress: &dyn Progress) -> Result<Self, VolumeError> {
         let wrong = |problem: String| VolumeError::Vti { path: path.to_owned(), problem };
         let failed = |source| stream::failed(path, source);
@@ -141,7 +141,7 @@ impl Header {
         };
         let mut buffer = Vec::new();
         loop {
-            // The reader never sees text: it would hold all of it.
+            // The XML reader never sees text, because it would hold all of it in memory.
             while xml.get_mut().skip_some_text().map_err(failed)? {
                 if progress.cancelled() {
                     return Err(VolumeError::Cancelled { source_name: path.display().to_string() });
@@ -177,7 +177,7 @@ impl Header {
     }
 }
 
-/// Bytes on their way to the XML reader: counted, and limited but for what is skipped.
+/// Input of the XML reader: counts all bytes, and limits those that are not skipped.
 struct Markup {
     stream: BufReader<File>,
     at: u64,
@@ -185,7 +185,7 @@ struct Markup {
 }
 
 impl Markup {
-    /// Steps over text in the buffer; `false` when a tag or the end has come.
+    /// Skips text in the buffer; returns `false` at a tag or at the end.
     fn skip_some_text(&mut self) -> io::Result<bool> {
         let buffer = self.stream.fill_buf()?;
         let tag = memchr::memchr(b'<', buffer);
@@ -196,7 +196,7 @@ impl Markup {
         Ok(more)
     }
 
-    /// Steps over blanks and an underscore, and says where it is then; `None` where something else comes.
+    /// Skips white space and an underscore; returns the offset after it, or `None` before any other byte.
     fn past_underscore(&mut self) -> io::Result<Option<u64>> {
         let mut byte = [0];
         while self.read(&mut byte)? == 1 {
@@ -232,22 +232,22 @@ impl BufRead for Markup {
     }
 }
 
-/// A header while its tags come in.
+/// State of the parser.
 struct Builder<'a> {
     path: &'a Path,
-    /// How many tags are open.
+    /// Number of open tags.
     depth: usize,
     file: Option<FileTag>,
     frame: Option<Frame>,
     section: Option<Section>,
-    /// The array that the section names as the scalars to show.
+    /// Default scalars named by the section.
     scalars: Option<String>,
     in_piece: bool,
     fields: Vec<Array>,
     pieces: Vec<Piece>,
-    /// How many arrays there are in all pieces.
+    /// Number of arrays and pieces so far.
     arrays: usize,
-    /// Whether appended values are base64, once their tag has come.
+    /// Whether appended values are base64; `None` before their tag.
     base64: Option<bool>,
 }
 
@@ -262,7 +262,7 @@ impl Builder<'_> {
         VolumeError::Vti { path: self.path.to_owned(), problem }
     }
 
-    /// A tag has begun, and `at` is behind it.
+    /// Handles an opening tag that ends at offset `at`.
     fn open(&mut self, tag: &BytesStart<'_>, at: u64) -> Result<(), VolumeError> {
         self.depth += 1;
         let name = tag.name();
@@ -297,7 +297,7 @@ impl Builder<'_> {
             "AppendedData" => {
                 self.base64 = Some(match self.attribute(tag, "encoding")?.as_deref() {
                     Some("raw") => false,
-                    // VTK's own default.
+                    // VTK's default.
                     Some("base64") | None => true,
                     Some(other) => return Err(self.wrong(format!("appended data are raw or base64, not {other}"))),
                 });
@@ -337,7 +337,7 @@ impl Builder<'_> {
         let byte_order = match self.attribute(tag, "byte_order")?.as_deref() {
             Some("LittleEndian") => ByteOrder::Little,
             Some("BigEndian") => ByteOrder::Big,
-            // As VTK reads it.
+            // VTK's default.
             None => ByteOrder::NATIVE,
             Some(other) => {
                 return Err(self.wrong(format!("byte_order is LittleEndian or BigEndian, not {other}")));
@@ -392,13 +392,13 @@ impl Builder<'_> {
                 self.parse::<usize>(&text, &format!("{key} of the array {name:?}"), "a whole number").map(Some)
             }
         };
-        // VTK writes 0 where it means 1.
+        // VTK writes 0 for 1.
         let components = whole("NumberOfComponents")?.unwrap_or(1).max(1);
         if components > MOST_COMPONENTS {
             return Err(self.wrong(format!("the array {name:?} has {components} components")));
         }
         let tuples = whole("NumberOfTuples")?;
-        // As VTK decides it: what has an offset is appended, and what is not binary is text.
+        // VTK's rule: an array with an offset is appended, and any other format than binary is text.
         let format = self.attribute(tag, "format")?;
         let place = match (self.attribute(tag, "offset")?, format.as_deref()) {
             (Some(offset), _) => {
@@ -415,9 +415,9 @@ impl Builder<'_> {
         Ok(Array { section, name, type_name, components, active, tuples, place })
     }
 
-    /// An attribute of a tag; of XML's entities only those every XML file has.
+    /// Returns an attribute of a tag. Of the XML entities, only the predefined ones are resolved.
     fn attribute(&self, tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, VolumeError> {
-        // The check for repeated names takes the square of their number.
+        // The check for repeated names takes quadratic time.
         for attribute in tag.attributes().with_checks(false) {
             let attribute = attribute.map_err(|error| self.wrong(format!("a tag is damaged: {error}")))?;
             if attribute.key.as_ref() == name {
@@ -449,7 +449,7 @@ impl Builder<'_> {
     }
 }
 
-/// The beginning of what a file says, for a message.
+/// Quotes the beginning of a text from the file, for a message.
 fn shortened(text: &str) -> String {
     let start: String = text.chars().take(60).collect();
     format!("{start:?}")

@@ -1,7 +1,7 @@
-//! VTK XML image data, `.vti`: tags that describe a grid and its arrays, and values between or behind them.
+//! VTK XML image data, `.vti`: tags that describe a grid and its arrays, with values between or after the tags.
 //!
-//! Tags and meanings as in `vtkXMLImageDataReader` and `vtkXMLDataParser` (VTK 9). The registry's crate for such files,
-//! `vtkio`, is not used: it fails on files that VTK wrote, `engine.vti` of vtk-js-datasets among them.
+//! Tags and meanings follow `vtkXMLImageDataReader` and `vtkXMLDataParser` (VTK 9). The registry's crate for these
+//! files, `vtkio`, is not used: it fails on files that VTK wrote, for example `engine.vti` of vtk-js-datasets.
 
 mod bytes;
 mod grid;
@@ -22,24 +22,25 @@ use super::voxels::{with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::{Progress, Quiet};
 
-/// Neighbouring pieces share points: along each axis, pieces of one cell have nearly twice as many as there are.
+/// Largest ratio of the points in all pieces to those in the image. Neighbouring pieces share points: with pieces of
+/// one VTK cell, each axis has nearly twice as many points.
 const MOST_SHARED: usize = 8;
 
-/// A digit and what parts it from the next are two bytes in the file, and at most eight in memory.
+/// Largest expansion of text: a digit and its separator take two bytes in the file, and at most eight in memory.
 const PLAIN_LIMIT: u64 = 4;
 
-/// Field data of more numbers than this are not shown.
+/// Largest number of values of field data in the metadata.
 const MOST_SHOWN: usize = 16;
 
-/// Whether a file that begins with these bytes is VTK XML.
+/// Whether the first bytes of a file identify VTK XML.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
     String::from_utf8_lossy(beginning).contains("<VTKFile")
 }
 
 /// Reads one component of one array of VTK XML image data.
 ///
-/// No more memory is taken than the lengths of the values in the file justify, none before all pieces have been looked at,
-/// and never more than the volume, one block of compressed values, and for several pieces a bit per voxel.
+/// Memory is bounded by what the lengths of the values in the file justify, and is allocated only after all pieces have
+/// been examined. It holds the volume, one block of compressed values, and, for several pieces, one bit per voxel.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let source = path.display().to_string();
     let header = Header::read(path, progress)?;
@@ -69,7 +70,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     Ok(volume)
 }
 
-/// The compressed blocks of what [`read`] would decode; `None` where nothing is compressed.
+/// Returns the compressed blocks that [`read`] would decode; `None` if the values are not compressed.
 pub(super) fn packed(
     path: &Path,
     selection: &Selection,
@@ -98,25 +99,25 @@ pub(super) fn packed(
     Ok(Some(all))
 }
 
-/// The arrays of the first piece that has points; all others have the same.
+/// Arrays of the first piece with points; all other pieces have the same arrays.
 fn arrays(header: &Header) -> impl Iterator<Item = &Array> {
     let pieces = header.pieces.iter().filter(|piece| !header.frame.block(Section::Points, &piece.extent).is_empty());
     pieces.take(1).flat_map(|piece| &piece.arrays)
 }
 
-/// The arrays of numbers at points and cells, each once.
+/// Distinct numeric arrays of points and cells.
 fn candidates(header: &Header) -> Vec<&Array> {
     let mut seen = HashSet::new();
     let numbers = |array: &&Array| array.section != Section::Fields && array.voxel_type().is_some();
     arrays(header).filter(numbers).filter(|array| seen.insert((array.section, &array.name))).collect()
 }
 
-/// How many time steps of an array there are: VTK writes one after the other, by the same name.
+/// Number of time steps of an array: VTK writes them as consecutive arrays of the same name.
 fn steps(header: &Header, chosen: &Array) -> usize {
     arrays(header).filter(|array| array.is_same(chosen)).count()
 }
 
-/// The array that is chosen, its name where there are others, and the time step.
+/// Returns the selected array, its name if the file has other arrays, and the time step.
 fn choose<'a>(
     header: &'a Header,
     selection: &Selection,
@@ -126,8 +127,8 @@ fn choose<'a>(
     Ok((chosen, name, selection.time(source, steps(header, chosen))?))
 }
 
-/// The array that is chosen, else the one that is active, of points before cells, else the only one; and its name where there
-/// are others.
+/// Returns the selected array, and its name if the file has other arrays. Without a selection, this is the active array
+/// of the points, or of the cells, or the only array.
 fn choose_array<'a>(
     header: &'a Header,
     selection: &Selection,
@@ -137,7 +138,7 @@ fn choose_array<'a>(
     if candidates.is_empty() {
         return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
     }
-    // An array of points and one of cells may have the same name.
+    // A point array and a cell array may have the same name.
     let names = |section| -> HashSet<&str> {
         candidates.iter().filter(|array| array.section == section).map(|array| array.name.as_str()).collect()
     };
@@ -156,13 +157,13 @@ fn choose_array<'a>(
     Ok((candidates[index], labels.get(index).filter(|_| labels.len() > 1).cloned()))
 }
 
-/// What one piece has of an array.
+/// An array of one piece, with the block that it covers.
 struct Part<'a> {
     array: &'a Array,
     block: Block,
 }
 
-/// What every piece has of the array `chosen` at a time step; pieces without points have none.
+/// Returns the parts of the array `chosen` at a time step, one per piece that is not empty.
 fn parts<'a>(header: &'a Header, chosen: &Array, step: usize) -> Result<Vec<Part<'a>>, VolumeError> {
     let blocks = header.pieces.iter().map(|piece| (piece, header.frame.block(chosen.section, &piece.extent)));
     blocks
@@ -179,7 +180,7 @@ fn parts<'a>(header: &'a Header, chosen: &Array, step: usize) -> Result<Vec<Part
         .collect()
 }
 
-/// Refuses parts that lie outside the whole, repeat it for ever, or are more than the file can hold.
+/// Refuses parts outside the whole, excessive overlap, and more values than the file can hold.
 fn check_parts<T: Voxel>(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
     if parts.iter().any(|part| part.block.runs(whole).is_none()) {
         return Err(header.wrong("a Piece lies outside the WholeExtent".to_owned()));
@@ -192,7 +193,7 @@ fn check_parts<T: Voxel>(header: &Header, parts: &[Part<'_>], whole: &Block) -> 
     for part in parts {
         Values::open::<T>(header, part)?;
     }
-    // Each of them fits by itself, but all could be the same bytes of the file.
+    // Each part fits alone, but several could refer to the same bytes of the file.
     let limit = header.compressor.map_or(PLAIN_LIMIT, Compressor::limit);
     let bytes = count(sum).saturating_mul(count(size_of::<T>()));
     if bytes > header.length.saturating_mul(limit) {
@@ -202,7 +203,7 @@ fn check_parts<T: Voxel>(header: &Header, parts: &[Part<'_>], whole: &Block) -> 
     Ok(())
 }
 
-/// Refuses parts that leave out some of the whole; they are known to lie in it.
+/// Refuses parts that do not cover the whole; they must lie in it.
 fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), VolumeError> {
     let all = whole.voxels().unwrap_or(usize::MAX);
     let sum: usize = parts.iter().filter_map(|part| part.block.voxels()).sum();
@@ -222,7 +223,7 @@ fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), 
     Ok(())
 }
 
-/// Reads one component of all parts of an array. What was odd but harmless goes to `notes`.
+/// Reads one component of all parts of an array. Harmless oddities are appended to `notes`.
 fn read_parts<T: Voxel>(
     header: &Header,
     parts: &[Part<'_>],
@@ -231,7 +232,7 @@ fn read_parts<T: Voxel>(
     progress: &dyn Progress,
     notes: &mut Vec<String>,
 ) -> Result<Voxels, VolumeError> {
-    // All of them are looked at before there is memory for any.
+    // All parts are checked before memory is allocated.
     check_parts::<T>(header, parts, whole)?;
     check_gaps(header, parts, whole)?;
     let mut voxels = data::zeroed::<T>(&header.path, whole.voxels().unwrap_or(usize::MAX))?;
@@ -265,12 +266,12 @@ fn read_parts<T: Voxel>(
     Ok(T::into_voxels(voxels))
 }
 
-/// The values of a part of an array, one after the other.
+/// Reader of the values of one part of an array.
 struct Values<'a> {
     header: &'a Header,
     array: &'a Array,
     stream: Stream,
-    /// Numbers read, and how many there should be.
+    /// Numbers read so far; `numbers` is the total.
     at: usize,
     numbers: usize,
 }
@@ -281,7 +282,7 @@ enum Stream {
 }
 
 impl<'a> Values<'a> {
-    /// Goes to the first value; there are bytes enough for all of them.
+    /// Seeks to the first value, after a check that the file holds enough bytes for all values.
     fn open<T: Voxel>(header: &'a Header, part: &Part<'a>) -> Result<Self, VolumeError> {
         let array = part.array;
         let path = &header.path;
@@ -291,7 +292,7 @@ impl<'a> Values<'a> {
         let expected = count(numbers) * count(size_of::<T>());
         let stream = if let Place::Text(start) = array.place {
             let there = there(header, array, start)?;
-            // A number and what parts it from the next take two bytes; the last needs no parting.
+            // A number and its separator take two bytes; the last number needs no separator.
             if there.div_ceil(2) < count(numbers) {
                 let found = usize::try_from(there.div_ceil(2)).unwrap_or(usize::MAX);
                 return Err(VolumeError::ShortText { path: path.clone(), found, expected: numbers });
@@ -306,7 +307,7 @@ impl<'a> Values<'a> {
         Ok(Self { header, array, stream, at: 0, numbers })
     }
 
-    /// The next numbers.
+    /// Reads the next numbers into `slab`.
     fn fill<T: Voxel>(&mut self, slab: &mut [T]) -> Result<(), VolumeError> {
         let path = &self.header.path;
         let next = Next { path, first: self.at, expected: self.numbers };
@@ -327,7 +328,7 @@ impl<'a> Values<'a> {
         Ok(())
     }
 
-    /// A sentence about text that goes on behind the last number; lengths of bytes are compared before they are read.
+    /// Returns a note if text continues after the last number. Binary lengths are checked before reading.
     fn rest(&mut self) -> Result<Option<String>, VolumeError> {
         let Stream::Text(stream) = &mut self.stream else { return Ok(None) };
         let path = &self.header.path;
@@ -340,13 +341,13 @@ impl<'a> Values<'a> {
     }
 }
 
-/// Bytes of an array that are not text, as they are compressed or not, and the most there can be of them.
+/// Bytes of a binary array, possibly compressed; `there` is their largest possible number.
 struct Stored {
     stream: Box<dyn Read>,
     there: u64,
 }
 
-/// Goes to the bytes of `array`.
+/// Seeks to the bytes of `array`.
 fn stored(header: &Header, array: &Array) -> Result<Stored, VolumeError> {
     let (start, base64) = match (array.place, header.appended) {
         (Place::Text(at), _) => (at, false),
@@ -365,7 +366,7 @@ fn stored(header: &Header, array: &Array) -> Result<Stored, VolumeError> {
     })
 }
 
-/// Bytes of the file from `start` on, where the values of `array` begin.
+/// Number of bytes in the file from offset `start` on, where the values of `array` begin.
 fn there(header: &Header, array: &Array, start: u64) -> Result<u64, VolumeError> {
     let length = header.length;
     length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
@@ -373,7 +374,7 @@ fn there(header: &Header, array: &Array, start: u64) -> Result<u64, VolumeError>
     })
 }
 
-/// The bytes of values, of which there are `expected`, out of at most `there` as they are stored.
+/// Decodes the `expected` bytes of values from at most `there` stored bytes.
 fn unpacked(header: &Header, mut stored: Box<dyn Read>, expected: u64, there: u64) -> std::io::Result<Box<dyn Read>> {
     let words = Words { wide: header.wide, byte_order: header.byte_order };
     if let Some(compressor) = header.compressor {
@@ -390,7 +391,7 @@ fn unpacked(header: &Header, mut stored: Box<dyn Read>, expected: u64, there: u6
     Ok(stored)
 }
 
-/// What else the file says: which arrays there are, which of them was read, and short field data.
+/// Metadata of the file: its arrays, the array that was read, and short field data.
 fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
     let list = |section: Section| {
         let arrays = candidates(header).into_iter().filter(|array| array.section == section);
@@ -414,7 +415,7 @@ fn metadata(header: &Header, chosen: &Array) -> Vec<(String, String)> {
             let row = Block::row(numbers);
             let scalar = Array { components: 1, ..array.clone() };
             let parts = [Part { array: &scalar, block: row }];
-            // What is no part of the image is not worth an error.
+            // Errors in field data are ignored, because they are not part of the image.
             if let Ok(values) =
                 with_type!(voxel_type, T => read_parts::<T>(header, &parts, &row, 0, &Quiet, &mut Vec::new()))
             {
