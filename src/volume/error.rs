@@ -58,7 +58,7 @@ pub enum VolumeError {
     Layout {
         /// The sidecar or the file of voxels.
         source_name: String,
-        /// What is wrong.
+        /// Description of the error.
         problem: String,
     },
     /// A sidecar is not TOML, or has unknown or mistyped keys.
@@ -68,7 +68,7 @@ pub enum VolumeError {
         path: PathBuf,
         /// Line and column, from 1.
         place: [usize; 2],
-        /// What is wrong.
+        /// Description of the error.
         problem: String,
     },
     /// A line of a header is invalid.
@@ -78,7 +78,7 @@ pub enum VolumeError {
         path: PathBuf,
         /// The line, from 1.
         line: usize,
-        /// What is wrong.
+        /// Description of the error.
         problem: String,
     },
     /// A required key is missing.
@@ -246,7 +246,7 @@ pub enum VolumeError {
     Vti {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the error.
         problem: String,
     },
     /// The values of an array of a VTK XML file cannot be decoded.
@@ -258,7 +258,7 @@ pub enum VolumeError {
         array: String,
         /// Intact bytes of values before the error.
         decoded: u64,
-        /// What is wrong.
+        /// The cause.
         source: io::Error,
     },
     /// There is not enough memory.
