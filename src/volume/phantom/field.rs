@@ -207,7 +207,7 @@ impl Layer {
     }
 }
 
-/// Distances from a layer in one slice: negative inside, [`FAR`] outside `spans`.
+/// Distances from a layer in one slice: negative inside, `FAR` outside `spans`.
 pub(super) struct Slice {
     distance: Vec<f32>,
     spans: Vec<Range<usize>>,
@@ -300,7 +300,7 @@ impl Wave {
     }
 }
 
-/// Noise in [0, 1), a hash of the position.
+/// Noise in `[0, 1)`, a hash of the position.
 pub(super) fn grain(x: usize, row: u32) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "any bits will do")]
     let mut bits = (x as u32).wrapping_mul(0x9e37_79b1) ^ row;

@@ -34,7 +34,7 @@ pub const LABELS: [&str; 5] = ["unlabelled", "stomach", "intestine", "eyes", "sk
 const MIDDLE: f32 = 117.5;
 const SIZE: [f32; 3] = [250.0, 235.0, 138.0];
 
-/// A point at distance `beside` from the plane of symmetry.
+/// A point at the signed distance `beside` from the plane of symmetry.
 fn at(x: f32, beside: f32, z: f32) -> Vec3 {
     vec3(x, MIDDLE + beside, z)
 }

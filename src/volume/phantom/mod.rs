@@ -139,7 +139,7 @@ pub fn slab(dims: [usize; 3], value: u8) -> Result<Volume, VolumeError> {
 /// Number of crests of [`shells`] between the centre and the middle of a face.
 pub const SHELLS: u8 = 4;
 
-/// Concentric shells `½ + ½ cos(2π · SHELLS · r)`, `float32`; `r = √(x² + y² + z²)`, and every axis spans [−1, 1].
+/// Concentric shells `½ + ½ cos(2π · SHELLS · r)`, `float32`; `r = √(x² + y² + z²)`, and every axis goes from −1 to 1.
 ///
 /// # Errors
 ///
@@ -155,7 +155,7 @@ pub fn shells(dims: [usize; 3]) -> Result<Volume, VolumeError> {
 /// Standard deviation of [`gaussian`].
 pub const GAUSSIAN_SIGMA: f64 = 0.4;
 
-/// `exp(−(x² + y² + z²) / 2σ²)` with σ = [`GAUSSIAN_SIGMA`], `float32`; every axis spans [−1, 1].
+/// `exp(−(x² + y² + z²) / 2σ²)` with σ = [`GAUSSIAN_SIGMA`], `float32`; every axis goes from −1 to 1.
 ///
 /// # Errors
 ///
@@ -165,8 +165,8 @@ pub fn gaussian(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     closed_form("gaussian", dims, |[x, y, z]| (-(x * x + y * y + z * z) / (2.0 * GAUSSIAN_SIGMA.powi(2))).exp())
 }
 
-/// The test signal of Marschner and Lobb (Visualization 1994), `float32`; every axis spans [−1, 1]: `(1 − sin(πz/2) +
-/// α(1 + ρ(√(x² + y²)))) / (2(1 + α))`, `ρ(r) = cos(2π f cos(πr/2))`, f = 6, α = ¼.
+/// The test signal of Marschner and Lobb (Visualization 1994), `float32`; every axis goes from −1 to 1: `(1 − sin(πz/2)
+/// + α(1 + ρ(√(x² + y²)))) / (2(1 + α))`, `ρ(r) = cos(2π f cos(πr/2))`, f = 6, α = ¼.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ use crate::volume::{VolumeError, VoxelType};
 /// memory.
 const LONGEST_MARKUP: u64 = 12 << 20;
 
-/// Largest number of arrays in all pieces together; more are a mistake.
+/// Largest number of pieces and arrays together; more are a mistake.
 const MOST_ARRAYS: usize = 1 << 16;
 
 /// Largest number of components per voxel; more are a mistake.
