@@ -1,8 +1,9 @@
-//! What no spectra can do, shown by a convex problem that asks for less than the palette does.
+//! Infeasibility proofs for palettes: convex relaxations with a lower bound on the colour difference.
 //!
-//! Under given lights the colours are linear in the reflectances, and the problem is the palette's own. Under an open
-//! light it is relaxed: what a material sends back, a product of two unknowns, is an unknown of its own, held between
-//! the planes that such products lie between (McCormick 1976). What the relaxed problem cannot do, no spectra can.
+//! Under given lights the colours are linear in the reflectances, and the convex problem is exact. Under an open light
+//! the reflected spectrum is a product of two unknowns. The relaxation replaces it by an unknown of its own within
+//! McCormick's inequalities (McCormick 1976). A target that the relaxation cannot reach is out of reach of every
+//! spectrum.
 
 use std::fmt;
 
@@ -16,50 +17,50 @@ use crate::progress::Progress;
 use crate::spectrum::colour::{OBSERVER, Xyz};
 use crate::spectrum::{BANDS, Spectrum};
 
-/// Below this ΔE00, a bound is what the solver's accuracy leaves.
+/// Largest bound, as ΔE00, that counts as zero: the accuracy of the solver.
 const REACHABLE: f64 = 0.02;
 const STAGE: &str = "looking for what excludes itself";
 
-/// Cells that no spectra within their bounds can have all at once.
+/// Cells that no spectra within their bounds can satisfy together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conflict {
-    /// Row and column of the cells that exclude one another: without any of them, the others would be possible.
+    /// Row and column of the conflicting cells. The set is minimal: without any one of them, the others are possible.
     pub cells: Vec<(usize, usize)>,
-    /// Row and column of all cells that hang together with them.
+    /// Row and column of all cells coupled to them.
     pub part: Vec<(usize, usize)>,
-    /// What the root mean square over the part cannot fall below, in ΔE00 as it is near the targets, with the weights
-    /// of the cells.
+    /// Lower bound of the root mean square ΔE00 over the part, linearised at the targets and weighted by the cells'
+    /// weights.
     pub least: f64,
-    /// The same of the palette as it was solved.
+    /// The same root mean square in the solved palette.
     pub reached: f64,
-    /// Why, in a sentence.
+    /// Reason, as a sentence.
     pub reason: String,
-    /// What may make the cells possible, each by itself, with the part's other conflicts left aside: the same convex
-    /// problem does not exclude it.
+    /// Single changes that may make the cells possible: the same relaxation does not exclude the result. The part's
+    /// other conflicts are left aside.
     pub ways_out: Vec<WayOut>,
 }
 
-/// A change of one thing that may make possible what excludes itself. In words it is a clause: "let a under b be free".
+/// Single change that may resolve a conflict. Displays as a clause: "let a under b be free".
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum WayOut {
-    /// Nothing is asked of a cell.
+    /// Frees a cell.
     Free {
-        /// Its row, by name.
+        /// Name of the row.
         material: String,
-        /// Its column, by name.
+        /// Name of the column.
         light: String,
     },
-    /// The spectrum of a material may be artificial.
+    /// Allows an artificial spectrum for a material.
     Bounds {
-        /// The material, by name.
+        /// Name of the material.
         material: String,
-        /// What its samples may be.
+        /// New bounds of its samples.
         bounds: [f64; 2],
     },
-    /// The spectrum of a light is found.
+    /// Opens the spectrum of a light.
     Open {
-        /// The light, by name.
+        /// Name of the light.
         light: String,
     },
 }
@@ -76,7 +77,7 @@ impl fmt::Display for WayOut {
     }
 }
 
-/// Everything that excludes itself, as far as convex problems show.
+/// Returns all conflicts that the relaxation proves.
 pub(super) fn conflicts(
     palette: &Palette,
     spectra: &Spectra,
@@ -95,7 +96,8 @@ pub(super) fn conflicts(
     Ok(conflicts)
 }
 
-/// The cells that unknown spectra couple, part by part. What given spectra settle is left out: its ΔE00 says it all.
+/// Groups the cells by the unknown spectra that couple them. Leaves out cells whose spectra are all given: their ΔE00
+/// is fixed.
 fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
     let rows = palette.materials.len();
     let touched = |cell: &Cell| -> Vec<usize> {
@@ -123,20 +125,20 @@ fn is_open(members: &[Member], index: usize) -> bool {
     members.get(index).is_some_and(|member| member.spectrum.is_none())
 }
 
-/// Whether one of `cells` looks at the row under a given light.
+/// Whether one of `cells` uses the row under a given light.
 fn under_given_light(palette: &Palette, cells: &[Cell], row: usize) -> bool {
     let mut places = cells.iter().flat_map(Place::both);
     places.any(|place| place.material == row && !is_open(&palette.lights, place.light))
 }
 
 struct Relaxed<'a> {
-    /// As solved: where relations are measured.
+    /// The solved spectra, at which the metric of relations is evaluated.
     spectra: &'a Spectra,
     progress: &'a dyn Progress,
 }
 
 impl Relaxed<'_> {
-    /// What the root mean square ΔE00 of `cells` cannot fall below.
+    /// Returns a lower bound of the root mean square ΔE00 of `cells`.
     fn least(&self, palette: &Palette, cells: &[Cell]) -> Result<f64, PaletteError> {
         if self.progress.cancelled() {
             return Err(PaletteError::Cancelled);
@@ -199,7 +201,7 @@ impl Relaxed<'_> {
         Ok(self.least(palette, cells)? <= REACHABLE)
     }
 
-    /// A conflict for each set of cells of the part that exclude one another.
+    /// Returns one conflict per minimal infeasible set of the part.
     fn conflicts(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Conflict>, PaletteError> {
         let cores = self.cores(palette, part)?;
         let least = self.least(palette, part)?;
@@ -220,8 +222,8 @@ impl Relaxed<'_> {
         cores.iter().map(told).collect()
     }
 
-    /// What excludes itself in the part: first for each material alone, with the cells that it is to look as, which is
-    /// the plainest to tell; then in what is left.
+    /// Returns disjoint minimal infeasible sets of the part. Searches each material alone first, with the cells that
+    /// its targets refer to, because those conflicts are the easiest to explain; then searches the remaining cells.
     fn cores(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Vec<Cell>>, PaletteError> {
         let mut cores: Vec<Vec<Cell>> = Vec::new();
         for row in 0..palette.materials.len() {
@@ -238,7 +240,7 @@ impl Relaxed<'_> {
                 let before = own.len();
                 own.retain(|cell| !core.contains(cell));
                 if own.len() == before {
-                    // It is of the other material alone.
+                    // The core holds only cells of another material.
                     break;
                 }
                 cores.push(core);
@@ -254,7 +256,7 @@ impl Relaxed<'_> {
         }
     }
 
-    /// Cells of the part that exclude one another, none of which can be left out.
+    /// Returns a minimal infeasible subset of the part.
     fn core(&self, palette: &Palette, part: &[Cell]) -> Result<Vec<Cell>, PaletteError> {
         let mut core = part.to_vec();
         let mut size = core.len().div_ceil(2);
@@ -280,7 +282,7 @@ impl Relaxed<'_> {
         }
     }
 
-    /// The root mean square of the part in the palette as it was solved.
+    /// Returns the root mean square ΔE00 of the part in the solved palette.
     fn reached(&self, part: &[Cell]) -> f64 {
         let (mut squares, mut weights) = (0.0, 0.0);
         for cell in part {
@@ -292,7 +294,7 @@ impl Relaxed<'_> {
         f64::sqrt(squares / weights)
     }
 
-    /// Changes of one thing after which `part` is not shown to be impossible any more.
+    /// Returns single changes after which the relaxation no longer excludes `part`.
     fn ways_out(&self, palette: &Palette, part: &[Cell], core: &[Cell]) -> Result<Vec<WayOut>, PaletteError> {
         let mut ways = Vec::new();
         for freed in core {
@@ -336,7 +338,7 @@ impl Relaxed<'_> {
     }
 }
 
-/// What an open reflectance sends back of an open light, as unknowns that such products cannot be told from.
+/// Adds the product of an open reflectance and an open light as relaxed unknowns. Returns the index of the first.
 fn product(
     program: &mut Program,
     [low, high]: [f64; 2],
@@ -346,14 +348,15 @@ fn product(
 ) -> usize {
     let first = program.unknowns(BANDS);
     if light_bounds[0] < 0.0 {
-        // A light that can be negative bounds nothing.
+        // The inequalities need a light without negative power.
         return first;
     }
     for band in 0..BANDS {
         let (sent, power) = (first + band, light + band);
         program.at_most(vec![(sent, -1.0), (power, low)], 0.0);
         program.at_most(vec![(sent, 1.0), (power, -high)], 0.0);
-        // Luminance 1 in one band alone. Where the eye sees next to nothing, it bounds next to nothing.
+        // Largest power of a band: all of the luminance 1 in this band. Where the observer is almost blind, the limit
+        // is too large to be useful.
         let most = equal_energy() / OBSERVER[1].samples()[band];
         if let Some(reflectance) = reflectance.filter(|_| most < 1e4) {
             let share = reflectance + band;
@@ -364,7 +367,7 @@ fn product(
     first
 }
 
-/// Why the cells of a core exclude one another.
+/// Explains why the cells of a core conflict.
 fn reason(palette: &Palette, core: &[Cell]) -> String {
     let cells: Vec<String> = core
         .iter()
@@ -409,7 +412,7 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
         (_, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
         (_, None, Some(column), _) => {
             let rounded = |number: f64| readable((number * 1e3).round() / 1e3);
-            // What a light of luminance 1 makes of a given reflectance is as bright as some sample of it.
+            // Under a light of luminance 1, the Y of a reflectance is an average of its samples.
             let beyond = core.iter().find_map(|cell| {
                 let samples = palette.materials.get(cell.material)?.spectrum.as_ref()?.samples();
                 let [low, high] = [

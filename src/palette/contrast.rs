@@ -1,25 +1,25 @@
-//! How well materials can be told apart under each light, by everybody.
+//! Colour differences between materials under each light, with normal and deficient colour vision.
 
 use super::Solution;
 use super::solution::difference;
 use crate::spectrum::colour::{linear_srgb_from_xyz, xyz_from_linear_srgb};
 use crate::spectrum::deficiency::Deficiency;
 
-/// The ΔE00 of two materials under one light.
+/// ΔE00 of two materials under one light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contrast {
     /// Index of the light.
     pub light: usize,
     /// Indices of the materials.
     pub materials: [usize; 2],
-    /// To somebody with all cones, of the colours themselves.
+    /// With normal colour vision, between the colours themselves.
     pub normal: f64,
-    /// To somebody without one kind, in the order of [`Deficiency::ALL`], of what a display shows.
+    /// With each colour vision deficiency, in the order of [`Deficiency::ALL`], between the displayed colours.
     pub deficient: [f64; 3],
 }
 
 impl Solution {
-    /// Every pair of materials under every light, light by light.
+    /// Returns the contrast of every pair of materials under every light, light by light.
     #[must_use]
     pub fn contrasts(&self) -> Vec<Contrast> {
         let rows = self.palette.materials.len();

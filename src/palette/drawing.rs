@@ -1,4 +1,4 @@
-//! A solved palette as a drawing: the matrix of colours, the spectra, and who can tell the materials apart.
+//! SVG drawing of a solved palette: colour matrix, spectra and table of contrasts.
 
 use std::fmt::Write as _;
 
@@ -9,25 +9,25 @@ use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Spectrum, wavelength_nm};
 
 const MARGIN: f64 = 24.0;
-/// Where the first column of a table begins.
+/// Left edge of the first table column.
 const LABELS: f64 = 150.0;
-/// A cell of the matrix.
+/// Size of a matrix cell.
 const CELL: [f64; 2] = [128.0, 62.0];
-/// A panel of curves.
+/// Size of a plot.
 const PANEL: [f64; 2] = [420.0, 240.0];
-/// A line of the table of differences.
+/// Height of a row of the contrast table.
 const LINE: f64 = 22.0;
-/// A column of the table of differences.
+/// Width of a column of the contrast table.
 const OBSERVER: f64 = 120.0;
-/// The most differences that are drawn.
+/// Largest number of contrasts drawn.
 const MOST_LINES: usize = 300;
-/// Colours of curves that everybody can tell apart (Okabe and Ito 2008).
+/// Curve colours that stay distinct under colour vision deficiencies (Okabe and Ito 2008).
 const CURVES: [&str; 8] = ["#000000", "#e69f00", "#56b4e9", "#009e73", "#d55e00", "#0072b2", "#cc79a7", "#888888"];
-/// Dashes of the curves beyond those colours.
+/// Dash patterns, for more curves than colours.
 const DASHES: [&str; 4] = ["", "6 3", "2 2", "8 2 2 2"];
 
 impl Solution {
-    /// The drawing as SVG.
+    /// Returns the drawing as SVG.
     #[must_use]
     pub fn to_svg(&self) -> String {
         let mut drawing = Drawing { body: String::new(), width: 0.0, height: MARGIN };
@@ -166,7 +166,7 @@ impl Solution {
         }
     }
 
-    /// What there is to say beside the numbers: what cannot be had and why, and what went black.
+    /// Returns sentences about conflicts, with their reasons and ways out, and about unintended black merges.
     #[must_use]
     pub fn sentences(&self) -> Vec<String> {
         let mut lines = Vec::new();
@@ -179,7 +179,7 @@ impl Solution {
                     format!("What may make it possible: {}.", ways.join("; or "))
                 }
             });
-            // All conflicts of a part have its bound.
+            // All conflicts of a part share its bound.
             if self.conflicts.get(index + 1).is_none_or(|next| next.part != conflict.part) {
                 let has_open_light = conflict
                     .part
@@ -216,7 +216,7 @@ fn titled(member: &Member) -> String {
     if member.spectrum.is_some() { format!("{} (given)", member.name) } else { member.name.clone() }
 }
 
-/// Each name in about `most` characters: from its beginning on, or from where it parts from others that begin alike.
+/// Shortens each name to about `most` characters. Names with a common beginning are cut to where they start to differ.
 fn shortened(names: impl Iterator<Item = String>, most: usize) -> Vec<String> {
     let names: Vec<Vec<char>> = names.map(|name| name.chars().collect()).collect();
     let cut = |name: &[char]| -> String {
@@ -234,7 +234,7 @@ fn shortened(names: impl Iterator<Item = String>, most: usize) -> Vec<String> {
     names.iter().map(short).collect()
 }
 
-/// Lines of about `most` characters, broken at blanks.
+/// Breaks a text at spaces into lines of about `most` characters.
 fn wrapped(text: &str, most: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {
@@ -250,13 +250,13 @@ fn wrapped(text: &str, most: usize) -> Vec<String> {
     lines
 }
 
-/// A text as it stands in XML.
+/// Removes control characters and escapes a text for XML.
 fn escaped(text: &str) -> String {
     let plain: String = text.chars().filter(|letter| !letter.is_control()).collect();
     plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// SVG as it grows downwards.
+/// SVG document that grows downwards.
 struct Drawing {
     body: String,
     width: f64,
@@ -268,7 +268,7 @@ impl Drawing {
         self.width = self.width.max(x);
     }
 
-    /// A line of text below all that is there.
+    /// Adds a line of text below the content.
     fn heading(&mut self, text: &str, size: f64) {
         self.height += size + 6.0;
         self.text([MARGIN, self.height], size, text);
@@ -276,7 +276,7 @@ impl Drawing {
 
     fn text(&mut self, [x, y]: [f64; 2], size: f64, text: &str) {
         let text = escaped(text);
-        // Writing to a String cannot fail; a letter is about 0.6 of its height wide.
+        // Writing to a String cannot fail. The width of a letter is about 0.6 of its height.
         writeln!(self.body, "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\">{text}</text>").ok();
         self.reach(0.6f64.mul_add(size * count(text.chars().count()), x));
     }
@@ -300,7 +300,7 @@ impl Drawing {
             .ok();
     }
 
-    /// Curves over the wavelengths, with a legend; where it ends below.
+    /// Plots spectra over the wavelength, with a legend. Returns its lower edge.
     fn panel(
         &mut self,
         [x, y]: [f64; 2],

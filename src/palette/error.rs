@@ -1,11 +1,11 @@
-//! What keeps a palette from being read or solved.
+//! Errors of reading and solving palettes.
 
 use std::path::PathBuf;
 
 use crate::model::ModelError;
 use crate::spectrum::SpectrumError;
 
-/// Why there is no palette, or none that is solved.
+/// Error of reading or solving a palette.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PaletteError {
@@ -14,44 +14,44 @@ pub enum PaletteError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: std::io::Error,
     },
-    /// The palette's text is not what a palette may say; `at` is `file:line:column`.
+    /// The palette text is invalid.
     #[error("{at}: {message}")]
     Invalid {
-        /// `file:line:column`.
+        /// Position, as `file:line:column`.
         at: String,
-        /// What is wrong, and what is allowed.
+        /// Error, and what is allowed.
         message: String,
     },
-    /// A spectrum of the palette cannot be had.
+    /// A spectrum of the palette cannot be loaded.
     #[error("{at}: {what}")]
     Spectrum {
-        /// `file:line:column`.
+        /// Position, as `file:line:column`.
         at: String,
-        /// Which spectrum, by its key.
+        /// Key of the spectrum.
         what: String,
-        /// Why.
+        /// Cause.
         source: SpectrumError,
     },
-    /// A palette that cannot be solved as it stands.
+    /// The palette cannot be solved.
     #[error("the palette {palette}: {message}")]
     Unsolvable {
-        /// The palette.
+        /// Source of the palette.
         palette: String,
-        /// What is wrong, and what would be right.
+        /// Error, and what is allowed.
         message: String,
     },
-    /// The colour model that the palette is to be shown with cannot be fitted.
+    /// The colour model of the palette cannot be fitted.
     #[error("the palette {palette} has no colour model to be shown with")]
     Model {
-        /// The palette.
+        /// Source of the palette.
         palette: String,
-        /// Why.
+        /// Cause.
         source: ModelError,
     },
-    /// Whoever listened wished to stop.
+    /// The caller cancelled the search.
     #[error("solving the palette was stopped")]
     Cancelled,
 }

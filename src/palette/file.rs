@@ -1,4 +1,4 @@
-//! The palette file: TOML as people write it, checked where it stands, and a solved palette written as one.
+//! The palette file: parsing of TOML with error positions, and writing of solved palettes.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -19,20 +19,20 @@ use crate::spectrum::colour::{Lab, Xyz};
 use crate::spectrum::{Kind, Spectrum, SpectrumError, SpectrumSource, nearest, srgb_code};
 use crate::written::{place, with_suggestion};
 
-/// Anything the file says, with where it says it.
+/// A value with its position in the file.
 type At<T> = Spanned<T>;
 
-/// More than any palette a person writes.
+/// Largest size of a palette file in bytes; larger than any that a person writes.
 const LONGEST: u64 = 1 << 19;
-/// What says that a spectrum is to be found, beside saying nothing.
+/// Keyword of an open spectrum; an absent key means the same.
 const OPEN: &str = "open";
 
-/// A palette as it is written: a file, or a table of a scene.
+/// Palette as written: a file, or a table of a scene.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct PaletteFile {
     version: Option<At<i64>>,
-    /// In a scene: the file that has all the rest.
+    /// In a scene: file with the whole palette.
     pub(crate) r#use: Option<At<PathBuf>>,
     #[serde(default)]
     materials: BTreeMap<String, At<RowFile>>,
@@ -67,7 +67,7 @@ struct ColumnFile {
 )]
 enum CellFile {
     Text(String),
-    /// Looked into later, so that what is wrong with it is told, not only that it is no text.
+    /// Parsed later, so that errors name the wrong key or value of the table.
     Table(toml::Table),
 }
 
@@ -87,7 +87,7 @@ struct ModelFile {
     weight: Option<f64>,
 }
 
-/// What is wrong, and at which byte of the text.
+/// Error with its byte offset in the text.
 #[derive(Debug)]
 pub(crate) struct Misplaced {
     pub(crate) byte: usize,
@@ -101,11 +101,11 @@ impl Misplaced {
     }
 }
 
-/// A scene, as far as a palette is concerned.
+/// Part of a scene file that concerns palettes.
 #[derive(Deserialize)]
 struct SceneFile {
     palette: Option<At<PaletteFile>>,
-    /// No palette file has one.
+    /// Tells a scene from a palette file, which has no volume.
     volume: Option<IgnoredAny>,
 }
 
@@ -113,8 +113,8 @@ struct SceneFile {
 ///
 /// # Errors
 ///
-/// [`PaletteError::Read`], [`PaletteError::Invalid`] and [`PaletteError::Spectrum`]: what cannot be read, or where in
-/// the file something is not as it may be.
+/// [`PaletteError::Read`] for an unreadable file; [`PaletteError::Invalid`] and [`PaletteError::Spectrum`], with their
+/// position, for invalid content.
 pub fn load(path: &Path) -> Result<Palette, PaletteError> {
     let read = |source| PaletteError::Read { path: path.to_owned(), source };
     let name = path.display().to_string();
@@ -133,22 +133,22 @@ pub fn load(path: &Path) -> Result<Palette, PaletteError> {
     parse(&name, &text, path.parent().unwrap_or(Path::new("")))
 }
 
-/// The `[palette]` of the scene that `text` is, as [`parse`]; `None` where it has none.
+/// Parses the `[palette]` of the scene `text`, like [`parse`]; `None` if it has none.
 ///
 /// # Errors
 ///
-/// As [`load`].
+/// Same as [`load`].
 pub fn of_scene(name: &str, text: &str, base: &Path) -> Result<Option<Palette>, PaletteError> {
-    // What is no scene is no palette either, which is told below.
+    // Text that is not a scene is not a palette either; `parse` reports its error.
     let has_none = toml::from_str(text).is_ok_and(|scene: SceneFile| scene.palette.is_none());
     if has_none { Ok(None) } else { parse(name, text, base).map(Some) }
 }
 
-/// The palette that `text` describes, a palette file or a scene; `name` heads messages, relative paths start at `base`.
+/// Parses a palette from `text`, a palette file or a scene. `name` starts messages; relative paths start at `base`.
 ///
 /// # Errors
 ///
-/// As [`load`].
+/// Same as [`load`].
 pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteError> {
     let invalid = |byte, message| PaletteError::Invalid { at: place(name, text, byte), message };
     let misread =
@@ -186,14 +186,14 @@ pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteErro
 }
 
 impl PaletteFile {
-    /// Whether it says anything but `use`.
+    /// Whether there is any key besides `use`.
     pub(crate) fn says_more_than_use(&self) -> bool {
         !(self.materials.is_empty() && self.lights.is_empty() && self.cells.is_empty())
             || self.version.is_some()
             || self.model.is_some()
     }
 
-    /// The palette, whose relative paths start at `base`. Rows and columns are in the order they are written in.
+    /// Builds the palette, with relative paths from `base`. Rows and columns keep the order of the file.
     pub(crate) fn resolve(&self, source: &str, base: &Path) -> Result<Palette, Misplaced> {
         let mut inputs = Vec::new();
         let mut materials = Vec::new();
@@ -250,14 +250,14 @@ impl PaletteFile {
     }
 }
 
-/// The entries of a table as they are written, not by name.
+/// Entries of a table in the order of the file, not sorted by name.
 fn in_order<T>(table: &BTreeMap<String, At<T>>) -> Vec<(&String, &At<T>)> {
     let mut entries: Vec<_> = table.iter().collect();
     entries.sort_by_key(|(_, value)| value.span().start);
     entries
 }
 
-/// The given spectrum, where one is, and its file among `inputs`.
+/// Loads a given spectrum, and adds its file to `inputs`; `None` if it is open.
 fn spectrum(
     key: &str,
     stated: Option<&At<SpectrumSource>>,
@@ -304,7 +304,7 @@ fn index(name: &str, members: &[Member], what: &str) -> Result<usize, String> {
     })
 }
 
-/// What a cell says; `None` where it is free.
+/// Target and weight of a cell; `None` for a free cell.
 fn target(
     file: &CellFile,
     (material, light): (usize, usize),
@@ -359,7 +359,7 @@ fn target(
     Ok(Some((target, weight)))
 }
 
-/// A text as a TOML string on one line, which can be a key too.
+/// Quotes a text as a one-line TOML string, also valid as a key.
 fn quoted(text: &str) -> String {
     let letter = |letter: char| match letter {
         '"' | '\\' => format!("\\{letter}"),
@@ -370,7 +370,7 @@ fn quoted(text: &str) -> String {
 }
 
 impl Solution {
-    /// The palette as a file in which all spectra are given: loaded, it has the very colours of this solution.
+    /// Writes the palette as a file with all spectra given. Loaded, it has exactly the colours of this solution.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let head = format!(
@@ -386,7 +386,7 @@ impl Solution {
 }
 
 impl Palette {
-    /// The palette as a file with these spectra of its rows and of its columns; `None` is open.
+    /// Writes the palette as a file with these spectra of its rows and columns; `None` is open.
     #[must_use]
     pub fn to_toml(&self, materials: &[Option<&Spectrum>], lights: &[Option<&Spectrum>]) -> String {
         let palette = self;

@@ -1,7 +1,7 @@
-//! Spectra designed together: materials that merge, vanish and keep their colour as one light follows another.
+//! Joint design of spectra: materials that match, vanish or keep their colour as the light changes.
 //!
-//! A palette is a matrix of colours: rows are materials, columns are lights, and a cell says which colour the material
-//! is to have under the light. Spectra are given or open; [`solve()`] finds the open ones.
+//! A palette is a matrix of colours with one row per material and one column per light. A cell states the target colour
+//! of its material under its light. Spectra are given or open; [`solve()`] finds the open ones.
 
 mod bound;
 mod contrast;
@@ -29,54 +29,55 @@ use crate::number::readable;
 use crate::spectrum::colour::{Lab, LinearSrgb, Xyz, d65_white, decode_srgb, xyz_from_lab, xyz_from_linear_srgb};
 use crate::spectrum::{Kind, Spectrum};
 
-/// The most rows, and the most columns, of a palette that is solved.
+/// Largest number of rows, and of columns, of a palette.
 pub const LARGEST: usize = 32;
-/// What an open reflectance may be where nothing else is said.
+/// Default bounds of an open reflectance.
 pub const NATURAL: [f64; 2] = [0.0, 1.0];
-/// What an open light may be where nothing else is said, in multiples of its mean.
+/// Default bounds of an open light, in multiples of its mean.
 pub const LAMP: [f64; 2] = [0.0, 10.0];
-/// How much the bends of an open spectrum count where nothing else is said.
+/// Default smoothness of an open spectrum.
 pub const SMOOTHNESS: f64 = 1e-4;
-/// What bounds may be, of a light in multiples of its mean; a spectrum of 81 samples peaks at 81 times its mean.
+/// Range of bounds, for a light in multiples of its mean. The peak of a spectrum of 81 samples is at most 81 times its
+/// mean.
 const BOUNDS: RangeInclusive<f64> = -1e3..=1e3;
-/// What a smoothness may be.
+/// Range of smoothness.
 pub(crate) const SMOOTHNESSES: RangeInclusive<f64> = 1e-12..=1e6;
-/// What the weight of a cell or of a model may be; squares of what lies farther apart drown one another.
+/// Range of the weight of a cell or of a model. In a wider range, large squares would drown small ones.
 const WEIGHTS: RangeInclusive<f64> = 1e-6..=1e6;
 
-/// Colours that materials are to have under lights, and what is known of the spectra.
+/// Target colours of materials under lights, with the given spectra.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Palette {
-    /// Where it was read from; heads messages.
+    /// Source of the palette; starts messages.
     pub source: String,
-    /// The files that its given spectra were read from.
+    /// Files of the given spectra.
     pub inputs: Vec<PathBuf>,
-    /// The rows.
+    /// Rows.
     pub materials: Vec<Member>,
-    /// The columns.
+    /// Columns.
     pub lights: Vec<Member>,
-    /// The cells that are not free, at most one per material and light.
+    /// Cells that are not free, at most one per material and light.
     pub cells: Vec<Cell>,
-    /// The colour model that is to show the palette's colours, where that is settled beforehand.
+    /// Colour model that displays the palette, if it is fixed before solving.
     pub model: Option<ModelTerm>,
 }
 
-/// A row or a column: a reflectance or a light.
+/// Row or column of a palette: a reflectance or a light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its spectrum; of a light normalised to luminance 1. `None`: open.
+    /// Spectrum, for a light normalised to luminance 1; `None` is open.
     pub spectrum: Option<Spectrum>,
-    /// What the samples of an open one may be, lowest and highest; of a light in multiples of its mean.
+    /// Lowest and highest sample of an open spectrum, for a light in multiples of its mean.
     pub bounds: [f64; 2],
-    /// What the squares of an open one's second differences are multiplied by, where squares of ΔE00 are made small. A
-    /// light's samples count in multiples of those of an equal-energy light.
+    /// Weight of the squared second differences of an open spectrum, relative to squared ΔE00. Samples of a light count
+    /// in multiples of those of an equal-energy light.
     pub smoothness: f64,
 }
 
 impl Member {
-    /// What is wrong with the bounds, where something is.
+    /// Returns an error message if the bounds are invalid.
     fn bounds_problem(&self, kind: Kind) -> Option<String> {
         let [low, high] = self.bounds;
         let in_order = BOUNDS.contains(&low) && BOUNDS.contains(&high) && low < high;
@@ -89,7 +90,7 @@ impl Member {
         Some(format!("{} to {}; they are {allowed}", readable(low), readable(high)))
     }
 
-    /// What is wrong with the smoothness, where something is.
+    /// Returns an error message if the smoothness is invalid.
     fn smoothness_problem(&self) -> Option<String> {
         (!SMOOTHNESSES.contains(&self.smoothness))
             .then(|| format!("{}; it is {}", readable(self.smoothness), range(&SMOOTHNESSES)))
@@ -101,41 +102,41 @@ fn range(allowed: &RangeInclusive<f64>) -> String {
     format!("a number from {} to {}", readable(*allowed.start()), readable(*allowed.end()))
 }
 
-/// What one material is to look like under one light.
+/// Target colour of one material under one light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cell {
     /// Index of the row.
     pub material: usize,
     /// Index of the column.
     pub light: usize,
-    /// The colour.
+    /// Target colour.
     pub target: Target,
-    /// What its ΔE00 is multiplied by, above 0.
+    /// Weight of its ΔE00, above 0.
     pub weight: f64,
 }
 
-/// The colour of a cell.
+/// Target colour of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// A colour of the display: `#rrggbb`.
+    /// Display colour: `#rrggbb`.
     Srgb([u8; 3]),
     /// Tristimulus values; Y of the perfect reflector is 1.
     Xyz(Xyz),
     /// CIE L*a*b* relative to D65.
     Lab(Lab),
-    /// No light at all.
+    /// Black.
     Black,
-    /// Whatever another cell looks like.
+    /// Same colour as another cell.
     Like {
-        /// Index of that cell's row.
+        /// Row index of the other cell.
         material: usize,
-        /// Index of that cell's column.
+        /// Column index of the other cell.
         light: usize,
     },
 }
 
 impl Target {
-    /// The colour itself; none for [`Target::Like`].
+    /// Returns the colour; `None` for [`Target::Like`].
     #[must_use]
     pub fn xyz(&self) -> Option<Xyz> {
         match *self {
@@ -152,7 +153,7 @@ impl Target {
 }
 
 impl Cell {
-    /// The colour asked for, where `colour` tells what the other cells look like.
+    /// Returns the target colour; `colour` gives the colours of other cells.
     fn wanted(&self, colour: impl Fn(Place) -> Xyz) -> Xyz {
         match self.target {
             Target::Like { material, light } => colour(Place { material, light }),
@@ -161,17 +162,17 @@ impl Cell {
     }
 }
 
-/// A colour model of nodes that is settled before the palette is solved.
+/// Colour model of nodes that is fixed before the palette is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelTerm {
-    /// How many nodes it has, 1 to 31.
+    /// Number of nodes, 1 to 31.
     pub dimension: usize,
-    /// What ΔE00 between what it shows and the colours themselves is multiplied by.
+    /// Weight of the ΔE00 between the model's colours and the exact colours.
     pub weight: f64,
 }
 
 impl Palette {
-    /// The target of a cell in words: `#808080`, `as bone under day`, `free`.
+    /// Describes the target of a cell: `#808080`, `as bone under day`, `free`.
     #[must_use]
     pub fn target_text(&self, material: usize, light: usize) -> String {
         let cell = self.cells.iter().find(|cell| (cell.material, cell.light) == (material, light));
@@ -196,7 +197,7 @@ impl Palette {
         }
     }
 
-    /// Refuses what cannot be solved at all; what can be solved badly is told by [`Solution`].
+    /// Refuses palettes that cannot be solved at all. [`Solution`] reports targets that are only missed.
     pub(crate) fn check(&self) -> Result<(), PaletteError> {
         let wrong = |message: String| Err(PaletteError::Unsolvable { palette: self.source.clone(), message });
         let sides = [
@@ -251,7 +252,7 @@ impl Palette {
                     range(&WEIGHTS)
                 ));
             }
-            // Far beyond any light; squares of what is larger lose what else is asked for.
+            // Far brighter than any light. Squares of larger values would drown the other targets.
             const LARGEST_PART: f64 = 1e3;
             if cell.target.xyz().is_some_and(|xyz| !xyz.0.iter().all(|part| part.abs() <= LARGEST_PART)) {
                 return wrong(format!(
@@ -280,7 +281,7 @@ impl Palette {
     }
 }
 
-/// A row and a column.
+/// Row and column of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Place {
     material: usize,
@@ -292,7 +293,7 @@ impl Place {
         Self { material: cell.material, light: cell.light }
     }
 
-    /// The places whose colours the cell speaks of.
+    /// Returns the places whose colours the cell constrains.
     fn both(cell: &Cell) -> impl Iterator<Item = Self> {
         let other = match cell.target {
             Target::Like { material, light } => Some(Self { material, light }),

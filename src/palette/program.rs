@@ -1,45 +1,45 @@
-//! Convex quadratic programs over unknown numbers, solved by an interior-point method.
+//! Convex quadratic programs, solved by an interior-point method.
 
 use std::ops::Range;
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT};
 
-/// A sum of unknowns, each times a factor.
+/// Linear combination: unknowns with factors.
 pub(super) type Sum = Vec<(usize, f64)>;
 
-/// Half the sum of squares of residuals, to be made small within linear constraints.
+/// Convex quadratic program: minimises half the sum of squared residuals under linear constraints.
 #[derive(Debug, Default)]
 pub(super) struct Program {
     unknowns: usize,
-    /// Entries of the upper triangle of the quadratic form: row, column, value; equal places add up.
+    /// Entries of the upper triangle of the quadratic form: row, column, value. Entries at equal positions add up.
     quadratic: Vec<(usize, usize, f64)>,
     equal: Vec<(Sum, f64)>,
     at_most: Vec<(Sum, f64)>,
     residuals: usize,
 }
 
-/// What solves a [`Program`].
+/// Solution of a [`Program`].
 #[derive(Debug)]
 pub(super) struct Answer {
-    /// The unknowns.
+    /// Values of the unknowns.
     pub(super) unknowns: Vec<f64>,
-    /// The sum of squares that nothing within the constraints falls below, by the dual problem; 0 where the solver
-    /// could not tell.
+    /// Lower bound of the sum of squares under the constraints, from the dual problem; 0 unless the solver reached full
+    /// accuracy.
     pub(super) least: f64,
 }
 
 impl Program {
-    /// New unknowns, `count` in a row; the index of the first.
+    /// Adds `count` consecutive unknowns. Returns the index of the first.
     pub(super) fn unknowns(&mut self, count: usize) -> usize {
         let first = self.unknowns;
         self.unknowns += count;
         first
     }
 
-    /// Asks that `sum` be near `value`.
+    /// Adds the squared residual of `sum` from `value` to the objective.
     ///
-    /// The residual is an unknown of its own: with the normal equations, the solution would lose a digit.
+    /// The residual is an unknown of its own: normal equations would cost a digit of accuracy.
     pub(super) fn near(&mut self, mut sum: Sum, value: f64) {
         let residual = self.unknowns(1);
         self.quadratic.push((residual, residual, 1.0));
@@ -48,17 +48,17 @@ impl Program {
         self.residuals += 1;
     }
 
-    /// Asks that `sum` be `value`.
+    /// Adds the constraint `sum` = `value`.
     pub(super) fn equal(&mut self, sum: Sum, value: f64) {
         self.equal.push((sum, value));
     }
 
-    /// Asks that `sum` be no more than `value`.
+    /// Adds the constraint `sum` ≤ `value`.
     pub(super) fn at_most(&mut self, sum: Sum, value: f64) {
         self.at_most.push((sum, value));
     }
 
-    /// Asks that neighbouring unknowns lie on lines: adds half of `weight` times the squares of second differences.
+    /// Adds half of `weight` times the squared second differences of neighbouring unknowns to the objective.
     pub(super) fn smooth(&mut self, unknowns: Range<usize>, weight: f64) {
         for middle in unknowns.start + 1..unknowns.end.saturating_sub(1) {
             let difference = [(middle - 1, 1.0), (middle, -2.0), (middle + 1, 1.0)];
@@ -70,7 +70,7 @@ impl Program {
         }
     }
 
-    /// The solution, where the solver finds one.
+    /// Solves the program; `None` if the solver finds no usable solution.
     pub(super) fn solve(&self) -> Option<Answer> {
         if self.unknowns == 0 {
             return Some(Answer { unknowns: Vec::new(), least: 0.0 });
@@ -90,7 +90,7 @@ impl Program {
             .flat_map(|(row, (sum, _))| sum.iter().map(move |&(unknown, factor)| (row, unknown, factor)));
         let values: Vec<f64> = constraints().map(|&(_, value)| value).collect();
         let cones = [ZeroConeT(self.equal.len()), NonnegativeConeT(self.at_most.len())];
-        // Each step is refined until it could not be more exact by default, which takes half of the time.
+        // By default, the solver refines each step to the limit of f64, which takes half of the time.
         let settings = DefaultSettingsBuilder::default()
             .verbose(false)
             .max_threads(1)

@@ -1,4 +1,4 @@
-//! What came of solving a palette: the colours, how far they are from what was asked, and what the spectra are like.
+//! Solution of a palette: spectra, colours, errors and spectral statistics.
 
 use super::step::{Side, Spectra};
 use super::{Conflict, Member, Palette, Place, Target};
@@ -9,70 +9,70 @@ use crate::spectrum::{BANDS, Light, Reflectance, Spectrum};
 /// A palette with all its spectra.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
-    /// What was asked for.
+    /// The palette to solve.
     pub palette: Palette,
-    /// A reflectance per row, given or found.
+    /// Reflectance of each row, given or found.
     pub materials: Vec<Reflectance>,
-    /// A light per column, given or found; an open one has luminance 1.
+    /// Light of each column, given or found; open ones have luminance 1.
     pub lights: Vec<Light>,
-    /// Every cell, row by row.
+    /// All cells, row by row.
     pub cells: Vec<CellColour>,
-    /// What each row's spectrum is like.
+    /// Statistics of each row's spectrum.
     pub material_facts: Vec<Facts>,
-    /// What each column's spectrum is like.
+    /// Statistics of each column's spectrum.
     pub light_facts: Vec<Facts>,
-    /// Cells that look as others by being dark, though nobody asked for black.
+    /// Cells that match others only because both are dark, although black was not asked for.
     pub dark_merges: Vec<Merge>,
-    /// What cannot be had, as convex problems show.
+    /// Conflicts that the convex relaxation proves.
     pub conflicts: Vec<Conflict>,
 }
 
-/// What a cell looks like.
+/// Colour of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CellColour {
-    /// Index of the row.
+    /// Row index.
     pub material: usize,
-    /// Index of the column.
+    /// Column index.
     pub light: usize,
-    /// The colour that the two spectra make.
+    /// Colour of the material under the light.
     pub xyz: Xyz,
-    /// The colour asked for: of a relation, what the other cell looks like; `None` where the cell is free.
+    /// Target colour; for a relation, the colour of the other cell; `None` for a free cell.
     pub target: Option<Xyz>,
-    /// ΔE00 between the two.
+    /// ΔE00 between `xyz` and `target`.
     pub difference: Option<f64>,
-    /// The colour that the palette's model shows, and its ΔE00 from [`Self::xyz`], where there is a model.
+    /// Colour under the palette's model with its ΔE00 from [`Self::xyz`], if there is a model.
     pub shown: Option<(Xyz, f64)>,
 }
 
-/// What a spectrum is like.
+/// Statistics of a spectrum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Facts {
-    /// Whether it was open.
+    /// Whether the spectrum was open.
     pub open: bool,
-    /// The least sample; of a light in multiples of its mean.
+    /// Smallest sample, for a light in multiples of its mean.
     pub lowest: f64,
-    /// The largest sample; of a light in multiples of its mean, its peak over mean.
+    /// Largest sample, for a light in multiples of its mean.
     pub highest: f64,
-    /// Of an open one, how many of the 81 samples lie at the lower bound.
+    /// Number of the 81 samples at the lower bound; 0 for a given spectrum.
     pub at_low: usize,
-    /// Of an open one, how many of the 81 samples lie at the upper bound.
+    /// Number of the 81 samples at the upper bound; 0 for a given spectrum.
     pub at_high: usize,
-    /// The sum of its negative samples over the sum of all magnitudes: 0 for a natural spectrum.
+    /// Sum of the negative samples over the sum of all magnitudes; 0 for a natural spectrum.
     pub negative: f64,
 }
 
-/// Two cells that look alike because both are dark.
+/// Two cells that match because both are dark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Merge {
-    /// Row and column.
+    /// Row and column of the cell.
     pub cell: (usize, usize),
-    /// Row and column of the cell it is to look as.
+    /// Row and column of the cell that it refers to.
     pub like: (usize, usize),
 }
 
 impl Facts {
     fn new(member: &Member, side: Side, spectrum: &Spectrum) -> Self {
-        /// Nearer to a bound than this share of what lies between the two, a sample is at it.
+        /// Distance, as a fraction of the bounds' span, within which a sample counts as at a bound.
         const AT: f64 = 1e-4;
         let samples = spectrum.samples();
         let unit = match side {
@@ -100,7 +100,7 @@ impl Facts {
 }
 
 impl Solution {
-    /// What `spectra` make of the palette; conflicts are left to the caller.
+    /// Evaluates `spectra` on the palette. The caller adds the conflicts.
     pub(super) fn of(palette: &Palette, spectra: Spectra, shown: impl Fn(Place) -> Option<Xyz>) -> Self {
         let places = (0..palette.materials.len())
             .flat_map(|material| (0..palette.lights.len()).map(move |light| Place { material, light }));
@@ -138,25 +138,25 @@ impl Solution {
         }
     }
 
-    /// The cell of a row and a column.
+    /// Returns the cell of a row and a column.
     #[must_use]
     pub fn cell(&self, material: usize, light: usize) -> Option<&CellColour> {
         self.cells.get(material * self.palette.lights.len() + light).filter(|_| light < self.palette.lights.len())
     }
 
-    /// The largest ΔE00 of a cell from what was asked; 0 where nothing was.
+    /// Returns the largest ΔE00 between a cell and its target; 0 without targets.
     #[must_use]
     pub fn worst(&self) -> f64 {
         self.cells.iter().filter_map(|cell| cell.difference).fold(0.0, f64::max)
     }
 }
 
-/// ΔE00 of two colours.
+/// ΔE00 between two colours.
 pub(super) fn difference(one: Xyz, two: Xyz) -> f64 {
     ciede2000(lab_from_xyz(one, d65_white()), lab_from_xyz(two, d65_white()))
 }
 
-/// Cells that are to look as others, and do so as dark as L* 10, where neither is asked to be black.
+/// Returns the relations whose two cells are both darker than L* 10, where the other cell's target is not that dark.
 fn dark_merges(palette: &Palette, spectra: &Spectra) -> Vec<Merge> {
     const DARK: f64 = 10.0;
     let lightness = |place| lab_from_xyz(Xyz(spectra.xyz(place).to_array()), d65_white()).0[0];

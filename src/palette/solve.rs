@@ -1,4 +1,4 @@
-//! The search for the open spectra: convex programs for rows and columns in turn, from several starts.
+//! Search for the open spectra: alternating convex programs for rows and columns, from several starts.
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
@@ -14,37 +14,37 @@ use crate::progress::Progress;
 use crate::spectrum::colour::Xyz;
 use crate::spectrum::{Kind, Light, Spectrum, standard};
 
-/// How often rows and columns take turns, at most.
+/// Largest number of alternations between rows and columns.
 const ALTERNATIONS: u64 = 60;
-/// How often they do before the starts are compared, and only the best go on.
+/// Number of alternations before the starts are compared and only the best continue.
 const TRIAL: u64 = 8;
-/// How many starts go on.
+/// Number of starts that continue.
 const FINALISTS: usize = 2;
-/// A smaller share of the squares gained by an alternation is not worth another one.
+/// Smallest relative gain of the objective for which a start continues.
 const LEAST_GAIN: f64 = 1e-4;
-/// Cells within this ΔE00 need no better spectra.
+/// ΔE00 below which no cell needs better spectra.
 const EXACT: f64 = 1e-3;
-/// Once every cell is within this ΔE00, later starts are not looked at.
+/// ΔE00 of the worst cell at which later starts are abandoned.
 const GOOD: f64 = 0.02;
-/// How much farther than it came, an alternation's lights are moved the same way before the next one, at first.
+/// Initial extrapolation of the lights beyond an alternation, relative to their change.
 const STRIDE: f64 = 0.5;
-/// What each alternation that gained by it makes of that.
+/// Growth factor of the extrapolation after each improving alternation.
 const LENGTHENED: f64 = 1.6;
-/// How many alternations of a start may come to nothing better.
+/// Largest number of alternations of a start without improvement.
 const SETBACKS: u64 = 8;
 const STAGE: &str = "designing spectra";
 
-/// Finds the open spectra of a palette, and tells how near their colours come to what was asked.
+/// Finds the open spectra of a palette, and reports the differences from the target colours.
 ///
-/// Rows and columns take turns: with the lights fixed, the reflectances are the solution of a convex quadratic program
-/// in ΔE00, and the other way round. Of several starts the one with the least largest ΔE00 is kept. Equal palettes have
-/// equal solutions, on any number of threads and in whatever order their rows and columns stand.
+/// Rows and columns alternate: with fixed lights, the reflectances are the solution of a convex quadratic program in
+/// ΔE00, and vice versa. Of several starts, the one with the smallest maximum ΔE00 is kept. Equal palettes have equal
+/// solutions, for any number of threads and any order of rows and columns.
 ///
 /// # Errors
 ///
-/// [`PaletteError::Unsolvable`] for a palette without rows or columns, of more than [`super::LARGEST`] of them, or of
-/// numbers that cannot be computed with; [`PaletteError::Model`] when its colour model cannot be fitted;
-/// [`PaletteError::Cancelled`]. What cannot be had is no error: [`Solution::conflicts`] tells of it.
+/// [`PaletteError::Unsolvable`] for a palette without rows or columns, with more than [`super::LARGEST`] of them, or
+/// with numbers out of range; [`PaletteError::Model`] if its colour model cannot be fitted;
+/// [`PaletteError::Cancelled`]. Unreachable targets are not an error: they are in [`Solution::conflicts`].
 pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, PaletteError> {
     palette.check()?;
     let order = ByName::new(palette);
@@ -77,9 +77,9 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
     Ok(solution)
 }
 
-/// Rows and columns by name, so that what is found does not depend on the order they are written in.
+/// Rows and columns sorted by name, so that the solution does not depend on their order in the file.
 struct ByName {
-    /// For each, its index as it is written.
+    /// File index of each row, in sorted order.
     materials: Vec<usize>,
     lights: Vec<usize>,
 }
@@ -94,7 +94,7 @@ impl ByName {
         Self { materials: order(&palette.materials), lights: order(&palette.lights) }
     }
 
-    /// Where the row and the column of `place`, as written, stand by name.
+    /// Returns the sorted position of `place`, which is in file order.
     fn place(&self, place: Place) -> Place {
         let at = |order: &[usize], index| order.iter().position(|&other| other == index).unwrap_or(index);
         Place { material: at(&self.materials, place.material), light: at(&self.lights, place.light) }
@@ -123,7 +123,7 @@ impl ByName {
         }
     }
 
-    /// Spectra by name, in the order of the palette.
+    /// Returns sorted spectra in file order.
     fn as_written(&self, spectra: &Spectra) -> Spectra {
         let members = |order: &[usize], spectra: &[Spectrum]| {
             let mut written = spectra.to_vec();
@@ -139,43 +139,43 @@ impl ByName {
     }
 }
 
-/// Spectra, and how far their colours are from what is asked.
+/// Spectra with the errors of their colours.
 #[derive(Clone)]
 struct Found {
     spectra: Spectra,
-    /// What the programs make small.
+    /// Value of the objective over all cells.
     squares: f64,
-    /// The largest ΔE00.
+    /// Largest ΔE00.
     worst: f64,
 }
 
-/// What has become of a start.
+/// State of one start.
 struct Run {
-    /// Of all starts, from 0.
+    /// Index among all starts, from 0.
     index: usize,
     best: Found,
-    /// What the next alternation begins with: the best, or farther the way it came.
+    /// Input of the next alternation: the best spectra, or an extrapolation beyond them.
     next: Spectra,
     stride: f64,
-    /// How many alternations have come to nothing better by themselves.
+    /// Number of alternations without improvement and without extrapolation.
     setbacks: u64,
     ended: bool,
 }
 
-/// What all starts share.
+/// Data shared by all starts.
 struct Search<'a> {
     palette: &'a Palette,
     model: Option<(ModelTerm, (&'a ColourModel, Reconstruction))>,
     materials: Vec<Vec<usize>>,
     lights: Vec<Vec<usize>>,
-    /// The first start that is good; later ones need not go on.
+    /// Index of the first good start; later ones stop.
     settled: AtomicUsize,
     done: AtomicU64,
     progress: &'a dyn Progress,
 }
 
 impl Search<'_> {
-    /// The spectra with the least largest ΔE00 that the starts lead to.
+    /// Returns the spectra with the smallest maximum ΔE00 of all starts.
     fn best(&self) -> Result<Spectra, PaletteError> {
         let mut runs: Vec<Run> = starts(self.palette)
             .into_iter()
@@ -196,14 +196,14 @@ impl Search<'_> {
         for alternations in [TRIAL, ALTERNATIONS - TRIAL] {
             let going = runs.into_par_iter().map(|run| self.advanced(run, alternations, total));
             runs = going.collect::<Result<_, _>>()?;
-            // What a later start came to depends on when it was told to stop.
+            // The state of a later start depends on when it was stopped, and thus on the threads.
             let settled = self.settled.load(Ordering::Relaxed);
             runs.retain(|run| run.index <= settled);
             if runs.iter().any(|run| run.best.worst <= GOOD) {
                 runs.retain(|run| run.best.worst <= GOOD);
             }
             runs.sort_by(|one, two| one.best.squares.total_cmp(&two.best.squares));
-            // What a model shows says little about where a start will settle.
+            // With a model, the early order of the starts says little about their final order.
             runs.truncate(if self.model.is_some() { runs.len() } else { FINALISTS });
         }
         self.progress.report(STAGE, total, total);
@@ -211,7 +211,7 @@ impl Search<'_> {
         best.map(|run| run.best.spectra).ok_or(PaletteError::Cancelled)
     }
 
-    /// The run after some more alternations.
+    /// Runs up to `alternations` more alternations.
     fn advanced(&self, mut run: Run, alternations: u64, total: u64) -> Result<Run, PaletteError> {
         for _ in 0..alternations {
             if self.progress.cancelled() {
@@ -222,7 +222,7 @@ impl Search<'_> {
             }
             let found = self.alternated(&run.next);
             self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
-            // Without open lights there is one way on, until it settles.
+            // Without open lights nothing alternates: the reflectances only settle.
             let settles = self.lights.is_empty();
             let is_first = run.best.squares.is_infinite();
             let gain = run.best.squares - found.squares;
@@ -232,11 +232,12 @@ impl Search<'_> {
                 run.next = self.beyond(&run.best.spectra, &found.spectra, run.stride);
                 run.best = found;
             } else if run.stride > 0.0 {
-                // It went too far.
+                // The extrapolation went too far.
                 run.stride = 0.0;
                 run.next = run.best.spectra.clone();
             } else {
-                // Bends and relations count otherwise each time: what is worse may lead on.
+                // The objective omits smoothness, and the metric of relations moves with their colours: a worse result
+                // may still lead to a better one.
                 run.next = found.spectra;
                 run.setbacks += 1;
                 run.ended = run.setbacks > SETBACKS;
@@ -248,7 +249,7 @@ impl Search<'_> {
         Ok(run)
     }
 
-    /// Reflectances for the lights of `from`, then lights for those reflectances.
+    /// Solves the reflectances for the lights of `from`, then the lights for those reflectances.
     fn alternated(&self, from: &Spectra) -> Found {
         let mut spectra = from.clone();
         if !self.materials.is_empty() {
@@ -263,7 +264,7 @@ impl Search<'_> {
         Found { spectra, squares, worst }
     }
 
-    /// `to`, its open lights moved on the way from `from` by `stride` times that way.
+    /// Extrapolates the open lights of `to` by `stride` times their change since `from`.
     fn beyond(&self, from: &Spectra, to: &Spectra, stride: f64) -> Spectra {
         let mut beyond = to.clone();
         for &light in self.lights.iter().flatten() {
@@ -276,7 +277,7 @@ impl Search<'_> {
         beyond
     }
 
-    /// What the programs make small, over all cells, and the largest ΔE00 times its weight.
+    /// Returns the objective over all cells, and the largest weighted ΔE00.
     fn differences(&self, spectra: &Spectra, shown: Option<&Shown>) -> (f64, f64) {
         let colour = |place: Place| Xyz(spectra.xyz(place).to_array());
         let (mut squares, mut worst) = (0.0, 0.0);
@@ -297,7 +298,7 @@ impl Search<'_> {
         (squares, worst)
     }
 
-    /// What the palette's model shows of spectra, where there is one.
+    /// Evaluates the palette's model on `spectra`; `None` without a model.
     fn shown(&self, spectra: &Spectra) -> Option<Shown> {
         let (term, (model, reconstruction)) = self.model.as_ref()?;
         let of_light = |light: &Spectrum| {
@@ -316,7 +317,7 @@ impl Search<'_> {
     }
 }
 
-/// The model of nodes that the palette is to be shown with: fitted on the `ColorChecker` and the given spectra.
+/// Fits the palette's colour model of nodes to the `ColorChecker` and the given spectra.
 fn fitted(palette: &Palette, term: &ModelTerm, progress: &dyn Progress) -> Result<ColourModel, PaletteError> {
     let patches = standard::names(Kind::Reflectance).iter().filter_map(|name| standard::reflectance(name).ok());
     let given = palette.materials.iter().filter_map(|row| row.spectrum.clone());

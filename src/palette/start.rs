@@ -1,4 +1,4 @@
-//! Where the search for spectra begins: combs of colours, and the paper's pseudo-inverse.
+//! Starting points of the search: comb spectra, and the paper's pseudo-inverse.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -9,16 +9,16 @@ use crate::number::count;
 use crate::spectrum::colour::OBSERVER;
 use crate::spectrum::{BANDS, Spectrum};
 
-/// How wide the teeth of the combs are, in nm: one start each.
+/// Widths of the comb teeth in nm; one start for each.
 const WIDTHS: [f64; 3] = [8.0, 10.0, 13.0];
-/// What an open reflectance is before anything is known of it.
+/// Initial value of an open reflectance.
 const GREY: f64 = 0.3;
-/// Where the teeth of combs lie, in nm.
+/// Range of the comb teeth in nm.
 const TEETH: [f64; 2] = [425.0, 655.0];
-/// Colours along directions weaker than this share of the strongest are left out of a pseudo-inverse.
+/// Relative singular value below which the pseudo-inverse drops a direction.
 const WEAKEST: f64 = 1e-4;
 
-/// The starts, all with grey for open materials; only one where no light is open.
+/// Returns the starts, with grey for open materials; a single start if no light is open.
 pub(super) fn starts(palette: &Palette) -> Vec<Spectra> {
     let open: Vec<usize> =
         (0..palette.lights.len()).filter(|&light| palette.lights[light].spectrum.is_none()).collect();
@@ -48,8 +48,8 @@ pub(super) fn starts(palette: &Palette) -> Vec<Spectra> {
     starts
 }
 
-/// Every `of`-th of 3·`of` bell curves over the visible, from the one numbered `tooth`: a red, a green and a blue part
-/// for each of nearly disjoint lights.
+/// Comb of three of 3·`of` bell curves over the visible range: every `of`-th from number `tooth`. Gives each of `of`
+/// nearly disjoint lights a red, a green and a blue part.
 fn comb(tooth: usize, of: usize, width: f64) -> Spectrum {
     let step = (TEETH[1] - TEETH[0]) / count(3 * of - 1).max(1.0);
     let centres: Vec<f64> = (0..3).map(|part| count(tooth + part * of).mul_add(step, TEETH[0])).collect();
@@ -62,15 +62,15 @@ fn random_comb(random: &mut Random) -> Spectrum {
     bells(&centres, random.between(8.0, 20.0))
 }
 
-/// A light of luminance 1.
+/// Sum of bell curves, scaled to luminance 1.
 fn bells(centres: &[f64], width: f64) -> Spectrum {
     let bells =
         Spectrum::from_fn(|nm| centres.iter().map(|centre| (-0.5 * ((nm - centre) / width).powi(2)).exp()).sum());
     bells.scaled(1.0 / OBSERVER[1].dot(&bells))
 }
 
-/// The start of the paper (§5.2): every open reflectance, then every open light, as near to what it was as makes its
-/// column of colours right, without bounds; the lights are then raised to nothing below 0.
+/// Start of the paper (§5.2): moves every open reflectance, then every open light, by the smallest change that gives
+/// its cells their target colours, without bounds. Clamps negative samples of the lights to 0.
 fn pseudo_inverse(palette: &Palette, from: &Spectra) -> Spectra {
     let mut spectra = from.clone();
     for side in [Side::Materials, Side::Lights] {
@@ -90,7 +90,7 @@ fn pseudo_inverse(palette: &Palette, from: &Spectra) -> Spectra {
     spectra
 }
 
-/// The spectrum with the right colours that is nearest to the one it was.
+/// Returns the spectrum with the target colours that is nearest to the current one.
 fn nearest(palette: &Palette, side: Side, index: usize, spectra: &Spectra) -> Spectrum {
     let was = match side {
         Side::Materials => &spectra.materials[index],

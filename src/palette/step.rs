@@ -1,4 +1,4 @@
-//! One side of a palette solved while the other rests: a convex program per group of coupled spectra.
+//! Solution of one side of a palette with the other side fixed: one convex program per group of coupled spectra.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::spectrum::colour::{OBSERVER, Xyz, xyz_of};
 use crate::spectrum::metric::difference_matrix;
 use crate::spectrum::{BANDS, Spectrum};
 
-/// Rows or columns.
+/// Side of a palette: rows or columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     Materials,
@@ -34,11 +34,11 @@ impl Side {
     }
 }
 
-/// A spectrum for every row and column.
+/// Spectra of all rows and columns.
 #[derive(Clone, Debug)]
 pub(super) struct Spectra {
     pub(super) materials: Vec<Spectrum>,
-    /// Of luminance 1.
+    /// Lights of luminance 1.
     pub(super) lights: Vec<Spectrum>,
 }
 
@@ -48,13 +48,13 @@ impl Spectra {
     }
 }
 
-/// The samples of an equal-energy light of luminance 1 are one part in this: the unknowns of lights are multiples of
-/// them, so that they are numbers around 1 as those of reflectances are.
+/// Inverse of the samples of an equal-energy light of luminance 1. The unknowns of lights are multiples of those
+/// samples, which keeps them near 1, like those of reflectances.
 pub(super) fn equal_energy() -> f64 {
     OBSERVER[1].sum()
 }
 
-/// A colour: fixed, or linear in the unknown spectrum that begins at `first`.
+/// Colour: fixed, or linear in the unknown spectrum that starts at `first`.
 #[derive(Clone, Debug)]
 pub(super) enum Seen {
     Fixed(DVec3),
@@ -62,13 +62,13 @@ pub(super) enum Seen {
 }
 
 impl Seen {
-    /// The colour of an unknown spectrum times `factor`.
+    /// Colour of an unknown spectrum times `factor`.
     pub(super) fn through(first: usize, factor: &Spectrum) -> Self {
         Self::Linear { first, xyz: Box::new(OBSERVER.each_ref().map(|matching| matching * factor)) }
     }
 }
 
-/// Asks that two colours differ little where `form` measures differences.
+/// Adds the difference of two colours, measured by `form`, to the objective.
 pub(super) fn alike(program: &mut Program, form: DMat3, one: &Seen, two: &Seen) {
     if matches!((one, two), (Seen::Fixed(_), Seen::Fixed(_))) {
         return;
@@ -92,7 +92,7 @@ pub(super) fn alike(program: &mut Program, form: DMat3, one: &Seen, two: &Seen) 
     }
 }
 
-/// A new reflectance between `bounds`.
+/// Adds a reflectance within its bounds. Returns the index of its first sample.
 pub(super) fn reflectance(program: &mut Program, [low, high]: [f64; 2]) -> usize {
     let first = program.unknowns(BANDS);
     for unknown in first..first + BANDS {
@@ -102,7 +102,8 @@ pub(super) fn reflectance(program: &mut Program, [low, high]: [f64; 2]) -> usize
     first
 }
 
-/// A new light of luminance 1, in multiples of the equal-energy light, within `bounds` times its mean.
+/// Adds a light of luminance 1, in multiples of the equal-energy light, within `bounds` times its mean. Returns the
+/// index of its first sample.
 pub(super) fn light(program: &mut Program, [low, high]: [f64; 2]) -> usize {
     let first = program.unknowns(BANDS);
     let mean = program.unknowns(1);
@@ -118,7 +119,7 @@ pub(super) fn light(program: &mut Program, [low, high]: [f64; 2]) -> usize {
     first
 }
 
-/// The metric at a cell: of its target, or between the colours that are to be alike.
+/// Colour-difference metric of a cell: at its target, or midway between the colours of a relation.
 pub(super) fn form(cell: &Cell, colour: impl Fn(Place) -> DVec3) -> DMat3 {
     let at = match (cell.target.xyz(), cell.target) {
         (None, Target::Like { material, light }) => {
@@ -130,7 +131,7 @@ pub(super) fn form(cell: &Cell, colour: impl Fn(Place) -> DVec3) -> DMat3 {
     difference_matrix(at) * cell.weight
 }
 
-/// Open members of one side that cells couple, each group in ascending order.
+/// Groups the open members of one side that cells couple; each group is in ascending order.
 pub(super) fn groups(palette: &Palette, side: Side) -> Vec<Vec<usize>> {
     let members = side.members(palette);
     let links = palette.cells.iter().map(|cell| Place::both(cell).map(|place| side.index(place)).collect());
@@ -144,7 +145,7 @@ pub(super) fn groups(palette: &Palette, side: Side) -> Vec<Vec<usize>> {
         .collect()
 }
 
-/// The parts that `count` things fall into when each of `links` ties some together.
+/// Connected components of `count` items; each of `links` joins the items that it lists.
 pub(super) fn connected(count: usize, links: impl Iterator<Item = Vec<usize>>) -> Vec<Vec<usize>> {
     let mut of: Vec<usize> = (0..count).collect();
     for link in links {
@@ -164,12 +165,12 @@ pub(super) fn connected(count: usize, links: impl Iterator<Item = Vec<usize>>) -
     parts.into_values().collect()
 }
 
-/// What a colour model shows in place of colours, and how much that counts.
+/// Colours of the palette under a colour model, and their weight.
 pub(super) struct Shown {
-    /// XYZ over the wavelengths of a reflectance, per light: what the model's matrix makes of its nodes.
+    /// Per light, the model's XYZ as a function of the reflectance: its matrix times its projection.
     pub(super) xyz: Vec<[Spectrum; 3]>,
-    /// Per material, the spectrum that the model takes it for. The model fits its matrix to each light anew; as a light
-    /// changes, the colour of this spectrum is what the matrix nearly follows.
+    /// Per material, the reflectance that the model reconstructs. Its colour approximates the model's response to a
+    /// change of the light, for which the model fits a new matrix.
     pub(super) rebuilt: Vec<Spectrum>,
     pub(super) weight: f64,
 }
@@ -180,7 +181,7 @@ impl Shown {
     }
 }
 
-/// The open spectra of one side, for the other side as it is.
+/// Solves the open spectra of one side for the fixed spectra of the other side.
 pub(super) fn solved(
     palette: &Palette,
     side: Side,
@@ -249,7 +250,7 @@ fn solved_group(
     let spectrum = |first: usize, member: &Member| {
         let samples: [f64; BANDS] = std::array::from_fn(|band| answer.unknowns[first + band]);
         match side {
-            // The solver keeps bounds to its own accuracy.
+            // The solver meets the bounds only within its tolerance.
             Side::Materials => {
                 Some(Spectrum::from_samples(samples.map(|sample| sample.clamp(member.bounds[0], member.bounds[1]))))
             }
@@ -261,7 +262,7 @@ fn solved_group(
     found.collect()
 }
 
-/// The light with these samples, none below `low` times their mean where that is 0 or more, of luminance 1.
+/// Scales samples to luminance 1. If `low` is not negative, first raises them to at least `low` times their mean.
 pub(super) fn of_unit_luminance(samples: [f64; BANDS], low: f64) -> Option<Spectrum> {
     let mean = samples.iter().sum::<f64>() / crate::number::count(BANDS);
     let raised = Spectrum::from_samples(samples.map(|sample| if low >= 0.0 { sample.max(low * mean) } else { sample }));
