@@ -1,4 +1,4 @@
-//! Cells of the volume, the values in them, and which of them hold nothing.
+//! Macrocells of the volume: value ranges and occupancy.
 
 use std::ops::RangeInclusive;
 
@@ -8,34 +8,36 @@ use super::{LabelMap, Storage, TransferTable};
 use crate::number::{count, rounded, whole};
 use crate::volume::{Volume, Voxel, with_voxels};
 
-/// Voxels along an edge of a cell.
+/// Voxels along an edge of a macrocell.
 pub const CELL: usize = 8;
 
-/// Lowest and highest stored value of each cell, x fastest. A cell spans [8c, 8c + 8] in voxel indices; its range is
-/// that of every voxel that interpolation there can touch, and one more on each side for filters that round.
+/// Lowest and highest stored value of each macrocell, x fastest.
+///
+/// Macrocell c spans [8c, 8c + 8] in voxel indices. Its range covers every voxel that interpolation in it can touch,
+/// and one more on each side for filters that round.
 #[derive(Clone, Debug)]
 pub struct Cells {
-    /// Cells along each axis.
+    /// Number of macrocells along each axis.
     pub dims: [usize; 3],
-    /// Normalised 0 to 1 as the table is indexed.
+    /// Ranges, normalised to 0–1 like the index of the transfer table.
     ranges: Vec<[f32; 2]>,
-    /// Whether a cell has a voxel whose label is declared and visible.
+    /// Whether a macrocell has a voxel with a declared and visible label.
     labelled: Vec<bool>,
 }
 
-/// One bit per cell, set where a sample can do something; bit `i % 32` of word `i / 32`.
+/// Occupancy: one bit per macrocell, set if any sample in it can be visible; bit `i % 32` of word `i / 32`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Occupancy {
-    /// Cells along each axis.
+    /// Number of macrocells along each axis.
     pub dims: [usize; 3],
-    /// The bits.
+    /// Bits.
     pub words: Vec<u32>,
-    /// Cells that are set.
+    /// Number of set bits.
     pub occupied: usize,
 }
 
 impl Cells {
-    /// The cells of `volume` as `storage` normalises it; `labels` adds where visible labels are.
+    /// Builds the macrocells of `volume` as normalised by `storage`; `labels` adds the positions of visible labels.
     #[must_use]
     pub fn new(volume: &Volume, storage: &Storage, labels: Option<&LabelMap>) -> Self {
         let grid = volume.geometry.dims;
@@ -56,7 +58,7 @@ impl Cells {
         Self { dims, ranges, labelled }
     }
 
-    /// Which cells hold anything under `table`.
+    /// Returns the occupancy under `table`.
     #[must_use]
     pub fn occupancy(&self, table: &TransferTable) -> Occupancy {
         let mut active_before = Vec::with_capacity(table.entries() + 1);
@@ -68,7 +70,7 @@ impl Cells {
         let mut words = vec![0_u32; self.ranges.len().div_ceil(32)];
         let mut occupied = 0;
         for (cell, range) in self.ranges.iter().enumerate() {
-            // The entries on both sides of a value, and one more for a coordinate that rounds.
+            // The entries on both sides of a value, and one more for coordinates that round.
             let scaled = range.map(|normalised| f64::from(normalised) * count(last));
             let first = whole(scaled[0].floor() - 1.0);
             let end = whole(scaled[1].ceil() + 1.0).min(last);
@@ -82,7 +84,7 @@ impl Cells {
     }
 }
 
-/// Voxels that samples in a cell can touch, with one more on each side.
+/// Voxels that samples in a macrocell can touch, and one more on each side.
 fn touched(cell: usize, dims: [usize; 3], grid: [usize; 3]) -> [RangeInclusive<usize>; 3] {
     let index = [cell % dims[0], cell / dims[0] % dims[1], cell / (dims[0] * dims[1])];
     std::array::from_fn(|axis| {
@@ -95,14 +97,16 @@ fn ranges<T: Voxel>(stored: &[T], grid: [usize; 3], dims: [usize; 3], storage: &
     let cell_rows: Vec<Vec<[f32; 2]>> = (0..dims[1] * dims[2])
         .into_par_iter()
         .map(|row| {
-            // Reduce the rows that a row of cells touches into one row of ranges first: every voxel is read once a row.
+            // Reduce the voxel rows of a row of macrocells to one row of ranges first: each voxel is read once per row
+            // of macrocells.
             let [_, ys, zs] = touched(row * dims[0], dims, grid);
             let mut columns: Vec<Option<[T; 2]>> = vec![None; grid[0]];
             for z in zs {
                 for y in ys.clone() {
                     let line = &stored[grid[0] * (y + grid[1] * z)..][..grid[0]];
                     for (column, &value) in columns.iter_mut().zip(line) {
-                        // Only a NaN is not equal to itself; it stands for the smallest value, which `storage` knows.
+                        // Only NaN is not equal to itself. It becomes the low end, since `storage` normalises it like
+                        // the smallest value.
                         *column = match *column {
                             None => Some([value, value]),
                             Some([low, high]) => Some([

@@ -1,4 +1,4 @@
-//! Lights in numbers: positions and shading coefficients for the march.
+//! Light positions and shading coefficients of the march.
 
 use glam::DVec3;
 
@@ -7,13 +7,13 @@ use crate::number::rounded;
 use crate::plan::{Accumulate, LANE, Planned};
 use crate::scene::{Material, Placement, Scene};
 
-/// Vectors of the light positions, in the order of the plan, in the volume's own axes: unit vectors towards directional
-/// lights, places (in units of length, from the texture's corner) of points, zero for the others.
+/// Vectors of the light positions, in the order of the plan and along the volume's own axes: unit vectors towards
+/// directional lights, coordinates of point lights (in units of length, from the texture's corner), zero for others.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PositionTable(pub Vec<DVec3>);
 
 impl PositionTable {
-    /// The positions of `planned` as `scene`'s volume lies.
+    /// Builds the positions of `planned` relative to the volume of `scene`.
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
         let geometry = &scene.volume.geometry;
@@ -29,22 +29,24 @@ impl PositionTable {
     }
 }
 
-/// Shading coefficients, in lanes; spare ones zero. Of the materials in use where weights are accumulated; of spectra, the
-/// first ambient and diffuse share stand for all materials, and the exponents are those of the highlights.
+/// Shading coefficients, in lanes; unused numbers are zero.
+///
+/// With material weights, one entry per material in use. With accumulated spectra, the first ambient and diffuse factor
+/// apply to all materials, and the exponents are those of the highlights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadingTable {
-    /// Ambient share.
+    /// Ambient factors.
     pub ambient: Vec<[f32; LANE]>,
-    /// Diffuse share.
+    /// Diffuse factors.
     pub diffuse: Vec<[f32; LANE]>,
-    /// Specular share.
+    /// Specular factors.
     pub specular: Vec<[f32; LANE]>,
-    /// Exponents of the specular part.
+    /// Specular exponents.
     pub exponent: Vec<[u32; LANE]>,
 }
 
 impl ShadingTable {
-    /// The coefficients of the materials of `planned`.
+    /// Builds the coefficients of the materials of `planned`.
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned) -> Self {
         let used: Vec<&Material> = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).collect();

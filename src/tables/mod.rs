@@ -1,4 +1,4 @@
-//! The scene in numbers a march reads, computed in f64 and rounded once.
+//! Scene data that the march reads, computed in f64 and rounded once.
 
 mod cells;
 mod lights;

@@ -1,4 +1,4 @@
-//! Rays in numbers: set up in f64 where the volume is, so that a camera far away is as sharp as a near one.
+//! Ray setup in f64 near the volume, so that distant cameras are as precise as near ones.
 
 use glam::{DMat3, DVec3};
 
@@ -7,59 +7,59 @@ use crate::number::{count, unsigned, whole};
 use crate::scene::{Scene, View};
 use crate::volume::Geometry;
 
-/// Everything a pixel needs to make its ray, in the axes of the volume's texture (0 to 1 along each).
+/// Parameters of all pixels' rays, in texture coordinates of the volume (0 to 1 along each axis).
 ///
 /// With u and v the pixel's centre from −1 to 1 (right and up), its ray is
 /// `base + u·base_u + v·base_v + s·(direction + u·direction_u + v·direction_v)/√(1 + u²·spread_u + v²·spread_v)`,
-/// s in units of the smallest spacing, so that volumes of every size are within f32. Samples lie at s₀ + (n + ½)Δs, where
-/// s₀ is where the ray enters the box or leaves the eye.
+/// with s in units of the smallest spacing, so that volumes of every size stay within the range of f32. Samples lie at
+/// s₀ + (n + ½)Δs; the ray enters the box at s₀, or starts there if the eye is inside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayTable {
-    /// See above: a point in or near the volume.
+    /// `base` of the ray formula: a point in or near the volume.
     pub base: DVec3,
-    /// See above.
+    /// `base_u` of the ray formula.
     pub base_u: DVec3,
-    /// See above.
+    /// `base_v` of the ray formula.
     pub base_v: DVec3,
-    /// Texture units per unit of length along the middle ray.
+    /// `direction` of the ray formula: texture units per unit of length along the middle ray.
     pub direction: DVec3,
-    /// See above.
+    /// `direction_u` of the ray formula.
     pub direction_u: DVec3,
-    /// See above.
+    /// `direction_v` of the ray formula.
     pub direction_v: DVec3,
     /// Distance along the middle ray from the eye to `base`, in units of length.
     pub eye_distance: f64,
     /// tan² of half the horizontal field of view; 0 for parallel rays.
     pub spread_u: f64,
-    /// The same, vertical.
+    /// tan² of half the vertical field of view; 0 for parallel rays.
     pub spread_v: f64,
-    /// The box of the volume, cropped.
+    /// Lower corner of the crop box.
     pub low: DVec3,
-    /// Its other corner.
+    /// Upper corner of the crop box.
     pub high: DVec3,
-    /// Cells along an edge of the texture: multiply a texture coordinate to count cells (after the offset).
+    /// Macrocells along the texture: scales texture coordinates to macrocells, before `cell_offset` is added.
     pub cell_scale: DVec3,
-    /// Cells from the texture's edge to voxel 0, negative.
+    /// Position of the texture's edge relative to voxel 0, in macrocells; negative.
     pub cell_offset: DVec3,
-    /// From texture axes to units of length along the volume's own axes: shading happens there.
+    /// Scale from texture coordinates to units of length along the volume's own axes, in which shading is computed.
     pub local_scale: DVec3,
-    /// Δs in units of length.
+    /// Step length Δs in units of length.
     pub step_length: f64,
-    /// Samples on the longest ray.
+    /// Number of samples on the longest ray.
     pub samples: u32,
 }
 
-/// What lengths are counted in, in world units: the smallest spacing.
+/// Unit of length in world units: the smallest spacing.
 #[must_use]
 pub(super) fn unit_length(geometry: &Geometry) -> f64 {
     geometry.spacing.min_element()
 }
 
-/// Most samples a ray can count in f32 without skipping one.
+/// Largest number of samples that a ray can count in f32 without skipping one.
 pub const MOST_SAMPLES: f64 = 8_388_608.0;
 
 impl RayTable {
-    /// The rays of `view` through the volume of `scene`. `None` where a ray would have more than [`MOST_SAMPLES`].
+    /// Builds the rays of `view` through the volume of `scene`. `None` if a ray has more than [`MOST_SAMPLES`].
     #[must_use]
     pub fn new(scene: &Scene, view: &View) -> Option<Self> {
         let geometry = &scene.volume.geometry;
@@ -84,7 +84,7 @@ impl RayTable {
         };
 
         let [first, last] = scene.crop.unwrap_or([DVec3::ZERO, dims - 1.0]);
-        // An axis of one voxel is one voxel thick.
+        // An axis with a single voxel is one voxel thick.
         let thin = dims.cmpeq(DVec3::ONE);
         let low = DVec3::select(thin, DVec3::ZERO, (first + 0.5) / dims);
         let high = DVec3::select(thin, DVec3::ONE, (last + 0.5) / dims);

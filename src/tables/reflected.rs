@@ -1,4 +1,4 @@
-//! The spectra that the numbers of a pixel stand for.
+//! Reflectance and radiance spectra that the numbers of a pixel represent.
 
 use crate::film::Components;
 use crate::model::Reconstruction;
@@ -6,20 +6,20 @@ use crate::plan::Transmittance;
 use crate::scene::Mix;
 use crate::spectrum::{BANDS, Reflectance, Spectrum};
 
-/// Reflectances, per unit of what a pixel keeps.
+/// Reflectance spectra per unit of a pixel's accumulators and transmittance.
 #[derive(Clone, Debug)]
 pub struct Reflected {
-    /// Of each component.
+    /// Spectrum of each component.
     pub components: Vec<Spectrum>,
-    /// Of the background, for each number of what passes.
+    /// Spectrum of the background for each number of the transmittance.
     pub behind: Vec<Spectrum>,
-    /// How they were made, where they are not exact.
+    /// Reconstruction of the spectra, if they are not exact.
     pub reconstruction: Option<Reconstruction>,
 }
 
 impl Reflected {
-    /// What `components` reflect in front of `background`; the numbers of a colour model by least squares, which takes a
-    /// moment.
+    /// Builds the spectra of `components` in front of `background`. A colour model's spectra are reconstructed by least
+    /// squares, which takes a noticeable time.
     #[must_use]
     pub fn new(components: &Components, background: Option<&Reflectance>) -> Self {
         let exact = || background.map(|surface| surface.spectrum().clone()).into_iter().collect();
@@ -48,8 +48,8 @@ impl Reflected {
         }
     }
 
-    /// What reaches the eye under `mix` per unit of each weight, components position by position, and of each number of
-    /// what passes.
+    /// Returns the radiance spectra under `mix`: per unit of each accumulator component, position by position, and per
+    /// unit of each number of the transmittance.
     #[must_use]
     pub fn under(&self, mix: &Mix, positions: usize) -> [Vec<Spectrum>; 2] {
         let (light_at, all) = mix.light_at(positions);

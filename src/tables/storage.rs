@@ -1,4 +1,4 @@
-//! The volume as a texture holds it: values normalised in f64, gradients beside them where shading needs them.
+//! Texture storage of the volume: values normalised in f64, with gradients if shading needs them.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,18 +14,18 @@ use crate::volume::{Statistics, Volume, VolumeError, Voxel, VoxelType, with_voxe
 /// Texture formats of a volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum VolumeFormat {
-    /// Values in 16 bits.
+    /// 16-bit values.
     R16Unorm,
-    /// Values in f32, for data that 16 bits would round.
+    /// f32 values, for data that 16 bits would round.
     R32Float,
-    /// Central differences in xyz, the value in w.
+    /// 16-bit central differences in xyz, value in w.
     Rgba16Snorm,
-    /// The same in f32.
+    /// f32 central differences in xyz, value in w.
     Rgba32Float,
 }
 
 impl VolumeFormat {
-    /// Bytes of a voxel.
+    /// Bytes per voxel.
     #[must_use]
     pub fn bytes(self) -> usize {
         match self {
@@ -43,26 +43,26 @@ impl VolumeFormat {
     }
 }
 
-/// How voxels become texels, and texels values.
+/// Conversion from voxels to texels, and from texels to values.
 ///
-/// Data of 8 bits are normalised over their type's range, others over their own; NaN takes the smallest finite value and
-/// ±∞ the ends. In 16 bits whole numbers get codes a whole stride apart, so that they lose nothing, and a difference of
-/// zero is code 0, which decodes to exactly 0.
+/// 8-bit data are normalised over the range of their type, other data over their own range. NaN becomes the smallest
+/// finite value, ±∞ the ends of the range. In 16-bit formats, whole numbers get codes a whole stride apart, so that
+/// they lose nothing, and a difference of zero is code 0, which decodes to exactly 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Storage {
-    /// The format.
+    /// Texture format.
     pub format: VolumeFormat,
-    /// Lowest and highest value, after slope and intercept: the ends of the transfer table.
+    /// Lowest and highest value, after slope and intercept; the domain of the transfer table.
     pub domain: [f64; 2],
-    /// Most that storing moves a value, in units of the data; 0 where nothing is lost.
+    /// Largest change of a value by storing it, in data units; 0 if storage is lossless.
     pub loss: f64,
     slope: f64,
     intercept: f64,
-    /// Code units per normalised unit (16-bit formats), else 1.
+    /// Codes per normalised unit in 16-bit formats, else 1.
     codes: f64,
-    /// Code units per unit of difference along each axis (0 where the data do not change).
+    /// Codes per unit of difference along each axis; 0 if the data do not change along it.
     difference_codes: [f64; 3],
-    /// Gradient direction from decoded differences: multiply, then normalise.
+    /// Factors from decoded differences to the gradient direction, which is then normalised.
     gradient_scale: [f64; 3],
 }
 
@@ -70,7 +70,7 @@ const UNORM16: f64 = 65535.0;
 const SNORM16: f64 = 32767.0;
 
 impl Storage {
-    /// How `plan` stores `volume`, whose values have `statistics`.
+    /// Chooses the storage of `volume` under `plan`; `statistics` are those of its values.
     #[must_use]
     pub fn new(plan: &ScenePlan, volume: &Volume, statistics: &Statistics) -> Self {
         let voxel_type = volume.voxels.voxel_type();
@@ -105,8 +105,8 @@ impl Storage {
             VolumeFormat::Rgba16Snorm if whole => whole_codes(2.0 * SNORM16, span, slope),
             VolumeFormat::R16Unorm => (UNORM16, 0.5 * span / UNORM16 * slope.abs()),
             VolumeFormat::Rgba16Snorm => (2.0 * SNORM16, 0.25 * span / SNORM16 * slope.abs()),
-            // f32 of a number from 0 to 1 is within 2^-25 of it; 24-bit integers and f32 data may still be exact, but
-            // the normalisation rounds. One value alone is an end of the domain.
+            // f32 rounds a number from 0 to 1 by at most 2^-25. The normalisation rounds even 24-bit integers and f32
+            // data. A single value is an end of the domain, and exact.
             VolumeFormat::R32Float | VolumeFormat::Rgba32Float if statistics.min >= statistics.max => (1.0, 0.0),
             VolumeFormat::R32Float | VolumeFormat::Rgba32Float => (1.0, (domain[1] - domain[0]) * 2.0_f64.powi(-25)),
         };
@@ -124,15 +124,15 @@ impl Storage {
         if gradient {
             storage.scale_differences(volume);
         } else if plan.gradient() {
-            // Of differences between values a voxel before and behind.
+            // For differences between the values one voxel ahead and one voxel behind.
             let spacing = volume.geometry.spacing;
             storage.gradient_scale = (spacing.min_element() / spacing).to_array();
         }
         storage
     }
 
-    /// Sets the codes of differences: a whole number of codes per whole number where that holds the largest difference
-    /// there can be, else as many as the largest difference there is.
+    /// Sets the codes of differences: a whole number of codes per whole number if the largest possible difference fits,
+    /// else scaled to the largest difference in the data.
     fn scale_differences(&mut self, volume: &Volume) {
         let full = if self.format == VolumeFormat::Rgba16Snorm { SNORM16 } else { 1.0 };
         let span = (self.domain[1] - self.domain[0]) / self.slope.abs();
@@ -151,17 +151,17 @@ impl Storage {
         self.gradient_scale = scale.map(|scale| scale / largest);
     }
 
-    /// A stored value, 0 to 1 over the domain.
+    /// Normalises a stored value to 0–1 over the domain.
     #[must_use]
     pub fn normalised(&self, stored: f64) -> f64 {
-        // No `mul_add`: without hardware for it, it is a call, and this runs for every voxel.
+        // No `mul_add`: without hardware support it is a function call, and this runs for every voxel.
         let value = stored * self.slope + self.intercept;
         let normalised = (value - self.domain[0]) / (self.domain[1] - self.domain[0]);
-        // Comparisons in this order send NaN to 0.
+        // Comparisons in this order map NaN to 0.
         if normalised > 0.0 { if normalised < 1.0 { normalised } else { 1.0 } } else { 0.0 }
     }
 
-    /// Scale and offset from a texel's value to 0…1 over the domain.
+    /// Scale and offset from a texel's value to 0–1 over the domain.
     #[must_use]
     pub fn normalised_from_texel(&self) -> [f64; 2] {
         match self.format {
@@ -171,14 +171,14 @@ impl Storage {
         }
     }
 
-    /// What decoded differences are multiplied by, per axis, to point along the gradient in the volume's own axes; a
-    /// common factor is free.
+    /// Factors per axis from decoded differences to a vector along the gradient in the volume's own axes, up to a
+    /// common factor.
     #[must_use]
     pub fn gradient_scale(&self) -> [f64; 3] {
         self.gradient_scale
     }
 
-    /// The storage of a volume of `dims` voxels in a sentence, for people.
+    /// Describes the storage of a volume of `dims` voxels in a sentence.
     #[must_use]
     pub fn explain(&self, dims: [usize; 3]) -> String {
         let gradients = if self.format.has_gradient() { ", which way values change included" } else { "" };
@@ -202,7 +202,7 @@ impl Storage {
         dims.iter().fold(self.format.bytes() as u64, |bytes, &n| bytes.saturating_mul(n as u64))
     }
 
-    /// The texels of slices `slices` as the bytes of the texture.
+    /// Encodes the slices `slices` as texture bytes.
     #[must_use]
     pub fn slab(&self, volume: &Volume, slices: Range<usize>) -> Vec<u8> {
         let [nx, ny, _] = volume.geometry.dims;
@@ -246,8 +246,8 @@ impl Storage {
     }
 }
 
-/// The ends of the domain, finite and as far apart as an f64 can say, and how far that moves the ends of the data.
-/// Data of one value get a domain that begins with it, or ends with it where there is nothing beyond.
+/// Returns a finite domain of finite width, and the largest change of the data's ends. The domain of a single value
+/// starts at it, or ends at it if f64 has no room above.
 fn finite_domain(data: [f64; 2]) -> ([f64; 2], f64) {
     const HALF: f64 = f64::MAX / 2.0;
     let [low, high] = data.map(|end| end.clamp(f64::MIN, f64::MAX));
@@ -258,12 +258,12 @@ fn finite_domain(data: [f64; 2]) -> ([f64; 2], f64) {
     if (high - low).is_finite() {
         return ([low, high], 0.0);
     }
-    // Clamping each end to half the range leaves a span that is finite, and nothing of 1e307 or less is moved.
+    // Clamping each end to half of the range gives a finite span, and moves no value up to 1e307.
     let domain = [low.max(-HALF), high.min(HALF)];
     (domain, (domain[0] - low).max(high - domain[1]))
 }
 
-/// Most that stored integers of 64 bits lie beside the f64 that stands for them.
+/// Largest rounding error of 64-bit integers converted to f64; 0 for other types.
 #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "whole, and few digits are enough")]
 fn rounded_off(volume: &Volume) -> f64 {
     if !matches!(volume.voxels.voxel_type(), VoxelType::U64 | VoxelType::I64) {
@@ -276,19 +276,19 @@ fn rounded_off(volume: &Volume) -> f64 {
     })
 }
 
-/// The nearest code from 0 to 65535. Not `round`, which is a call on processors of the base level.
+/// Rounds to the nearest code from 0 to 65535. Does not use `round`, a function call on baseline processors.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts of floats saturate")]
 fn unsigned_code(number: f64) -> u16 {
     (number + 0.5) as u16
 }
 
-/// The nearest code from −32767 to 32767.
+/// Rounds to the nearest code from −32767 to 32767.
 #[expect(clippy::cast_possible_truncation, reason = "within ±32767")]
 fn signed_code(number: f64) -> i16 {
     (((number + 32768.5) as i32) - 32768) as i16
 }
 
-/// The largest central difference of normalised values along each axis.
+/// Returns the largest central difference of normalised values along each axis.
 fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
     with_voxels!(&volume.voxels, stored => {
         let grid = Grid { stored, dims: volume.geometry.dims };
@@ -305,14 +305,14 @@ fn largest_differences(storage: &Storage, volume: &Volume) -> [f64; 3] {
     })
 }
 
-/// Codes over the normalised range, and the loss in data units. A whole number of codes per whole number fits, because
-/// the caller has checked that `span` is at most `full`, but for the last code of signed formats.
+/// Returns the codes over the normalised range, and the loss in data units. If `span` is at most `full`, whole numbers
+/// get a whole number of codes each and lose nothing; else the span is scaled to `full` codes and rounded.
 fn whole_codes(full: f64, span: f64, slope: f64) -> (f64, f64) {
     let stride = (full / span).floor();
     if stride >= 1.0 { (stride * span, 0.0) } else { (full, 0.5 * span / full * slope.abs()) }
 }
 
-/// Voxels in their own type, as rows.
+/// Rows of voxels in their own type.
 struct Grid<'a, T> {
     stored: &'a [T],
     dims: [usize; 3],
@@ -325,7 +325,7 @@ impl<T: Voxel> Grid<'_, T> {
     }
 
     /// Calls `with` with x, the normalised value and the central differences v(i+1) − v(i−1) of normalised values along
-    /// each axis; one-sided and doubled at the faces, 0 along an axis of one voxel.
+    /// each axis; they are one-sided and doubled at the faces, and 0 along an axis of one voxel.
     fn differences(&self, storage: &Storage, row: usize, mut with: impl FnMut(usize, f64, [f64; 3])) {
         let [nx, ny, nz] = self.dims;
         let (y, z) = (row % ny, row / ny);
@@ -352,19 +352,19 @@ impl<T: Voxel> Grid<'_, T> {
     }
 }
 
-/// The stored volume on the host, decoded as the device decodes it: what the reference reads.
+/// Stored volume on the host, decoded as on the device; the reference renderer reads it.
 #[derive(Clone, Debug)]
 pub struct StoredVolume {
     /// Voxels along each axis.
     pub dims: [usize; 3],
-    /// Whether texels have four numbers (differences, value) or one (value).
+    /// Whether texels have four numbers (differences, value) instead of one (value).
     pub has_gradient: bool,
     /// Decoded texels, x fastest.
     pub texels: Vec<f32>,
 }
 
 impl StoredVolume {
-    /// Every texel of `volume` under `storage`.
+    /// Encodes and decodes every texel of `volume` under `storage`.
     #[must_use]
     pub fn new(volume: &Volume, storage: &Storage) -> Self {
         let dims = volume.geometry.dims;
@@ -390,22 +390,23 @@ impl StoredVolume {
     }
 }
 
-/// Which row of the label table each voxel takes; 0 follows the transfer function.
+/// Row of the label table for each voxel; row 0 follows the transfer function.
 #[derive(Clone, Debug)]
 pub struct LabelMap {
-    /// One row number a voxel, x fastest.
+    /// Row number of each voxel, x fastest.
     pub rows: Vec<u8>,
-    /// Labels in the data that the scene does not declare, with how many voxels have them.
+    /// Labels in the data that the scene does not declare, with their numbers of voxels.
     pub undeclared: BTreeMap<u32, u64>,
     visible: Vec<bool>,
 }
 
 impl LabelMap {
-    /// The rows of `labels`: the i-th declared label takes row i + 1.
+    /// Maps `labels` to rows: the i-th declared label (from 0) has row i + 1.
     ///
     /// # Errors
     ///
-    /// [`VolumeError::Layout`] for a label that is no whole number from 0 to 65535, or for more than 255 declared labels.
+    /// [`VolumeError::Layout`] for a label that is not a whole number from 0 to 65535, or for more than 255 declared
+    /// labels.
     pub fn new(labels: &Labels) -> Result<Self, VolumeError> {
         let fail = |problem: String| VolumeError::Layout { source_name: labels.volume.source.clone(), problem };
         let mut row_of = vec![None; 1 << 16];
@@ -433,7 +434,7 @@ impl LabelMap {
         Ok(Self { rows, undeclared, visible })
     }
 
-    /// Whether voxel `i` has a declared label that shows.
+    /// Whether voxel `i` has a declared label with an opacity above 0.
     #[must_use]
     pub fn is_visible(&self, i: usize) -> bool {
         self.rows.get(i).and_then(|&row| self.visible.get(usize::from(row))).is_some_and(|&visible| visible)

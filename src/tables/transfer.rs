@@ -1,4 +1,4 @@
-//! The transfer function as a table over the data's range, for one step length.
+//! Transfer function sampled as a table over the range of the data, for one step length.
 
 use super::Storage;
 use crate::model::{Amplification, ColourModel, Matrices, ModelKind, Order};
@@ -8,41 +8,42 @@ use crate::plan::{Accumulate, LANE, Planned, Shares, Transmittance};
 use crate::scene::{Lookup, Material, Medium, Scene, depth_from_opacity};
 use crate::spectrum::{BANDS, Spectrum};
 
-/// The least entries a linear table has.
+/// Smallest number of entries of a linear table.
 const FEWEST: usize = 1024;
-/// The most; a bend every value of 16-bit data is still met.
+/// Largest number of entries; resolves a bend at every value of 16-bit data.
 const MOST: usize = 1 << 16;
-/// Entries that the narrowest feature of a transfer function spans at least: its ends then move by an eighth of it.
+/// Least number of entries across the narrowest feature of a transfer function, whose ends then move by at most an
+/// eighth of its width.
 const PER_FEATURE: f64 = 8.0;
 
-/// Entry `i` of `n` stands for the value `low + i/(n−1)·(high − low)`.
+/// Transfer table: entry `i` of `n` belongs to the value `low + i/(n−1)·(high − low)`.
 ///
-/// What a step Δs of the medium there does (docs/theory/march.md), laid out in vectors as the plan has it: light lost,
-/// α = 1 − e^(−τΔs), and light gained, `σ_m (1 − e^(−τΔs))/τ`, which is `σ_m Δs` where nothing is lost, per material or
-/// times its spectrum. X-ray materials are in σ but not in τ.
+/// An entry describes a step Δs through the medium (docs/theory/march.md), in vectors laid out by the plan: the lost
+/// light α = 1 − e^(−τΔs), and the gained light `σ_m (1 − e^(−τΔs))/τ`, or `σ_m Δs` without loss, per material or times
+/// its spectrum. X-ray materials count in σ but not in τ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferTable {
-    /// `entries × lanes` vectors of what is gained, spare numbers zero.
+    /// Gained light: `entries × lanes` vectors; unused numbers are zero.
     pub source: Vec<[f32; LANE]>,
-    /// α: a number an entry, or [`Self::passed`] of them, spare ones zero.
+    /// Lost light α: [`Self::passed`] numbers per entry; unused numbers are zero.
     pub opacity: Vec<f32>,
-    /// Vectors an entry of [`Self::source`].
+    /// Vectors per entry of [`Self::source`].
     pub lanes: usize,
-    /// Numbers an entry of [`Self::opacity`].
+    /// Numbers per entry of [`Self::opacity`].
     pub passed: usize,
 }
 
-/// What one step does, in f64, laid out as a table entry.
+/// Effect of one step in f64, laid out like a table entry.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// Light gained.
+    /// Gained light.
     pub source: Vec<f64>,
-    /// Light lost, α.
+    /// Lost light α.
     pub opacity: Vec<f64>,
 }
 
 impl TransferTable {
-    /// The table of `scene` over `domain` (lowest and highest value).
+    /// Builds the table of `scene` over `domain` (lowest and highest value).
     #[must_use]
     pub fn new(scene: &Scene, planned: &Planned, domain: [f64; 2]) -> Self {
         let entries = entries(scene, domain);
@@ -52,7 +53,7 @@ impl TransferTable {
         Self::of_steps(planned, values.map(|value| steps.of_value(value)))
     }
 
-    /// A table with a row for each declared label, in their order; row 0 is empty, so that label numbers start at 1.
+    /// Builds a table with one row per declared label, in their order. Row 0 is empty, so that label rows start at 1.
     #[must_use]
     pub fn of_labels(scene: &Scene, planned: &Planned) -> Self {
         Self::of_steps(planned, Steps::new(scene, planned).of_labels().into_iter())
@@ -67,28 +68,28 @@ impl TransferTable {
         Self { source, opacity, lanes: planned.plan.parts().lanes, passed: opacity_numbers(planned) }
     }
 
-    /// Entries of the table.
+    /// Number of entries.
     #[must_use]
     pub fn entries(&self) -> usize {
         self.opacity.len() / self.passed
     }
 
-    /// Scale and offset from a texel's value to a place in the table, 0 to `entries − 1`.
+    /// Scale and offset from a texel's value to a table coordinate, 0 to `entries − 1`.
     #[must_use]
     pub fn coordinate_from_texel(&self, storage: &Storage) -> [f64; 2] {
         storage.normalised_from_texel().map(|term| term * count(self.entries() - 1))
     }
 
-    /// Between which places in the table, both excluded, anything is done at all.
+    /// Open interval of table coordinates outside which every lookup is zero.
     #[must_use]
     pub fn active(&self) -> [f64; 2] {
         let first = (0..self.entries()).find(|&i| self.is_active(i));
         let last = (0..self.entries()).rfind(|&i| self.is_active(i));
-        // A place between two entries is looked up in both.
+        // A coordinate between two entries reads both.
         [first.map_or(f64::INFINITY, |i| count(i) - 1.0), last.map_or(f64::NEG_INFINITY, |i| count(i) + 1.0)]
     }
 
-    /// Whether entry `i` does anything.
+    /// Whether entry `i` has any nonzero number.
     pub(crate) fn is_active(&self, i: usize) -> bool {
         let source = &self.source[i * self.lanes..][..self.lanes];
         let opacity = &self.opacity[i * self.passed..][..self.passed];
@@ -96,7 +97,7 @@ impl TransferTable {
     }
 }
 
-/// Numbers of an entry's opacity: one, or whole vectors.
+/// Numbers per entry of the opacity: one, or whole vectors.
 fn opacity_numbers(planned: &Planned) -> usize {
     match planned.plan.transmittance {
         Transmittance::Grey => 1,
@@ -104,25 +105,25 @@ fn opacity_numbers(planned: &Planned) -> usize {
     }
 }
 
-/// What steps do in a scene: its materials in the numbers of the plan, once, and what follows from them for any medium.
+/// Effects of steps in a scene: converts its materials to the plan's components once, and evaluates any medium.
 #[derive(Debug)]
 pub struct Steps<'a> {
     scene: &'a Scene,
     planned: &'a Planned,
     /// Coefficients of each material's reflectance, in a colour model.
     reflectances: Vec<Vec<f64>>,
-    /// Coefficients of each material's absorption; of a single number where transmittance is grey; empty for none.
+    /// Coefficients of each material's absorption; a single number for grey transmittance; empty without absorption.
     absorptions: Vec<Vec<f64>>,
-    /// Exponents of the highlights that have a part of their own.
+    /// Exponents of the highlights with components of their own.
     exponents: Vec<u32>,
-    /// The model, where it projects the transmittance of each step (the paper's order).
+    /// Model that projects the transmittance of each step (the paper's order).
     by_step: Option<&'a ColourModel>,
-    /// The model's matrices, where what passes is one.
+    /// Matrices of the model, if the transmittance is a matrix.
     matrices: Option<Matrices>,
 }
 
 impl<'a> Steps<'a> {
-    /// Steps in `scene` as `planned`.
+    /// Prepares the steps of `scene` under `planned`.
     #[must_use]
     pub fn new(scene: &'a Scene, planned: &'a Planned) -> Self {
         let model = planned.model.as_deref();
@@ -134,7 +135,7 @@ impl<'a> Steps<'a> {
             (Some(absorption), Some(model), Transmittance::Coloured) => {
                 model.absorption_coefficients(absorption.spectrum())
             }
-            // Whatever wavelength is looked at: only their sum has to be the same at all of them.
+            // Any band will do: transmittance is grey only if the absorptions add up to the same at every wavelength.
             (Some(absorption), ..) => absorption.spectrum().samples()[..1].to_vec(),
         };
         Self {
@@ -151,13 +152,13 @@ impl<'a> Steps<'a> {
         }
     }
 
-    /// What a step does at a data value.
+    /// Returns the effect of a step at a data value.
     #[must_use]
     pub fn of_value(&self, value: f64) -> Step {
         self.of_medium(&self.scene.transfer.medium(value, self.scene.materials.len()))
     }
 
-    /// What a step does at each declared label, label `i` of the scene at `i + 1`; nothing at 0.
+    /// Returns the effects of a step at each declared label: label `i` of the scene at index `i + 1`, none at 0.
     #[must_use]
     pub fn of_labels(&self) -> Vec<Step> {
         let materials = self.scene.materials.len();
@@ -174,7 +175,7 @@ impl<'a> Steps<'a> {
         std::iter::once(nothing.clone()).chain(media).map(|medium| self.of_medium(&medium)).collect()
     }
 
-    /// What a step does in `medium`.
+    /// Returns the effect of a step in `medium`.
     fn of_medium(&self, medium: &Medium) -> Step {
         let scene = self.scene;
         let steps = scene.accuracy.step_length / scene.transfer.opacity_length;
@@ -194,8 +195,8 @@ impl<'a> Steps<'a> {
         Step { source, opacity }
     }
 
-    /// What a step does in `medium` where it is a matrix: what it takes from each component of the light behind, and what is
-    /// sent back, projected.
+    /// Returns the effect of a step in `medium` for matrix transmittance: the loss matrix of the light from behind, and
+    /// the projected source.
     fn mixed(&self, matrices: &Matrices, medium: &Medium, scattering: f64, steps: f64) -> Step {
         let mut depth = [scattering * steps; BANDS];
         for (&height, material) in medium.absorption.iter().zip(&self.scene.materials) {
@@ -218,7 +219,7 @@ impl<'a> Steps<'a> {
         Step { source: self.source(medium, |c| white[c], |m, c, factor| factor * reflected[m][c]), opacity }
     }
 
-    /// The optical depth of each number of what passes across a step of `steps` opacity lengths.
+    /// Optical depth of each transmittance component across a step of `steps` opacity lengths.
     fn depths(&self, medium: &Medium, scattering: f64, steps: f64) -> Vec<f64> {
         if let Some(model) = self.by_step {
             let mut depth = Spectrum::constant(scattering);
@@ -238,8 +239,8 @@ impl<'a> Steps<'a> {
         depths.into_iter().map(|depth| depth * steps).collect()
     }
 
-    /// What a step gains, where a unit of scattering gives component c `gain(c)` of white, and f units `reflected(m, c, f)` of
-    /// material m.
+    /// Source of a step. A unit of scattering gives `gain(c)` in component c for white, and f units of material m give
+    /// `reflected(m, c, f)`.
     fn source(
         &self,
         medium: &Medium,
@@ -289,7 +290,7 @@ impl<'a> Steps<'a> {
     }
 }
 
-/// As many entries as the narrowest feature needs, where the scene states no number.
+/// Number of entries: as stated in the scene, else as needed for the narrowest feature.
 fn entries(scene: &Scene, [low, high]: [f64; 2]) -> usize {
     if let Some(entries) = scene.transfer.entries {
         return entries;
@@ -313,7 +314,7 @@ mod tests {
     use crate::progress::Quiet;
     use crate::scene::{SceneOptions, parse};
 
-    /// A table of `entries` (or as many as it takes) of an interval one value wide, from 31000.
+    /// Builds a table of `entries` (default: automatic) for an interval one value wide, from 31000.
     fn table(entries: &str) -> Option<TransferTable> {
         let text = format!(
             "version = 1\n[volume]\nphantom = \"slab\"\n[materials.m]\nreflectance = 0.5\n[transfer]\n{entries}\n\
@@ -326,7 +327,7 @@ mod tests {
         })
     }
 
-    /// The opacity that [`table`] has at voxels of value `value`.
+    /// Opacity of [`table`] at the voxel value `value`.
     fn opacity_at(value: f64, entries: &str) -> f64 {
         table(entries).map_or(f64::NAN, |table| {
             let place = value / 65535.0 * count(table.entries() - 1);
@@ -349,7 +350,7 @@ mod tests {
         for value in [30999.0, 31002.0] {
             assert!(opacity_at(value, "").abs() <= 1e-6, "opacity at {value}: {}", opacity_at(value, ""));
         }
-        // Fewer entries lose it: that is why they are counted by the narrowest feature.
+        // Fewer entries lose the interval: the narrowest feature determines their number.
         for entries in ["entries = 1024", "entries = 4096"] {
             assert!(opacity_at(31000.0, entries) < 0.25, "{entries}: {}", opacity_at(31000.0, entries));
         }
