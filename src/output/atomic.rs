@@ -1,4 +1,4 @@
-//! Files that appear whole or not at all.
+//! Atomic file output: a file appears whole or not at all.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, Write};
@@ -7,40 +7,40 @@ use std::sync::{Mutex, PoisonError};
 
 use super::OutputError;
 
-/// What a file's content is written into: bytes in order, with a way back to fill in offsets.
+/// Destination of a file's content: sequential writes, with seeking to fill in offsets.
 pub trait Sink: Write + Seek {}
 
 impl<T: Write + Seek> Sink for T {}
 
-/// The longest chain of symbolic links that is followed, as in Linux.
+/// Longest chain of symbolic links followed, as in Linux.
 const LONGEST_CHAIN: usize = 40;
 
-/// Every temporary file that was begun. Those that are gone do no harm: their names are never used again.
+/// All temporary files ever begun. Files that no longer exist do no harm: their names are never reused.
 static BEGUN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes what is half written, in a program that ends at once: nothing can be written any more after this.
+/// Removes unfinished files before the process exits. Blocks every later write.
 pub fn discard_unfinished() {
     let begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
     for path in &*begun {
-        // Most are whole, and have another name now.
+        // Most are finished and renamed.
         fs::remove_file(path).ok();
     }
-    // Kept for ever: another thread may not begin another one before the end.
+    // Never unlock: another thread must not begin a new file before the process ends.
     std::mem::forget(begun);
 }
 
-/// Writes a file so that `path` holds either all of the new content or, after any error, what it held before.
+/// Writes a file so that `path` holds either the whole new content or, after any error, the previous content.
 ///
-/// `fill` writes the content; it goes to a temporary file in the same folder, is synced to the disk and renamed over
-/// `path`. An existing file keeps its permissions, and one that may not be written to is not replaced. Of a symbolic
-/// link the target is replaced. What is not an ordinary file (`/dev/stdout`, a FIFO) cannot be renamed over: it
-/// receives the finished content at the end.
+/// `fill` writes the content to a temporary file in the same folder, which is synced to the disk and renamed over
+/// `path`. An existing file keeps its permissions; a read-only file is not replaced. For a symbolic link, the target is
+/// replaced. A special file (`/dev/stdout`, a FIFO) cannot be renamed over: it receives the finished content at the
+/// end.
 ///
 /// # Errors
 ///
 /// [`OutputError::NoFolder`], [`OutputError::IsFolder`], [`OutputError::DiskFull`], [`OutputError::FileLimit`],
-/// [`OutputError::NoFile`] where the folder takes no other file, and [`OutputError::Write`] for all else, an error of `fill`
-/// included. No temporary file is left behind.
+/// [`OutputError::NoFile`] if the folder accepts no new file, and [`OutputError::Write`] for all other errors,
+/// including those of `fill`. No temporary file is left behind.
 pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> Result<(), OutputError> {
     match look(path)? {
         (target, Some(metadata)) if !metadata.is_file() => write_special(path, &target, fill),
@@ -48,11 +48,12 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Sink) -> io::Res
     }
 }
 
-/// Refuses a path that [`write_atomically`] could not even begin to write, before work is done for it. Writes nothing.
+/// Refuses a path to which [`write_atomically`] could not begin to write, before any work is done for it. Writes
+/// nothing.
 ///
 /// # Errors
 ///
-/// Those of [`write_atomically`].
+/// Same as [`write_atomically`].
 pub fn check_writable(path: &Path) -> Result<(), OutputError> {
     match look(path)? {
         (_, Some(metadata)) if !metadata.is_file() => Ok(()),
@@ -60,7 +61,7 @@ pub fn check_writable(path: &Path) -> Result<(), OutputError> {
     }
 }
 
-/// Where `path` leads, and what is there: anything but a folder.
+/// Resolves `path`, and returns the metadata of an existing target. Refuses folders.
 fn look(path: &Path) -> Result<(PathBuf, Option<fs::Metadata>), OutputError> {
     let target = follow_links(path).map_err(|source| OutputError::Write { path: path.to_owned(), source })?;
     match fs::metadata(&target) {
@@ -71,7 +72,7 @@ fn look(path: &Path) -> Result<(PathBuf, Option<fs::Metadata>), OutputError> {
     }
 }
 
-/// Writes beside `target`, an ordinary file or none, and renames.
+/// Writes a temporary file next to `target`, a regular file or none, and renames it.
 fn replace(
     path: &Path,
     target: &Path,
@@ -89,7 +90,7 @@ fn replace(
     Ok(())
 }
 
-/// An empty temporary file beside `target`, which may be replaced where it `exists`.
+/// Creates an empty temporary file next to `target`. If the target `exists`, it must be writable.
 fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTempFile, OutputError> {
     let folder = match target.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -99,19 +100,19 @@ fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTem
         return Err(OutputError::NoFolder { path: path.to_owned(), folder: folder.to_owned() });
     }
     if exists {
-        // The rename would not ask whether this file may be written to.
+        // The rename does not check whether this file is writable.
         OpenOptions::new().write(true).open(target).map_err(|source| failure(path, 0, source))?;
     }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".relume-").suffix(".part");
     #[cfg(unix)]
     {
-        // What any new file gets; the system takes the umask off.
+        // Default mode of a new file; the system applies the umask.
         use std::os::unix::fs::PermissionsExt;
         builder.permissions(fs::Permissions::from_mode(0o666));
     }
     let mut begun = BEGUN.lock().unwrap_or_else(PoisonError::into_inner);
-    // What the system says of a file that nobody has asked for is of no use.
+    // Report only the kind: the system's message names the temporary file, which means nothing to the user.
     let refused = |source: io::Error| match failure(path, 0, source) {
         OutputError::Write { path, source } => {
             OutputError::NoFile { path, folder: folder.to_owned(), source: source.kind().into() }
@@ -123,7 +124,7 @@ fn beside(path: &Path, target: &Path, exists: bool) -> Result<tempfile::NamedTem
     Ok(temporary)
 }
 
-/// Writes to an unnamed file, since a pipe cannot seek, and copies that to `target`.
+/// Writes to an unnamed file, since a pipe cannot seek, and copies it to `target`.
 fn write_special(
     path: &Path,
     target: &Path,
@@ -137,19 +138,19 @@ fn write_special(
     copied.map_err(|source| failure(path, sent.bytes, source))
 }
 
-/// Runs `fill` on a buffer before `file`, and empties the buffer.
+/// Runs `fill` on a buffered `file`, and flushes the buffer.
 fn fill_file(file: &File, fill: impl FnOnce(&mut dyn Sink) -> io::Result<()>) -> io::Result<()> {
     let mut buffered = BufWriter::with_capacity(1 << 16, file);
     fill(&mut buffered)?;
     buffered.flush()
 }
 
-/// The path behind a chain of symbolic links; the last one may lead to a file that does not exist yet.
+/// Follows a chain of symbolic links; the last target may not exist yet.
 fn follow_links(path: &Path) -> io::Result<PathBuf> {
     let mut target = path.to_owned();
     for _ in 0..LONGEST_CHAIN {
         match fs::symlink_metadata(&target) {
-            // The links under /proc/self/fd, where /dev/stdout leads, may name what no path reaches.
+            // The links in /proc/self/fd, to which /dev/stdout leads, may name targets without a path.
             Ok(metadata) if metadata.is_symlink() && !fs::metadata(&target).is_ok_and(|end| is_special(&end)) => {
                 let next = fs::read_link(&target)?;
                 target = target.parent().map_or_else(|| next.clone(), |folder| folder.join(&next));
@@ -160,17 +161,17 @@ fn follow_links(path: &Path) -> io::Result<PathBuf> {
     Err(io::Error::other(format!("more than {LONGEST_CHAIN} symbolic links in a row")))
 }
 
-/// Whether this is neither a file nor a folder: a device, a pipe, a socket.
+/// Whether this is a device, pipe or socket: neither a file nor a folder.
 fn is_special(metadata: &fs::Metadata) -> bool {
     !metadata.is_file() && !metadata.is_dir()
 }
 
-/// How many bytes have reached `file`.
+/// Number of bytes written to `file`.
 fn length(file: &File) -> u64 {
     file.metadata().map_or(0, |metadata| metadata.len())
 }
 
-/// The error for `source`, met after `written` bytes.
+/// Converts `source`, which occurred after `written` bytes.
 fn failure(path: &Path, written: u64, source: io::Error) -> OutputError {
     let path = path.to_owned();
     match source.kind() {
@@ -180,7 +181,7 @@ fn failure(path: &Path, written: u64, source: io::Error) -> OutputError {
     }
 }
 
-/// Counts the bytes that an opened file took.
+/// Writer that counts the bytes a file accepted.
 struct Counted {
     to: File,
     bytes: u64,

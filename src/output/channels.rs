@@ -1,4 +1,4 @@
-//! OpenEXR files of named f32 channels, written a few rows at a time.
+//! OpenEXR files with named f32 channels, written a few rows at a time.
 
 use std::collections::HashMap;
 use std::io;
@@ -16,20 +16,20 @@ use ::exr::prelude::Compression;
 use super::picture::check_size;
 use super::{OutputError, SOFTWARE, write_atomically};
 
-/// One part of an OpenEXR file.
+/// Part of an OpenEXR file.
 pub(super) struct Part<'a> {
-    /// Its name; none where it is the only one.
+    /// Name; none for a single part.
     pub(super) name: Option<&'a str>,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub(super) size: (usize, usize),
-    /// The names of its channels, in the order of the values.
+    /// Channel names, in the order of the values.
     pub(super) channels: &'a [String],
-    /// Attributes that are strings.
+    /// String attributes: names and values.
     pub(super) attributes: &'a [(&'a str, &'a str)],
 }
 
 impl Part<'_> {
-    /// The channels as they lie in the file, which wants them in the order of their names.
+    /// Order of the channels in the file, which must be sorted by name.
     fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.channels.len()).collect();
         order.sort_by_key(|&channel| self.channels[channel].as_bytes());
@@ -60,11 +60,11 @@ impl Part<'_> {
     }
 }
 
-/// Writes an OpenEXR file: 32-bit float channels in scan lines, compressed by zlib sixteen lines at a time.
+/// Writes an OpenEXR file with 32-bit float channels in scan lines, compressed by zlib in blocks of sixteen lines.
 ///
-/// `rows(part, y, data)` is called from the top of each of `parts` on and fills `data` with its rows from `y` on: row by
-/// row, in each the channels in their order, in each its values from left to right. Attributes and names are stored as
-/// UTF-8. The window of the whole file is that of the first part.
+/// `rows(part, y, data)` is called from the top of each of `parts` down, and fills `data` with the rows from `y` on:
+/// row by row, within a row channel by channel in the order of the part, within a channel from left to right.
+/// Attributes and names are stored as UTF-8. The display window of the file is that of the first part.
 ///
 /// # Errors
 ///
@@ -110,7 +110,7 @@ pub(super) fn write(
     })
 }
 
-/// The primaries and the white of sRGB (ITU-R BT.709-6, table 1).
+/// Primaries and white point of sRGB (ITU-R BT.709-6, table 1).
 const SRGB: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.30, 0.60),
@@ -118,7 +118,7 @@ const SRGB: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// The bytes of `string`, unchanged.
+/// Bytes of `string`, unchanged.
 pub(super) fn text(string: &str) -> Text {
     Text::from_slice_unchecked(string.as_bytes())
 }

@@ -1,4 +1,4 @@
-//! Drawings as PNG.
+//! Rendering of SVG drawings to PNG.
 
 use std::path::Path;
 
@@ -7,13 +7,13 @@ use resvg::usvg::{Options, Tree};
 
 use super::{OutputError, write_ready_png};
 
-/// Writes the SVG drawing `svg` to `path` as PNG, over white, `scale` pixels to its unit.
+/// Renders the SVG drawing `svg` over white, with `scale` pixels per unit, and writes it to `path` as PNG.
 ///
-/// Text is set in a font of the system; where it has none, the answer is false and the text is left out.
+/// Uses a system font for text. Returns false if the system has none; the text is then left out.
 ///
 /// # Errors
 ///
-/// [`OutputError::Drawing`] for what is no SVG, [`OutputError::Size`] for one that is too large, and the errors of
+/// [`OutputError::Drawing`] for invalid SVG, [`OutputError::Size`] for a drawing that is too large, and the errors of
 /// [`super::write_atomically`].
 pub fn write_drawing(path: &Path, svg: &str, scale: f32) -> Result<bool, OutputError> {
     let mut options = Options::default();
@@ -39,7 +39,7 @@ pub fn write_drawing(path: &Path, svg: &str, scale: f32) -> Result<bool, OutputE
     Ok(has_fonts)
 }
 
-/// The first upright family that the system has of those that read well.
+/// Chooses a legible font family of the system.
 fn family(options: &Options<'_>) -> Option<String> {
     let names: Vec<&str> =
         options.fontdb.faces().filter_map(|face| face.families.first()).map(|(name, _)| name.as_str()).collect();

@@ -1,16 +1,16 @@
-//! Pictures as OpenEXR files: linear, floating point, with opacity.
+//! Pictures as linear OpenEXR files with opacity.
 
 use std::path::Path;
 
 use super::channels::{self, Part};
 use super::{OutputError, Picture};
 
-/// Writes `picture` to `path` as it is: channels R, G, B and, with four samples per pixel, A (the opacity; the colours
-/// are premultiplied, as OpenEXR has it), 32-bit float, with the primaries of sRGB as attribute.
+/// Writes `picture` to `path` unchanged: 32-bit float channels R, G, B and, with four samples per pixel, A (the
+/// opacity, by which the colours are premultiplied, as in OpenEXR), with the primaries of sRGB as attribute.
 ///
 /// # Errors
 ///
-/// Those of [`super::write_atomically`].
+/// Same as [`super::write_atomically`].
 pub fn write_exr(path: &Path, picture: &Picture<'_>) -> Result<(), OutputError> {
     let (width, channels) = (picture.width(), picture.channels());
     let names: Vec<String> = ["R", "G", "B", "A"].iter().take(channels).map(|&name| name.to_owned()).collect();

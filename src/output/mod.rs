@@ -1,4 +1,4 @@
-//! Pictures and accumulators as files.
+//! File output of pictures and films.
 
 mod atomic;
 mod channels;
@@ -19,28 +19,28 @@ pub use spectral::{SpectralRow, write_spectral};
 
 use std::path::{Path, PathBuf};
 
-/// The name of picture `number` of several: `picture.png` as `picture-0001.png`.
+/// Returns the path of picture `number` of a sequence: `picture.png` becomes `picture-0001.png`.
 #[must_use]
 pub fn numbered(path: &Path, number: u16) -> PathBuf {
     let part = |part: Option<&std::ffi::OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
     path.with_file_name(format!("{}-{number:04}.{}", part(path.file_stem()), part(path.extension())))
 }
 
-/// The kinds of picture file.
+/// Kind of a picture file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureKind {
-    /// sRGB for the screen.
+    /// Display-referred sRGB.
     Png,
     /// Linear OpenEXR.
     Exr,
 }
 
 impl PictureKind {
-    /// What `path` will be, by its extension.
+    /// Returns the kind by the extension of `path`.
     ///
     /// # Errors
     ///
-    /// [`OutputError::Kind`] where that says nothing.
+    /// [`OutputError::Kind`] for an unknown extension.
     pub fn of(path: &Path) -> Result<Self, OutputError> {
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => Ok(Self::Png),
@@ -49,11 +49,11 @@ impl PictureKind {
         }
     }
 
-    /// Whether `path` will be OpenEXR, as accumulators and spectral pictures are.
+    /// Requires the extension of OpenEXR, for film files and spectral pictures.
     ///
     /// # Errors
     ///
-    /// [`OutputError::NoExr`] where it will not.
+    /// [`OutputError::NoExr`] for other extensions.
     pub fn require_exr(path: &Path) -> Result<(), OutputError> {
         match Self::of(path) {
             Ok(Self::Exr) => Ok(()),
@@ -62,26 +62,26 @@ impl PictureKind {
     }
 }
 
-/// Samples of every spectrum in a file: 380–780 nm in steps of 5 nm.
+/// Number of samples of a stored spectrum: 380–780 nm in steps of 5 nm.
 pub const BANDS: usize = 81;
 
-/// The first wavelength of a stored spectrum in nm.
+/// First wavelength of a stored spectrum in nm.
 const FIRST_NM: u16 = 380;
 
-/// The distance between the wavelengths of a stored spectrum in nm.
+/// Wavelength step of a stored spectrum in nm.
 const STEP_NM: u16 = 5;
 
-/// What the `software` attribute of our files says.
+/// Value of the `software` attribute of written files.
 const SOFTWARE: &str = concat!("relume ", env!("CARGO_PKG_VERSION"));
 
-/// Why a file could not be written, or an accumulator file not be read.
+/// Error of writing a file or reading a film file.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OutputError {
-    /// What passes is a matrix.
+    /// The transmittance is a matrix.
     #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
     Matrix,
-    /// The name says no kind of picture.
+    /// The extension is of no kind of picture.
     #[error(
         "cannot tell what kind of picture {} is to be: end its name in .png (sRGB) or .exr (linear float)",
         path.display()
@@ -90,132 +90,132 @@ pub enum OutputError {
         /// The file.
         path: PathBuf,
     },
-    /// The name is of no OpenEXR file, which this is to be.
+    /// The file must be OpenEXR, and its extension differs.
     #[error("{} will be OpenEXR; end its name in .exr", path.display())]
     NoExr {
         /// The file.
         path: PathBuf,
     },
-    /// The folder that should hold the file takes no other.
+    /// The folder accepts no new file.
     #[error("cannot write {}: no file can be made in {}; write elsewhere", path.display(), folder.display())]
     NoFile {
         /// The file.
         path: PathBuf,
-        /// Its folder.
+        /// Folder of the file.
         folder: PathBuf,
-        /// Why.
+        /// Cause.
         source: std::io::Error,
     },
-    /// The folder that should hold the file does not exist.
+    /// The folder does not exist.
     #[error("cannot write {}: there is no folder {}; make it, or write elsewhere", path.display(), folder.display())]
     NoFolder {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// The folder that is missing.
+        /// Missing folder.
         folder: PathBuf,
     },
-    /// The path names a folder.
+    /// The path is a folder.
     #[error("cannot write {}: it is a folder; add a file name", path.display())]
     IsFolder {
-        /// The path asked for.
+        /// Requested path.
         path: PathBuf,
     },
-    /// The disk filled up; what stood at `path` before is untouched.
+    /// The disk is full; the previous file at `path` is unchanged.
     #[error("cannot write {}: the disk is full after {written} bytes; free space there, or write elsewhere", path.display())]
     DiskFull {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// How many bytes the disk took.
+        /// Number of bytes written.
         written: u64,
-        /// What the system said.
+        /// System error.
         source: std::io::Error,
     },
-    /// The file would outgrow what a file may hold here (`ulimit -f`, or the file system's own limit).
+    /// The file would exceed the size limit (`ulimit -f`, or that of the file system).
     #[error("cannot write {}: a file here may not grow past {written} bytes; raise the limit, or write elsewhere", path.display())]
     FileLimit {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// How many bytes were taken.
+        /// Number of bytes written.
         written: u64,
-        /// What the system said.
+        /// System error.
         source: std::io::Error,
     },
-    /// Any other failure to write; what stood at `path` before is untouched.
+    /// Any other write error; the previous file at `path` is unchanged.
     #[error("cannot write {}", path.display())]
     Write {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// What the system said.
+        /// System error.
         source: std::io::Error,
     },
-    /// The samples handed over are not the picture that its size promises.
+    /// The number of samples does not match the size of the picture.
     #[error("{what} of {width}×{height} pixels needs {expected} samples, and {found} were given")]
     Shape {
-        /// What was to be written.
+        /// Object to write.
         what: &'static str,
-        /// Pixels across.
+        /// Width in pixels.
         width: usize,
-        /// Pixels down.
+        /// Height in pixels.
         height: usize,
-        /// How many samples that takes.
+        /// Required numbers of samples.
         expected: String,
-        /// How many there are.
+        /// Number of samples given.
         found: usize,
     },
-    /// A picture has no pixels, or more of them across or down than a file can hold.
+    /// The picture has no pixels, or a side is longer than a file can hold.
     #[error("a picture of {width}×{height} pixels cannot be stored: each side must be 1 to {largest}")]
     Size {
-        /// Pixels across.
+        /// Width in pixels.
         width: usize,
-        /// Pixels down.
+        /// Height in pixels.
         height: usize,
-        /// The longest side that can be stored.
+        /// Longest side that can be stored.
         largest: usize,
     },
-    /// A drawing cannot be made a picture.
+    /// The drawing cannot be rendered.
     #[error("the drawing for {} cannot be made a picture: {detail}", path.display())]
     Drawing {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         detail: String,
     },
-    /// The file could not be opened or read.
+    /// The file cannot be opened or read.
     #[error("cannot read {}", path.display())]
     Read {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// What the system said.
+        /// System error.
         source: std::io::Error,
     },
-    /// The file is damaged, cut short, or not an OpenEXR file.
+    /// The file is damaged, truncated, or not an OpenEXR file.
     #[error("{} is no readable OpenEXR file: {detail}", path.display())]
     Damaged {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// What the decoder met.
+        /// Message of the decoder.
         detail: String,
     },
-    /// The file is an OpenEXR file, but not one of accumulators.
+    /// The OpenEXR file is not a film file.
     #[error("{} is not an accumulator file: {detail}", path.display())]
     NotAccumulators {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// What is missing, or there too much.
+        /// Missing or unexpected content.
         detail: String,
     },
-    /// The attribute `relume` cannot be understood.
+    /// The attribute `relume` is invalid.
     #[error("the attribute `relume` of {} is wrong: {detail}", path.display())]
     Attribute {
-        /// The file asked for.
+        /// Requested file.
         path: PathBuf,
-        /// Where and why.
+        /// Position and cause.
         detail: String,
     },
-    /// The accumulators contradict themselves, in memory or in a file.
+    /// The film is inconsistent, in memory or in a file.
     #[error("these accumulators cannot be stored or relit: {detail}")]
     Inconsistent {
-        /// The thing and the number.
+        /// Offending item and number.
         detail: String,
     },
 }

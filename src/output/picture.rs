@@ -1,11 +1,11 @@
-//! A picture on its way to a file.
+//! Validated pictures for output.
 
 use super::OutputError;
 
-/// A picture in linear sRGB (Rec. 709 primaries, D65 white at 1), rows from the top, borrowed.
+/// Borrowed picture in linear sRGB (Rec. 709 primaries, D65 white at 1), rows from the top.
 ///
-/// With four samples per pixel the last is the opacity, 0–1, and the colours are premultiplied by it: they are what the
-/// picture shows over black.
+/// With four samples per pixel, the last is the opacity, 0–1. The colours are premultiplied by it: they show the
+/// picture over black.
 #[derive(Clone, Copy, Debug)]
 pub struct Picture<'a> {
     width: usize,
@@ -14,10 +14,10 @@ pub struct Picture<'a> {
 }
 
 impl<'a> Picture<'a> {
-    /// The longest side of a picture, in pixels.
+    /// Longest side of a picture, in pixels.
     pub const LARGEST_SIDE: usize = 65_536;
 
-    /// A picture of `width`×`height` pixels with three (R, G, B) or four (R, G, B, opacity) samples each.
+    /// Wraps `width`×`height` pixels with three (R, G, B) or four (R, G, B, opacity) samples each.
     ///
     /// # Errors
     ///
@@ -27,12 +27,12 @@ impl<'a> Picture<'a> {
         Ok(Self { width, height, samples })
     }
 
-    /// Pixels across.
+    /// Width in pixels.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Pixels down.
+    /// Height in pixels.
     pub fn height(&self) -> usize {
         self.height
     }
@@ -48,7 +48,7 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// Refuses sizes that no picture has, and samples of `what` that are neither three nor four per pixel.
+/// Refuses invalid sizes, and samples of `what` that are neither three nor four per pixel.
 pub(super) fn check_samples(what: &'static str, width: usize, height: usize, found: usize) -> Result<(), OutputError> {
     check_size(width, height)?;
     let pixels = width * height;
@@ -59,7 +59,7 @@ pub(super) fn check_samples(what: &'static str, width: usize, height: usize, fou
     Err(OutputError::Shape { what, width, height, expected, found })
 }
 
-/// Refuses pictures without pixels and those too large for a file.
+/// Refuses empty pictures, and pictures too large for a file.
 pub(super) fn check_size(width: usize, height: usize) -> Result<(), OutputError> {
     let largest = Picture::LARGEST_SIDE;
     if (1..=largest).contains(&width) && (1..=largest).contains(&height) {

@@ -1,4 +1,4 @@
-//! PNG files, 8 and 16 bits, in sRGB.
+//! PNG files in sRGB with 8 or 16 bits per sample.
 
 use std::io;
 use std::path::Path;
@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::picture::{Picture, check_samples};
 use super::{OutputError, SOFTWARE, write_atomically};
 
-/// Bits per sample of a PNG.
+/// Bits per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Depth {
     /// 8 bits: 256 levels.
@@ -18,23 +18,23 @@ pub enum Depth {
     Sixteen,
 }
 
-/// What a PNG makes of a picture's opacity.
+/// Treatment of a picture's opacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
-    /// The picture is shown over black; the file has no alpha.
+    /// Shows the picture over black; the file has no alpha.
     OverBlack,
-    /// The file has the opacity as alpha, and colours divided by it, as PNG demands; a picture without opacity has
-    /// opacity 1 everywhere.
+    /// Stores the opacity as alpha, and colours divided by it, as PNG requires. A picture without opacity has opacity
+    /// 1.
     Kept,
 }
 
-/// Writes `picture`, encoded as sRGB (IEC 61966-2-1), to `path`; see [`write_atomically`].
+/// Writes `picture` to `path`, encoded as sRGB (IEC 61966-2-1); see [`write_atomically`].
 ///
-/// Values below 0 become 0 and those above 1 become 1, the nearest code is taken, and NaN becomes black.
+/// Clamps values to 0–1, rounds to the nearest code, and turns NaN into black.
 ///
 /// # Errors
 ///
-/// Those of [`write_atomically`].
+/// Same as [`write_atomically`].
 pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha) -> Result<(), OutputError> {
     let (width, height) = (picture.width(), picture.height());
     let data = match depth {
@@ -51,7 +51,7 @@ pub fn write_png(path: &Path, picture: &Picture<'_>, depth: Depth, alpha: Alpha)
     write_data(path, width, height, depth, alpha == Alpha::Kept, &data)
 }
 
-/// Writes samples that are 8-bit sRGB already, three (R, G, B) or four (and alpha, not premultiplied) per pixel.
+/// Writes 8-bit sRGB samples: three (R, G, B) or four (with straight alpha) per pixel.
 ///
 /// # Errors
 ///
@@ -61,7 +61,7 @@ pub fn write_ready_png(path: &Path, width: usize, height: usize, samples: &[u8])
     write_data(path, width, height, Depth::Eight, samples.len() == 4 * width * height, samples)
 }
 
-/// The picture's samples as the bytes of a PNG, `N` per sample.
+/// Encodes the samples of a picture as PNG data, `N` bytes each.
 fn encode<const N: usize>(
     picture: &Picture<'_>,
     alpha: Alpha,
@@ -89,7 +89,7 @@ fn encode<const N: usize>(
     data
 }
 
-/// The bytes of a PNG of samples as [`write_ready_png`] takes them, for pages that hold their pictures.
+/// Encodes samples, as for [`write_ready_png`], as a PNG in memory, for pages that embed their pictures.
 ///
 /// # Errors
 ///
@@ -103,7 +103,7 @@ pub fn ready_png(width: usize, height: usize, samples: &[u8]) -> Result<Vec<u8>,
     Ok(bytes)
 }
 
-/// Writes the bytes of a PNG's pixels.
+/// Writes encoded pixel data as a PNG file.
 fn write_data(
     path: &Path,
     width: usize,
@@ -137,7 +137,7 @@ fn write_pixels(
         Depth::Sixteen => png::BitDepth::Sixteen,
     });
     encoder.set_compression(png::Compression::Fast);
-    // Also writes the gAMA and cHRM chunks that the PNG standard advises beside it.
+    // Also writes the gAMA and cHRM chunks that the PNG standard recommends for decoders without sRGB support.
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     let describe = |error| match error {
         png::EncodingError::IoError(error) => error,
@@ -149,19 +149,19 @@ fn write_pixels(
     writer.finish().map_err(describe)
 }
 
-/// `value`, 0–1, as the nearest of the levels 0 to `largest`; NaN is 0.
+/// Quantises `value`, 0–1, to the nearest level from 0 to `largest`; NaN becomes 0.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to `largest` after the clamp, NaN to 0")]
 fn level(value: f32, largest: u16) -> u16 {
     value.clamp(0.0, 1.0).mul_add(f32::from(largest), 0.5) as u16
 }
 
-/// The sRGB encoding of a linear value, 0–1 (IEC 61966-2-1).
+/// sRGB encoding of a linear value, 0–1 (IEC 61966-2-1).
 fn srgb_from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055_f32.mul_add(linear.powf(1.0 / 2.4), -0.055) }
 }
 
-/// The 8-bit sRGB code nearest to a linear value, without its power: the code rises where the value passes a threshold,
-/// and a table says where to begin.
+/// Returns the nearest 8-bit sRGB code of a linear value, without computing a power: searches the thresholds between
+/// codes from a tabulated start.
 fn code_8(linear: f32) -> u8 {
     let codes = &*CODES;
     let value = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
@@ -172,14 +172,14 @@ fn code_8(linear: f32) -> u8 {
     code
 }
 
-/// Steps of the table of first guesses.
+/// Steps of the start table.
 const START_STEPS: u16 = 4096;
 
-/// What [`code_8`] looks up.
+/// Tables of [`code_8`].
 struct Codes {
-    /// The smallest linear value of each code.
+    /// Smallest linear value of each code.
     threshold: [f32; 256],
-    /// A code not above that of any value that rounds to this step.
+    /// For each step, a code not above that of any value that rounds to the step.
     start: Vec<u8>,
 }
 
@@ -197,7 +197,7 @@ static CODES: LazyLock<Codes> = LazyLock::new(|| {
     Codes { threshold, start }
 });
 
-/// Rounds once to single precision.
+/// Rounds to single precision.
 #[expect(clippy::cast_possible_truncation, reason = "rounding is what is asked for")]
 fn f32_from(value: f64) -> f32 {
     value as f32

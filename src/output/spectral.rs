@@ -5,12 +5,12 @@ use std::path::Path;
 use super::channels::{self, Part};
 use super::{BANDS, FIRST_NM, OutputError, STEP_NM};
 
-/// One row of a spectral picture, to be filled from left to right.
+/// One row of a spectral picture to fill, from left to right.
 #[derive(Debug)]
 pub struct SpectralRow<'a> {
-    /// Spectral radiance of each pixel, pixel by pixel, 380–780 nm in steps of 5 nm.
+    /// Spectral radiance of each pixel, 380–780 nm in steps of 5 nm.
     pub radiance: &'a mut [[f32; BANDS]],
-    /// The picture for programs that do not know spectra: linear sRGB of each pixel.
+    /// Linear sRGB of each pixel, for programs that do not read spectra.
     pub preview: &'a mut [[f32; 3]],
 }
 
@@ -18,9 +18,9 @@ pub struct SpectralRow<'a> {
 /// 32-bit float, with the attributes `spectralLayoutVersion` = "1.0", `emissiveUnits` = "W.m^-2.sr^-1" and
 /// `polarisationHandedness` = "right".
 ///
-/// `notes` are more attributes, strings under their names.
+/// `notes` are further string attributes: names and values.
 ///
-/// `fill(y, row)` is called once for each row, from the top on; only the rows of one compressed block are in memory.
+/// `fill(y, row)` is called once per row, from the top down; only the rows of one compressed block are in memory.
 ///
 /// # Errors
 ///
@@ -51,7 +51,7 @@ pub fn write_spectral(
     })
 }
 
-/// Stores pixels of `N` values as `N` planes.
+/// Splits pixels of `N` values into `N` planes.
 fn planes_from_pixels<const N: usize>(planes: &mut [f32], pixels: &[[f32; N]]) {
     for (channel, plane) in planes.chunks_exact_mut(pixels.len()).enumerate() {
         for (value, pixel) in plane.iter_mut().zip(pixels) {

@@ -1,4 +1,4 @@
-//! The file of what a march of a scene has left.
+//! Conversion of a marched film to a film file.
 
 use std::sync::Arc;
 
@@ -11,11 +11,11 @@ use crate::scene::{Mix, MixLight, Placement, Scene};
 use crate::spectrum::Spectrum;
 
 impl FilmFile {
-    /// What a march of `scene` by its plan has left in every pixel, with all that it takes to light it.
+    /// Builds the film file of a march of `scene` under `planned`, with all that relighting needs.
     ///
     /// # Errors
     ///
-    /// [`OutputError::Matrix`].
+    /// [`OutputError::Matrix`] if the transmittance is a matrix.
     pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Film<f32>) -> Result<Self, OutputError> {
         if planned.plan.transmittance == Transmittance::Mixed {
             return Err(OutputError::Matrix);
@@ -84,10 +84,10 @@ impl FilmFile {
     }
 }
 
-/// The materials in use and white, as a file names them.
+/// Names the materials in use and white as components.
 fn named(scene: &Scene, planned: &Planned, surfaces: &[Spectrum]) -> Vec<Component> {
     let names = planned.materials.iter().filter_map(|&m| scene.materials.get(m)).map(|m| m.name.clone());
-    // White has a name of its own, whatever the materials are called.
+    // White needs a unique name, whatever the materials are called.
     let names: Vec<String> = names.collect();
     let white = std::iter::once("white".to_owned()).chain((2..).map(|n| format!("white {n}")));
     let white = white.into_iter().find(|name| !names.contains(name)).unwrap_or_default();

@@ -1,84 +1,84 @@
-//! Accumulator files: what a march leaves per pixel, with all that relighting it takes.
+//! Film files: the film of a march with all that relighting needs.
 //!
 //! # The file
 //!
-//! An OpenEXR file of flat parts with scan lines or tiles (of several resolutions only the full one counts), any
-//! lossless compression, no subsampling. Each side of the picture has 1 to 65,536 pixels. It may have been written by
-//! any program. What its pixels keep are weights of materials or the numbers of a colour model.
+//! A film file is an OpenEXR file of flat parts, in scan lines or tiles (of several resolutions, only the full one
+//! counts), with any lossless compression and no subsampling. Each side of the picture has 1 to 65,536 pixels. Any
+//! program may have written it. Its pixels hold material weights or the coefficients of a colour model.
 //!
 //! The attribute `relume` of the picture's part is a string (OpenEXR type `string`, UTF-8) of TOML text; other
-//! attributes are ignored. Spectra in it are at 380, 385, … 780 nm. Names are not empty, hold no control characters,
-//! and are unique in their list; other keys than those listed here are refused. Any of the lists may be empty or absent.
+//! attributes are ignored. Spectra in it are at 380, 385, … 780 nm. Names are not empty, contain no control characters,
+//! and are unique in their list. Keys not listed here are refused. Any list may be empty or absent.
 //!
 //! | key | value |
 //! | --- | --- |
-//! | `version` | 1 with weights, 2 with a colour model, 3 with one and what it was checked on |
-//! | `exposure` | factor on the linear picture; 1 where absent |
-//! | `adapt` | whether the white of the mixed light is adapted to D65 (Bradford); false where absent |
-//! | `observer` | `"1931"` or `"1964"`: whose eyes make colours of spectra, the CIE's 2-degree or 10-degree standard observer; 1931 where absent. A display is made for that of 1931: for that of 1964, X, Y and Z are scaled so that D65 has Y = 1, and adapted from the white of D65 to its white to that of 1931 (Bradford). All XYZ here are those |
-//! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black where absent |
-//! | `[[components]]` | with weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
+//! | `version` | 1 with material weights, 2 with a colour model, 3 with a colour model and spectra outside its fit |
+//! | `exposure` | factor on the linear picture; default 1 |
+//! | `adapt` | whether the white of the mix is adapted to D65 (Bradford); default false |
+//! | `observer` | `"1931"` or `"1964"`: the CIE 2-degree or 10-degree standard observer; default 1931. Displays assume the 1931 observer: for 1964, XYZ are scaled so that D65 has Y = 1, and adapted from the 1964 to the 1931 white of D65 (Bradford). All XYZ here are these |
+//! | `background` | 81 numbers: the reflectance behind the volume, lit by every light; black if absent |
+//! | `[[components]]` | with material weights: `name`; `spectrum`: 81 numbers, a reflectance (all 1 for `white`, the specular component) |
 //! | `[model]` | with a colour model: see below |
-//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`: three numbers, for the last two only, the direction towards the light (or the opposite one, where no material is specular: both sides of a surface shine, so the two are one position) or its place, in world units |
-//! | `[[lights]]` | `name`; `position`: the name of one; `weight`: its intensity; `shown`: the intensity that the picture shows it with, where that is another, 0 for a light that is off; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also what is said below |
-//! | `[dial]` | the light dial; where absent, the regular polygon of the lights, which keeps the luminance 1: `normalise`, whether a white surface keeps its luminance, `master`, that luminance, else a factor, and in order the `nodes`, each with `light`, the name of one, `place`, two numbers, and `on`, whether it takes part; `situations`, mixes to come back to, each with `name`, `caption`, `hand`, two numbers, and `off` and `on`, names of lights whose nodes are off beside those of the dial, and on though the dial has them off |
+//! | `[[positions]]` | `name`; `kind`: `"ambient"`, `"headlight"`, `"directional"` or `"point"`; `vector`, for the last two kinds only: three numbers in world space, the direction towards the light (or its opposite if no material is specular: surfaces are lit from both sides, so the two are one position), or the point |
+//! | `[[lights]]` | `name`; `position`: name of a position; `weight`: weight in the scene; `shown`: weight in the picture, if different, 0 for a light that is off; `spectrum`: 81 numbers, normalised so that the perfect reflector has Y = 1; with a colour model also the keys below |
+//! | `[dial]` | light dial; if absent, the regular polygon of the lights with a luminance of 1. `normalise`: whether white keeps its luminance; `master`: that luminance, or else a factor on the weights; `nodes`, in order, each with `light`: name of a light, `place`: two numbers, and `on`: whether the node is on; `situations`: dial presets, each with `name`, `caption`, `hand`: two numbers, and `off` and `on`: names of lights whose nodes are off in addition to those of the dial, or on although the dial has them off |
 //!
-//! Channels are 32-bit or 16-bit float, all values finite; their order does not matter, and there are no others.
+//! Channels are 32-bit or 16-bit float in any order, with finite values only. There are no other channels.
 //!
-//! # Weights of materials
+//! # Material weights
 //!
-//! One part, of any name, with the channels
+//! The file has one part of any name, with the channels
 //!
-//! - `transmittance`: the share of light from behind the volume that reaches the camera, T;
-//! - for every position p and every component c one channel with the name of the position, a full stop and the name of
-//!   the component (`key.bone`, `key.white`): the weight m of this component under this position, which is
-//!   the sum over the ray's samples of T · opacity · share of the component · shading.
+//! - `transmittance`: the transmittance T, the fraction of light from behind the volume that reaches the camera;
+//! - one channel for every position p and component c, named by the position, a full stop and the component
+//!   (`key.bone`, `key.white`): the weight m of the component under this position, the sum over the ray's samples of
+//!   T · opacity · share of the component · shading.
 //!
-//! **The picture** of such a file has at each pixel and wavelength
-//! Σ_p (Σ_c m(p, c) · reflectance(c)) · light(p) + T · background · Σ_p light(p), where
-//! light(p) is the sum of weight · spectrum over the lights at position p; its `shown` is taken for the weight of a light that
-//! has one.
+//! **The picture** has at each pixel and wavelength
+//! Σ_p (Σ_c m(p, c) · reflectance(c)) · light(p) + T · background · Σ_p light(p), where light(p) is the sum of
+//! weight · spectrum over the lights at position p; a light's `shown`, if present, replaces its weight.
 //!
-//! # The numbers of a colour model
+//! # Coefficients of a colour model
 //!
-//! A model has k coefficients, 1 to 31, counted from 0: coefficient i of a spectrum is the sum of its products with
-//! row i of the projection P. The part with the attribute `relume` has the channels
+//! A model has k coefficients, 1 to 31, numbered from 0. Coefficient i of a spectrum is the dot product of the spectrum
+//! with row i of the projection P. The part with the attribute `relume` has the channels
 //!
-//! - `transmittance`, or, where what passes changes its colour on the way, `transmittance_0`, `transmittance_1`, …,
-//!   T(i) for every coefficient;
-//! - for every position p and every coefficient i one channel with the name of the position, a full stop and i
-//!   (`key.0`, `key.1`, …): the number c(p, i).
+//! - `transmittance` for grey transmittance, or `transmittance_0`, `transmittance_1`, … for coloured transmittance:
+//!   T(i) of every coefficient;
+//! - one channel for every position p and coefficient i, named by the position, a full stop and i (`key.0`, `key.1`,
+//!   …): the accumulator component c(p, i).
 //!
-//! Two more parts hold what the model was fitted on, n spectra (1 to 16,384) that pixels can have under light of
-//! equal power, so that the model can be fitted to further lights:
+//! Two more parts hold the spectra of the fit, n spectra (1 to 16,384) that pixels can have under light of equal power,
+//! so that the model can be fitted to further lights:
 //!
 //! - `cloud`, 81 × n pixels with the channel `spectrum`: row j is spectrum j;
-//! - `coefficients`, k × n pixels with the channel `coefficient`: row j has the k coefficients that arithmetic on k
-//!   numbers makes of spectrum j. The model `nodes` has no such part: its coefficients are P times the spectrum.
+//! - `coefficients`, k × n pixels with the channel `coefficient`: row j has the k coefficients of spectrum j, as
+//!   computed by arithmetic on k numbers. The model `nodes` has no such part: its coefficients are P times the
+//!   spectrum.
 //!
-//! A file of version 3 holds in the same way, in the parts `unseen` and `unseen_coefficients`, spectra that were not used
-//! in the fit. The error of a further light is its error on both, where `mixed` also on sums of a spectrum under it and
-//! another under each light of the file. Of a file of version 2, which has no such spectra, it is
-//! that on the cloud, and colours that were not fitted may differ more.
+//! A file of version 3 holds spectra outside the fit in the same form, in the parts `unseen` and `unseen_coefficients`.
+//! The error of a further light is its error on both sets; with `mixed`, also on sums of a spectrum under it and
+//! another spectrum under each light of the file. A file of version 2 has no such spectra: the error is that on the
+//! cloud, and colours outside the fit may differ more.
 //!
 //! | key of `[model]` | value |
 //! | --- | --- |
-//! | `kind` | `"nodes"`, `"sharpened"`, `"sharpened-semigroup"`, `"bands"` or `"rgb"`: how it is fitted to further lights |
+//! | `kind` | `"nodes"`, `"sharpened"`, `"sharpened-semigroup"`, `"bands"` or `"rgb"`: how the model is fitted to further lights |
 //! | `transmittance` | `"grey"` or `"coloured"`: one channel or k |
-//! | `projection` | P: k lists of 81 numbers from −10⁹ to 10⁹; of `nodes`, each with a one at its wavelength and else zeros |
-//! | `mixed` | in version 3, whether lights shine from several places, so that pixels add up different spectra under them; false where absent |
-//! | `tolerance` | the largest ΔE00 that a further light is used with without a warning; 1 where absent |
-//! | `description`, `nodes_nm` | for people, need not be there: the model in words, and of `nodes` their wavelengths |
+//! | `projection` | P: k lists of 81 numbers from −10⁹ to 10⁹; for `nodes`, each is 1 at its wavelength and 0 elsewhere |
+//! | `mixed` | in version 3: whether lights shine from several positions, so that pixels add different spectra under them; default false |
+//! | `tolerance` | largest ΔE00 at which a further light is used without a warning; default 1 |
+//! | `description`, `nodes_nm` | optional information for people: the model in words, and the wavelengths of `nodes` |
 //!
 //! | key of `[[lights]]` | value |
 //! | --- | --- |
-//! | `matrix` | W: k lists of three numbers, the XYZ per unit of each coefficient under this light of weight 1; where absent it is fitted |
-//! | `error` | beside `matrix`: `mean`, `p95` and `max` of the ΔE00 of W over the cloud |
-//! | `unseen` | the same over spectra that were not used in the fit, where that was measured |
+//! | `matrix` | W: k lists of three numbers, the XYZ per unit of each coefficient under this light of weight 1; fitted if absent |
+//! | `error` | with `matrix`: `mean`, `p95` and `max` of the ΔE00 of W over the cloud |
+//! | `unseen` | the same over the spectra outside the fit, if measured |
 //!
-//! **The picture** of such a file has at each pixel the XYZ that is the sum over p and i of c(p, i) · W(p, i), where W(p)
-//! is the sum of weight · W over the lights at position p; and of the background the sum over p and i of
-//! T(i) · (P background)(i) · W(p, i), or, where T is one number, T times its exact XYZ under all lights.
+//! **The picture** has at each pixel the XYZ Σ_p Σ_i c(p, i) · W(p, i), where W(p) is the sum of weight · W over the
+//! lights at position p. The background adds Σ_p Σ_i T(i) · (P background)(i) · W(p, i), or, for a single T, T times
+//! its exact XYZ under all lights.
 
 mod march;
 mod read;
@@ -95,82 +95,82 @@ use serde::{Deserialize, Serialize};
 use crate::model::{ColourModel, ModelKind};
 use crate::spectrum::observer::Observer;
 
-/// The name of the attribute that holds the text.
+/// Name of the attribute with the TOML text.
 const ATTRIBUTE: &str = "relume";
 
-/// The name of the channel, or of the channels, of what passes.
+/// Name, or beginning of the names, of the transmittance channels.
 const TRANSMITTANCE: &str = "transmittance";
 
-/// The name of the picture's part in files of several parts.
+/// Name of the picture's part in files of several parts.
 const PICTURE: &str = "accumulators";
 
-/// The part that holds the spectra a model was fitted on, and its channel.
+/// Part with the spectra to which a model was fitted, and its channel.
 const CLOUD: (&str, &str) = ("cloud", "spectrum");
 
-/// The part that holds the coefficients of those spectra, and its channel.
+/// Part with the coefficients of those spectra, and its channel.
 const COEFFICIENTS: (&str, &str) = ("coefficients", "coefficient");
 
-/// The part that holds spectra that were not used in the fit, and its channel.
+/// Part with the spectra outside the fit, and its channel.
 const UNSEEN: (&str, &str) = ("unseen", "spectrum");
 
-/// The part that holds the coefficients of those, and its channel.
+/// Part with the coefficients of those spectra, and its channel.
 const UNSEEN_COEFFICIENTS: (&str, &str) = ("unseen_coefficients", "coefficient");
 
-/// The most spectra a cloud has: many times those of any fit, and few enough to be fitted to while one waits.
+/// Largest number of spectra of a cloud: many times that of any fit, and small enough to fit to interactively.
 const LARGEST_CLOUD: usize = 16_384;
 
-/// What a march leaves per pixel, and what it takes to make a picture of it.
+/// A film with all that relighting needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilmFile {
-    /// Pixels across.
+    /// Width in pixels.
     pub width: usize,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: usize,
-    /// What the numbers of a pixel stand for.
+    /// Components of an accumulator.
     pub components: Components,
-    /// Where light comes from: one set of numbers each.
+    /// Light positions, with one accumulator each.
     pub positions: Vec<Position>,
-    /// The lights that the picture was rendered with.
+    /// Lights of the picture.
     pub lights: Vec<Light>,
-    /// The reflectance behind the volume, lit by every light; `None` is black.
+    /// Reflectance behind the volume, lit by every light; `None` is black.
     pub background: Option<[f64; BANDS]>,
     /// Factor on the linear picture.
     pub exposure: f64,
-    /// Whether the white of the mixed light is adapted to D65.
+    /// Whether to adapt the white of the mix to D65.
     pub adapt: bool,
-    /// Whose eyes make colours of spectra.
+    /// Standard observer of all colours.
     pub observer: Observer,
-    /// The light dial; `None` is the regular polygon of the lights.
+    /// Light dial; `None` is the regular polygon of the lights.
     pub dial: Option<Dial>,
-    /// The numbers, rows from the top: of position p, component c and a pixel at
-    /// `(p * components.len() + c) * width * height + pixel`.
+    /// Accumulators, rows from the top: position p, component c of a pixel at `(p * components.len() + c) * width *
+    /// height + pixel`.
     pub accumulators: Vec<f32>,
-    /// What passes each pixel, 0–1: one number, or one per component c at `c * width * height + pixel`.
+    /// Transmittance, 0–1: one number per pixel, or one per component c at `c * width * height + pixel`.
     pub transmittance: Vec<f32>,
 }
 
-/// What the numbers of a pixel stand for.
+/// Components of an accumulator.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Components {
-    /// Weights of what scatters light: materials, and the white of their specular part.
+    /// Material weights: one component per material, and white for specular highlights.
     Surfaces(Vec<Component>),
     /// The coefficients of a colour model.
     Model(Stored),
 }
 
-/// A colour model as a file keeps it.
+/// A colour model as stored in a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stored {
-    /// The model, with the spectra it was fitted on and the matrices of the file's lights.
+    /// Model with the spectra of its fit and the matrices of the file's lights.
     pub model: ColourModel,
-    /// Whether what passes has one number per coefficient.
+    /// Whether the transmittance has one number per coefficient.
     pub coloured: bool,
-    /// The largest ΔE00 that a further light is used with without a warning.
+    /// Largest ΔE00 at which a further light is used without a warning.
     pub tolerance: f64,
 }
 
 impl Components {
-    /// How many there are.
+    /// Number of components.
     #[must_use]
     pub fn len(&self) -> usize {
         match self {
@@ -179,7 +179,7 @@ impl Components {
         }
     }
 
-    /// What channels call them.
+    /// Names of the components in channel names.
     fn names(&self) -> Vec<String> {
         match self {
             Self::Surfaces(surfaces) => surfaces.iter().map(|surface| surface.name.clone()).collect(),
@@ -187,14 +187,14 @@ impl Components {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no components.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// What scatters light: a material, or the white of the specular part.
+/// Scattering component: a material, or white for specular highlights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Component {
     /// Unique among the components.
@@ -203,97 +203,97 @@ pub struct Component {
     pub spectrum: [f64; BANDS],
 }
 
-/// Where lights shine from, as far as shading can tell.
+/// Light position.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Position {
     /// Unique among the positions.
     pub name: String,
-    /// How it shades.
+    /// Kind of the position.
     pub kind: PositionKind,
 }
 
-/// How a position shades.
+/// Kind of a light position; determines its shading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PositionKind {
-    /// From everywhere: shading 1.
+    /// From everywhere, with shading 1.
     Ambient,
     /// From the camera.
     Headlight,
-    /// From infinitely far, in this direction from the volume, or the opposite one where no material is specular, in
-    /// world space.
+    /// From infinitely far away: direction towards the light in world space, or its opposite if no material is
+    /// specular.
     Directional([f64; 3]),
     /// From this point in world space.
     Point([f64; 3]),
 }
 
-/// A light in a picture.
+/// Light of a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// Unique among the lights.
     pub name: String,
     /// Index of its position in [`FilmFile::positions`].
     pub position: usize,
-    /// Its intensity.
+    /// Weight in the scene.
     pub weight: f64,
-    /// The intensity that the picture shows it with, where that is another; 0 is off.
+    /// Weight in the mix that the picture opens with, if different; 0 is off.
     pub shown: Option<f64>,
-    /// Relative power, 380–780 nm, such that the perfect reflector has Y = 1 under weight 1.
+    /// Relative power, 380–780 nm; the perfect reflector has Y = 1 under weight 1.
     pub spectrum: [f64; BANDS],
 }
 
-/// The light dial, as a file keeps it.
+/// Light dial as stored in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dial {
-    /// Whether its mixes keep the luminance of white.
+    /// Whether mixes keep the luminance of white.
     pub normalise: bool,
-    /// That luminance, or what weights are multiplied by.
+    /// That luminance, or else a factor on the weights.
     pub master: f64,
-    /// In the order of the dial.
+    /// Nodes, in the order of the dial.
     pub nodes: Vec<Node>,
-    /// Mixes to come back to.
+    /// Dial presets.
     #[serde(default)]
     pub situations: Vec<Situation>,
 }
 
-/// A named place of the hand of the dial.
+/// Dial preset: a named position of the hand.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Situation {
-    /// Unique among the situations.
+    /// Unique among the presets.
     pub name: String,
-    /// What it shows; may be empty.
+    /// Description; may be empty.
     #[serde(default)]
     pub caption: String,
-    /// Where the hand is.
+    /// Position of the hand.
     pub hand: [f64; 2],
-    /// The lights whose nodes are off, beside those that are always.
+    /// Lights whose nodes are off, in addition to those that the dial has off.
     #[serde(default)]
     pub off: Vec<String>,
-    /// The lights whose nodes are on, though the dial has them off.
+    /// Lights whose nodes are on, although the dial has them off.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub on: Vec<String>,
 }
 
-/// A node of the light dial.
+/// Node of the light dial.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Node {
-    /// The name of one of the lights.
+    /// Name of its light.
     pub light: String,
-    /// Where it lies.
+    /// Position on the dial.
     pub place: [f64; 2],
-    /// Whether it takes part.
+    /// Whether the node is on.
     pub on: bool,
 }
 
 impl FilmFile {
-    /// Writes the file described at [the top of this module](self) to `path`. A model's spectra and their coefficients
-    /// are rounded to f32, which holds those of a fit exactly.
+    /// Writes the film file described in [this module](self) to `path`. Rounds a model's spectra and their coefficients
+    /// to f32, which holds those of a fit exactly.
     ///
     /// # Errors
     ///
-    /// [`OutputError::Size`]; [`OutputError::Inconsistent`] when a name, a number or a length breaks the rules of the
+    /// [`OutputError::Size`]; [`OutputError::Inconsistent`] if a name, a number or a length breaks the rules of the
     /// file; and those of [`super::write_atomically`].
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
         let inconsistent = |detail| OutputError::Inconsistent { detail };
@@ -329,29 +329,29 @@ impl FilmFile {
         })
     }
 
-    /// Whether a file can hold these names and numbers, whatever its pixels are: to be asked before those are computed.
+    /// Checks that a file can hold the names and numbers, before the pixels are computed.
     ///
     /// # Errors
     ///
-    /// [`OutputError::Inconsistent`] as of [`Self::write`].
+    /// [`OutputError::Inconsistent`] as in [`Self::write`].
     pub fn check_header(&self) -> Result<(), OutputError> {
         self.check_lists(&self.channel_names()).map_err(|detail| OutputError::Inconsistent { detail })
     }
 
-    /// Whether what passes has one number per component.
+    /// Whether the transmittance has one number per component.
     #[must_use]
     pub fn is_coloured(&self) -> bool {
         matches!(&self.components, Components::Model(Stored { coloured: true, .. }))
     }
 
-    /// The names of the channels of the picture: those of [`Self::weights`] in their order, then those of what passes.
+    /// Channel names of the picture: those of [`Self::accumulators`] in their order, then those of the transmittance.
     fn channel_names(&self) -> Vec<String> {
         channel_names(&self.positions, &self.components.names(), self.is_coloured())
     }
 }
 
-/// The names of the channels that pixels have at these positions with components of these names; what passes comes last,
-/// `coloured` with a number per component.
+/// Channel names for these positions and components. Those of the transmittance come last; if `coloured`, there is one
+/// per component.
 fn channel_names(positions: &[Position], components: &[String], coloured: bool) -> Vec<String> {
     let of = |position: &Position| {
         let names = components.iter().map(|component| format!("{}.{component}", position.name));
@@ -366,12 +366,12 @@ fn channel_names(positions: &[Position], components: &[String], coloured: bool) 
     names
 }
 
-/// What coefficients are called in channels.
+/// Names of coefficients in channel names.
 fn coefficient_names(dimension: usize) -> Vec<String> {
     (0..dimension).map(|index| index.to_string()).collect()
 }
 
-/// Numbers that lie beside the picture.
+/// Numbers stored in a part besides the picture.
 struct Table<'a> {
     name: &'static str,
     channel: String,
@@ -379,7 +379,7 @@ struct Table<'a> {
     rows: Vec<&'a [f64]>,
 }
 
-/// What `model` was fitted on and checked on, with the coefficients of both where a file holds them.
+/// Spectra in and outside the fit of `model`, with the coefficients that a file holds.
 fn tables(model: &ColourModel) -> Vec<Table<'_>> {
     let sets = [
         (CLOUD, COEFFICIENTS, model.cloud(), model.cloud_vectors()),
@@ -402,7 +402,7 @@ fn tables(model: &ColourModel) -> Vec<Table<'_>> {
     tables
 }
 
-/// Whether a file holds the coefficients of the cloud, since the projection alone does not make them.
+/// Whether a file holds the coefficients of the cloud, because the projection alone does not determine them.
 fn has_coefficients(kind: ModelKind) -> bool {
     kind != ModelKind::Nodes
 }

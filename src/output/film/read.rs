@@ -1,4 +1,4 @@
-//! How accumulator files are read: nothing in one is believed before it is checked.
+//! Reading of film files, with every value checked before use.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -25,41 +25,41 @@ use crate::output::channels;
 use crate::output::picture::check_size;
 use crate::spectrum::Spectrum;
 
-/// No compression of OpenEXR makes more of a byte than this (zlib's limit is 1032).
+/// Largest expansion of any OpenEXR compression (zlib's limit is 1032).
 const LARGEST_EXPANSION: u64 = 1100;
 
-/// The longest text that is looked at, in bytes: hundreds of spectra. The parser takes a hundred times as much.
+/// Longest accepted text in bytes, enough for hundreds of spectra. The parser takes a hundred times as much memory.
 const LONGEST_TEXT: usize = 1 << 19;
 
-/// The names of a part and of its channel.
+/// Names of a part and of its channel.
 type PartNames = (&'static str, &'static str);
 
-/// A part of the file, and what is wanted of it.
+/// Expected part of the file.
 struct Wanted {
-    /// Which part it is.
+    /// Index of the part.
     part: usize,
-    /// What messages add to the names of its channels.
+    /// Suffix of channel names in messages.
     place: String,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     size: Vec2<usize>,
     /// Names of the planes.
     names: Vec<String>,
-    /// Which plane each channel of the file fills.
+    /// Plane of each channel of the file.
     planes: Vec<usize>,
-    /// The planes, one after the other; what no block of the file holds stays NaN.
+    /// Consecutive planes; values that no block of the file holds stay NaN.
     data: Vec<f32>,
 }
 
 impl FilmFile {
-    /// Reads the file described at [the top of this module](super).
+    /// Reads the film file described in [the parent module](super).
     ///
-    /// Nothing is allocated for pixels before the file is known to be long enough to hold them.
+    /// Allocates memory for pixels only after the file is known to be long enough to hold them.
     ///
     /// # Errors
     ///
-    /// [`OutputError::Read`] when the file cannot be opened or read, [`OutputError::Damaged`] when it is no whole
-    /// OpenEXR file, [`OutputError::NotAccumulators`] when its parts and channels are not those of accumulators,
-    /// [`OutputError::Attribute`] when the text is wrong.
+    /// [`OutputError::Read`] if the file cannot be opened or read; [`OutputError::Damaged`] if it is not a complete
+    /// OpenEXR file; [`OutputError::NotAccumulators`] if its parts and channels are not those of a film file;
+    /// [`OutputError::Attribute`] if its text is invalid.
     pub fn read(path: &Path) -> Result<Self, OutputError> {
         let unreadable = |source| OutputError::Read { path: path.to_owned(), source };
         let damaged = |error| match error {
@@ -112,7 +112,7 @@ impl FilmFile {
 }
 
 impl Wanted {
-    /// The planes called `names` of part number `part`, which has their channels and no others.
+    /// Expects part number `part` to have the channels `names` and no others.
     fn new(headers: &[Header], part: usize, place: String, names: Vec<String>) -> Result<Self, String> {
         let header = &headers[part];
         if header.deep {
@@ -141,13 +141,13 @@ impl Wanted {
         Ok(Self { part, place, size: header.layer_size, names, planes, data: Vec::new() })
     }
 
-    /// Whether every value is there and finite.
+    /// Checks that every value is present and finite.
     fn check(&self) -> Result<(), String> {
         let pixels = self.size.0 * self.size.1;
         check_planes(&self.names, self.data.chunks_exact(pixels), self.size.0, &self.place)
     }
 
-    /// Copies a decoded block into the planes that its channels fill.
+    /// Copies a decoded block into the planes of its channels.
     fn copy(&mut self, header: &Header, block: &UncompressedBlock) -> Result<(), ExrError> {
         let Vec2(width, height) = self.size;
         for line in block.lines(&header.channels) {
@@ -170,7 +170,7 @@ impl Wanted {
     }
 }
 
-/// Which part is the picture, and the text of its attribute.
+/// Finds the part of the picture, and the text of its attribute.
 fn picture_part(headers: &[Header]) -> Result<(usize, String), String> {
     let attribute = |header: &Header| header.own_attributes.other.get(&channels::text(ATTRIBUTE)).cloned();
     match headers.iter().enumerate().find_map(|(part, header)| Some((part, attribute(header)?))) {
@@ -187,7 +187,7 @@ fn picture_part(headers: &[Header]) -> Result<(usize, String), String> {
     }
 }
 
-/// The parts that hold what a model was fitted on, and what it was checked on.
+/// Finds the parts with the spectra in and outside the fit of a model, and with their coefficients.
 fn parts_of(model: &ModelDraft, headers: &[Header]) -> Result<Vec<Wanted>, String> {
     let find = |(name, channel): (&'static str, &str), width| {
         let is_it = |header: &Header| header.own_attributes.layer_name == Some(channels::text(name));
@@ -219,7 +219,7 @@ fn parts_of(model: &ModelDraft, headers: &[Header]) -> Result<Vec<Wanted>, Strin
     Ok(parts)
 }
 
-/// Makes room for all planes, in a file long enough to hold them.
+/// Allocates all planes if the file is long enough to hold them.
 fn allocate(wanted: &mut [Wanted], headers: &[Header], file_bytes: u64) -> Result<(), String> {
     let bytes = |part: &Wanted| {
         let pixels = (part.size.0 as u64).saturating_mul(part.size.1 as u64);
@@ -239,7 +239,7 @@ fn allocate(wanted: &mut [Wanted], headers: &[Header], file_bytes: u64) -> Resul
     Ok(())
 }
 
-/// Decodes what is wanted.
+/// Decodes the expected parts.
 fn read_blocks(reader: Reader<BufReader<File>>, wanted: &mut [Wanted]) -> Result<(), ExrError> {
     reader.filter_chunks(false, |_, tile, _| tile.is_largest_resolution_level())?.decompress_sequential(
         false,
@@ -251,13 +251,13 @@ fn read_blocks(reader: Reader<BufReader<File>>, wanted: &mut [Wanted]) -> Result
 }
 
 impl ModelDraft {
-    /// The parts of spectra and of their coefficients that its file has.
+    /// Parts with spectra and with their coefficients.
     fn tables(&self) -> &'static [(PartNames, PartNames)] {
         const TABLES: [(PartNames, PartNames); 2] = [(CLOUD, COEFFICIENTS), (UNSEEN, UNSEEN_COEFFICIENTS)];
         if self.has_unseen { &TABLES } else { &TABLES[..1] }
     }
 
-    /// The model, with what [`parts_of`] found, row by row.
+    /// Builds the model from the data of the parts found by [`parts_of`].
     fn stored(self, mut parts: impl Iterator<Item = Vec<f32>>) -> Result<Stored, String> {
         let (kind, dimension, has_unseen) = (self.kind, self.projection.len(), self.has_unseen);
         let mixed = self.mixed;

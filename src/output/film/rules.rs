@@ -1,4 +1,4 @@
-//! The rules that accumulators keep, in memory and in files.
+//! Validity rules of films, in memory and in files.
 
 use std::collections::{HashMap, HashSet};
 
@@ -6,7 +6,7 @@ use super::{Components, FilmFile, LARGEST_CLOUD, PositionKind, Stored};
 use crate::model::LARGEST_DIMENSION;
 
 impl FilmFile {
-    /// Whether all of it keeps the rules of the file.
+    /// Checks all rules of the file.
     pub(super) fn check(&self) -> Result<(), String> {
         let names = self.channel_names();
         self.check_lists(&names)?;
@@ -26,12 +26,12 @@ impl FilmFile {
         check_planes(&names, planes, self.width, "")
     }
 
-    /// Numbers a pixel has of what passes.
+    /// Transmittance numbers per pixel.
     pub(super) fn passed(&self) -> usize {
         if self.is_coloured() { self.components.len() } else { 1 }
     }
 
-    /// Whether names and numbers of the lists keep the rules of the file; `channels` are the names that they make.
+    /// Checks the names and numbers of the lists; `channels` are the resulting channel names.
     pub(super) fn check_lists(&self, channels: &[String]) -> Result<(), String> {
         if let Components::Surfaces(surfaces) = &self.components {
             check_names("component", surfaces.iter().map(|surface| &*surface.name))?;
@@ -90,7 +90,7 @@ impl FilmFile {
         check_finite("", "exposure", &[self.exposure])
     }
 
-    /// Whether a file can hold the model.
+    /// Checks that a file can hold the model.
     fn check_model(&self, stored: &Stored) -> Result<(), String> {
         check_finite("", "tolerance", &[stored.tolerance])?;
         check_dimension(stored.model.dimension())?;
@@ -98,7 +98,7 @@ impl FilmFile {
     }
 }
 
-/// Refuses dimensions that no model has.
+/// Refuses invalid dimensions of a model.
 pub(super) fn check_dimension(dimension: usize) -> Result<(), String> {
     if (1..=LARGEST_DIMENSION).contains(&dimension) {
         Ok(())
@@ -107,7 +107,7 @@ pub(super) fn check_dimension(dimension: usize) -> Result<(), String> {
     }
 }
 
-/// Refuses clouds of so many spectra.
+/// Refuses empty clouds, and clouds larger than [`LARGEST_CLOUD`].
 pub(super) fn check_cloud(spectra: usize) -> Result<(), String> {
     if (1..=LARGEST_CLOUD).contains(&spectra) {
         Ok(())
@@ -116,7 +116,7 @@ pub(super) fn check_cloud(spectra: usize) -> Result<(), String> {
     }
 }
 
-/// Refuses numbers that are infinite or NaN.
+/// Refuses infinite numbers and NaN.
 pub(super) fn check_finite(what: &str, name: &str, numbers: &[f64]) -> Result<(), String> {
     match numbers.iter().find(|number| !number.is_finite()) {
         Some(number) => Err(format!("{what}{name:?} holds {number}, which is not a finite number")),
@@ -124,8 +124,8 @@ pub(super) fn check_finite(what: &str, name: &str, numbers: &[f64]) -> Result<()
     }
 }
 
-/// Whether there is a finite value for every pixel of each of `planes`, which have these names and rows of `width`;
-/// `place` is what messages add to the names.
+/// Checks that every pixel of `planes` has a finite value. The planes are called `names` and have rows of `width`;
+/// messages append `place` to the names.
 pub(super) fn check_planes<'a>(
     names: &[String],
     planes: impl Iterator<Item = &'a [f32]>,
@@ -142,7 +142,7 @@ pub(super) fn check_planes<'a>(
     }
 }
 
-/// Refuses names that are empty, hold control characters, or occur twice.
+/// Refuses names that are empty, contain control characters, or repeat.
 fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(), String> {
     let mut seen = HashSet::new();
     for name in names {

@@ -1,4 +1,4 @@
-//! The text inside an accumulator file.
+//! TOML text of a film file.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,19 +8,19 @@ use crate::model::{ErrorSummary, LightMatrix, ModelKind};
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light as LightSpectrum, Spectrum};
 
-/// The version of a file of weights.
+/// Version of files with material weights.
 const WEIGHTS: i64 = 1;
 
-/// The version of a file with a colour model.
+/// Version of files with a colour model.
 const MODEL: i64 = 2;
 
-/// The version of a file with a colour model and what it was checked on.
+/// Version of files with a colour model and spectra outside its fit.
 const CHECKED: i64 = 3;
 
-/// The largest number of a projection. Those of fits are below a hundred, and huge ones would overflow in one.
+/// Largest magnitude in a projection. Those of fits are below a hundred; huge ones would overflow in a fit.
 const LARGEST_SHARE: f64 = 1e9;
 
-/// The text of the attribute, as TOML has it.
+/// Text of the attribute as TOML.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Document {
@@ -45,7 +45,7 @@ struct Document {
     dial: Option<Dial>,
 }
 
-/// All that is read of a text of another version.
+/// Version of a text; the only key read of unknown versions.
 #[derive(Deserialize)]
 struct VersionOnly {
     version: i64,
@@ -116,18 +116,18 @@ struct LightEntry {
     unseen: Option<ErrorSummary>,
 }
 
-/// The exposure, or the tolerance, of a file that says nothing about it.
+/// Default exposure and tolerance.
 fn one() -> f64 {
     1.0
 }
 
-/// Whether it is the observer of a file that says nothing about it.
+/// Whether this is the default observer.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
 fn is_usual(observer: &Observer) -> bool {
     *observer == Observer::default()
 }
 
-/// The text of `accumulators`.
+/// Writes the text of `accumulators`.
 pub(super) fn written(accumulators: &FilmFile) -> Result<String, String> {
     toml::to_string(&Document::from(accumulators)).map_err(|error| error.to_string())
 }
@@ -194,22 +194,22 @@ impl From<&FilmFile> for Document {
     }
 }
 
-/// A colour model without what it was fitted on.
+/// Colour model without the spectra of its fit.
 pub(super) struct ModelDraft {
     pub(super) kind: ModelKind,
     pub(super) observer: Observer,
     pub(super) coloured: bool,
-    /// Whether the file has spectra that were not used in the fit.
+    /// Whether the file has spectra outside the fit.
     pub(super) has_unseen: bool,
-    /// Whether errors are those of sums under several lights, too.
+    /// Whether errors include sums of spectra under several lights.
     pub(super) mixed: bool,
     pub(super) tolerance: f64,
     pub(super) projection: Vec<Spectrum>,
-    /// Those of the file's lights that have a matrix.
+    /// The file's lights that have a matrix.
     pub(super) lights: Vec<(String, LightSpectrum, LightMatrix)>,
 }
 
-/// What `text` says, without pixels; where it tells of a colour model, the components are that one's, and left empty.
+/// Parses `text` to a film file without pixels. With a colour model, the components are left empty.
 pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String> {
     let located = |error: toml::de::Error| match error.span().and_then(|span| text.get(..span.start)) {
         Some(before) => format!("line {}: {}", before.matches('\n').count() + 1, error.message()),
@@ -280,7 +280,7 @@ impl LightEntry {
     }
 }
 
-/// The samples of the spectrum that `owner` has.
+/// Converts the spectrum of `owner` to samples.
 fn bands(owner: &str, spectrum: Vec<f64>) -> Result<[f64; BANDS], String> {
     <[f64; BANDS]>::try_from(spectrum)
         .map_err(|spectrum| format!("{owner} has {} numbers, and a spectrum has {BANDS}", spectrum.len()))
@@ -302,7 +302,7 @@ fn position(entry: PositionEntry) -> Result<Position, String> {
     Ok(Position { name: entry.name, kind })
 }
 
-/// The model of `entry`, with the matrices of `lights`, of a file that has spectra to check on or has none.
+/// Builds the model of `entry` with the matrices of `lights`; `has_unseen` adds spectra outside the fit.
 fn model_draft(
     entry: ModelEntry,
     observer: Observer,
