@@ -1,4 +1,4 @@
-//! A scene on a device, set up to measure what settings err by and take.
+//! Test bench for one scene on one device: measures errors and times of settings.
 
 use glam::DVec3;
 
@@ -16,27 +16,28 @@ use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
 
-/// A truth is made for steps by so much shorter than those that it is needed for: the next that are tried are often a little so.
+/// Factor by which the truth's steps are shorter than needed, because the next settings tried often have slightly
+/// shorter steps.
 const AHEAD: f64 = 1.5;
 
-/// A scene on a device, and the truth of its pictures.
+/// A scene on a device, with the true colours of its sampled pixels.
 pub(super) struct Bench<'a> {
     scene: &'a Scene,
     ladder: Ladder<'a>,
-    /// How many pixels show anything, of which the ladder's are drawn.
+    /// Estimated number of visible pixels in the picture; the ladder's pixels are a sample of them.
     showing: usize,
     on_device: SceneRenderer,
     size: [usize; 2],
     truth: Vec<DVec3>,
-    /// Of the truth, in world units.
+    /// Step length of the truth, in world units.
     step_length: f64,
-    /// By the numbers of a colour model that a setting says.
+    /// Plans by the dimension that a setting states.
     plans: Vec<(Option<Value>, Planned)>,
-    /// Those of them that a frame was made of: the first one waits for pipelines.
+    /// Dimensions that have rendered a frame. Their first frame waits for pipelines and is not timed.
     warm: Vec<Option<Value>>,
 }
 
-/// A setting as it is rendered.
+/// A setting ready to render.
 pub(super) struct Ready {
     numbers: Option<Value>,
     on_device: SceneRenderer,
@@ -44,23 +45,24 @@ pub(super) struct Ready {
 }
 
 impl Ready {
-    /// In world units.
+    /// Step length in world units.
     pub(super) fn step_length(&self) -> f64 {
         self.on_device.scene().accuracy.step_length
     }
 }
 
-/// What a picture errs by.
+/// Errors of a picture.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Errors {
-    /// Of the pixels that were looked at.
+    /// ΔE00 over the sampled pixels.
     pub(super) of_sample: ErrorSummary,
-    /// What 95 of 100 of all keep: [`p95_of_all`].
+    /// Upper bound of the p95 of ΔE00 over all visible pixels: [`p95_of_all`].
     pub(super) at_most: f64,
 }
 
 impl<'a> Bench<'a> {
-    /// For pictures of `size` of `scene`, whose errors are those of so many pixels, drawn by a seed.
+    /// Creates a bench for pictures of `size`. Errors are measured in at most `most` visible pixels, drawn at random
+    /// with `seed`.
     pub(super) fn new(
         renderer: &Renderer,
         scene: &'a Scene,
@@ -81,7 +83,8 @@ impl<'a> Bench<'a> {
         Ok(Self { scene, ladder, showing, on_device, size, truth, step_length, plans, warm })
     }
 
-    /// `setting` of steps, numbers of a colour model and scale as it is rendered: other knobs would need another upload.
+    /// Prepares `setting` for rendering. It may set only step, dimension and scale; other knobs would need another
+    /// upload.
     pub(super) fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, RenderError> {
         let (scene, numbers) = (setting.applied(self.scene), setting.get(Knob::K));
         let planned = match self.plans.iter().find(|(known, _)| *known == numbers) {
@@ -96,15 +99,15 @@ impl<'a> Bench<'a> {
         Ok(Ready { numbers, on_device: self.on_device.with_scene(scene, planned, progress)?, marched })
     }
 
-    /// Refuses a picture that the device cannot hold.
+    /// Checks that the device can hold the picture.
     pub(super) fn check(&self, ready: &Ready) -> Result<(), ChoiceError> {
         let Ready { on_device, marched, .. } = ready;
         let bytes = on_device.uploaded().bytes();
         Ok(on_device.renderer().check_picture(&on_device.planned().plan, *marched, bytes)?)
     }
 
-    /// Makes the truth that errors of pictures with steps of such a length can be told from: an eighth leaves a thirtieth of an
-    /// error that goes with the power 1.7 of the step.
+    /// Computes the truth for measuring pictures with steps of `step_length`, unless the present one is fine enough.
+    /// Steps of an eighth leave a thirtieth of an error proportional to Δs^1.7.
     pub(super) fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), ChoiceError> {
         if self.step_length > step_length / FINER {
             self.ladder.finest = step_length / AHEAD;
@@ -114,7 +117,7 @@ impl<'a> Bench<'a> {
         Ok(())
     }
 
-    /// How far a picture is from the truth, whatever that was made for.
+    /// Errors against the present truth, regardless of the step length it was computed for.
     pub(super) fn errors(&self, ready: &Ready, progress: &dyn Progress) -> Result<Errors, ChoiceError> {
         let Ready { on_device, marched, .. } = ready;
         let shown = picture(&self.ladder, on_device, *marched, progress)?;
@@ -123,7 +126,8 @@ impl<'a> Bench<'a> {
         Ok(Errors { of_sample: ErrorSummary::of(&errors), at_most: p95_of_all(&errors, self.showing) })
     }
 
-    /// What frames take, the medians of so many of each: they take turns, so that what disturbs one disturbs all.
+    /// Median frame times of `settings` over `frames` frames each. The settings take turns, so that a disturbance
+    /// affects all of them.
     pub(super) fn times(
         &mut self,
         settings: &[Ready],
@@ -152,7 +156,7 @@ impl<'a> Bench<'a> {
         Ok(taken.iter().map(medians).collect())
     }
 
-    /// What one takes.
+    /// Renders and times one frame.
     fn frame(&self, setting: &Ready, progress: &dyn Progress) -> Result<Timing, ChoiceError> {
         let Ready { on_device, marched, .. } = setting;
         let matrices = self.ladder.shown(on_device.scene(), on_device.planned());

@@ -1,4 +1,4 @@
-//! What was measured of a scene on a device, kept from run to run.
+//! Cache of the measurements of a scene on a device, kept between runs.
 
 use std::collections::BTreeMap;
 use std::hash::{DefaultHasher, Hash, Hasher};
@@ -13,10 +13,10 @@ use crate::output::{OutputError, write_atomically};
 use crate::scene::{Mix, Scene};
 use crate::volume::{Volume, with_voxels};
 
-/// The longest file that is one.
+/// Size limit of a cache file, in bytes.
 const LONGEST: u64 = 1 << 20;
 
-/// Points of a curve by the settings' names.
+/// Measured points by the name of their setting.
 pub(super) struct Known {
     path: Option<PathBuf>,
     points: BTreeMap<String, Point>,
@@ -30,8 +30,8 @@ struct File {
 }
 
 impl Known {
-    /// What the folder `cache` has of this program's measurements of `scene` under `mix` in pictures of `size` on `device`. A file that
-    /// cannot be read, or is none, is one that has nothing.
+    /// Reads from the folder `cache` the measurements of `scene` under `mix` in pictures of `size` on `device`, made
+    /// by this version of the program. An unreadable or damaged file counts as empty.
     pub(super) fn of(cache: Option<&Path>, scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> Self {
         let path = cache.map(|folder| folder.join(format!("{:016x}.json", key(scene, mix, device, size))));
         let read = |path: &PathBuf| input::read(path, LONGEST).ok().filter(|bytes| bytes.len() as u64 <= LONGEST);
@@ -47,7 +47,7 @@ impl Known {
         self.points.insert(setting.to_string(), point);
     }
 
-    /// Writes the file, and makes its folder.
+    /// Writes the file and creates its folder.
     pub(super) fn write(&self, scene: &Scene, device: &str) -> Result<(), OutputError> {
         let Some(path) = &self.path else { return Ok(()) };
         let failed = |source| OutputError::Write { path: path.clone(), source };
@@ -60,7 +60,7 @@ impl Known {
     }
 }
 
-/// A number for all that a measurement depends on.
+/// Hash of everything that a measurement depends on.
 fn key(scene: &Scene, mix: &Mix, device: &str, size: [usize; 2]) -> u64 {
     let mut hasher = DefaultHasher::new();
     (env!("CARGO_PKG_VERSION"), device, size).hash(&mut hasher);

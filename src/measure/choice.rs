@@ -1,4 +1,4 @@
-//! The setting that a scene needs on a device: the fastest within an error, or the closest to the truth within a time.
+//! Choice of a setting for a scene on a device: the fastest within an error, or the most accurate within a time.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -20,12 +20,12 @@ use crate::render::{RenderError, Renderer};
 use crate::scene::{Mix, Scene};
 use crate::vulkan::DeviceKind;
 
-/// What is asked of a picture.
+/// Accuracy or time goal of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// ΔE00 from the truth that 95 of 100 pixels keep.
+    /// p95 of ΔE00 from the truth.
     MaxError(f64),
-    /// Time of a frame, march and relight (and enlarging), on the wall, in ms.
+    /// Wall time of a frame in ms: march, relight and, if any, enlargement.
     Budget(f64),
 }
 
@@ -34,34 +34,34 @@ pub enum Goal {
 pub enum Pixels {
     /// All.
     All,
-    /// Fewer where that serves what is asked for, and the picture is enlarged ([`Enlargement`](super::Enlargement)).
+    /// Fewer where that serves the goal; the picture is then enlarged ([`Enlargement`](super::Enlargement)).
     Fewer,
 }
 
-/// A picture, and what is asked of it.
+/// A picture size and its goal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wanted {
-    /// Its pixels across and down.
+    /// Pixels across and down.
     pub size: [usize; 2],
-    /// What is asked of it.
+    /// The goal.
     pub goal: Goal,
-    /// Which of its pixels are marched.
+    /// Which pixels are marched.
     pub pixels: Pixels,
 }
 
-/// Points on the curve of what can be had.
+/// Named goals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Fast enough to turn the picture by hand.
+    /// Fast enough to rotate the volume by hand.
     Interactive,
-    /// No pixel but a few looks different.
+    /// Visible differences in a few pixels at most.
     Balanced,
-    /// Nobody sees a difference.
+    /// No visible difference.
     Reference,
 }
 
 impl Preset {
-    /// What it asks for.
+    /// Returns the goal of this preset.
     #[must_use]
     pub const fn goal(self) -> Goal {
         match self {
@@ -72,113 +72,113 @@ impl Preset {
     }
 }
 
-/// Pixels that the choice looks at.
+/// Number of random pixels in which the choice measures errors.
 const PIXELS: usize = 2048;
 const SEED: u64 = 41;
-/// Frames that are timed of a setting that is chosen from others by its time.
+/// Number of timed frames of a setting that is compared with others by time.
 const FRAMES: usize = 5;
-/// The share of a time that a choice uses up: other times differ a little.
+/// Fraction of the time budget that a choice may use; repeated timings differ a little.
 const SHARE_OF_TIME: f64 = 0.92;
-/// The share of an error: the truth that it is told from is a little off itself.
+/// Fraction of the allowed error that a choice may use; the truth has a small error itself.
 const SHARE_OF_ERROR: f64 = 0.97;
-/// Parts of an octave by which steps differ.
+/// Step lengths per octave.
 const PARTS: i32 = 8;
-/// Steps are 2^(n/8) voxels, for n in this range: between an eighth and 16.
+/// Range of n for step lengths of 2^(n/8) voxels: from 1/8 to 16 voxels.
 const STEPS: RangeInclusive<i32> = -3 * PARTS..=4 * PARTS;
-/// What a pixel keeps where weights are not exact: whole vectors, which cost what their spare numbers would.
+/// Dimensions to choose from where weights are not exact. They fill whole vectors, because unused components would
+/// cost as much.
 pub(super) const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
-/// Shares of the pixels across that are marched: half of all pixels less each time.
+/// Fractions of the pixels across that are marched; each halves the number of pixels.
 pub(super) const SCALES: [f64; 7] = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
-/// By how many steps shorter the march of one of them takes as long as that of the one before.
+/// Decrease of the step number that costs as much as the next smaller scale saves.
 const STEPS_A_SCALE: i32 = PARTS;
 
-/// What was measured of a setting.
+/// Measurements of a setting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// March and relight (and enlarging) on the wall, the median, in ms.
+    /// Median wall time of a frame in ms: march, relight and, if any, enlargement.
     pub frame_ms: f64,
-    /// The same of all threads of this process on a CPU.
+    /// Median CPU time of a frame over all threads of this process, in ms.
     pub cpu_ms: f64,
-    /// Over so many frames.
+    /// Number of timed frames.
     pub frames: usize,
-    /// ΔE00 from the truth in the pixels that were looked at: the mean, p95 and the largest.
+    /// ΔE00 from the truth in the sampled pixels: mean, p95 and maximum.
     pub error: ErrorSummary,
-    /// ΔE00 that 95 of 100 of all pixels keep, which is said wrongly once in a hundred times.
+    /// Upper bound of the p95 of ΔE00 over all visible pixels, with 99 % confidence.
     pub at_most: f64,
 }
 
-/// A setting that was chosen, and why.
+/// A chosen setting and the reason for it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Choice {
-    /// Where the knobs stand.
+    /// The setting.
     pub setting: Setting,
-    /// What it was measured to take and to err by.
+    /// Its measured times and errors.
     pub point: Point,
-    /// Whether nothing had to be measured, because all of it was before.
+    /// Whether all measurements came from the cache.
     pub from_cache: bool,
-    /// Why this one, in a sentence.
+    /// Reason for the choice, in a sentence.
     pub why: String,
-    /// Everything that was looked at for it.
+    /// All settings examined for the choice.
     #[serde(skip)]
     pub tried: Vec<Tried>,
 }
 
-/// A setting with what was measured of it.
+/// A setting with its measurements.
 pub type Tried = (Setting, Point);
 
-/// A setting that keeps an error, and how long its steps are.
+/// A setting within the error limit, and its step number.
 struct Kept {
     n: i32,
     dimension: Option<usize>,
     scale: f64,
     setting: Setting,
     point: Point,
-    /// The next longer step, which does not.
+    /// The next longer step, which exceeds the limit.
     broken: Option<Tried>,
 }
 
-/// Why nothing was chosen.
+/// Why no setting was chosen.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChoiceError {
-    /// No setting does what is asked for.
+    /// No setting reaches the goal.
     #[error("no setting keeps {asked} here; {nearest}")]
     None {
-        /// What was asked for.
+        /// The goal.
         asked: String,
-        /// What comes nearest, and the way out.
+        /// The nearest setting, and advice.
         nearest: String,
     },
-    /// The scene shows nothing, so that nothing can be measured.
+    /// No pixel shows the volume, so that no error can be measured.
     #[error("{source_name} shows nothing in this picture, so that no error can be measured")]
     Nothing {
         /// The scene.
         source_name: String,
     },
-    /// There is no plan.
+    /// Planning failed.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The reference gave up.
+    /// The reference failed.
     #[error(transparent)]
     Ladder(#[from] LadderError),
-    /// The device gave up.
+    /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
 }
 
 impl ChoiceError {
-    /// Whether the device holds a picture of fewer pixels.
+    /// Whether the picture is too large for the device, so that fewer pixels might fit.
     fn is_too_large(&self) -> bool {
         matches!(self, Self::Render(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }))
     }
 }
 
-/// The setting of `scene` under `mix` that makes the picture that is `wanted` on the device of `renderer`.
+/// Chooses the setting of `scene` under `mix` for the picture `wanted` on the device of `renderer`.
 ///
-/// Steps, the numbers of a colour model where there is one, and how many pixels are marched are chosen; all other knobs stay
-/// as the scene has them.
-/// What is measured is kept in the folder `cache`, by scene, volume, device and version of this program, and not measured
-/// again.
+/// Chooses the step length, the dimension of a colour model if the scene needs one, and the number of marched pixels.
+/// All other knobs keep the scene's values. Measurements are cached in the folder `cache` by scene, volume, device and
+/// version of this program, and are not repeated.
 ///
 /// # Errors
 ///
@@ -203,8 +203,9 @@ pub fn choose(
     chosen
 }
 
-/// What `scene` as it is, and with steps an octave apart, takes and errs by in a picture of `size` under `mix` on the device
-/// of `renderer`; where a colour model is needed, with several numbers of it. Kept as by [`choose`].
+/// Measures times and errors of `scene` under `mix` in a picture of `size` on the device of `renderer`: with the
+/// scene's own setting, and with steps an octave apart. Where a colour model is needed, each step is measured with
+/// several dimensions. Measurements are cached as by [`choose`].
 ///
 /// # Errors
 ///
@@ -229,7 +230,7 @@ pub fn curve(
     measured.map(|()| curve.tried)
 }
 
-/// What is known of the settings of a scene, and the means to know more.
+/// Measured settings of a scene, and the means to measure more.
 struct Curve<'a> {
     renderer: &'a Renderer,
     scene: &'a Scene,
@@ -239,20 +240,20 @@ struct Curve<'a> {
     device: String,
     known: Known,
     measured: usize,
-    /// How many settings there will be, where that is known.
+    /// Total number of settings, if known in advance.
     settings: Option<usize>,
     tried: Vec<Tried>,
-    /// Where weights are exact none are chosen.
+    /// Dimensions to choose from; a single `None` where weights are exact.
     dimensions: Vec<Option<usize>>,
-    /// Those of [`SCALES`] that may be chosen, 1 first.
+    /// Those of [`SCALES`] to choose from, starting with 1.
     scales: &'static [f64],
     bench: Option<Bench<'a>>,
-    /// The truth is made for no shorter steps than this, in world units.
+    /// Lower limit of the step length for which the truth is computed, in world units.
     finest: f64,
 }
 
-/// Says of each stage which setting it is for: several stages long, each begins anew. Where the number of settings is known,
-/// what is done of a stage is done of its setting.
+/// Progress that puts the number of the setting before each stage, because a setting has several long stages that each
+/// start from zero. With a known number of settings, the progress of a stage counts as the progress of its setting.
 struct Numbered<'a> {
     progress: &'a dyn Progress,
     number: usize,
@@ -280,12 +281,12 @@ impl Progress for Numbered<'_> {
     }
 }
 
-/// A step of so many octaves of a voxel, to three digits.
+/// 2^`octaves`, a step length in voxels, rounded to three digits.
 pub(super) fn voxels(octaves: f64) -> f64 {
     let exact = octaves.exp2();
     let digit = 10_f64.powf(exact.log10().floor() - 2.0);
     let rounded = (exact / digit).round() * digit;
-    // Without the last bits of that product.
+    // Removes the rounding error of the product.
     format!("{rounded:.6}").parse().unwrap_or(exact)
 }
 
@@ -294,7 +295,7 @@ fn step(n: i32) -> f64 {
     voxels(f64::from(n) / f64::from(PARTS))
 }
 
-/// A step of so many voxels, so many numbers of a colour model where there is one, and such a share of the pixels across.
+/// The setting with this step in voxels, dimension of a colour model (if any), and fraction of the pixels across.
 pub(super) fn setting(step: f64, dimension: Option<usize>, scale: f64) -> Setting {
     let mut setting = Setting::default().with(Knob::Step, Value::Number(step));
     if let Some(k) = dimension {
@@ -303,9 +304,9 @@ pub(super) fn setting(step: f64, dimension: Option<usize>, scale: f64) -> Settin
     if scale < 1.0 { setting.with(Knob::Scale, Value::Number(scale)) } else { setting }
 }
 
-/// Whether errors do not go with the step any more, but are of something else.
+/// Whether errors no longer fall with the step, because another cause dominates.
 fn is_level(tried: &BTreeMap<i32, Tried>) -> bool {
-    /// An error of the step that is left over after an octave of it is smaller than that.
+    /// An error caused by the step falls below this fraction when the step is an octave shorter.
     const LEFT: f64 = 0.8;
     let Some((shortest, (_, least))) = tried.first_key_value() else { return false };
     let mut longer = tried.range(shortest + PARTS..);
@@ -347,7 +348,7 @@ impl<'a> Curve<'a> {
         })
     }
 
-    /// What `setting` takes, over so many `frames` at least, and errs by.
+    /// Measures `setting`, with at least `frames` timed frames, and records it as tried.
     fn point(&mut self, setting: &Setting, frames: usize) -> Result<Point, ChoiceError> {
         let point = self.known_or_measured(setting, frames)?;
         self.try_out(setting, point);
@@ -399,20 +400,21 @@ impl<'a> Curve<'a> {
         point
     }
 
-    /// Step number `n` in world units.
+    /// Step number `n`, in world units.
     fn world(&self, n: i32) -> f64 {
         step(n) * self.scene.volume.geometry.spacing.min_element()
     }
 
-    /// What is compared where less is better: other programs disturb the CPU time of a software device least.
+    /// Cost by which settings are compared. On a software device it is the CPU time, which other programs disturb
+    /// least.
     fn cost(&self, point: &Point) -> f64 {
         let software = self.renderer.device().info().kind == DeviceKind::Software;
         if software { point.cpu_ms } else { point.frame_ms }
     }
 
-    /// The cheapest of `kept`. Those that may be are timed again, over more frames, and by turns.
+    /// The cheapest of `kept`. The candidates are timed again over more frames, in turns.
     fn cheapest(&mut self, mut kept: Vec<Kept>) -> Result<Option<Kept>, ChoiceError> {
-        /// What takes so many times longer in one frame than another does so in more.
+        /// Ratio of single-frame costs above which more frames do not reverse the order.
         const CLEARLY: f64 = 1.5;
         let least = kept.iter().map(|kept| self.cost(&kept.point)).fold(f64::INFINITY, f64::min);
         kept.retain(|kept| self.cost(&kept.point) <= CLEARLY * least);
@@ -430,7 +432,7 @@ impl<'a> Curve<'a> {
         Ok(kept.into_iter().min_by(|one, two| self.cost(&one.point).total_cmp(&self.cost(&two.point))))
     }
 
-    /// The cheapest setting that keeps `asked` in 95 of 100 pixels.
+    /// The cheapest setting whose p95 is at most `asked`.
     fn within_error(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
         let limit = SHARE_OF_ERROR * asked;
         let (mut best, mut nearest, mut too_large): (Option<Kept>, Option<Tried>, _) = (None, None, None);
@@ -441,7 +443,7 @@ impl<'a> Curve<'a> {
                     nearest = broken;
                     break;
                 }
-                // Fewer pixels may do.
+                // Fewer pixels may fit.
                 Err(error) if error.is_too_large() => too_large = Some(error),
                 Err(error) => return Err(error),
             }
@@ -449,7 +451,8 @@ impl<'a> Curve<'a> {
                 if best.scale.total_cmp(&scale).is_ne() {
                     break;
                 }
-                // Whatever else is tried: beside the error that is allowed, that of the truth stays as small.
+                // Further truths need no shorter steps: relative to the allowed error, the error of the truth stays as
+                // small.
                 self.finest = self.world(best.n);
             }
         }
@@ -477,9 +480,11 @@ impl<'a> Curve<'a> {
         Ok(self.chosen(setting, point, why))
     }
 
-    /// Of the settings of `scale`, and of each number of a colour model that may pay, the one with the longest step that keeps
-    /// `limit`; where `best` does with more pixels, of those of its numbers that take fewer samples. Where none keeps it, the one
-    /// that comes nearest.
+    /// For each dimension worth trying at `scale`, the setting with the longest step within `limit`. If no setting is
+    /// within it, the nearest one.
+    ///
+    /// `best`, if given, is the best setting at a larger scale. Then only its dimension is tried, with steps that take
+    /// fewer samples than `best`.
     fn longest_steps(
         &mut self,
         limit: f64,
@@ -490,9 +495,9 @@ impl<'a> Curve<'a> {
         let (mut kept, mut nearest): (Vec<Kept>, Option<Tried>) = (Vec::new(), None);
         for dimension in dimensions {
             let (steps, first) = match (kept.last(), best) {
-                // More numbers take longer: they pay where they allow longer steps.
+                // A larger dimension takes longer and pays only if it allows longer steps.
                 (Some(shorter), _) => (shorter.n + 1..=*STEPS.end(), shorter.n + 1),
-                // Steps that are shorter by more than pixels are fewer save nothing.
+                // Even shorter steps would cost more than the smaller number of pixels saves.
                 (None, Some(best)) => {
                     let shortest = (best.n - STEPS_A_SCALE + 1).max(*STEPS.start());
                     (shortest..=best.n, shortest)
@@ -515,8 +520,8 @@ impl<'a> Curve<'a> {
         Ok(if kept.is_empty() { Err(nearest) } else { Ok(kept) })
     }
 
-    /// Of the settings of `dimension` and `scale` with one of `steps`: the one with the longest that keeps `limit`; where none
-    /// does, that which comes nearest. The search begins at step `first`.
+    /// The setting of `dimension` and `scale` with the longest of `steps` within `limit`, or else the nearest one. The
+    /// search starts at step `first`.
     fn longest_step(
         &mut self,
         limit: f64,
@@ -525,7 +530,7 @@ impl<'a> Curve<'a> {
         steps: RangeInclusive<i32>,
         first: i32,
     ) -> Result<Result<Kept, Tried>, ChoiceError> {
-        /// Errors of pictures go about with this power of the step; it only says where to look next.
+        /// Approximate order of the error in the step; only predicts the next step to try.
         const ORDER: f64 = 1.7;
         let mut tried: BTreeMap<i32, Tried> = BTreeMap::new();
         let mut next = first;
@@ -538,12 +543,13 @@ impl<'a> Curve<'a> {
             let broken = tried.keys().copied().find(|n| !keeps(n) && kept.is_none_or(|kept| *n > kept));
             let low = kept.map_or(*steps.start(), |kept| kept + 1);
             let high = broken.map_or(*steps.end(), |broken| broken - 1);
-            // What errs by its colour model keeps no step; the most numbers, and weights, are tried to the end.
+            // An error caused by the colour model remains at every step, so the search ends early. With the largest
+            // dimension, or with weights, it goes on to the end.
             let more_are_left = dimension.is_some_and(|k| k < DIMENSIONS[DIMENSIONS.len() - 1]);
             let done = low > high || kept.is_none() && more_are_left && is_level(&tried);
             if done {
                 let broken = broken.and_then(|n| tried.get(&n).cloned());
-                // Where none keeps it, the last that was tried is the shortest.
+                // If no step is within the limit, the last one tried is the shortest.
                 return Ok(match kept.and_then(|n| Some((n, tried.remove(&n)?))) {
                     Some((n, (setting, point))) => Ok(Kept { n, dimension, scale, setting, point, broken }),
                     None => Err((setting, point)),
@@ -554,7 +560,7 @@ impl<'a> Curve<'a> {
         }
     }
 
-    /// The setting with the least p95 that takes at most `asked` ms.
+    /// The setting with the smallest p95 that takes at most `asked` ms.
     fn within_time(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
         let limit = SHARE_OF_TIME * asked;
         let (mut least, mut too_large) = (f64::INFINITY, None);
@@ -562,14 +568,14 @@ impl<'a> Curve<'a> {
             let (mut of_dimension, mut first) = (f64::INFINITY, 0);
             for &scale in self.scales {
                 let (n, p95) = match self.shortest_step(limit, dimension, scale, first) {
-                    // Fewer pixels may do.
+                    // Fewer pixels may fit.
                     Err(error) if error.is_too_large() => {
                         too_large = Some(error);
                         continue;
                     }
                     found => found?,
                 };
-                // Where fewer pixels cost more than shorter steps gain, fewer still do so, too.
+                // If fewer pixels add more error than shorter steps remove, still fewer pixels do as well.
                 if of_dimension.is_finite() && p95 >= of_dimension {
                     break;
                 }
@@ -579,7 +585,7 @@ impl<'a> Curve<'a> {
                 }
                 first = (n - STEPS_A_SCALE).max(*STEPS.start());
             }
-            // More numbers take longer: where that shows, they are not tried further.
+            // A larger dimension takes longer; the search ends when it no longer reduces the error.
             if of_dimension >= least {
                 break;
             }
@@ -607,8 +613,8 @@ impl<'a> Curve<'a> {
         }))
     }
 
-    /// Of the settings of `dimension` and `scale`: the shortest step that takes at most `limit` ms, and the least p95 of those
-    /// tried that do; the longest step, and infinity, where none does. The search begins at step `first`.
+    /// The shortest step of `dimension` and `scale` that takes at most `limit` ms, with the smallest p95 of the steps
+    /// tried that do. If none does, the longest step and infinity. The search starts at step `first`.
     fn shortest_step(
         &mut self,
         limit: f64,
@@ -616,20 +622,21 @@ impl<'a> Curve<'a> {
         scale: f64,
         first: i32,
     ) -> Result<(i32, f64), ChoiceError> {
-        /// After so many steps to where the last time points, halves are tried: a frame takes some time whatever its steps.
+        /// Number of tries predicted from the last time, before bisection. The prediction ignores the part of the
+        /// frame time that does not depend on the step.
         const POINTED: usize = 3;
         let (mut low, mut high, mut next) = (*STEPS.start(), *STEPS.end(), first);
         let (mut found, mut least, mut tries) = (*STEPS.end(), f64::INFINITY, 0);
         while low <= high {
             let point = self.point(&setting(step(next), dimension, scale), FRAMES)?;
-            // Where a step is fast enough longer ones are as well, about.
+            // Longer steps are about as fast or faster.
             if point.frame_ms <= limit {
                 (found, least, high) = (next, least.min(point.error.p95), next - 1);
             } else {
                 low = next + 1;
             }
             tries += 1;
-            // Time goes about with 1/Δs.
+            // Time is about proportional to 1/Δs.
             let further = nearest((f64::from(PARTS) * (point.frame_ms / limit).log2()).clamp(-80.0, 80.0));
             next = if tries < POINTED { next + further } else { i32::midpoint(low, high) }.clamp(low, high.max(low));
         }
@@ -644,7 +651,7 @@ impl<'a> Curve<'a> {
         Choice { setting, point, from_cache: self.measured == 0, why, tried: self.tried.clone() }
     }
 
-    /// Keeps what was measured. A cache that cannot be written costs time, and no picture.
+    /// Writes the measurements to the cache. A failure costs time in later runs, but no picture.
     fn keep(&self) {
         if self.measured > 0
             && let Err(error) = self.known.write(self.scene, &self.device)

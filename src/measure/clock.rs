@@ -1,4 +1,4 @@
-//! Time and memory that work has taken.
+//! Elapsed time and memory use.
 
 use std::ops::AddAssign;
 use std::time::Instant;
@@ -6,12 +6,12 @@ use std::time::Instant;
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
-/// How long something took.
+/// Elapsed wall and CPU time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Timing {
-    /// Time on the wall, in ms.
+    /// Wall time, in ms.
     pub wall_ms: f64,
-    /// Time of all threads of this process on a CPU, in ms.
+    /// CPU time of all threads of this process, in ms.
     pub cpu_ms: f64,
 }
 
@@ -22,7 +22,7 @@ impl AddAssign for Timing {
     }
 }
 
-/// Runs from its start to any number of readings.
+/// Measures time from its start; can be read any number of times.
 #[derive(Clone, Copy, Debug)]
 pub struct Stopwatch {
     wall: Instant,
@@ -30,38 +30,38 @@ pub struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// A stopwatch that runs from now on.
+    /// Starts a stopwatch.
     #[must_use]
     pub fn start() -> Self {
         Self { wall: Instant::now(), cpu_ms: process_cpu_ms() }
     }
 
-    /// What has passed since the start.
+    /// Returns the time since the start.
     #[must_use]
     pub fn read(&self) -> Timing {
         Timing { wall_ms: self.wall.elapsed().as_secs_f64() * 1e3, cpu_ms: process_cpu_ms() - self.cpu_ms }
     }
 }
 
-/// CPU time of all threads of this process since it began, in ms.
+/// CPU time of all threads of this process since its start, in ms.
 #[expect(clippy::cast_precision_loss, reason = "seconds and nanoseconds of a process are far below 2⁵³")]
 fn process_cpu_ms() -> f64 {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     (time.tv_sec as f64).mul_add(1e3, time.tv_nsec as f64 * 1e-6)
 }
 
-/// The middle and the ends of repeated measurements.
+/// Median and range of repeated measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// The middle one; of an even number, the mean of the two in the middle.
+    /// The median; for an even number of values, the mean of the middle two.
     pub median: f64,
-    /// The smallest.
+    /// The smallest value.
     pub min: f64,
-    /// The largest.
+    /// The largest value.
     pub max: f64,
 }
 
-/// The summary of `values`; `None` when there are none, and NaN throughout when one of them is NaN.
+/// Summarizes `values`. Returns `None` if there are none, and NaN throughout if one of them is NaN.
 #[must_use]
 pub fn summary(values: &[f64]) -> Option<Summary> {
     if values.iter().any(|value| value.is_nan()) {
@@ -74,7 +74,7 @@ pub fn summary(values: &[f64]) -> Option<Summary> {
     Some(Summary { median: f64::midpoint(lower, upper), min, max })
 }
 
-/// The most memory this process has held at once so far, in MB (10⁶ bytes); `None` where the system does not tell.
+/// Peak memory use of this process so far, in MB (10⁶ bytes); `None` where the system does not report it.
 #[must_use]
 pub fn peak_mb() -> Option<f64> {
     peak_mb_in(&std::fs::read_to_string("/proc/self/status").ok()?)
@@ -105,7 +105,7 @@ mod tests {
         std::thread::scope(|scope| {
             scope.spawn(spin);
         });
-        // This thread only waited: whatever was counted, the other one used.
+        // This thread only waited, so the other thread used the counted time.
         let found = watch.read();
         assert!(found.cpu_ms >= 20.0, "{found:?}");
         assert!(found.wall_ms > 0.0, "{found:?}");

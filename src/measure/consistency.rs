@@ -1,4 +1,4 @@
-//! What must not matter: how long a step is, and whether a light was known when rays were marched.
+//! Consistency checks: results must not depend on the step length, nor on whether a light was known at the march.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,23 +16,23 @@ use crate::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, l
 use crate::spectrum::standard;
 use crate::tables::{Storage, StoredVolume, TransferTable};
 
-/// A homogeneous slab that scatters and absorbs in colour, seen straight on.
+/// A homogeneous slab with coloured scattering and absorption, seen straight on.
 const SLAB: &str = include_str!("slab.toml");
-/// Glass in several colours under two lights, of which one has lines.
+/// Glass in several colours under two lights, one of them with spectral lines.
 const GLASS: &str = include_str!("../../data/scenes/glass_shells.toml");
-/// Pixels across and down, of the glass.
+/// Pixels across and down of the glass pictures.
 const SIZE: [usize; 2] = [48, 48];
 
-/// What halving the step of a homogeneous coloured slab changes.
+/// Effect of halving the step in a homogeneous coloured slab.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct HalvedStep {
-    /// The step, of a slab 64 thick.
+    /// The step length; the slab is 64 thick.
     pub step: f64,
-    /// The largest relative change of what a pixel keeps, marched in f32.
+    /// Largest relative change of an accumulator or transmittance of the pixel, marched in f32.
     pub changed: f64,
 }
 
-/// Marches the slab on stored tables in f32, with steps that are each half of the one before.
+/// Marches the slab on stored tables in f32, halving the step each time.
 ///
 /// # Errors
 ///
@@ -55,21 +55,21 @@ pub fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTab
     Ok(marches.windows(2).map(changed).collect())
 }
 
-/// A light that was unknown when the glass was marched: relit from the stored numbers, rendered, and planned for.
+/// Errors under a light that was unknown at the march of the glass.
 #[derive(Clone, Debug, Serialize)]
 pub struct RelitRow {
-    /// The light.
+    /// Name of the light.
     pub light: String,
-    /// Against a render in f64 with the same model: the largest difference of a coordinate of XYZ, as a share of what is
-    /// allowed, 1e-5 of the coordinate and 1e-6.
+    /// Relit film against an f64 render with the same model: largest difference of an XYZ coordinate, divided by the
+    /// allowed difference of 1e-5 of the coordinate plus 1e-6.
     pub rendered: f64,
-    /// Against a render in f64 with a model planned for the light: the largest ΔE00.
+    /// Relit film against an f64 render with a model planned for the light: largest ΔE00.
     pub replanned: f64,
-    /// The errors that the two models report for the light, ΔE00 at most.
+    /// Largest ΔE00 for the light that each of the two models reports.
     pub reported: [f64; 2],
 }
 
-/// Relights the glass from what a march in f32 left, under lights that its plan did not know.
+/// Relights an f32 film of the glass under lights that its plan did not know.
 ///
 /// # Errors
 ///
@@ -113,7 +113,7 @@ pub fn relit_against_rendered(progress: &dyn Progress) -> Result<Vec<RelitRow>, 
     Ok(rows)
 }
 
-/// A march over the stored volume and tables.
+/// Marches the stored volume and tables.
 fn march<R: Real>(
     scene: &Scene,
     planned: &Planned,
@@ -127,7 +127,7 @@ fn march<R: Real>(
     Ok(reference::march(scene, planned, &samples, size, progress)?)
 }
 
-/// The colour of every pixel under `mix`.
+/// XYZ of every pixel under `mix`.
 fn xyz<R: Real>(scene: &Scene, planned: &Planned, mix: &Mix, kept: &Film<R>) -> Vec<Xyz> {
     let matrices = RelightMatrices::of_scene(scene, planned, mix);
     let picture = kept.relight(&matrices);

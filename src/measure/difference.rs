@@ -1,4 +1,4 @@
-//! How different two sets of colours look.
+//! Colour difference between two sets of colours.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -6,19 +6,19 @@ use serde::Serialize;
 use crate::model::ErrorSummary;
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 
-/// How different two pictures look, over some of their pixels.
+/// Colour difference between two pictures over a set of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Difference {
-    /// Mean, p95 and largest ΔE00.
+    /// Mean, p95 and maximum of ΔE00.
     #[serde(flatten)]
     pub delta_e: ErrorSummary,
-    /// The pixel of the largest, x and y from the top left.
+    /// Pixel of the maximum, x and y from the top left.
     pub at: Option<[usize; 2]>,
-    /// The largest difference of X, Y or Z; white is 1.
+    /// Largest difference of X, Y or Z; white is 1.
     pub xyz: f64,
 }
 
-/// ΔE00 of each pair of XYZ. D65 is white; what is not a number is infinitely different.
+/// ΔE00 of each pair of XYZ colours, with D65 as white. NaN counts as infinite.
 pub(super) fn delta_e(actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> {
     let lab = |colour: &DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
     let pairs = actual.iter().zip(expected);
@@ -28,7 +28,7 @@ pub(super) fn delta_e(actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> {
 }
 
 impl Difference {
-    /// The difference of XYZ of `pixels`.
+    /// Computes the difference of XYZ colours at `pixels`.
     pub(super) fn between(actual: &[DVec3], expected: &[DVec3], pixels: &[[usize; 2]]) -> Self {
         let errors = delta_e(actual, expected);
         let worst = errors.iter().enumerate().max_by(|one, two| one.1.total_cmp(two.1).then(two.0.cmp(&one.0)));

@@ -1,4 +1,4 @@
-//! Pictures of fewer pixels, enlarged.
+//! Enlargement of pictures marched at a lower resolution.
 
 use rayon::prelude::*;
 
@@ -6,18 +6,19 @@ use crate::film::Film;
 use crate::number::rounded;
 use crate::number::{count, whole};
 
-/// From the pixels that are marched to those that are shown: bilinear between their centres, and the outermost pixels go on
-/// to the edge.
+/// Bilinear enlargement from marched to displayed pixels, between pixel centres. The outermost pixels extend to the
+/// edge.
 ///
-/// It is linear in what pixels hold, as relighting is: accumulators that are enlarged and then relit make the picture that
-/// colours make which are relit and then enlarged.
+/// Like relighting, it is linear in the pixel values: enlarging accumulators before relighting gives the same picture
+/// as relighting first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Enlargement {
     marched: [usize; 2],
     shown: [usize; 2],
 }
 
-/// Where a pixel that is shown lies along one axis: between two that are marched, so far from the first to the second.
+/// Position of a displayed pixel along one axis, between two marched pixels: `share` is its fraction of the distance
+/// from the first to the second.
 #[derive(Clone, Copy)]
 struct Place {
     before: usize,
@@ -26,20 +27,20 @@ struct Place {
 }
 
 impl Enlargement {
-    /// From `marched` pixels across and down to `shown`.
+    /// Creates the enlargement from `marched` pixels across and down to `shown`.
     #[must_use]
     pub const fn new(marched: [usize; 2], shown: [usize; 2]) -> Self {
         Self { marched, shown }
     }
 
-    /// Whether as many pixels are marched as are shown, so that nothing is enlarged.
+    /// Whether the sizes are equal, so that pixels are copied unchanged.
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.marched == self.shown
     }
 
-    /// The pixels that are shown, row by row, of those that are marched; as many numbers a pixel as these have. Pixels that
-    /// are missing are NaN.
+    /// Returns the displayed pixels, row by row. They have as many components as the `marched` pixels; missing pixels
+    /// are NaN.
     #[must_use]
     pub fn pixels<const N: usize>(&self, marched: &[[f32; N]]) -> Vec<[f32; N]> {
         if self.is_none() {
@@ -60,7 +61,7 @@ impl Enlargement {
         rows.par_iter().flat_map_iter(shown).collect()
     }
 
-    /// The same of what a march leaves.
+    /// Enlarges every plane of a film.
     #[must_use]
     pub fn accumulation(&self, marched: &Film<f32>) -> Film<f32> {
         let pixels = (self.marched[0] * self.marched[1]).max(1);
@@ -72,7 +73,7 @@ impl Enlargement {
         Film { size: self.shown, components: marched.components, accumulators, transmittance }
     }
 
-    /// Where the pixels along `axis` lie.
+    /// Positions of the displayed pixels along `axis`.
     fn places(&self, axis: usize) -> Vec<Place> {
         let (marched, shown) = (self.marched[axis], self.shown[axis]);
         let place = |pixel: usize| {

@@ -1,4 +1,4 @@
-//! What measured settings say: which of them are worth having.
+//! Conclusions from measured settings, such as the Pareto front and the cheapest setting.
 
 use serde::Serialize;
 
@@ -9,11 +9,11 @@ use super::survey::Measured;
 use super::table::short;
 use crate::model::{ErrorSummary, ModelKind};
 
-/// What times and errors may differ by and still count as equal: measuring again makes as much.
+/// Ratio within which times and errors count as equal; repeated measurements differ by as much.
 pub(super) const ALIKE: f64 = 1.05;
 
-/// Marks the rows that no other row beats: none is as fast and closer to the truth, or as close and faster. Closeness is p95
-/// of ΔE00. Of rows that are alike in both the first is marked.
+/// Marks the Pareto-optimal rows: no other row is as fast and more accurate, or as accurate and faster. Accuracy is
+/// the p95 of ΔE00. Of rows equal in both, the first is marked.
 pub fn mark_pareto(rows: &mut [Measured]) {
     let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.frame_ms, row.error.delta_e.p95]).collect();
     for (index, row) in rows.iter_mut().enumerate() {
@@ -33,7 +33,7 @@ pub fn cheapest(rows: &[Measured], error: f64) -> Option<&Measured> {
     rows.iter().filter(|row| row.error.delta_e.p95 <= error).min_by(|a, b| a.frame_ms.total_cmp(&b.frame_ms))
 }
 
-/// What a frame of `row` took: its shortest and its longest runs, in ms.
+/// Shortest and longest frame time of `row`, in ms.
 pub(super) fn span(row: &Measured) -> [f64; 2] {
     let parts = || [Some(row.times.march), Some(row.times.relight), row.times.enlarge].into_iter().flatten();
     [parts().map(|cost| cost.wall_ms.min).sum(), parts().map(|cost| cost.wall_ms.max).sum()]
@@ -44,8 +44,8 @@ pub(super) fn is_faster(one: &Measured, other: &Measured) -> bool {
     span(one)[1] < span(other)[0]
 }
 
-/// The fastest of `rows` within `error` that is faster than the first row, the scene's own, beyond doubt; else that, where it is
-/// within `error`; else the fastest.
+/// The fastest of `rows` within `error` that is certainly faster than the first row, the scene's own setting. If there
+/// is none, the first row; if the first row exceeds `error`, the fastest row within it.
 pub(super) fn cheapest_for_sure(rows: &[Measured], error: f64) -> Option<&Measured> {
     let own = rows.first().filter(|own| own.error.delta_e.p95 <= error);
     let Some(own) = own else { return cheapest(rows, error) };
@@ -53,28 +53,28 @@ pub(super) fn cheapest_for_sure(rows: &[Measured], error: f64) -> Option<&Measur
     Some(sure.min_by(|one, two| one.frame_ms.total_cmp(&two.frame_ms)).unwrap_or(own))
 }
 
-/// The row of the least mean ΔE00; the first row where it is as close.
+/// The row with the smallest mean ΔE00; the first row if its error counts as equal.
 pub(super) fn closest(rows: &[Measured]) -> Option<&Measured> {
     let mean = |row: &Measured| row.error.delta_e.mean;
     let found = rows.iter().min_by(|one, two| mean(one).total_cmp(&mean(two)))?;
     Some(rows.first().filter(|own| mean(own) <= mean(found) * ALIKE).unwrap_or(found))
 }
 
-/// What k = 8 nodes err by, beside the best of RGB: mean ΔE00 by the colour model alone.
+/// Mean ΔE00 caused by the colour model alone: nodes with k = 8 against the best kind of RGB.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NodesBesideRgb {
-    /// Of eight nodes.
+    /// Error of eight nodes.
     pub nodes: f64,
-    /// Of the best kind of RGB.
+    /// Error of the best kind of RGB.
     pub rgb: f64,
-    /// Which that is.
+    /// The best kind of RGB.
     pub best: ModelKind,
-    /// All kinds of RGB that were measured.
+    /// All measured kinds of RGB.
     pub of: Vec<ModelKind>,
 }
 
 impl NodesBesideRgb {
-    /// The comparison, where `rows` have both.
+    /// Compares the two in `rows`; `None` unless both were measured.
     #[must_use]
     pub fn of(rows: &[Measured]) -> Option<Self> {
         let basis = |row: &Measured| Some(by_model(row)?.mean);
@@ -84,7 +84,8 @@ impl NodesBesideRgb {
         Self::found(nodes.and_then(basis)?, rgb.collect())
     }
 
-    /// The comparison of mean ΔE00 over all spectra, where `rows` have both, of as many materials each.
+    /// Compares the two by mean ΔE00 over all spectra, for equal numbers of materials; `None` unless both were
+    /// measured.
     #[must_use]
     pub fn of_models<'a>(rows: impl Iterator<Item = &'a ModelRow> + Clone) -> Option<Self> {
         let rgb = rows.clone().filter(|row| row.model.is_rgb());
@@ -99,13 +100,13 @@ impl NodesBesideRgb {
         Some(Self { nodes, rgb: error, best, of: rgb.into_iter().map(|(kind, _)| kind).collect() })
     }
 
-    /// How many times smaller the error of the nodes is; infinite where they have none.
+    /// Ratio of the RGB error to the nodes' error; infinite if the nodes have none.
     #[must_use]
     pub fn ratio(&self) -> f64 {
         self.rgb / self.nodes
     }
 
-    /// In a sentence.
+    /// The comparison as a sentence.
     #[must_use]
     pub fn sentence(&self) -> String {
         let Self { nodes, rgb, best, .. } = self;
@@ -123,7 +124,8 @@ impl NodesBesideRgb {
     }
 }
 
-/// The rows that differ from the scene's own in nothing but a colour model that they name, of kinds and numbers that `are_asked_for`.
+/// Rows that differ from the scene's own setting only in a named colour model, of a kind and number of components that
+/// `are_asked_for`.
 pub(super) fn carried(
     rows: &[Measured],
     are_asked_for: impl Fn(ModelKind, usize) -> bool,
@@ -134,12 +136,12 @@ pub(super) fn carried(
     rows.iter().filter(only_model).filter(is_asked_for)
 }
 
-/// What a row errs by for its colour model alone.
+/// ΔE00 of a row caused by its colour model alone.
 fn by_model(row: &Measured) -> Option<ErrorSummary> {
     row.causes.iter().find(|(cause, _)| *cause == Cause::Basis).map(|(_, difference)| difference.delta_e)
 }
 
-/// How many times longer the slowest run of a march took than the fastest, in the middle of all rows: what other programs did.
+/// Ratio of the slowest to the fastest run of a march, median over all rows: the influence of other programs.
 pub(super) fn scatter(rows: &[Measured]) -> f64 {
     let mut ratios: Vec<f64> =
         rows.iter().map(|row| row.times.march.wall_ms.max / row.times.march.wall_ms.min).collect();
@@ -147,19 +149,19 @@ pub(super) fn scatter(rows: &[Measured]) -> f64 {
     ratios.get(ratios.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// The mean ΔE00 that a row errs by `cause`; 0 where it has no such rung.
+/// Mean ΔE00 of a row due to `cause`; 0 if the row has no such rung.
 pub(super) fn by_cause(row: &Measured, cause: Cause) -> f64 {
     row.causes.iter().find(|(known, _)| *known == cause).map_or(0.0, |(_, difference)| difference.delta_e.mean)
 }
 
-/// The cause that most of a row's error is by.
+/// The cause of the largest part of a row's error.
 #[must_use]
 pub fn main_cause(row: &Measured) -> Option<Cause> {
     let causes = row.causes.iter().filter(|(_, difference)| difference.delta_e.mean > 0.0);
     causes.max_by(|one, two| one.1.delta_e.mean.total_cmp(&two.1.delta_e.mean)).map(|&(cause, _)| cause)
 }
 
-/// How far the runs of a march spread about their median, in the middle of all rows: 0.05 is ±5 %.
+/// Relative half-range of the runs of a march around their median, median over all rows: 0.05 is ±5 %.
 pub(super) fn spread(rows: &[Measured]) -> f64 {
     let mut shares: Vec<f64> = rows
         .iter()
@@ -178,7 +180,7 @@ mod tests {
     use super::super::survey::{Cost, Times};
     use super::*;
 
-    /// A setting whose frames took from `fastest` to `slowest` and between them `frame_ms`, and that errs by `mean` and `p95`.
+    /// A setting with frame times from `fastest` to `slowest`, median `frame_ms`, and errors `mean` and `p95`.
     fn row([fastest, frame_ms, slowest]: [f64; 3], mean: f64, p95: f64) -> Measured {
         let cost = |part: f64| {
             let [median, min, max] = [frame_ms, fastest, slowest].map(|ms| part * ms);
