@@ -61,7 +61,7 @@ pub struct Summary {
     pub max: f64,
 }
 
-/// Summarizes `values`. Returns `None` if there are none, and NaN throughout if one of them is NaN.
+/// Summarises `values`. Returns `None` if there are none, and NaN throughout if one of them is NaN.
 #[must_use]
 pub fn summary(values: &[f64]) -> Option<Summary> {
     if values.iter().any(|value| value.is_nan()) {

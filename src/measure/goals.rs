@@ -1,4 +1,4 @@
-//! Whether what is asked of pictures is kept, and at what cost, over seeded scenes.
+//! Check over seeded scenes that chosen settings reach their error goal, and at what cost.
 
 use std::path::Path;
 
@@ -18,28 +18,28 @@ use crate::vulkan::DeviceKind;
 
 /// Pixels across and down of the pictures.
 const SIZE: [usize; 2] = [64, 56];
-/// All pixels that show anything are looked at, not those alone that a choice is made by.
+/// All visible pixels are measured, unlike in the choice, which measures a sample.
 const PIXELS: usize = SIZE[0] * SIZE[1];
 const SEED: u64 = 77;
-/// The finest part of an octave by which steps are told apart.
+/// Step lengths per octave of the search for the cheapest setting.
 const PART: i32 = 16;
-/// Frames that are timed of every setting that keeps what is asked for.
+/// Timed frames of every setting within the asked error.
 const FRAMES: usize = 5;
-/// The same of the chosen one and the cheapest.
+/// Timed frames of the chosen and the cheapest setting.
 const FRAMES_OF_TWO: usize = 25;
 
-/// A scene, and the error that is asked for.
+/// A scene and its error goal.
 #[derive(Debug)]
 pub struct GoalScene {
     /// The scene.
     pub scene: Scene,
-    /// ΔE00 that 95 of 100 pixels are to keep.
+    /// Largest allowed p95 of ΔE00.
     pub asked: f64,
 }
 
 impl GoalScene {
-    /// Scene number `seed`: one of the phantoms, two to four materials at random values, opacities, lights and views; every
-    /// second one absorbs in colour.
+    /// Scene number `seed`: one of the phantoms with two to four materials at random values, and random opacities,
+    /// lights and camera angles. Materials absorb in colour in every second scene.
     ///
     /// # Errors
     ///
@@ -93,49 +93,50 @@ fn text(random: &mut Random, coloured: bool) -> String {
     text + &format!("[camera]\nazimuth = {azimuth}\nelevation = {elevation}\n")
 }
 
-/// A setting in a picture of such a scene.
+/// Error and cost of a setting in a picture of a seeded scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GoalCost {
-    /// Where the knobs stand.
+    /// The setting.
     pub setting: Setting,
-    /// ΔE00 that 95 of 100 of all pixels that show anything keep.
+    /// p95 of ΔE00 over all visible pixels.
     pub p95: f64,
-    /// Samples that are taken on the way through a voxel, of a pixel that is shown.
+    /// Samples per voxel of ray length and displayed pixel.
     pub samples: f64,
-    /// What a frame takes, the median, in ms: CPU time of a software device, time on the wall of another.
+    /// Median frame time, in ms: CPU time on a software device, wall time on any other.
     pub ms: f64,
 }
 
-/// What became of one scene.
+/// Result of one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct GoalRow {
-    /// ΔE00 that 95 of 100 pixels are to keep.
+    /// Largest allowed p95 of ΔE00.
     pub asked: f64,
-    /// The setting that was chosen.
+    /// The chosen setting.
     pub chosen: GoalCost,
-    /// The cheapest by time of all settings that would have kept it; the chosen one where there is none.
+    /// The fastest setting within the asked error; the chosen one if there is none.
     pub cheapest: GoalCost,
-    /// How many times more samples were chosen than the fewest that would have kept it, of no more numbers each.
+    /// Samples of the chosen setting, divided by the fewest samples of any setting within the asked error and with no
+    /// more components.
     pub samples: f64,
 }
 
 impl GoalRow {
-    /// The error that was measured over that which was asked for.
+    /// Measured error divided by the asked error.
     #[must_use]
     pub fn error(&self) -> f64 {
         self.chosen.p95 / self.asked
     }
 
-    /// The time of what was chosen over that of the cheapest that would have kept it.
+    /// Frame time of the chosen setting divided by that of the cheapest one.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.chosen.ms / self.cheapest.ms
     }
 }
 
-/// Chooses a setting for `of` on the device of `renderer`, and seeks the cheapest that would have done, among steps a sixteenth
-/// of an octave apart, with every number of a colour model and several scales. `None` where the scene shows nothing, or
-/// nothing keeps what is asked for.
+/// Chooses a setting for `of` on the device of `renderer`, and searches for the cheapest setting within the asked
+/// error: steps a sixteenth of an octave apart, every dimension of a colour model, and several scales. Returns `None`
+/// if the scene has no visible pixels or no setting reaches the goal.
 ///
 /// # Errors
 ///
@@ -155,23 +156,23 @@ pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) ->
     let samples = |setting: &Setting| setting.scale().powi(2) / number(setting, Knob::Step).unwrap_or(1.0);
     let dimension = number(&chosen, Knob::K);
     let mut bench = Bench::new(renderer, scene, &mix, SIZE, (PIXELS, SEED), progress)?;
-    // Finer than the steps that are looked at.
+    // Leaves room for settings with shorter steps.
     bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, progress)?;
 
     let mut p95_of = |setting: &Setting| -> Result<f64, ChoiceError> {
         let ready = bench.ready(setting, progress)?;
         Ok(bench.errors(&ready, progress)?.of_sample.p95)
     };
-    // The chosen one comes first.
+    // The chosen setting comes first.
     let mut keep = vec![(chosen.clone(), p95_of(&chosen)?)];
     let dimensions = match dimension {
         None => vec![None],
         Some(_) => DIMENSIONS.map(Some).to_vec(),
     };
     for k in dimensions {
-        // What takes more samples, each of as many numbers, takes longer; of fewer numbers, not twice as long.
+        // With as many components, more samples take longer. With fewer components, twice the samples take longer.
         let most = if k.map(count) < dimension { 2.0 } else { 1.0 } * samples(&chosen);
-        // Not the smallest: so small pictures have few pixels to spare.
+        // Without the smallest scales: these small pictures have few pixels to spare.
         for &scale in &SCALES[..4] {
             let steps = (-3 * PART..=4 * PART).rev().map(|n| setting(voxels(f64::from(n) / f64::from(PART)), k, scale));
             for longer in steps.take_while(|longer| samples(longer) < most) {
@@ -195,7 +196,7 @@ pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) ->
     let all: Vec<&Setting> = keep.iter().map(|(setting, _)| setting).collect();
     let quick = ms_of(&all, FRAMES)?;
     let cheapest = (0..keep.len()).min_by(|&one, &two| quick[one].total_cmp(&quick[two])).unwrap_or(0);
-    // Timed anew beside the chosen one: of many times the least is so by chance as well.
+    // Times the two again together: the smallest of many times is partly luck.
     let ms = ms_of(&[all[0], all[cheapest]], FRAMES_OF_TWO)?;
     let cost = |index: usize, ms: f64| {
         let (setting, p95) = keep[index].clone();
@@ -206,16 +207,16 @@ pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) ->
     Ok(Some(GoalRow { asked: *asked, chosen, cheapest, samples: samples_over }))
 }
 
-/// A ratio over many scenes.
+/// Distribution of a ratio over many scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Ratios {
-    /// The middle one.
+    /// The median.
     pub median: f64,
-    /// What 95 of 100 are within.
+    /// The 95th percentile.
     pub p95: f64,
-    /// The largest.
+    /// The largest ratio.
     pub max: f64,
-    /// How many are above [`GoalSummary::COST`].
+    /// Number of ratios above [`GoalSummary::COST`].
     pub dear: usize,
 }
 
@@ -227,28 +228,28 @@ impl Ratios {
     }
 }
 
-/// What became of many scenes.
+/// Summary of many scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct GoalSummary {
-    /// Scenes that show something, and that something keeps what is asked of.
+    /// Scenes with visible pixels and at least one setting within the asked error.
     pub scenes: usize,
-    /// How many of them have pictures that keep it.
+    /// How many of them have pictures within the asked error.
     pub kept: usize,
-    /// The largest error over what was asked for.
+    /// Largest ratio of the measured to the asked error.
     pub worst: f64,
-    /// The time of what was chosen over that of the cheapest that would have kept it.
+    /// Frame time of the chosen setting divided by that of the cheapest one.
     pub time: Ratios,
-    /// The same in samples.
+    /// The same for samples ([`GoalRow::samples`]).
     pub samples: Ratios,
 }
 
 impl GoalSummary {
-    /// The share of scenes that are to keep what is asked for.
+    /// Required fraction of scenes within the asked error.
     pub const KEPT: f64 = 0.95;
-    /// What a choice may cost over the cheapest setting that would have done, in 95 of 100 scenes.
+    /// Largest allowed cost of a choice relative to the cheapest setting, in 95 of 100 scenes.
     pub const COST: f64 = 1.3;
 
-    /// The summary of `rows`; `None` of none.
+    /// Summarises `rows`; `None` if there are none.
     #[must_use]
     pub fn of(rows: &[GoalRow]) -> Option<Self> {
         let of = |part: &dyn Fn(&GoalRow) -> f64| rows.iter().map(part).collect::<Vec<_>>();
@@ -262,13 +263,13 @@ impl GoalSummary {
         })
     }
 
-    /// The share of scenes whose pictures keep what is asked for.
+    /// Fraction of scenes within the asked error.
     #[must_use]
     pub fn share(&self) -> f64 {
         count(self.kept) / count(self.scenes)
     }
 
-    /// What does not reach the bars, in words; nothing where all does.
+    /// The missed requirements, in words; empty if all are met.
     #[must_use]
     pub fn missed(&self) -> Vec<String> {
         let mut missed = Vec::new();
@@ -293,7 +294,7 @@ impl GoalSummary {
 mod tests {
     use super::*;
 
-    /// A choice off by `error` of what was asked for, at `time` and `samples` times the least.
+    /// A choice with `error` times the asked error, at `time` and `samples` times the least.
     fn row(error: f64, time: f64, samples: f64) -> GoalRow {
         let cost = |p95, ms| GoalCost { setting: Setting::default(), p95, samples: 1.0, ms };
         GoalRow { asked: 2.0, chosen: cost(2.0 * error, 3.0 * time), cheapest: cost(2.0, 3.0), samples }

@@ -1,4 +1,4 @@
-//! How far two linear pictures are apart.
+//! Numerical difference of two linear pictures.
 
 use serde::Serialize;
 
@@ -6,12 +6,12 @@ use serde::Serialize;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MeasureError {
-    /// The pictures have different numbers of samples, or samples that fill no rows of this width.
+    /// The pictures differ in their number of samples, or the samples do not fill rows of this width.
     #[error("cannot compare {actual} samples with {expected}, in rows of {width} pixels of {channels} channels")]
     Shape {
         /// Samples of the picture under test.
         actual: usize,
-        /// Samples of the picture it should be.
+        /// Samples of the expected picture.
         expected: usize,
         /// Pixels across.
         width: usize,
@@ -20,7 +20,7 @@ pub enum MeasureError {
     },
 }
 
-/// The largest, the mean and the 99th percentile of many errors. Infinite where a sample was not a number.
+/// Maximum, mean and 99th percentile of errors; infinite where a sample is NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Spread {
     /// The largest error.
@@ -31,9 +31,9 @@ pub struct Spread {
     pub p99: f64,
 }
 
-/// How far a picture is from the one it should be, sample by sample.
+/// Error of a picture against the expected one, sample by sample.
 ///
-/// Equal samples are no error, infinite ones included; a sample that is NaN in either picture is infinitely wrong.
+/// Equal samples have no error, also if infinite. A sample that is NaN in either picture has an infinite error.
 #[derive(Clone, Debug)]
 pub struct ImageError {
     errors: Vec<f64>,
@@ -45,8 +45,8 @@ pub struct ImageError {
 impl ImageError {
     /// Compares two pictures of `width` pixels across and any number of `channels` per pixel.
     ///
-    /// `scale(sample)` is what the error of that sample is measured against in [`Self::relative`]: Σ|terms| where terms
-    /// may cancel, the peak where a display shows it. A scale that is not above 0 makes any error there infinite.
+    /// `scale(sample)` is the divisor of the sample's error in [`Self::relative`]: Σ|terms| where terms may cancel, or
+    /// the peak for a displayed picture. A scale that is not above 0 makes any error there infinite.
     ///
     /// # Errors
     ///
@@ -73,32 +73,32 @@ impl ImageError {
         Ok(Self { errors, relative, width, channels })
     }
 
-    /// The errors as they are.
+    /// Spread of the absolute errors.
     #[must_use]
     pub fn absolute(&self) -> Spread {
         spread(&self.errors)
     }
 
-    /// The errors divided by the scale of each sample.
+    /// Spread of the errors divided by the scale of each sample.
     #[must_use]
     pub fn relative(&self) -> Spread {
         spread(&self.relative)
     }
 
-    /// How many samples have an absolute error over `limit`.
+    /// Number of samples with an absolute error over `limit`.
     #[must_use]
     pub fn count_over(&self, limit: f64) -> usize {
         count_over(&self.errors, limit)
     }
 
-    /// How many samples have a relative error over `limit`.
+    /// Number of samples with a relative error over `limit`.
     #[must_use]
     pub fn relative_count_over(&self, limit: f64) -> usize {
         count_over(&self.relative, limit)
     }
 
     /// Peak signal-to-noise ratio in dB for a peak of 1: −10·log₁₀ of the mean squared error. Infinite for equal
-    /// pictures, −∞ where a sample was not a number.
+    /// pictures, −∞ where a sample is NaN.
     #[must_use]
     pub fn psnr_db(&self) -> f64 {
         -10.0 * mean(self.errors.iter().map(|error| error * error)).log10()
@@ -113,7 +113,7 @@ impl ImageError {
     }
 }
 
-/// The distance of two samples.
+/// Absolute difference of two samples.
 #[expect(clippy::float_cmp, reason = "equal infinities have a NaN difference")]
 fn error(actual: f32, expected: f32) -> f64 {
     if actual == expected {
@@ -123,7 +123,7 @@ fn error(actual: f32, expected: f32) -> f64 {
     if difference.is_nan() { f64::INFINITY } else { difference }
 }
 
-/// `errors` hold no NaN.
+/// Summarises `errors`, which contain no NaN.
 fn spread(errors: &[f64]) -> Spread {
     let mut sorted = errors.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -136,7 +136,7 @@ fn spread(errors: &[f64]) -> Spread {
     }
 }
 
-/// The mean of `values`; 0 of none.
+/// Mean of `values`; 0 if there are none.
 #[expect(clippy::cast_precision_loss, reason = "no picture has 2⁵³ samples")]
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     let count = values.len().max(1) as f64;
@@ -144,7 +144,7 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 }
 
 fn count_over(errors: &[f64], limit: f64) -> usize {
-    // Not `error > limit`: that would let a NaN limit pass everything.
+    // Not `error > limit`: a NaN limit would then accept everything.
     errors.iter().filter(|&&error| !matches!(error.partial_cmp(&limit), Some(order) if order.is_le())).count()
 }
 

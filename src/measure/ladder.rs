@@ -1,4 +1,4 @@
-//! Colours of some pixels on each rung of the ladder, and what the errors between them are called.
+//! Colours of selected pixels on each rung of the ladder, and names for the errors between rungs.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -18,30 +18,30 @@ use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::{LabelMap, Occupancy, Storage, StoredVolume, TransferTable};
 use crate::volume::{Statistics, VolumeError};
 
-/// What makes a picture differ from the truth; each is what lies between two rungs.
+/// Cause of a difference from the truth: the difference between two rungs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Cause {
-    /// Samples are Δs apart: full spectrum at Δs beside that at an eighth of the shortest Δs measured.
+    /// Samples Δs apart: full spectrum at Δs against full spectrum at an eighth of the shortest measured Δs.
     Step,
-    /// Values between voxels are made otherwise than the scene says.
+    /// Interpolation between voxels other than the scene's.
     Interpolation,
-    /// Rays end early.
+    /// Early ray termination.
     Termination,
-    /// Spectra are carried in few numbers.
+    /// Spectra reduced to the components of a pixel.
     Basis,
-    /// The transfer function is a table, the volume a texture, what a pixel keeps may be of 16 bits.
+    /// The transfer function as a table, the volume as a texture, and possibly 16-bit accumulators.
     Tables,
-    /// Arithmetic is in f32.
+    /// Arithmetic in f32.
     Rounding,
-    /// The device filters and rounds in its own way.
+    /// Filtering and rounding of the device.
     Device,
-    /// Fewer pixels are marched than shown.
+    /// Fewer marched than displayed pixels.
     Resolution,
 }
 
 impl Cause {
-    /// All, from the truth down.
+    /// All causes, from the truth down.
     pub const ALL: [Self; 8] = [
         Self::Step,
         Self::Interpolation,
@@ -53,7 +53,7 @@ impl Cause {
         Self::Resolution,
     ];
 
-    /// Its name in reports.
+    /// Name in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -69,17 +69,17 @@ impl Cause {
     }
 }
 
-/// A picture's pixels of which some are looked at, in rows and columns.
+/// Regular grid of sampled pixels in a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Lattice {
     /// Pixels of the picture, across and down.
     pub size: [usize; 2],
-    /// Every so many pixels, across and down.
+    /// Distance between sampled pixels, across and down.
     pub stride: usize,
 }
 
 impl Lattice {
-    /// At most `most` pixels of a picture of `size`, equally far apart; one at least.
+    /// Selects between 1 and `most` equally spaced pixels of a picture of `size`.
     #[must_use]
     pub fn new(size: [usize; 2], most: usize) -> Self {
         let stride = (count(size[0]) * count(size[1]) / count(most.max(1))).sqrt();
@@ -90,13 +90,13 @@ impl Lattice {
         lattice
     }
 
-    /// How many there are, across and down.
+    /// Number of sampled pixels, across and down.
     #[must_use]
     pub fn dims(&self) -> [usize; 2] {
         self.size.map(|side| (side / self.stride).max(1))
     }
 
-    /// All of them, row by row.
+    /// All sampled pixels, row by row.
     #[must_use]
     pub fn pixels(&self) -> Vec<[usize; 2]> {
         let [across, down] = self.dims();
@@ -105,12 +105,12 @@ impl Lattice {
     }
 }
 
-/// What rounding leaves of nothing, in XYZ of at most about 1 and in opacities.
+/// Largest rounding error of a zero, for XYZ of at most about 1 and for opacities.
 const ROUNDING: f64 = 1e-12;
-/// How many times shorter the steps of the truth are than the shortest that is measured.
+/// Ratio of the shortest measured step to the step of the truth.
 pub(super) const FINER: f64 = 8.0;
 
-/// What of a setting the full spectrum depends on.
+/// The part of a setting that affects the full spectrum.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct March {
     step_length: u64,
@@ -118,7 +118,7 @@ struct March {
     interpolation: Interpolation,
 }
 
-/// The volume as a device would have it, and the plan that it is for.
+/// The volume as a device would store it, and the plan that it is stored for.
 struct Kept {
     plan: ScenePlan,
     storage: Storage,
@@ -133,18 +133,19 @@ pub(super) struct Ladder<'a> {
     occupancy: Occupancy,
     size: [usize; 2],
     mix: Mix,
-    /// The pixels that show anything.
+    /// The visible pixels.
     pub(super) pixels: Vec<[usize; 2]>,
-    /// What is behind the volume.
+    /// XYZ behind the volume.
     pub(super) background: DVec3,
-    /// The shortest Δs of all that are measured, in world units.
+    /// The shortest measured Δs, in world units.
     pub(super) finest: f64,
     full: HashMap<March, Arc<Vec<DVec3>>>,
     kept: Option<Kept>,
 }
 
 impl<'a> Ladder<'a> {
-    /// The ladder of those of `pixels` that show anything of `scene` under `mix`; no step will be shorter than `finest`.
+    /// Creates the ladder of the visible ones of `pixels` of `scene` under `mix`. No measured step may be shorter than
+    /// `finest`.
     pub(super) fn new(
         scene: &'a Scene,
         mix: Mix,
@@ -176,14 +177,14 @@ impl<'a> Ladder<'a> {
         Ok(ladder)
     }
 
-    /// Those of `pixels` that show anything.
+    /// Returns those of `pixels` in which the volume is visible.
     pub(super) fn showing(
         &self,
         pixels: &[[usize; 2]],
         progress: &dyn Progress,
     ) -> Result<Vec<[usize; 2]>, LadderError> {
         let found = self.march_exact(self.scene, &plan_full_spectrum(self.scene), pixels, progress)?;
-        // The shares of 81 bands in all light sum up to 1 as nearly as rounding lets them.
+        // The fractions of 81 bands in the light sum to 1 only up to rounding.
         let shows = |(colour, opacity): &(DVec3, f64)| {
             *opacity > ROUNDING || (*colour - self.background).abs().max_element() > ROUNDING
         };
@@ -191,12 +192,12 @@ impl<'a> Ladder<'a> {
         Ok(shown.map(|(&pixel, _)| pixel).collect())
     }
 
-    /// Full spectrum, exact samples, Δs an eighth of the shortest, rays to their ends: what all is measured against.
+    /// The truth: full spectrum, exact samples, an eighth of the shortest Δs, no early ray termination.
     pub(super) fn truth(&mut self, progress: &dyn Progress) -> Result<Arc<Vec<DVec3>>, LadderError> {
         self.full(self.finest / FINER, 0.0, self.scene.accuracy.interpolation, progress)
     }
 
-    /// Full spectrum, exact samples.
+    /// Full spectrum from exact samples, with the given step, termination and interpolation; cached.
     pub(super) fn full(
         &mut self,
         step_length: f64,
@@ -231,7 +232,7 @@ impl<'a> Ladder<'a> {
         Ok(found.into_iter().map(|(colour, _)| colour).collect())
     }
 
-    /// XYZ and opacity of `scene` as `planned`, from exact samples.
+    /// XYZ and opacity of `scene` under the plan `planned`, from exact samples.
     fn march_exact(
         &self,
         scene: &Scene,
@@ -247,7 +248,7 @@ impl<'a> Ladder<'a> {
         Ok(render_pixels(scene, planned, &leaping, &matrices, self.size, pixels, progress)?)
     }
 
-    /// `planned` in f64 from exact samples, its accumulators in full.
+    /// XYZ under the plan `planned` in f64 from exact samples, with unrounded accumulators.
     pub(super) fn model(
         &self,
         scene: &Scene,
@@ -259,7 +260,7 @@ impl<'a> Ladder<'a> {
         Ok(self.march_exact(scene, &exact, &self.pixels, progress)?.into_iter().map(|(colour, _)| colour).collect())
     }
 
-    /// `planned` from the tables and the volume that a device would have.
+    /// XYZ under the plan `planned` from the stored tables and volume of a device.
     pub(super) fn stored<R: Real>(
         &mut self,
         scene: &Scene,
@@ -285,24 +286,24 @@ impl<'a> Ladder<'a> {
         &self.statistics
     }
 
-    /// What turns accumulators into XYZ as the display shows it: exposure and adaptation are in it.
+    /// Matrices from accumulators to XYZ as displayed, including exposure and adaptation.
     fn matrices(&self, scene: &Scene, planned: &Planned) -> RelightMatrices {
         let shown = self.shown(scene, planned);
         let in_xyz = |colours: Vec<DVec3>| colours.into_iter().map(|colour| *XYZ_FROM_LINEAR_SRGB * colour).collect();
         RelightMatrices { colours: in_xyz(shown.colours), background: in_xyz(shown.background), ..shown }
     }
 
-    /// The same in linear sRGB.
+    /// The same matrices to linear sRGB.
     pub(super) fn shown(&self, scene: &Scene, planned: &Planned) -> RelightMatrices {
         RelightMatrices::of_scene(scene, planned, &self.mix)
     }
 }
 
-/// Why there are no rungs.
+/// Why a rung could not be computed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LadderError {
-    /// The reference gave up.
+    /// The reference failed.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
     /// The volume or its labels cannot be used.

@@ -1,4 +1,5 @@
-//! Samples that look first whether there is anything: what they leave out is nothing, so that the truth takes less time.
+//! Empty-space skipping for the reference. Skipped samples contribute nothing, so the truth stays the same and takes
+//! less time.
 
 use glam::DVec3;
 
@@ -8,21 +9,21 @@ use crate::reference::{Samples, Step};
 use crate::scene::Scene;
 use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage, TransferTable};
 
-/// Places between the ends of the data where a transfer function is looked at, beside its bends.
+/// Number of values across the data range at which the transfer function is evaluated, besides its bends.
 const PLACES: usize = 1 << 16;
 
-/// Samples of `inner` where a cell of the volume holds something.
+/// Samples of `inner` in occupied macrocells, and empty steps elsewhere.
 pub(super) struct Leaping<'a, S> {
     inner: S,
     occupancy: &'a Occupancy,
     cells_from_texture: DVec3,
-    /// Numbers of a step.
+    /// Length of a step's source, padded to whole lanes.
     source: usize,
     passed: usize,
 }
 
 impl<'a, S> Leaping<'a, S> {
-    /// Samples of `scene` by `inner` where `occupancy` says that there is anything.
+    /// Wraps `inner` to skip macrocells whose bit in `occupancy` is 0.
     pub(super) fn new(inner: S, occupancy: &'a Occupancy, scene: &Scene, planned: &Planned) -> Self {
         Self {
             inner,
@@ -34,7 +35,7 @@ impl<'a, S> Leaping<'a, S> {
     }
 
     fn is_empty(&self, place: [f64; 3]) -> bool {
-        // As `tables::RayTable` counts cells: from voxel 0, half a voxel into the texture.
+        // Macrocell coordinates as in `tables::RayTable`: from voxel 0, half a voxel into the texture.
         let cells = DVec3::from_array(place) * self.cells_from_texture - 0.5 / count(CELL);
         let dims = self.occupancy.dims;
         let cell: [usize; 3] = std::array::from_fn(|axis| whole(cells[axis]).min(dims[axis] - 1));
@@ -56,12 +57,13 @@ impl<S: Samples<f64>> Samples<f64> for Leaping<'_, S> {
     }
 }
 
-/// The cells of `scene` in which its transfer function or a label shows or absorbs anything.
+/// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there.
 pub(super) fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) -> Occupancy {
     Cells::new(&scene.volume, storage, labels).occupancy(&visible(scene, storage.domain))
 }
 
-/// A table that says of every value whether it does anything, and whether one beside it does.
+/// Table of the values at which `scene` scatters or absorbs: opacity 1 there, and at both entries around a bend if it
+/// does so at the bend or right beside it.
 fn visible(scene: &Scene, [low, high]: [f64; 2]) -> TransferTable {
     let last = count(PLACES - 1);
     let shows = |value: f64| {

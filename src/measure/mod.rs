@@ -1,4 +1,4 @@
-//! What a result costs and how far it is from the truth.
+//! Cost of results and their distance from the truth.
 
 mod bench;
 mod cache;

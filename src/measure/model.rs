@@ -1,4 +1,4 @@
-//! How far colour models are from the truth, on spectra that they were not fitted on.
+//! Errors of colour models on spectra outside their fit.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -17,14 +17,14 @@ use crate::scene::SceneError;
 use crate::spectrum::{Kind, Light, Spectrum, SpectrumError, standard};
 use crate::volume::VolumeError;
 
-/// Groups of lights: smooth ones, mixed ones, ones with lines.
+/// Groups of lights: smooth, mixed, and with spectral lines.
 pub const LIGHT_GROUPS: [(&str, &[&str]); 3] = [
     ("smooth", &["D65", "A", "E"]),
     ("mixed", &["D65", "A", "FL11", "LED-B3"]),
     ("spiky", &["FL2", "FL11", "LED-RGB1", "LED-B3"]),
 ];
 
-/// The chains of a table's columns: classes of the published tables, how many of each, and what they are called.
+/// Columns of the table: name, class of chains in the published tables, and number of chains.
 const CLASSES: [(&str, ChainClass, usize); 5] = [
     ("a", ChainClass::Reflections, 1),
     ("b", ChainClass::Bounces, 200),
@@ -32,14 +32,14 @@ const CLASSES: [(&str, ChainClass, usize); 5] = [
     ("d0", ChainClass::GreyRays(100), 60),
     ("d1", ChainClass::ColouredRays(100), 100),
 ];
-/// What the models of the table are fitted on.
+/// Classes and numbers of the chains on which the models of the table are fitted.
 const FITTED: [(ChainClass, usize); 4] = [
     (ChainClass::Bounces, 120),
     (ChainClass::SinglyAbsorbed, 300),
     (ChainClass::GreyRays(24), 60),
     (ChainClass::ColouredRays(24), 150),
 ];
-/// Seeds of what is drawn here; the fits' own are 1 and 2.
+/// Random seeds of this module; the fits use 1 and 2.
 const FIT_SEED: u64 = 11;
 const UNSEEN_SEED: u64 = 12;
 const SCENES_SEED: u64 = 1000;
@@ -73,13 +73,13 @@ pub enum ModelTableError {
 pub struct ModelSetting {
     /// The kind of model.
     pub kind: ModelKind,
-    /// The index of the lights in [`LIGHT_GROUPS`]; beyond it, the last.
+    /// Index of the lights in [`LIGHT_GROUPS`]; larger indices select the last group.
     pub lights: usize,
-    /// How many patches of the `ColorChecker` are a scene's materials.
+    /// Number of `ColorChecker` patches that serve as a scene's materials.
     pub materials: usize,
-    /// `k`.
+    /// The dimension `k`.
     pub dimension: usize,
-    /// What becomes of negative coefficients of absorptions.
+    /// Treatment of negative coefficients of absorption spectra.
     pub amplification: Amplification,
 }
 
@@ -88,28 +88,29 @@ pub struct ModelSetting {
 pub struct ModelRow {
     /// The kind of model.
     pub model: ModelKind,
-    /// Whether negative coefficients of absorptions were kept.
+    /// Whether negative coefficients of absorption spectra were kept.
     pub unclamped: bool,
     /// The group of lights.
     pub lights: &'static str,
     /// Materials per scene.
     pub materials: usize,
-    /// Coefficients.
+    /// The dimension.
     pub k: usize,
-    /// Scenes.
+    /// Number of scenes.
     pub scenes: usize,
     /// ΔE00 over all classes.
     pub all: ErrorSummary,
     /// ΔE00 per class of chains: a one reflection, b two or three, c one behind an absorber of optical depth up to 20,
     /// d0 grey rays, d1 coloured rays.
     pub classes: Vec<(&'static str, ErrorSummary)>,
-    /// The median time of a fit, the colours that it is made to included, in ms.
+    /// Median time of a fit in ms, including the computation of the chains it is fitted on.
     pub fit_ms: f64,
-    /// The median time of fitting a light that the model does not know, in ms.
+    /// Median time of fitting a light that the model does not know, in ms.
     pub new_light_ms: f64,
 }
 
-/// Measures one setting on `scenes` scenes of `ColorChecker` patches, whose absorptions are made of them.
+/// Measures one setting on `scenes` scenes of `ColorChecker` patches, with absorption spectra derived from the
+/// patches.
 ///
 /// # Errors
 ///
@@ -157,7 +158,7 @@ fn errors_under_all_lights(model: &ColourModel, cloud: &Cloud, amplification: Am
     model.lights().par_iter().flat_map_iter(|(_, light, _)| model.errors(cloud, light, amplification)).collect()
 }
 
-/// What spectra a scene of [`automatic_dimension`] is made of.
+/// Kind of reflectances in a scene of [`automatic_dimension`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SpectraKind {
@@ -165,37 +166,37 @@ pub enum SpectraKind {
     Patches,
     /// Random steps from one reflectance to another, 5 to 50 nm wide.
     Sigmoids,
-    /// Random bands of 10 to 80 nm (σ) on a dark ground.
+    /// Random Gaussians with σ from 10 to 80 nm on a dark ground.
     Gaussians,
 }
 
-/// An automatic dimension, chosen and measured.
+/// An automatically chosen dimension and its measured error.
 #[derive(Clone, Debug, Serialize)]
 pub struct AutomaticRow {
-    /// The number of the scene.
+    /// Number of the scene.
     pub scene: usize,
-    /// What its spectra are.
+    /// Kind of its reflectances.
     pub spectra: SpectraKind,
-    /// How many materials it has.
+    /// Number of materials.
     pub materials: usize,
     /// Whether its materials absorb in colour, up to an optical depth of 20.
     pub coloured: bool,
     /// The group of its lights.
     pub lights: &'static str,
-    /// The tolerance asked for.
+    /// The requested tolerance.
     pub tolerance: f64,
-    /// The dimension chosen; `None` when no dimension kept the tolerance, and the fit said so.
+    /// The chosen dimension; `None` if the fit reported that no dimension keeps the tolerance.
     pub k: Option<usize>,
-    /// The largest ΔE00 on spectra used neither in the fit nor in its validation, over the tolerance.
+    /// Largest ΔE00 on spectra used neither in the fit nor in its validation, divided by the tolerance.
     pub worst_over_tolerance: f64,
-    /// How long the choice took, in ms.
+    /// Time of the choice, in ms.
     pub fit_ms: f64,
 }
 
-/// Chooses the dimension of seeded scene number `scene` for a tolerance, and measures what was promised.
+/// Chooses the dimension of seeded scene number `scene` for a tolerance, and measures its error.
 ///
-/// Scenes are patches, sigmoids and Gaussians in equal parts, of 2, 4 or 8 materials, grey or coloured, under smooth or
-/// spiky lights: all cases come up in any 36 in a row.
+/// Scenes consist of patches, sigmoids and Gaussians in equal parts, with 2, 4 or 8 materials, grey or coloured, under
+/// smooth or spiky lights. Any 36 consecutive scenes contain all cases.
 ///
 /// # Errors
 ///
@@ -255,7 +256,8 @@ fn lights_called(names: &[&str]) -> Result<Vec<(String, Light)>, SpectrumError> 
     names.iter().map(|&name| Ok((name.to_owned(), standard::light(name)?))).collect()
 }
 
-/// Materials that absorb what they do not reflect: −ln of the reflectance between 0.02 and 0.995, of peak 1.
+/// Materials that absorb the light they do not reflect: −ln of the reflectance, clamped to 0.02 to 0.995, scaled to a
+/// peak of 1.
 fn coloured(reflectances: Vec<Spectrum>, lights: Vec<(String, Light)>) -> Ingredients {
     let absorption = |reflectance: &Spectrum| {
         let depths = Spectrum::from_samples(reflectance.samples().map(|share| -share.clamp(0.02, 0.995).ln()));
@@ -266,7 +268,7 @@ fn coloured(reflectances: Vec<Spectrum>, lights: Vec<(String, Light)>) -> Ingred
     Ingredients { reflectances, absorptions, lights, largest_depth: LARGEST_DEPTH, ..Ingredients::default() }
 }
 
-/// So many different patches.
+/// Draws `number` different patches, or all if there are fewer.
 fn patches(number: usize, random: &mut Random) -> Result<Vec<Spectrum>, SpectrumError> {
     let mut left: Vec<&str> = standard::names(Kind::Reflectance).to_vec();
     let number = number.min(left.len());
@@ -287,27 +289,27 @@ fn band(random: &mut Random) -> Result<Spectrum, SpectrumError> {
     Ok(&band + &Spectrum::constant(ground))
 }
 
-/// How automatic dimensions did, over many scenes.
+/// Results of automatic dimensions over many scenes.
 #[derive(Clone, Debug, Serialize)]
 pub struct AutomaticSummary {
-    /// The tolerance asked for.
+    /// The requested tolerance.
     pub tolerance: f64,
     /// Scenes for which a dimension was found.
     pub found: usize,
-    /// Scenes for which the fit said that no dimension keeps the tolerance.
+    /// Scenes for which the fit reported that no dimension keeps the tolerance.
     pub refused: usize,
-    /// The share of those found that keep the tolerance.
+    /// Fraction of the found dimensions that keep the tolerance.
     pub kept: f64,
-    /// The worst error of those found, over the tolerance.
+    /// Worst error of the found dimensions, divided by the tolerance.
     pub worst_over_tolerance: f64,
-    /// The middle dimension of those found.
+    /// Median of the found dimensions.
     pub median_k: f64,
-    /// The largest dimension of those found.
+    /// Largest of the found dimensions.
     pub largest_k: usize,
 }
 
 impl AutomaticSummary {
-    /// The summary of `rows`, which have one tolerance.
+    /// Summarises `rows`, which share one tolerance.
     pub fn of<'a>(rows: impl IntoIterator<Item = &'a AutomaticRow>) -> Self {
         let rows: Vec<&AutomaticRow> = rows.into_iter().collect();
         let found: Vec<(usize, f64)> =
