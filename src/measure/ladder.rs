@@ -28,7 +28,7 @@ pub enum Cause {
     Interpolation,
     /// Early ray termination.
     Termination,
-    /// Spectra reduced to the components of a pixel.
+    /// Spectra represented by few numbers.
     Basis,
     /// The transfer function as a table, the volume as a texture, and possibly 16-bit accumulators.
     Tables,

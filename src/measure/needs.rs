@@ -1,4 +1,4 @@
-//! What each feature of a scene costs, shown by a scene that needs it and one that does not.
+//! Cost of each feature of a scene, measured on a scene with it and one without.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,8 +25,8 @@ const SIZE: [usize; 2] = [40, 32];
 /// Voxels along each side.
 const SIDE: usize = 40;
 
-/// As little as a scene can be: three materials in light from everywhere. Rays go to their ends, so that what they leave out is
-/// not among what is compared.
+/// A minimal scene: three materials under ambient light. There is no early ray termination, so that it does not affect
+/// the comparison.
 const LEAST: &str = r#"version = 1
 shading = "none"
 [volume]
@@ -64,7 +64,7 @@ fill = 1.6
 termination = 0
 "#;
 
-/// A feature: scenes without and with it, and what it changes about a plan.
+/// A feature: scenes without and with it, and its change to the plan.
 struct Need {
     name: &'static str,
     without: Box<dyn Fn(&mut Scene)>,
@@ -72,27 +72,27 @@ struct Need {
     planned: Box<dyn Fn(&mut ScenePlan)>,
 }
 
-/// What a frame takes, counted.
+/// Counted costs of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct FrameCounts {
-    /// Samples that are looked up, of all rays.
+    /// Samples looked up along all rays.
     pub samples: u64,
     /// Dispatches of a march and a relight.
     pub dispatches: u64,
-    /// Bytes that a finished pixel keeps.
+    /// Bytes of a finished pixel.
     pub pixel_bytes: u64,
     /// Bytes of the volume on the device.
     pub volume_bytes: u64,
-    /// Bytes that a relight reads and writes.
+    /// Bytes read and written by a relight.
     pub relight_bytes: u64,
-    /// Instructions of the march's shader.
+    /// Instructions of the march shader.
     pub march_instructions: usize,
-    /// Instructions of the relight's.
+    /// Instructions of the relight shader.
     pub relight_instructions: usize,
 }
 
 impl FrameCounts {
-    /// Each with its name.
+    /// The counts with their names.
     #[must_use]
     pub fn named(&self) -> [(&'static str, u64); 7] {
         [
@@ -107,56 +107,56 @@ impl FrameCounts {
     }
 }
 
-/// A feature, and what it costs.
+/// A feature and its cost.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NeedRow {
     /// The feature.
     pub name: &'static str,
-    /// Without it.
+    /// Costs without it.
     pub without: FrameCounts,
-    /// With it.
+    /// Costs with it.
     pub with: FrameCounts,
-    /// Whether the plans differ in just what the feature changes.
+    /// Whether the plans differ only in the feature's own change.
     pub differs_in_it_alone: bool,
-    /// What costs less with the feature than without: it is a trade then, not a price.
+    /// Names of the counts that are lower with the feature: it then trades one cost for another.
     pub saves: Vec<&'static str>,
-    /// The largest difference, in linear sRGB, of the scene without the feature as it is planned and as the fullest plan shows
-    /// it, which has every feature switched on to no effect.
+    /// Largest difference in linear sRGB between two pictures of the scene without the feature: as planned, and with
+    /// the fullest plan, in which every feature is on without effect.
     pub picture_difference: f64,
-    /// What that may be.
+    /// Largest allowed difference.
     pub picture_limit: f64,
 }
 
 impl NeedRow {
-    /// Whether the plan is what it should be, and the picture the same.
+    /// Whether the plan is as expected and the pictures agree.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.differs_in_it_alone && self.picture_difference <= self.picture_limit
     }
 }
 
-/// Why needs could not be counted.
+/// Why the features could not be counted.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum NeedError {
-    /// A scene of these cannot be.
+    /// A scene could not be made.
     #[error("the scene for {0:?} cannot be made")]
     Scene(&'static str, #[source] SceneError),
-    /// A volume of these cannot be.
+    /// A volume could not be made.
     #[error(transparent)]
     Volume(#[from] VolumeError),
-    /// A spectrum of these cannot be.
+    /// A spectrum could not be made.
     #[error(transparent)]
     Spectrum(#[from] SpectrumError),
-    /// A rung gave up.
+    /// A rung failed.
     #[error(transparent)]
     Rung(#[from] RungError),
-    /// The device gave up.
+    /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
 }
 
-/// Counts the samples that pass through it.
+/// Counts the samples taken from `inner`.
 struct Counting<'a, S> {
     inner: S,
     taken: &'a AtomicU64,
@@ -169,10 +169,10 @@ impl<S: Samples<f64>> Samples<f64> for Counting<'_, S> {
     }
 }
 
-/// What may be between two pictures that should be the same: the same sums in the same order, and 1e-30 of light besides.
+/// Tolerance between pictures that should be equal: the same sums in the same order, plus light of 1e-30.
 const SAME: f64 = 1e-6;
-/// The same of voxels in 16 bits, whose values have 15 bits with a gradient beside them: off by 2⁻¹⁶, which the steepest ramp,
-/// opacity 0.3 in 0.1, makes 4.6e-5 of a step; a ray has some four steps in it.
+/// The same for voxels in 16 bits. Next to a gradient, their values have 15 bits: an error of 2⁻¹⁶, which the steepest
+/// ramp (opacity 0.3 over 0.1) turns into 4.6e-5 per step. A ray has about four steps in that ramp.
 const SAME_IN_15_BITS: f64 = 2e-4;
 
 fn light(scene: &mut Scene, name: &str, placement: Placement, intensity: f64) {
@@ -183,7 +183,7 @@ fn light(scene: &mut Scene, name: &str, placement: Placement, intensity: f64) {
 
 fn as_it_is(_: &mut Scene) {}
 
-/// Shaded by one light.
+/// Shades the scene with one directional light.
 fn shaded(scene: &mut Scene) {
     scene.shading = Shading::Gradient;
     if let Some(key) = scene.lights.first_mut() {
@@ -191,7 +191,7 @@ fn shaded(scene: &mut Scene) {
     }
 }
 
-/// With highlights of one exponent.
+/// Adds highlights of one exponent.
 fn shine(scene: &mut Scene) {
     for material in &mut scene.materials {
         (material.specular, material.exponent) = (0.3, 12);
@@ -203,7 +203,7 @@ fn shining(scene: &mut Scene) {
     shine(scene);
 }
 
-/// Carried in the numbers of a colour model.
+/// Accumulates coefficients of a colour model.
 fn spectral(scene: &mut Scene) {
     scene.accuracy.accumulate = AccumulateAs::Spectral;
     scene.accuracy.dimension = Some(8);
@@ -214,10 +214,10 @@ fn shaded_spectral(scene: &mut Scene) {
     spectral(scene);
 }
 
-/// Labels: `label` of every voxel.
+/// Adds a label map with `label` in every voxel.
 fn labelled(scene: &mut Scene, label: u8) {
     let entry = LabelEntry { label: 9, name: "labelled".to_owned(), material: 0, opacity: 0.5, absorption: 0.0 };
-    // Of a volume that phantoms have been made of already.
+    // Phantoms of this size have been made before, so this succeeds.
     if let Ok(volume) = phantom::slab([SIDE; 3], label) {
         scene.labels = Some(Labels { volume: Arc::new(volume), declared: vec![entry] });
     }
@@ -230,7 +230,7 @@ fn behind(scene: &mut Scene, reflectance: f64) {
 const TWO_EXPONENTS: Specular = Specular { one_exponent: None, exponent_bits: 4 };
 const ONE_EXPONENT: Specular = Specular { one_exponent: Some(12), exponent_bits: 4 };
 
-/// A feature that changes `planned` about the plan.
+/// A feature that changes the plan by `planned`.
 fn need(
     name: &'static str,
     without: impl Fn(&mut Scene) + 'static,
@@ -240,7 +240,8 @@ fn need(
     Need { name, without: Box::new(without), with: Box::new(with), planned: Box::new(planned) }
 }
 
-/// A choice of the first or the second of two values, in a scene that `base` makes, which its plan has as it is.
+/// A feature that changes an option from the first value to the second, in the scene and in the plan. `base` prepares
+/// the scene.
 fn choice<T: Copy + 'static>(
     name: &'static str,
     base: impl Fn(&mut Scene) + 'static,
@@ -385,8 +386,8 @@ fn needs() -> Vec<Need> {
     ]
 }
 
-/// Switches everything on that changes nothing: labels that are all 0, a background and highlights of 1e-30, lamps of no
-/// intensity in every place, and no leaping.
+/// Switches on every feature without effect: labels that are all 0, a background and highlights of 1e-30, and lights
+/// of intensity 0 at all kinds of position. Switches empty-space skipping off.
 fn to_no_effect(scene: &mut Scene) {
     if scene.labels.is_none() {
         labelled(scene, 0);
@@ -411,13 +412,13 @@ fn to_no_effect(scene: &mut Scene) {
     }
 }
 
-/// The scene, its rungs, and what a frame of it takes.
+/// Rungs of a scene and the counts of its frame.
 struct Counted {
     rungs: Rungs,
     counts: FrameCounts,
 }
 
-/// A feature after the other, on the device of `renderer`.
+/// Counts the cost of each feature in turn on the device of `renderer`.
 ///
 /// # Errors
 ///
@@ -451,7 +452,7 @@ fn row(renderer: &Renderer, need: &Need) -> Result<NeedRow, NeedError> {
     (need.planned)(&mut expected);
 
     to_no_effect(&mut full);
-    // The same colour model, where there is one: another one's errors are no cost of features.
+    // Uses the same colour model, if any: the errors of another one are no cost of the feature.
     let mut planned = plan(&full, &Quiet).map_err(RungError::Plan)?;
     planned.model.clone_from(&without.rungs.planned.model);
     if matches!(planned.plan.accumulate, Accumulate::Spectral { .. }) {
@@ -505,7 +506,7 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
     Ok(Counted { rungs, counts })
 }
 
-/// Red, green and blue of every pixel on the device.
+/// Linear RGB of every pixel, rendered on the device.
 fn picture(renderer: &Renderer, rungs: &Rungs) -> Result<Vec<[f32; 3]>, NeedError> {
     let accumulators = rungs.render(renderer, &Quiet)?;
     let relight = renderer.relight_linear(&accumulators)?;

@@ -1,4 +1,4 @@
-//! A scene on the rungs of the ladder: the scene itself, its stored tables and volume, and what a device leaves.
+//! Rungs of a scene: exact samples, stored tables and volume, and the device.
 
 use crate::film::{Film, RelightMatrices};
 use crate::number::Real;
@@ -10,7 +10,7 @@ use crate::scene::{Mix, Scene};
 use crate::tables::{LabelMap, Storage, StoredVolume, TransferTable};
 use crate::volume::VolumeError;
 
-/// A scene with everything that the rungs read.
+/// A scene with all data that the rungs read.
 #[derive(Clone, Debug)]
 pub struct Rungs {
     /// The scene.
@@ -19,50 +19,50 @@ pub struct Rungs {
     pub planned: Planned,
     /// How its volume is stored.
     pub storage: Storage,
-    /// The volume as a device has it.
+    /// The volume as stored on a device.
     pub volume: StoredVolume,
     /// The transfer table.
     pub table: TransferTable,
-    /// What labels show as.
+    /// Table of the media of labels.
     pub label_table: TransferTable,
-    /// Which voxel has which of them, where the plan looks.
+    /// Label of every voxel, if the plan uses labels.
     pub labels: Option<LabelMap>,
-    /// The scene's own lights.
+    /// Mix of the scene's own lights.
     pub mix: Mix,
     /// Pixels across and down.
     pub size: [usize; 2],
 }
 
-/// Why a scene has no rungs.
+/// Why a rung failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RungError {
-    /// There is no plan.
+    /// Planning failed.
     #[error(transparent)]
     Plan(#[from] PlanError),
     /// The volume or its labels cannot be used.
     #[error(transparent)]
     Volume(#[from] VolumeError),
-    /// The reference gave up.
+    /// The reference failed.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
-    /// The device gave up.
+    /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
 }
 
 impl Rungs {
-    /// The rungs of `scene` as it is planned, for pictures of `size`.
+    /// Plans `scene` and prepares its rungs for pictures of `size`.
     ///
     /// # Errors
     ///
-    /// [`RungError::Plan`], and those of [`Self::planned`].
+    /// [`RungError::Plan`], and the errors of [`Self::planned`].
     pub fn new(scene: Scene, size: [usize; 2]) -> Result<Self, RungError> {
         let planned = plan(&scene, &Quiet)?;
         Self::planned(scene, planned, size)
     }
 
-    /// The rungs of `scene` under another plan of it.
+    /// Prepares the rungs of `scene` under a given plan.
     ///
     /// # Errors
     ///
@@ -84,7 +84,7 @@ impl Rungs {
         })
     }
 
-    /// The same scene with all 81 bands.
+    /// Returns the rungs of the same scene with all 81 bands.
     ///
     /// # Errors
     ///
@@ -93,20 +93,20 @@ impl Rungs {
         Self::planned(self.scene.clone(), plan_full_spectrum(&self.scene), self.size)
     }
 
-    /// Samples of the scene itself.
+    /// Exact samples of the scene.
     #[must_use]
     pub fn exact(&self) -> Exact<'_> {
         Exact::new(&self.scene, &self.planned, self.storage.clone(), self.labels.as_ref())
     }
 
-    /// Samples of the tables and the volume that a device has.
+    /// Samples of the stored tables and volume.
     #[must_use]
     pub fn stored<R: Real>(&self) -> Stored<'_, R> {
         let labels = self.labels.as_ref().map(|labels| (labels, &self.label_table));
         Stored::new(&self.planned, &self.storage, &self.volume, &self.table, labels)
     }
 
-    /// What the reference makes of `samples`.
+    /// Marches `samples` with the reference.
     ///
     /// # Errors
     ///
@@ -115,7 +115,7 @@ impl Rungs {
         Ok(reference::march(&self.scene, &self.planned, samples, self.size, progress)?)
     }
 
-    /// What a device makes of the scene.
+    /// Marches the scene on the device.
     ///
     /// # Errors
     ///
@@ -127,7 +127,7 @@ impl Rungs {
         Ok(on_device.march(self.size, progress)?)
     }
 
-    /// Linear sRGB of the components under `mix`.
+    /// Relight matrices to linear sRGB under `mix`.
     #[must_use]
     pub fn matrices(&self, mix: &Mix) -> RelightMatrices {
         RelightMatrices::of_scene(&self.scene, &self.planned, mix)

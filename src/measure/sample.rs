@@ -1,4 +1,4 @@
-//! Pixels drawn at random among those that show anything, and how far a picture is from the truth there.
+//! Random samples of the visible pixels, and the error of a picture in them.
 
 use glam::DVec3;
 
@@ -9,19 +9,19 @@ use crate::number::{count, whole};
 use crate::progress::Progress;
 use crate::scene::{Mix, Scene};
 
-/// Pixels that are looked at in each round of drawing.
+/// Pixels examined in each round of drawing.
 const ROUND: usize = 4096;
 
-/// Pixels drawn among those that show anything.
+/// A random sample of the visible pixels.
 pub(super) struct Drawn<'a> {
-    /// The ladder of those that were drawn.
+    /// Ladder of the drawn pixels.
     pub(super) ladder: Ladder<'a>,
-    /// About how many there are in the whole picture.
+    /// Estimated number of visible pixels in the whole picture.
     pub(super) showing: usize,
 }
 
-/// A ladder of up to `most` of the pixels of a picture of `size` under `mix` that show anything, drawn by `seed`; all of them where
-/// there are fewer.
+/// Draws up to `most` visible pixels of a picture of `size` under `mix` with `seed`, and creates their ladder. If
+/// there are fewer, draws them all.
 pub(super) fn drawn<'a>(
     scene: &'a Scene,
     mix: &Mix,
@@ -46,12 +46,14 @@ pub(super) fn drawn<'a>(
     Ok(Drawn { ladder, showing })
 }
 
-/// What 95 of 100 of `all` pixels keep, of which those with `errors` were drawn at random: more than their own p95, so that it
-/// holds for 99 of 100 such draws, whatever the errors are like; their own where these are all.
+/// Upper bound of the p95 of `all` pixels, given the `errors` of a random sample of them. It is larger than the p95 of
+/// the sample, so that it holds in 99 of 100 draws for any distribution of errors. If the sample is complete, it is
+/// the p95 of the sample.
 ///
-/// The errors that are larger than the p95 of all are drawn as often as a hypergeometric number says, here taken for a normal one.
+/// The number of drawn errors above the p95 of all pixels is hypergeometric, here approximated by a normal
+/// distribution.
 pub(super) fn p95_of_all(errors: &[f64], all: usize) -> f64 {
-    /// So many standard deviations are exceeded once in a hundred times.
+    /// Number of standard deviations that a normal variable exceeds once in 100 times.
     const DEVIATIONS: f64 = 2.326;
     let mut sorted: Vec<f64> = errors.iter().map(|&error| if error.is_nan() { f64::INFINITY } else { error }).collect();
     sorted.sort_by(f64::total_cmp);
@@ -62,9 +64,9 @@ pub(super) fn p95_of_all(errors: &[f64], all: usize) -> f64 {
     sorted.get(rank - 1).copied().unwrap_or_default()
 }
 
-/// How far linear RGBA of a picture of `size` under `mix` is from the truth, whose steps are an eighth of those of `scene`, in 4096
-/// pixels or more drawn at random among those that show anything, or in all of them: how the promise of a `--max-error` is
-/// kept. `None` where nothing is shown.
+/// Measures the error of a finished picture, to check a `--max-error`. `rgba` is linear RGBA of `size` under `mix`.
+/// The truth has steps of an eighth of those of `scene`. Compares 4096 random visible pixels, or all if there are
+/// fewer. Returns `None` if no pixel shows the volume.
 ///
 /// # Errors
 ///
@@ -77,7 +79,7 @@ pub fn check(
     progress: &dyn Progress,
 ) -> Result<Option<Checked>, LadderError> {
     const PIXELS: usize = 4096;
-    /// Other pixels than a choice is made by.
+    /// Differs from the seed of a choice, so that other pixels are drawn.
     const SEED: u64 = 77;
     let Drawn { ladder, .. } = drawn(scene, mix, size, PIXELS, SEED, progress)?;
     let truth = ladder.truth_in(&ladder.pixels, progress)?;
@@ -94,17 +96,17 @@ pub fn check(
     Ok((!truth.is_empty()).then_some(Checked { pixels: truth.len(), difference }))
 }
 
-/// What [`check`] found.
+/// Result of [`check`].
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Checked {
-    /// How many pixels were looked at.
+    /// Number of compared pixels.
     pub pixels: usize,
-    /// How far they are from the truth.
+    /// Their difference from the truth.
     pub difference: Difference,
 }
 
 impl Checked {
-    /// `asked 0.5, measured 0.31`, and the worst.
+    /// The result in words: `asked 0.5, measured 0.31`, and the largest error.
     #[must_use]
     pub fn sentence(&self, asked: Option<f64>) -> String {
         let error = &self.difference.delta_e;
@@ -122,14 +124,14 @@ mod tests {
     fn all_pixels_keep_what_they_keep_and_a_draw_says_a_little_more() {
         let errors: Vec<f64> = (1..=2000).map(f64::from).collect();
         assert_eq!(p95_of_all(&errors, 2000).total_cmp(&1900.0), std::cmp::Ordering::Equal);
-        // 2.326·√(2000·0.95·0.05) = 22.67, and of one half of all √½ of that.
+        // 2.326·√(2000·0.95·0.05) = 22.67; times √½ if half of all pixels are drawn.
         assert_eq!(p95_of_all(&errors, usize::MAX).total_cmp(&1923.0), std::cmp::Ordering::Equal);
         assert_eq!(p95_of_all(&errors, 4000).total_cmp(&1917.0), std::cmp::Ordering::Equal);
         assert!(p95_of_all(&[1.0, f64::NAN], 2).is_infinite());
         assert_eq!(p95_of_all(&[], 0).total_cmp(&0.0), std::cmp::Ordering::Equal);
     }
 
-    /// Of draws from errors whose p95 is known.
+    /// Draws from errors with a known p95.
     #[test]
     fn in_99_of_100_draws_95_of_100_keep_what_it_says() {
         let (mut random, all) = (Random::new(5), 6000);

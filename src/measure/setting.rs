@@ -1,4 +1,4 @@
-//! A setting: what it changes about a scene's own accuracy, knob by knob.
+//! Settings: changes to a scene's own accuracy, knob by knob.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,38 +10,38 @@ use crate::model::{LARGEST_DIMENSION, ModelKind};
 use crate::number::{count, readable, whole};
 use crate::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Scene, StoreAs, VolumeAs};
 
-/// What speed is traded for accuracy by.
+/// An option that trades speed for accuracy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Knob {
-    /// What carries spectra: a colour model, in place of weights.
+    /// Colour model; selects spectral accumulation in place of weights.
     Model,
-    /// How many numbers that has.
+    /// Dimension of the colour model.
     K,
-    /// What pixels store: weights, or the numbers of a colour model.
+    /// Contents of an accumulator: weights, or coefficients of a colour model.
     Accumulate,
     /// Bits of finished accumulators.
     Storage,
-    /// Samples: how far apart, counted in the smallest spacing of the voxels.
+    /// Step length, in units of the smallest voxel spacing.
     Step,
-    /// How little light ends a ray.
+    /// Transmittance at which a ray ends.
     Termination,
-    /// How values between voxels are made.
+    /// Interpolation between voxels.
     Interpolation,
-    /// How the volume is stored.
+    /// Storage of the volume.
     Volume,
-    /// Where gradients come from.
+    /// Source of the gradients.
     Gradients,
     /// Entries of the transfer table.
     Entries,
-    /// How that is read.
+    /// Lookup in the transfer table.
     Lookup,
-    /// Whether empty space is leapt over.
+    /// Empty-space skipping.
     Skipping,
-    /// Pixels across that are marched, as a share of those asked for; the picture is enlarged.
+    /// Marched pixels across as a fraction of those asked for; the picture is enlarged.
     Scale,
 }
 
-/// What a knob is set to.
+/// Value of a knob.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Value {
@@ -51,20 +51,20 @@ pub enum Value {
     Name(&'static str),
 }
 
-/// What a knob can be set to.
+/// Allowed values of a knob.
 pub(super) enum Choices {
     Names(Vec<&'static str>),
     Numbers { range: RangeInclusive<f64>, whole: bool, growth: Growth },
 }
 
-/// From one number of a range to the next.
+/// Progression from one number of a range to the next.
 pub(super) enum Growth {
     Plus(f64),
     Times(f64),
 }
 
 impl Knob {
-    /// All of them.
+    /// All knobs.
     pub const ALL: [Self; 13] = [
         Self::Model,
         Self::K,
@@ -81,7 +81,7 @@ impl Knob {
         Self::Scale,
     ];
 
-    /// Its name on the command line and in reports.
+    /// Name on the command line and in reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -101,7 +101,7 @@ impl Knob {
         }
     }
 
-    /// What it turns, for people.
+    /// Description for users.
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
@@ -121,7 +121,7 @@ impl Knob {
         }
     }
 
-    /// What it can be set to.
+    /// Allowed values of this knob.
     pub(super) fn choices(self) -> Choices {
         let numbers = |range, whole, growth| Choices::Numbers { range, whole, growth };
         match self {
@@ -141,9 +141,9 @@ impl Knob {
         }
     }
 
-    /// Sets it in `scene`; all but [`Self::Scale`], which is no scene's.
+    /// Applies the knob to `scene`. [`Self::Scale`] has no effect, because it is not part of a scene.
     fn turn(self, value: Value, scene: &mut Scene) {
-        /// The numbers of a model where nobody says how many.
+        /// Default dimension of a colour model.
         const USUAL: usize = 8;
         let accuracy = &mut scene.accuracy;
         match (self, value) {
@@ -214,30 +214,30 @@ impl fmt::Display for Value {
     }
 }
 
-/// One point of all knobs: those that it names stand there, all others as the scene has them.
+/// Values of some knobs; all others keep the scene's values.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Setting(BTreeMap<Knob, Value>);
 
 impl Setting {
-    /// The same with `knob` at `value`.
+    /// Returns the setting with `knob` at `value`.
     #[must_use]
     pub(super) fn with(mut self, knob: Knob, value: Value) -> Self {
         self.0.insert(knob, value);
         self
     }
 
-    /// Where `knob` stands, if that is not where the scene has it.
+    /// Value of `knob`, if the setting states one.
     #[must_use]
     pub fn get(&self, knob: Knob) -> Option<Value> {
         self.0.get(&knob).copied()
     }
 
-    /// The knobs it names.
+    /// The stated knobs and their values.
     pub fn knobs(&self) -> impl Iterator<Item = (Knob, Value)> {
         self.0.iter().map(|(&knob, &value)| (knob, value))
     }
 
-    /// The colour model it names.
+    /// The stated colour model.
     #[must_use]
     pub fn model(&self) -> Option<ModelKind> {
         match self.get(Knob::Model)? {
@@ -246,13 +246,13 @@ impl Setting {
         }
     }
 
-    /// Whether there can be such a thing: RGB has three numbers.
+    /// Whether the setting is consistent: RGB has dimension 3.
     pub(super) fn is_possible(&self) -> bool {
         let three = self.get(Knob::K).is_none_or(|k| k == Value::Number(3.0));
         three || !self.model().is_some_and(ModelKind::is_rgb)
     }
 
-    /// The share of the pixels across that are marched.
+    /// Marched pixels across as a fraction of those displayed.
     #[must_use]
     pub fn scale(&self) -> f64 {
         match self.get(Knob::Scale) {
@@ -261,13 +261,13 @@ impl Setting {
         }
     }
 
-    /// The pixels across and down that are marched for a picture of `size`.
+    /// Marched pixels across and down for a picture of `size`.
     #[must_use]
     pub fn marched_size(&self, size: [usize; 2]) -> [usize; 2] {
         size.map(|side| whole((count(side) * self.scale()).round()).max(1))
     }
 
-    /// `scene` as this setting has it.
+    /// Returns `scene` with this setting applied.
     #[must_use]
     pub fn applied(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();

@@ -1,4 +1,4 @@
-//! Settings of a scene measured on a device: what each costs, and how far from the truth it is and why.
+//! Measurement of settings of a scene on a device: cost, error, and causes of the error.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -19,38 +19,39 @@ use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::TransferTable;
 use crate::vulkan::DeviceKind;
 
-/// Runs before those that count.
+/// Untimed runs before the timed ones.
 const WARM_UP: usize = 2;
-/// Runs that are timed one after the other as a setting is measured; the others are timed in turn with all settings.
+/// Consecutive timed runs when a setting is first measured; further runs take turns with all settings.
 const AT_ONCE: usize = 3;
 
-/// What is measured of every setting.
+/// Extent of the measurement of every setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SurveyOptions {
-    /// Pixels of the pictures whose time is taken, across and down.
+    /// Pixels across and down of the timed pictures.
     pub size: [usize; 2],
-    /// The most of them whose error is.
+    /// Maximum number of pixels in which errors are measured.
     pub pixels: usize,
-    /// Runs that count, after two that warm up: the first three of a setting at once, the others by [`Survey::time_in_turn`].
+    /// Timed runs, after two warm-up runs. The first three runs of a setting are consecutive; [`Survey::time_in_turn`]
+    /// makes the others.
     pub runs: usize,
 }
 
-/// What repeated work took.
+/// Time of repeated work.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Cost {
-    /// On the wall, in ms.
+    /// Wall time, in ms.
     pub wall_ms: Summary,
-    /// Of all threads of this process on a CPU, in ms.
+    /// CPU time of all threads of this process, in ms.
     pub cpu_ms: Summary,
-    /// By the device's own clock, in ms; `None` where it has none, or where the work is not one of commands.
+    /// Time by the device's own clock, in ms; `None` if it has none or the work consists of no device commands.
     pub device_ms: Option<Summary>,
 }
 
-/// A run: its time, and that by the device's own clock.
+/// Times of a run: on the host, and by the device's own clock.
 type Run = (Timing, Option<Duration>);
 
 impl Cost {
-    /// That of `runs`; zeros of none.
+    /// Summarises `runs`; zeros if there are none.
     fn of(runs: &[Run]) -> Self {
         let over = |times: Vec<f64>| summary(&times);
         let nothing = Summary { median: 0.0, min: 0.0, max: 0.0 };
@@ -63,59 +64,59 @@ impl Cost {
     }
 }
 
-/// What a setting takes.
+/// Times of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Times {
-    /// Frames that were timed.
+    /// Number of timed frames.
     pub runs: usize,
-    /// The volume onto the device, once.
+    /// Upload of the volume to the device; done once.
     pub upload: Cost,
     /// Tables and march of a frame.
     pub march: Cost,
-    /// Accumulators to 8-bit sRGB.
+    /// Relight from accumulators to 8-bit sRGB.
     pub relight: Cost,
-    /// That from the device.
+    /// Read-back of the 8-bit picture from the device.
     pub read_back: Cost,
-    /// The picture enlarged to the size that is shown, on the CPU; `None` where all pixels are marched.
+    /// Enlargement of the picture to the displayed size, on the CPU; `None` if all pixels are marched.
     pub enlarge: Option<Cost>,
 }
 
-/// A setting, measured.
+/// Measurements of a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measured {
-    /// Where the knobs stand.
+    /// The setting.
     pub setting: Setting,
-    /// What carries spectra, in words.
+    /// Representation of spectra, in words.
     pub carrier: String,
-    /// Numbers that a pixel keeps per light position.
+    /// Components per pixel and light position.
     pub components: usize,
     /// Times.
     pub times: Times,
-    /// March, relight and enlarging on the wall, medians, in ms: what a frame takes.
+    /// Wall time of a frame in ms: sum of the medians of march, relight and enlargement.
     pub frame_ms: f64,
     /// Dispatches of a march.
     pub dispatches: usize,
-    /// Bytes that a finished pixel keeps.
+    /// Bytes of a finished pixel.
     pub pixel_bytes: u64,
     /// Bytes of the volume on the device.
     pub volume_bytes: u64,
-    /// Bytes of the volume, the tables and the picture while it is marched.
+    /// Bytes of the volume, the tables and the picture during a march.
     pub total_bytes: u64,
-    /// From the truth.
+    /// Difference from the truth.
     pub error: Difference,
-    /// From rung to rung; their ΔE00 need not add up to that.
+    /// Differences between rungs, by cause. Their ΔE00 need not add up to that of [`Self::error`].
     pub causes: Vec<(Cause, Difference)>,
-    /// p in error ∝ Δsᵖ, from the mean ΔE00 of full spectra at Δs and Δs/2; `None` where there is no error.
+    /// p in error ∝ Δsᵖ, from the mean ΔE00 of full spectra at Δs and Δs/2; `None` if there is no error.
     pub order: Option<f64>,
-    /// Whether no other setting measured is both faster and closer to the truth ([`super::mark_pareto`]).
+    /// Whether the setting is Pareto-optimal among the measured ones ([`super::mark_pareto`]).
     pub pareto: bool,
-    /// ΔE00 from rung to rung in the pixel of the largest error.
+    /// ΔE00 between rungs in the pixel of the largest error.
     #[serde(skip)]
     pub worst_by: Vec<(Cause, f64)>,
     /// ΔE00 of each pixel of [`Survey::pixels`].
     #[serde(skip)]
     pub differences: Vec<f64>,
-    /// XYZ of each of them on the device.
+    /// XYZ of each of these pixels on the device.
     #[serde(skip)]
     pub colours: Vec<DVec3>,
 }
@@ -124,21 +125,21 @@ pub struct Measured {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SurveyError {
-    /// There is no such plan.
+    /// Planning failed.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The reference gave up.
+    /// The reference failed.
     #[error(transparent)]
     Ladder(#[from] LadderError),
-    /// The device gave up.
+    /// The device failed.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// Nothing can be measured where nothing is seen.
+    /// No examined pixel shows the volume, so that there is no error to measure.
     #[error(
         "none of the {looked_at} pixels that were looked at shows anything of {source_name}: there is no error to measure"
     )]
     Nothing {
-        /// How many there were.
+        /// Number of examined pixels.
         looked_at: usize,
         /// The scene.
         source_name: String,
@@ -148,30 +149,30 @@ pub enum SurveyError {
 /// Pixels across and down of a close-up.
 const CLOSE_UP: usize = 17;
 
-/// A square of a picture, pixel by pixel, row by row.
+/// A square part of a picture, row by row.
 #[derive(Clone, Debug)]
 pub struct CloseUp {
     /// Pixels across and down.
     pub side: usize,
-    /// The first of them in the picture, x and y from the top left.
+    /// Its first pixel in the picture, x and y from the top left.
     pub first: [usize; 2],
-    /// XYZ as it should be.
+    /// True XYZ.
     pub truth: Vec<DVec3>,
     /// XYZ on the device.
     pub shown: Vec<DVec3>,
-    /// ΔE00 of the two.
+    /// ΔE00 between the two.
     pub differences: Vec<f64>,
     /// XYZ of the whole picture on the device.
     pub whole: Vec<DVec3>,
 }
 
-/// How a volume is stored on the device, and how long it took to bring it there.
+/// A form of storage of the volume on the device, and the times of its uploads.
 struct Upload {
     plan: ScenePlan,
     runs: Vec<Run>,
 }
 
-/// A measured setting: those that are it, and its runs.
+/// A measurement with all settings that share it, and its runs.
 struct Known {
     same: Same,
     settings: Vec<Setting>,
@@ -189,23 +190,23 @@ pub struct Survey<'a> {
     truth: Arc<Vec<DVec3>>,
     resident: Option<SceneRenderer>,
     uploads: Vec<Upload>,
-    /// What was measured. A knob that is turned to where the scene has it is measured no second time: it would take another
-    /// time.
+    /// Earlier measurements. A setting equivalent to a measured one shares its row: a second measurement would give
+    /// another time.
     known: Vec<Known>,
 }
 
-/// What settings have in common that are the same.
+/// Properties that equivalent settings share.
 #[derive(PartialEq)]
 struct Same {
     plan: ScenePlan,
     carrier: String,
-    /// Step, termination and scale.
+    /// Step length, termination and scale.
     numbers: [f64; 3],
-    /// Of the transfer table.
+    /// Entries of the transfer table.
     entries: usize,
 }
 
-/// What carries spectra, in words.
+/// Representation of spectra, in words.
 fn carrier(planned: &Planned) -> String {
     let weights = || format!("weights of {} components", planned.plan.components());
     planned.model.as_ref().map_or_else(weights, |model| model.description())
@@ -218,7 +219,7 @@ impl std::fmt::Debug for Survey<'_> {
 }
 
 impl<'a> Survey<'a> {
-    /// A survey of `scene`; the truth is computed for the shortest step of `settings`.
+    /// Creates a survey of `scene` and computes the truth for the shortest step of `settings`.
     ///
     /// # Errors
     ///
@@ -258,43 +259,43 @@ impl<'a> Survey<'a> {
         self.scene
     }
 
-    /// Which pixels were looked at.
+    /// The grid of examined pixels.
     #[must_use]
     pub fn lattice(&self) -> Lattice {
         self.lattice
     }
 
-    /// Those of them that show something: the ones whose errors are measured.
+    /// The visible pixels of the grid, in which errors are measured.
     #[must_use]
     pub fn pixels(&self) -> &[[usize; 2]] {
         &self.ladder.pixels
     }
 
-    /// The truth in those pixels: XYZ of the full spectrum, as the display shows it.
+    /// The truth in [`Self::pixels`]: XYZ of the full spectrum, as displayed.
     #[must_use]
     pub fn truth(&self) -> &[DVec3] {
         &self.truth
     }
 
-    /// What is measured of every setting.
+    /// Extent of the measurement of every setting.
     #[must_use]
     pub fn options(&self) -> SurveyOptions {
         self.options
     }
 
-    /// XYZ of what is behind the volume.
+    /// XYZ behind the volume.
     #[must_use]
     pub fn background(&self) -> DVec3 {
         self.ladder.background
     }
 
-    /// Whether a CPU does the work of a graphics card.
+    /// Whether the device is software on a CPU.
     #[must_use]
     pub fn is_software(&self) -> bool {
         self.renderer.device().info().kind == DeviceKind::Software
     }
 
-    /// The device in words.
+    /// Name and driver of the device, in words.
     #[must_use]
     pub fn device(&self) -> String {
         let info = self.renderer.device().info();
@@ -390,14 +391,14 @@ impl<'a> Survey<'a> {
         Ok(row)
     }
 
-    /// Times all settings that were measured again, in turn, until each has as many runs as are asked for: what other programs
-    /// do meanwhile then slows all of them, and not one. `rows` get the times of all runs.
+    /// Times all measured settings in turn until each has the requested number of runs, so that other programs slow
+    /// all settings alike. Updates `rows` to the times of all runs.
     ///
     /// # Errors
     ///
-    /// [`SurveyError`]; then `rows` have the times of the runs before.
+    /// [`SurveyError`]; `rows` then have the times of the completed turns.
     pub fn time_in_turn(&mut self, rows: &mut [Measured], progress: &dyn Progress) -> Result<(), SurveyError> {
-        // Those that are stored alike follow one another: each volume is brought to the device once a turn.
+        // Groups settings by form of storage, so that each volume is uploaded once per turn.
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         let stored = |index: &usize| {
             let plan = &self.known[*index].same.plan;
@@ -416,7 +417,7 @@ impl<'a> Survey<'a> {
         Ok(())
     }
 
-    /// One more frame of a setting that was measured.
+    /// Times one more frame of a measured setting.
     fn time_once_more(&mut self, index: usize, progress: &dyn Progress) -> Result<(), SurveyError> {
         let setting = self.known[index].row.setting.clone();
         let scene = setting.applied(self.scene);
@@ -429,7 +430,7 @@ impl<'a> Survey<'a> {
         timed
     }
 
-    /// Puts the times of all runs so far into `rows`.
+    /// Updates `rows` to the times of all runs so far.
     fn write_times(&mut self, rows: &mut [Measured]) {
         for known in &mut self.known {
             let upload = self.uploads.iter().find(|upload| upload.plan.is_stored_as(&known.same.plan));
@@ -441,7 +442,7 @@ impl<'a> Survey<'a> {
         }
     }
 
-    /// The surroundings of the worst pixel of `row`, pixel by pixel; `None` where it has no error.
+    /// Neighbourhood of the worst pixel of `row`; `None` if it has no error.
     ///
     /// # Errors
     ///
@@ -466,7 +467,8 @@ impl<'a> Survey<'a> {
         Ok(Some(CloseUp { side, first, differences: delta_e(&shown, &truth), shown, truth, whole }))
     }
 
-    /// Puts the volume onto the device as `planned` needs it, unless it is there; one more time after it was `warm_up` times.
+    /// Uploads the volume as `planned` needs it, unless it is resident. A new form of storage is first uploaded
+    /// `warm_up` times without timing.
     fn upload(
         &mut self,
         scene: Scene,
@@ -500,7 +502,7 @@ impl<'a> Survey<'a> {
         uploaded(false)
     }
 
-    /// A frame of `size`, timed.
+    /// Renders and times a frame of `size`.
     fn frame(
         &self,
         on_device: &SceneRenderer,
@@ -535,19 +537,19 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// Frames that were timed.
+/// Timed frames of a setting.
 #[derive(Default)]
 struct Frames {
     marches: Vec<Run>,
     relights: Vec<Run>,
     read_backs: Vec<Run>,
-    /// None where all pixels are marched.
+    /// Empty if all pixels are marched.
     enlarges: Vec<Run>,
     dispatches: usize,
 }
 
 impl Frames {
-    /// What they took, after an `upload`.
+    /// Summarises the times, together with those of `upload`.
     fn times(&self, upload: Cost) -> Times {
         let [march, relight, read_back] = [&self.marches, &self.relights, &self.read_backs].map(|runs| Cost::of(runs));
         let enlarge = (!self.enlarges.is_empty()).then(|| Cost::of(&self.enlarges));
@@ -556,7 +558,7 @@ impl Frames {
 }
 
 impl Times {
-    /// What a frame takes on the wall, medians.
+    /// Median wall time of a frame: march, relight and enlargement.
     fn frame_ms(&self) -> f64 {
         [Some(self.march), Some(self.relight), self.enlarge].into_iter().flatten().map(|cost| cost.wall_ms.median).sum()
     }
@@ -584,12 +586,12 @@ pub(super) fn looked_up(picture: &[[f32; 4]], size: [usize; 2], pixels: &[[usize
     pixels.iter().map(of_pixel).collect()
 }
 
-/// Rung after rung.
+/// Differences from rung to rung, starting at the truth.
 struct Climb {
     pixels: Vec<[usize; 2]>,
     last: Vec<DVec3>,
     causes: Vec<(Cause, Difference)>,
-    /// ΔE00 of each pixel by each of them.
+    /// ΔE00 of each pixel, per cause.
     moved: Vec<Vec<f64>>,
 }
 
@@ -612,13 +614,13 @@ impl Climb {
     }
 }
 
-/// p in error ∝ Δsᵖ, from the means of errors at Δs and Δs/2.
+/// p in error ∝ Δsᵖ, from errors at Δs and Δs/2.
 fn order(at_step: &[f64], at_half: &[f64]) -> Option<f64> {
     let [whole, half] = [at_step, at_half].map(|errors| errors.iter().sum::<f64>());
     (whole > 0.0 && half > 0.0 && whole.is_finite() && half.is_finite()).then(|| (whole / half).log2())
 }
 
-/// Hears that work should stop, and reports nothing: who measures reports settings.
+/// Forwards cancellation but no reports; progress is reported per setting.
 struct Unreported<'a>(&'a dyn Progress);
 
 impl Progress for Unreported<'_> {

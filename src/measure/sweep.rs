@@ -1,9 +1,9 @@
-//! The grammar of sweeps: which settings are measured.
+//! Parser of sweeps, which list the settings to measure.
 
 use super::setting::{Choices, Growth, Knob, Setting, Value};
 use crate::number::readable;
 
-/// What is swept where nobody says what: each knob by itself, from the scene's own setting.
+/// Default sweeps: each knob by itself, starting from the scene's own setting.
 const USUAL: [&str; 12] = [
     "k=3,4,6,8,12",
     "model=nodes,sharpened,sharpened-semigroup,bands,rgb-naive,rgb-prefiltered,rgb-fitted",
@@ -18,10 +18,10 @@ const USUAL: [&str; 12] = [
     "skipping=off",
     "scale=0.25,0.5",
 ];
-/// The most settings of all sweeps together.
+/// Maximum number of settings of one sweep.
 const MOST: usize = 10_000;
 
-/// A sweep that cannot be.
+/// An invalid sweep.
 #[derive(Debug, thiserror::Error)]
 #[error("--sweep {sweep}: {problem}")]
 pub struct SweepError {
@@ -29,10 +29,12 @@ pub struct SweepError {
     problem: String,
 }
 
-/// The settings of `sweeps`, the scene's own first, each once; of no sweeps those of the usual knobs, one by one.
+/// Returns the settings of `sweeps` without duplicates, starting with the scene's own. Without sweeps, varies each of
+/// the usual knobs by itself.
 ///
-/// A sweep is `KNOB=VALUE,VALUE,…,KNOB=VALUE…`, every knob with every value of the others. `A..B` are the whole numbers of
-/// `k` from A to B, or A, 2A, 4A and so on (10A, 100A of `termination`) to B. RGB with another k than 3 is left out.
+/// A sweep is `KNOB=VALUE,VALUE,…,KNOB=VALUE…` and combines every value of a knob with every value of the others.
+/// `A..B` means the whole numbers from A to B for `k`, and A, 2A, 4A and so on up to B otherwise (A, 10A and so on for
+/// `termination`). Combinations of RGB with k other than 3 are left out.
 ///
 /// # Errors
 ///
@@ -67,7 +69,7 @@ pub fn settings(sweeps: &[String]) -> Result<Vec<Setting>, SweepError> {
     Ok(all)
 }
 
-/// The knobs of a sweep with their values; a part without `=` is one more value of the knob before it.
+/// The knobs of a sweep and their values; a part without `=` is a further value of the preceding knob.
 fn knobs(sweep: &str) -> Result<Vec<(Knob, Vec<Value>)>, String> {
     let mut found: Vec<(Knob, Vec<Value>)> = Vec::new();
     for part in sweep.split(',') {
@@ -97,7 +99,7 @@ fn knobs(sweep: &str) -> Result<Vec<(Knob, Vec<Value>)>, String> {
     Ok(found)
 }
 
-/// The value, or the range of values, that `text` says of `knob`.
+/// Parses the value or the range of values `text` for `knob`.
 fn read(knob: Knob, text: &str) -> Result<Vec<Value>, String> {
     match knob.choices() {
         Choices::Names(names) => {
@@ -124,7 +126,7 @@ fn read(knob: Knob, text: &str) -> Result<Vec<Value>, String> {
                     Growth::Plus(more) => value + more,
                     Growth::Times(factor) => value * factor,
                 };
-                // The end belongs to it, also where it is no step away.
+                // The range includes its end, even if no step reaches it exactly.
                 (value < last).then_some(if next < last * (1.0 - 1e-9) { next } else { last })
             };
             Ok(std::iter::successors(Some(first), next).map(Value::Number).collect())

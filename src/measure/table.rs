@@ -1,4 +1,4 @@
-//! Measured settings as tables: for a terminal, as Markdown, as CSV.
+//! Tables of measured settings: plain text, Markdown and CSV.
 
 use super::findings::main_cause;
 use super::ladder::Cause;
@@ -6,7 +6,7 @@ use super::setting::Knob;
 use super::survey::{Cost, Measured};
 use crate::number::count;
 
-/// What the columns for people are called; all but the first are numbers or single words.
+/// Column heads for text and Markdown; all columns but the first hold numbers or single words.
 const HEADS: [&str; 12] = [
     "setting",
     "frame ms",
@@ -22,7 +22,7 @@ const HEADS: [&str; 12] = [
     "mostly by",
 ];
 
-/// A row for people.
+/// The columns of a row for text and Markdown.
 fn cells(row: &Measured) -> [String; 12] {
     let march = &row.times.march.wall_ms;
     let error = &row.error.delta_e;
@@ -42,12 +42,12 @@ fn cells(row: &Measured) -> [String; 12] {
     ]
 }
 
-/// Bytes in MB of 10⁶.
+/// Bytes in MB of 10⁶ bytes.
 pub(super) fn megabytes(bytes: u64) -> f64 {
     count(usize::try_from(bytes).unwrap_or(usize::MAX)) / 1e6
 }
 
-/// Three digits, more or less.
+/// Formats a number with about three digits.
 pub(super) fn short(number: f64) -> String {
     let size = number.abs();
     if number == 0.0 {
@@ -55,7 +55,7 @@ pub(super) fn short(number: f64) -> String {
     } else if size < 1e-3 {
         format!("{number:.0e}")
     } else {
-        // As it is written: 9.998 is 10.0.
+        // Thresholds include the rounding: 9.998 is printed as 10.0.
         let decimals = if size < 0.0995 {
             3
         } else if size < 9.995 {
@@ -67,7 +67,7 @@ pub(super) fn short(number: f64) -> String {
     }
 }
 
-/// The rows in columns; what no other row beats is marked with *.
+/// Formats the rows in aligned columns; Pareto-optimal rows are marked with *.
 #[must_use]
 pub fn to_text(rows: &[Measured]) -> String {
     let mut table = vec![HEADS.map(str::to_owned)];
@@ -86,7 +86,7 @@ pub fn to_text(rows: &[Measured]) -> String {
     text
 }
 
-/// The same as a table of Markdown.
+/// Formats the rows as a Markdown table.
 #[must_use]
 pub fn to_markdown(rows: &[Measured]) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace('*', "\\*"));
@@ -98,7 +98,7 @@ pub fn to_markdown(rows: &[Measured]) -> String {
     text
 }
 
-/// All numbers, one setting a line; what a row does not have is empty.
+/// Formats all numbers as CSV, one setting per line; missing values are empty.
 #[must_use]
 pub fn to_csv(rows: &[Measured]) -> String {
     let costs = ["upload", "march", "relight", "read_back"];

@@ -1,11 +1,11 @@
-//! Settings as a scene file says them, and as `-D` does.
+//! Settings in the syntax of scene files and of `-D`.
 
 use super::setting::Setting;
 use crate::number::readable;
 use crate::scene::Scene;
 
-/// Every key that a setting may change, as `scene` has it: its table, its name and its value in TOML; of the entries of the
-/// transfer table only where they are stated.
+/// All keys that a setting may change, with the values of `scene`: table, name and value in TOML. The entries of the
+/// transfer table are included only if stated.
 pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)> {
     let accuracy = &scene.accuracy;
     let k = accuracy.dimension.map_or_else(|| toml("auto"), |k| k.to_string());
@@ -26,14 +26,15 @@ pub(super) fn written(scene: &Scene) -> Vec<(&'static str, &'static str, String)
     accuracy.chain([("transfer", "lookup", toml(scene.transfer.lookup))]).chain(entries).collect()
 }
 
-/// A value as TOML has it.
+/// A value in TOML.
 fn toml(value: impl serde::Serialize) -> String {
-    // Names of values and numbers are all that comes here, and have a form.
+    // Only names and numbers are passed, and both have a TOML form.
     toml::Value::try_from(value).map_or_else(|_| String::new(), |value| value.to_string())
 }
 
 impl Setting {
-    /// The keys of a scene file that it changes in `scene`, with their values in TOML. How many pixels are marched is no key.
+    /// Scene file keys whose values the setting changes in `scene`: table, name and new value in TOML. The number of
+    /// marched pixels is not a key.
     pub(super) fn changed(&self, scene: &Scene) -> Vec<(&'static str, &'static str, String)> {
         let before = written(scene);
         let mut after = written(&self.applied(scene));
@@ -41,8 +42,8 @@ impl Setting {
         after
     }
 
-    /// What `-D` takes to change `scene` to this setting, a definition a key: `accuracy.step=0.5`. How many pixels are
-    /// marched is no key of a scene.
+    /// Definitions for `-D` that change `scene` to this setting, one per key: `accuracy.step=0.5`. The number of
+    /// marched pixels is not a key of a scene.
     #[must_use]
     pub fn definitions(&self, scene: &Scene) -> Vec<String> {
         self.changed(scene)
