@@ -1,37 +1,38 @@
-//! How far a rung may be from an answer, and why.
+//! Error bounds of the rungs and their derivations.
 
 use super::Rung;
 
-/// Half the distance of 1 and the next f32: the largest relative error of one rounding.
+/// Largest relative error of one f32 rounding: half the distance from 1 to the next f32.
 pub const ROUNDING_UNIT: f64 = 1.0 / 16_777_216.0;
-/// The same in f64.
+/// Largest relative error of one f64 rounding.
 const ROUNDING_UNIT_OF_TWO: f64 = f64::EPSILON / 2.0;
 
-/// Equal steps in f32 against their closed form, whatever their number (docs/theory/acceptance.md C15).
+/// Bound for equal steps in f32 against their closed form, for any number of steps (docs/theory/acceptance.md C15).
 pub const EQUAL_STEPS: f64 = 2e-5;
-/// The opacity of one sample in f32, from a table in f64 (docs/theory/acceptance.md C14).
+/// Bound for the opacity of one sample in f32, from a table in f64 (docs/theory/acceptance.md C14).
 pub const OPACITY: f64 = 2e-6;
-/// Light is linear (docs/theory/acceptance.md C12), relative to Σ|terms|. The matrices are rounded once, and a pixel sums up to twenty
-/// products in f32, as do the pictures it is compared with: 2e-6 is what 34 roundings of one sign make.
+/// Bound for the linearity of light, relative to Σ|terms| (docs/theory/acceptance.md C12). The matrices are rounded
+/// once. A pixel sums up to twenty products in f32, as do the pictures it is compared with. 2e-6 is the error of 34
+/// roundings of one sign.
 pub const LINEARITY: f64 = 2e-6;
-/// What ending rays early may do to ΔE00 (docs/theory/acceptance.md C17).
+/// Largest ΔE00 from early ray termination (docs/theory/acceptance.md C17).
 pub const TERMINATION_DELTA_E: f64 = 0.1;
-/// ΔE00 of a metameric black from black, after 500 samples (docs/theory/acceptance.md C18).
+/// Largest ΔE00 of a metameric black from black after 500 samples (docs/theory/acceptance.md C18).
 pub const BLACK_DELTA_E: f64 = 0.05;
 
-/// How far an answer may be missed: so many roundings of the rung, and so much on every rung besides.
+/// Error bound: a number of roundings of the rung, plus a part that is the same on every rung.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
-    /// Its name in tables.
+    /// Name in tables.
     pub name: &'static str,
-    /// How it is derived.
+    /// Derivation.
     pub why: &'static str,
     roundings: f64,
     besides: f64,
 }
 
 impl Bound {
-    /// No error at all.
+    /// No error.
     pub(super) const EXACT: Self = Self {
         name: "exact",
         why: "nothing in it is rounded: the answer is 0 or 1, or the same numbers are made in the same order",
@@ -39,7 +40,7 @@ impl Bound {
         besides: 0.0,
     };
 
-    /// A march of `samples` steps of one medium.
+    /// Bound of a march of `samples` steps through one medium.
     pub(super) fn march(samples: f64) -> Self {
         Self {
             name: "march",
@@ -50,7 +51,7 @@ impl Bound {
         }
     }
 
-    /// A march of very many equal steps.
+    /// Bound of a march of a large number of equal steps.
     pub(super) fn equal_steps(samples: f64) -> Self {
         Self {
             name: "equal steps",
@@ -61,7 +62,7 @@ impl Bound {
         }
     }
 
-    /// A march of very many equal steps through an optical `depth` where most is lost.
+    /// Bound of a march of a large number of equal steps through an optical `depth` that absorbs or hides most light.
     pub(super) fn deep_steps(samples: f64, depth: f64) -> Self {
         Self {
             name: "deep equal steps",
@@ -72,7 +73,7 @@ impl Bound {
         }
     }
 
-    /// A march of `samples` steps, relit.
+    /// Bound of a march of `samples` steps, relit.
     pub(super) fn picture(samples: f64) -> Self {
         Self {
             name: "picture",
@@ -83,22 +84,22 @@ impl Bound {
         }
     }
 
-    /// So many roundings.
+    /// Bound of a number of roundings.
     pub(super) const fn rounded(name: &'static str, roundings: f64, why: &'static str) -> Self {
         Self { name, why, roundings, besides: 0.0 }
     }
 
-    /// So much whatever the rung.
+    /// Bound of `limit` on every rung.
     pub(super) const fn given(name: &'static str, limit: f64, why: &'static str) -> Self {
         Self { name, why, roundings: 0.0, besides: limit }
     }
 
-    /// The same, and so much besides.
+    /// Adds `besides` on every rung.
     pub(super) const fn and(self, besides: f64, name: &'static str, why: &'static str) -> Self {
         Self { name, why, roundings: self.roundings, besides: self.besides + besides }
     }
 
-    /// The limit on a rung.
+    /// Limit on a rung.
     #[must_use]
     pub fn limit(&self, rung: Rung) -> f64 {
         let unit = if rung == Rung::Double { ROUNDING_UNIT_OF_TWO } else { ROUNDING_UNIT };

@@ -1,4 +1,4 @@
-//! Pixels stored in 16 bits: what they cannot hold is found by the plan.
+//! Film stored as 16-bit floats: the planner detects what they cannot hold.
 
 use super::left::{Left, delta_e, worst};
 use super::slab::{GREEN, Picture, Slab};
@@ -58,7 +58,7 @@ fn in_half(mut scene: Scene) -> Picture {
     Picture::of(scene)
 }
 
-/// A weight of 8e-8 is a number or two of 16 bits.
+/// A weight of 8e-8, between the first and the second positive 16-bit float.
 fn underflow() -> Extreme {
     let slab = Slab { opacity: 1e-8, ..Slab::default() };
     let scene = move || Ok(vec![in_half(slab.scene()?)]);
@@ -72,7 +72,7 @@ fn underflow() -> Extreme {
     })
 }
 
-/// What passes 1e4 optical depths is nothing in 16 bits, either.
+/// Transmittance after 1e4 optical depths, which is 0 in 16 bits, too.
 fn opaque() -> Extreme {
     let slab = Slab { absorption: Some((GREEN, 1e4 / 8.0)), ..k8() };
     let asked = slab.clone();
@@ -85,7 +85,7 @@ fn opaque() -> Extreme {
     Extreme::shown(Group::Half, "f16: optical depth 1e4, coloured", bound, scene, move |lefts| {
         worst(lefts.iter().map(|left| {
             let dark = left.sums.transmittance.iter().all(|&passed| passed == 0.0);
-            // Numbers of which 16 bits are a few are off by more of themselves, and no more than 2⁻²⁵.
+            // Denormal numbers have larger relative errors, but are off by at most 2⁻²⁵.
             let [weights, _] = slab.closed_form(left, slab.sampled());
             let error = |(c, expected): (usize, &f64)| {
                 let apart = (left.weight(c, 0) - expected).abs();
@@ -96,7 +96,7 @@ fn opaque() -> Extreme {
     })
 }
 
-/// X-rays that add up to a little less than there is.
+/// X-rays whose sum along the diagonal is just below the largest 16-bit float.
 fn largest_sum() -> Extreme {
     let scene = || Ok(vec![in_half(shining("0.5", 6.5e4)?)]);
     let bound = Bound::march(8.0).and(
@@ -109,13 +109,13 @@ fn largest_sum() -> Extreme {
     })
 }
 
-/// What X-rays of a scene of [`shining`] add up to, straight on.
+/// Sum of X-rays straight through a scene of [`shining`].
 fn shone(left: &Left<'_>) -> f64 {
     let transfer = &left.rungs.scene.transfer;
     8.0 / transfer.opacity_length * std::f64::consts::LN_2
 }
 
-/// X-rays of half opacity in 8 × 8 × 8 lengths, so short that the diagonal adds up to `sum`.
+/// X-rays of opacity 0.5 in 9 × 9 × 9 voxels; the opacity length is so short that the diagonal adds up to `sum`.
 fn shining(reflectance: &'static str, sum: f64) -> Result<Scene, ExtremeError> {
     let mut scene = Slab { dims: [9, 9, 9], opacity: 0.5, reflectance, ..Slab::default() }.scene()?;
     scene.materials.iter_mut().for_each(|material| material.xray = true);
@@ -124,21 +124,21 @@ fn shining(reflectance: &'static str, sum: f64) -> Result<Scene, ExtremeError> {
     Ok(scene)
 }
 
-/// Of what hides a millionth, lit so brightly.
+/// A slab that hides about a millionth of the light, under a light of `intensity`.
 fn lit(intensity: f64) -> Result<Scene, ExtremeError> {
     let mut scene = Slab { opacity: 1e-7, ..Slab::default() }.scene()?;
     scene.lights.iter_mut().for_each(|light| light.intensity = intensity);
     Ok(scene)
 }
 
-/// The same, exposed so long.
+/// The same slab at `exposure`.
 fn exposed(exposure: f64) -> Result<Scene, ExtremeError> {
     let mut scene = lit(1.0)?;
     scene.display.exposure = exposure;
     Ok(scene)
 }
 
-/// What storing in 16 bits does to the picture, as a share of what the plan says that it may.
+/// Error of the picture from 16-bit storage, as a fraction of the error that the plan predicts.
 fn moved(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sync + 'static) -> Extreme {
     let both = move || {
         let scene = scene()?;
@@ -159,7 +159,7 @@ fn moved(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sy
     })
 }
 
-/// The plan says that 16 bits would show.
+/// The plan refuses 16 bits because the error would be visible.
 fn cancels(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sync + 'static) -> Extreme {
     Extreme::refused(
         Group::Half,
@@ -169,7 +169,7 @@ fn cancels(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + 
     )
 }
 
-/// The plan says that a number may be too large for 16 bits.
+/// The plan refuses 16 bits because a number may be too large.
 fn overflows(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sync + 'static) -> Extreme {
     Extreme::refused(
         Group::Half,

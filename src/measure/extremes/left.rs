@@ -1,4 +1,4 @@
-//! What a rung left of a scene, and how far that is from an answer.
+//! Results of the rungs and their errors.
 
 use glam::{DMat3, DVec3};
 
@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::render::Renderer;
 use crate::spectrum::colour::{LINEAR_SRGB_FROM_XYZ, XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 
-/// What a rung left of a scene.
+/// Film and picture of a scene on one rung.
 pub(super) struct Left<'a> {
     pub(super) rungs: &'a Rungs,
     pub(super) rung: Rung,
@@ -18,12 +18,12 @@ pub(super) struct Left<'a> {
     /// Linear sRGB under the scene's own lights.
     pub(super) picture: Vec<DVec3>,
     pub(super) matrices: RelightMatrices,
-    /// How many there were; none but on a device.
+    /// Number of dispatches; 0 except on a device.
     pub(super) dispatches: usize,
 }
 
 impl<'a> Left<'a> {
-    /// What `rung` makes of `rungs`; a device is `renderer`.
+    /// Renders `rungs` on `rung`; [`Rung::Gpu`] uses `renderer`.
     pub(super) fn new(
         rungs: &'a Rungs,
         rung: Rung,
@@ -62,7 +62,7 @@ impl<'a> Left<'a> {
         &self.rungs.planned
     }
 
-    /// What may never be, whatever the scene.
+    /// Returns a violation of what holds for every scene: finite numbers, transmittance in [0, 1], black without light.
     pub(super) fn problem(&self) -> Option<String> {
         let Film { accumulators, transmittance, .. } = &self.sums;
         let unlit =
@@ -86,12 +86,12 @@ impl<'a> Left<'a> {
         })
     }
 
-    /// Component `c` of the first position in pixel `i`.
+    /// Component `c` of pixel `i`'s accumulator for the first light position.
     pub(super) fn weight(&self, c: usize, i: usize) -> f64 {
         self.sums.accumulators.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
     }
 
-    /// The number `c` of what passes pixel `i`.
+    /// Component `c` of pixel `i`'s transmittance.
     pub(super) fn passed(&self, c: usize, i: usize) -> f64 {
         self.sums.transmittance.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
     }
@@ -101,7 +101,7 @@ impl<'a> Left<'a> {
         self.picture.get(i).map_or(DVec3::NAN, |&colour| *XYZ_FROM_LINEAR_SRGB * colour)
     }
 
-    /// Linear sRGB of pixel 0 beside what XYZ `expected` is in it, relative to Σ|terms|.
+    /// Error of pixel 0 in linear sRGB against the XYZ `expected`, relative to Σ|terms| of the conversion.
     pub(super) fn colour_error(&self, expected: DVec3) -> f64 {
         let matrix = *LINEAR_SRGB_FROM_XYZ;
         let terms = DMat3::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs(), matrix.z_axis.abs()) * expected.abs();
@@ -109,7 +109,7 @@ impl<'a> Left<'a> {
         worst((0..3).map(|channel| if apart[channel] == 0.0 { 0.0 } else { apart[channel] / terms[channel] }))
     }
 
-    /// How far this is from `other`, which must have the very same numbers.
+    /// Largest difference from `other`, whose film must be identical.
     pub(super) fn apart(&self, other: &Self) -> f64 {
         let numbers = |left: &Self| [left.sums.accumulators.clone(), left.sums.transmittance.clone()].concat();
         let (ours, theirs) = (numbers(self), numbers(other));
@@ -120,12 +120,12 @@ impl<'a> Left<'a> {
     }
 }
 
-/// The largest error; NaN where one is.
+/// Largest error; NaN if any error is NaN.
 pub(super) fn worst(errors: impl IntoIterator<Item = f64>) -> f64 {
     errors.into_iter().fold(0.0, |worst, error| if error <= worst || worst.is_nan() { worst } else { error })
 }
 
-/// The error of `found`, relative to `expected`, which may be 0: then nothing else is right.
+/// Error of `found` relative to `expected`; if `expected` is 0, any other value has an infinite error.
 pub(super) fn relative(found: f64, expected: f64) -> f64 {
     let error = (found - expected).abs();
     if error == 0.0 { 0.0 } else { error / expected.abs() }

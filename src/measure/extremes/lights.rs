@@ -1,4 +1,4 @@
-//! Lights of nothing and of a million, alone and mixed, and lights of a few lines.
+//! Lights of intensity 0 to 1e6, alone and mixed, and lights of a few spectral lines.
 
 use glam::DVec3;
 
@@ -9,7 +9,7 @@ use crate::scene::{Placement, Scene, SceneLight, Shading};
 use crate::spectrum::colour::xyz_of;
 use crate::spectrum::{BANDS, Light, Spectrum, SpectrumError, standard};
 
-/// Makes a light.
+/// Constructor of a light.
 type Spectral = fn() -> Result<Light, SpectrumError>;
 
 pub(super) fn extremes() -> Vec<Extreme> {
@@ -35,7 +35,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         all.push(single(format!("a light of {name}"), Bound::picture(8.0), 1.0, light));
     }
     for (name, light) in &lines[1..] {
-        // A line at an end of the spectrum shows nothing but that end.
+        // A line at an end of the spectrum shows only that end.
         if *name != "one line at 780 nm" {
             all.push(through_glass(name, *light));
         }
@@ -44,12 +44,12 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
-/// All power in one band of 5 nm.
+/// Light with all power in one band of 5 nm.
 fn line(band: usize) -> Result<Light, SpectrumError> {
     Light::new(Spectrum::from_samples(std::array::from_fn::<_, BANDS, _>(|i| if i == band { 1.0 } else { 0.0 })))
 }
 
-/// The slab of orange under one light alone: how much it hides, times the light on orange, in all 81 bands.
+/// The orange slab under one light: its opacity times the light on orange, in all 81 bands.
 fn single(
     name: String,
     bound: Bound,
@@ -83,7 +83,8 @@ fn shown(scene: &Scene, index: usize) -> DVec3 {
     scene.lights.get(index).map_or(0.0, |light| light.intensity) * seen.unwrap_or(DVec3::NAN)
 }
 
-/// Four places, of which three shade by the gradient: a volume of one value has none, so that the ambient share is left.
+/// Lights at four positions. Three shade by the gradient, which is zero in a uniform volume, so only the ambient part
+/// remains.
 fn mixed() -> Extreme {
     const AMBIENT: f64 = 0.25;
     let slab = Slab::default();
@@ -126,7 +127,7 @@ fn mixed() -> Extreme {
     )
 }
 
-/// A spiky light through coloured glass, in as many numbers as the plan takes, beside all 81 bands.
+/// A spiky light through coloured glass at the dimension of the plan, compared with all 81 bands.
 fn through_glass(name: &str, light: Spectral) -> Extreme {
     let slab = Slab { absorption: Some((GREEN, 0.5)), ..Slab::default() };
     let asked = slab.clone();
@@ -151,7 +152,7 @@ fn through_glass(name: &str, light: Spectral) -> Extreme {
     })
 }
 
-/// XYZ of the slab by its closed form at every wavelength.
+/// XYZ of the slab from its closed form at every wavelength.
 fn in_all_bands(slab: &Slab, scene: &Scene) -> DVec3 {
     let [Some(light), Some(material)] = [
         scene.lights.first().map(|light| light.spectrum.spectrum()),
@@ -171,7 +172,7 @@ fn in_all_bands(slab: &Slab, scene: &Scene) -> DVec3 {
     DVec3::from_array(xyz_of(&Spectrum::from_samples(seen)).0)
 }
 
-/// No light at all: what passes is there, and nothing shines.
+/// No light: the transmittance is right and the picture is black.
 fn unlit() -> Extreme {
     let slab = Slab { lights: Vec::new(), ..Slab::default() };
     let scene = move || Ok(vec![slab.picture()?]);

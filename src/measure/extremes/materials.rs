@@ -1,4 +1,4 @@
-//! Materials that are twins, black, many, or none.
+//! Identical, black, numerous and missing materials.
 
 use glam::DVec3;
 
@@ -21,13 +21,13 @@ pub(super) fn extremes() -> Vec<Extreme> {
     ]
 }
 
-/// How much of orange material `m` of 64 reflects.
+/// Reflectance of material `m` of 64, as a fraction of orange.
 fn fraction(m: usize) -> f64 {
     number(m + 1) / 64.0
 }
 
-/// `count` materials, everywhere in equal parts, of which material m reflects `share(m)` of what orange does: each has an
-/// equal part of what hides the rest, and the picture is orange times the mean share.
+/// `count` materials in equal parts. Material m reflects `share(m)` times orange. Each contributes an equal part of the
+/// opacity, and the picture is orange times the mean share.
 fn sharing(name: &'static str, count: usize, accumulate: &'static str, share: fn(usize) -> f64) -> Extreme {
     let slab = Slab { accuracy: format!("accumulate = \"{accumulate}\""), ..Slab::default() };
     let parts = number(count);
@@ -37,7 +37,7 @@ fn sharing(name: &'static str, count: usize, accumulate: &'static str, share: fn
         Ok(vec![Picture::of(scene)])
     };
     let bound = if accumulate == "weights" {
-        // A relight adds up a product for each material.
+        // A relight adds one product per material.
         Bound::picture(8.0 + parts)
     } else {
         Bound::given(
@@ -69,7 +69,7 @@ fn orange() -> DVec3 {
     seen.map_or(DVec3::NAN, DVec3::from_array)
 }
 
-/// Puts `count` materials in place of the first, each as much as it was.
+/// Replaces the first material by `count` materials, each with its opacity.
 fn split(scene: &mut Scene, count: usize, share: fn(usize) -> f64) -> Result<(), ExtremeError> {
     let (Some(material), Some(term)) = (scene.materials.first().cloned(), scene.transfer.terms.first().cloned()) else {
         return Ok(());
@@ -87,7 +87,7 @@ fn split(scene: &mut Scene, count: usize, share: fn(usize) -> f64) -> Result<(),
     Ok(())
 }
 
-/// Hides, and sends nothing back.
+/// Occludes and reflects nothing.
 fn black() -> Extreme {
     let slab = Slab { reflectance: "0.0", ..Slab::default() };
     let scene = move || Ok(vec![slab.picture()?]);
@@ -100,7 +100,7 @@ fn black() -> Extreme {
     })
 }
 
-/// In front of a background: all of its light passes.
+/// In front of a background: the transmittance is 1.
 fn none() -> Extreme {
     let scene = || -> Result<Vec<Picture>, ExtremeError> {
         let mut scene = Slab::default().scene()?;

@@ -1,8 +1,7 @@
-//! The extremes: what must come out where numbers are largest, smallest or none at all, on every rung.
+//! Extremes: scenes with very large, very small or missing inputs, checked on every rung.
 //!
-//! Each is held once: the scenes it is made of, its answer (a closed form, or what the program says where a limit is
-//! reached) and its bound. The test `tests/stability.rs` and the command `relume measure --extremes` ask for the same
-//! [`Row`]s.
+//! Each extreme is defined once: its scenes, its answer (a closed form, or the error where a limit is reached) and its
+//! bound. The test `tests/stability.rs` and the command `relume measure --extremes` evaluate the same [`Row`]s.
 
 mod bound;
 mod half;
@@ -38,34 +37,34 @@ pub use table::{derivations, to_csv, to_markdown, to_text};
 use left::Left;
 use slab::Picture;
 
-/// What extremes are of.
+/// Input that an extreme stresses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Group {
     /// Opacities and optical depths.
     Opacity,
-    /// Step lengths, and how many there are.
+    /// Step lengths and numbers of steps.
     Steps,
     /// Intensities and spectra of lights.
     Lights,
-    /// Reflectances that no surface has.
+    /// Unphysical reflectances.
     Spectra,
-    /// Numbers of a colour model.
+    /// Dimensions of a colour model.
     Models,
-    /// How many materials, and which.
+    /// Numbers and kinds of materials.
     Materials,
     /// Shapes and values of volumes.
     Volumes,
     /// Rays and cameras.
     Rays,
-    /// Spacings, pictures and crops.
+    /// Spacings, picture sizes and crop boxes.
     Sizes,
-    /// Pixels stored in 16 bits.
+    /// Film stored as 16-bit floats.
     Half,
 }
 
 impl Group {
-    /// All of them, in the order of the table.
+    /// All groups, in the order of the table.
     pub const ALL: [Self; 10] = [
         Self::Opacity,
         Self::Steps,
@@ -79,7 +78,7 @@ impl Group {
         Self::Half,
     ];
 
-    /// Its extremes.
+    /// Extremes of the group.
     #[must_use]
     pub fn extremes(self) -> Vec<Extreme> {
         match self {
@@ -96,7 +95,7 @@ impl Group {
         }
     }
 
-    /// Its name in tables.
+    /// Name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -114,25 +113,25 @@ impl Group {
     }
 }
 
-/// Who answers.
+/// Renderer that gives an answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Rung {
     /// The scene itself, in f64.
     #[serde(rename = "f64")]
     Double,
-    /// The tables and the volume that a device has, in f32.
+    /// The device's tables and volume, in f32.
     #[serde(rename = "f32")]
     Single,
     /// A device.
     #[serde(rename = "gpu")]
     Gpu,
-    /// The program, before anything is marched.
+    /// The planner, before any march.
     #[serde(rename = "plan")]
     Plan,
 }
 
 impl Rung {
-    /// Its name in tables.
+    /// Name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -150,31 +149,31 @@ impl fmt::Display for Rung {
     }
 }
 
-/// One extreme on one rung.
+/// Result of one extreme on one rung.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// What it is an extreme of.
+    /// Group of the extreme.
     pub group: Group,
-    /// Which one it is.
+    /// Name of the extreme.
     pub name: String,
-    /// Who answered.
+    /// Rung of the answer.
     pub rung: Rung,
-    /// The most that [`Self::measured`] may be.
+    /// Largest allowed [`Self::measured`].
     #[serde(serialize_with = "finite")]
     pub bound: f64,
-    /// What that follows from.
+    /// Derivation of the bound.
     #[serde(serialize_with = "named")]
     pub derivation: Bound,
-    /// How far the answer was missed; NaN where there was none.
+    /// Error of the answer; NaN without an answer.
     #[serde(serialize_with = "finite")]
     pub measured: f64,
-    /// Whether it is within its bound, and everything else is as it must be: finite, T from 0 to 1, dark without light.
+    /// Whether the error is within its bound and the film is valid: finite, T in [0, 1], black without light.
     pub holds: bool,
-    /// What the program said, or what was wrong.
+    /// Message of the program, or the violation.
     pub said: Option<String>,
 }
 
-/// JSON has no number that is not finite.
+/// Serialises NaN and infinities as null, because JSON has no such numbers.
 fn finite<S: Serializer>(number: &f64, serializer: S) -> Result<S::Ok, S::Error> {
     Some(number).filter(|number| number.is_finite()).serialize(serializer)
 }
@@ -192,26 +191,26 @@ impl fmt::Display for Row {
     }
 }
 
-/// Why an extreme has no answer.
+/// Error that leaves an extreme without an answer.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExtremeError {
-    /// Its scene cannot be.
+    /// Invalid scene.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// Its volume cannot be.
+    /// Invalid volume.
     #[error(transparent)]
     Volume(#[from] VolumeError),
-    /// A spectrum of it cannot be.
+    /// Invalid spectrum.
     #[error(transparent)]
     Spectrum(#[from] SpectrumError),
-    /// A rung of it cannot be.
+    /// Failure of a rung.
     #[error(transparent)]
     Rung(#[from] RungError),
 }
 
 impl ExtremeError {
-    /// Whether a device is too small for what was asked of it, which is an answer.
+    /// Whether a device is too small for the scene, which counts as an answer.
     fn is_limit(&self) -> bool {
         use RenderError::{Filter, Memory, PictureMemory, PictureSize, TooLarge};
         let Self::Rung(RungError::Render(error)) = self else { return false };
@@ -219,14 +218,14 @@ impl ExtremeError {
     }
 }
 
-/// What a rung answered.
+/// Answer of one rung.
 struct Answer {
     rung: Rung,
     measured: f64,
     said: Option<String>,
 }
 
-/// Asks an extreme, on a device where there is one.
+/// Evaluates an extreme, on a device if one is given.
 type Ask = dyn Fn(Option<&Renderer>, &dyn Progress) -> Result<Vec<Answer>, ExtremeError> + Send + Sync;
 
 /// One extreme.
@@ -249,7 +248,7 @@ impl fmt::Debug for Extreme {
 }
 
 impl Extreme {
-    /// The extreme that `pictures` show, whose answer is missed by `measure` of what a rung left of them.
+    /// Returns an extreme that renders `pictures` on every rung; `measure` returns the error of the results.
     fn shown(
         group: Group,
         name: impl Into<String>,
@@ -277,7 +276,7 @@ impl Extreme {
         Self { group, name: name.into(), bound, ask: Box::new(ask) }
     }
 
-    /// The extreme of a scene that the program refuses, where `expected` says whether for this reason.
+    /// Returns an extreme that the program must refuse with an error for which `expected` returns true.
     fn refused(
         group: Group,
         name: impl Into<String>,
@@ -298,25 +297,26 @@ impl Extreme {
         Self { group, name: name.into(), bound, ask: Box::new(ask) }
     }
 
-    /// What it is an extreme of.
+    /// Group of the extreme.
     #[must_use]
     pub fn group(&self) -> Group {
         self.group
     }
 
-    /// Which one it is.
+    /// Name of the extreme.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// How far its answer may be missed.
+    /// Error bound of the extreme.
     #[must_use]
     pub fn bound(&self) -> Bound {
         self.bound
     }
 
-    /// A row for each rung; for the device only where `renderer` is one. Where there is no answer, one row says why.
+    /// Returns one row per rung, with a device row only if `renderer` is given. Without an answer, a single row holds
+    /// the error.
     #[must_use]
     pub fn rows(&self, renderer: Option<&Renderer>, progress: &dyn Progress) -> Vec<Row> {
         let none =
@@ -339,11 +339,11 @@ impl Extreme {
     }
 }
 
-/// The rows of every extreme in the order of the groups, and whether those are all: where somebody asks to stop, the rows
-/// of finished extremes are kept.
+/// Returns the rows of all extremes in the order of the groups, and whether the run is complete. A cancelled run keeps
+/// the rows of the finished extremes.
 #[must_use]
 pub fn run(renderer: Option<&Renderer>, progress: &dyn Progress) -> (Vec<Row>, bool) {
-    /// What goes on within an extreme is not told of.
+    /// Hides the progress within an extreme; passes on cancellation.
     struct Within<'a>(&'a dyn Progress);
     impl Progress for Within<'_> {
         fn report(&self, _stage: &str, _done: u64, _total: u64) {}
@@ -365,7 +365,7 @@ pub fn run(renderer: Option<&Renderer>, progress: &dyn Progress) -> (Vec<Row>, b
     (rows, true)
 }
 
-/// An error and its causes in one line.
+/// Joins an error and its causes in one line.
 fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

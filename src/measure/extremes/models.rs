@@ -1,4 +1,4 @@
-//! Colour models of one number and of many.
+//! Colour models of the smallest and largest dimensions.
 
 use super::left::{Left, worst};
 use super::slab::{GREEN, Picture, Slab};
@@ -20,7 +20,8 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
-/// So narrow that sharpened factors would amplify: some of their coefficients of it are negative.
+/// Absorption spectrum so narrow that some of its coefficients in sharpened models are negative and would amplify
+/// light.
 const NARROW: &str = "{ gaussian = [{ centre = 480, sigma = 6, height = 1 }] }";
 
 fn slab(model: &str, k: usize) -> Slab {
@@ -28,14 +29,14 @@ fn slab(model: &str, k: usize) -> Slab {
     Slab { absorption: Some((shape, 0.5)), accuracy: format!("model = \"{model}\"\nk = {k}"), ..Slab::default() }
 }
 
-/// Coloured glass in the `k` numbers of a model: each by itself fades and shines as its coefficients say.
+/// Coloured glass at dimension `k`: each coefficient follows its own closed form.
 fn followed(model: &'static str, k: usize) -> Extreme {
     let slab = slab(model, k);
     let asked = slab.clone();
     let scene = move || Ok(vec![asked.picture()?]);
     Extreme::shown(Group::Models, format!("k = {k}, {model}"), Bound::picture(8.0), scene, move |lefts| {
         worst(lefts.iter().map(|left| match left.planned().plan.components() {
-            // Projects each step, so that what passes has no closed form but this.
+            // The model `sharpened` projects each step, so the general closed form does not apply.
             components if components == k && model == "sharpened" => by_step(&slab, left),
             components if components == k => slab.error(left).max(slab.picture_error(left)),
             _ => f64::NAN,
@@ -43,7 +44,7 @@ fn followed(model: &'static str, k: usize) -> Extreme {
     })
 }
 
-/// What passes `slab` where each step's transmittance is projected, held at 0 to 1.
+/// Error of the transmittance of `slab` where each step's transmittance is projected and held in [0, 1].
 fn by_step(slab: &Slab, left: &Left<'_>) -> f64 {
     let (Some(model), Some(material)) = (&left.planned().model, left.rungs.scene.materials.first()) else {
         return f64::NAN;
@@ -55,7 +56,8 @@ fn by_step(slab: &Slab, left: &Left<'_>) -> f64 {
     worst(depths.iter().enumerate().map(|(c, depth)| (left.passed(c, 0) - (-depth * slab.samples()).exp()).abs()))
 }
 
-/// The marked exception: sharpened factors, their absorption not held at 0, amplify. No picture is made with them.
+/// The documented exception: sharpened models amplify unless absorption coefficients are clamped at 0. No picture uses
+/// them.
 fn unclamped() -> Extreme {
     const DEPTH: f64 = 5.0;
     let ask = |_: Option<&_>, _: &dyn crate::progress::Progress| {
@@ -70,7 +72,7 @@ fn unclamped() -> Extreme {
             let told = model.amplification(shape.spectrum())?;
             Some((passes / most, format!("{passes:.3} of the light passes a depth of {DEPTH}: {told}")))
         });
-        // Where nothing is amplified, nothing was asked.
+        // Without amplification, the extreme tests nothing.
         let (measured, said) = largest.flatten().map_or((f64::NAN, None), |(measured, said)| (measured, Some(said)));
         Ok(vec![Answer { rung: Rung::Plan, measured, said }])
     };
@@ -83,7 +85,7 @@ fn unclamped() -> Extreme {
     Extreme { group: Group::Models, name: "sharpened, unclamped (the exception)".to_owned(), bound, ask: Box::new(ask) }
 }
 
-/// Every wavelength of the grid: 21 vectors of four, on a device, too.
+/// Every band of the wavelength grid: 21 lanes, also on a device.
 fn all_bands() -> Extreme {
     let slab = slab("nodes", 4);
     let asked = slab.clone();
@@ -93,7 +95,7 @@ fn all_bands() -> Extreme {
     })
 }
 
-/// More numbers than a model has.
+/// A dimension beyond the limit of a model.
 fn too_many() -> Extreme {
     let k = LARGEST_DIMENSION + 1;
     let picture = move || slab("nodes", k).picture();

@@ -1,4 +1,4 @@
-//! Opacities from 0 to 1 and optical depths from 0 to a million.
+//! Opacities from 0 to 1 and optical depths from 0 to 1e6.
 
 use glam::DVec3;
 
@@ -20,7 +20,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
             .collect();
     for (colour, shape) in [("grey", "1.0"), ("coloured", GREEN)] {
         for depth in [0.0, 1e-8, 1e4, 1e6] {
-            // Of what shines and absorbs at once, both must be right.
+            // Absorption alone, and together with scattering.
             for (what, opacity) in [("alone", 0.0), ("beside what shines", 0.1)] {
                 let coloured = if colour == "coloured" && depth > 0.0 { "k = 4" } else { "" };
                 let slab = Slab { opacity, accuracy: coloured.to_owned(), ..Slab::default() };
@@ -47,7 +47,7 @@ fn homogeneous(name: String, bound: Bound, slab: Slab) -> Extreme {
     )
 }
 
-/// docs/theory/acceptance.md C14: one voxel, and one step through it, of every length.
+/// One voxel with one step through it, at several lengths (docs/theory/acceptance.md C14).
 fn one_sample(opacity: f64) -> Extreme {
     const LENGTHS: [f64; 5] = [1e-3, 0.03, 1.0, 7.0, 100.0];
     let scene = move |length: f64| -> Result<Picture, ExtremeError> {
@@ -73,7 +73,7 @@ fn one_sample(opacity: f64) -> Extreme {
     )
 }
 
-/// Makes a scene's voxels larger; its camera still looks at its middle.
+/// Enlarges a scene's voxels; the camera still looks at the middle.
 fn set_spacing(scene: &mut Scene, spacing: f64) {
     let mut volume = (*scene.volume).clone();
     volume.geometry.spacing = DVec3::splat(spacing);
@@ -87,7 +87,8 @@ fn thin_air() -> Extreme {
     homogeneous("transmittance 6e-61".to_owned(), Bound::march(200.0), slab)
 }
 
-/// docs/theory/acceptance.md C17 where it shows most: a white background behind black, which a thousandth of it would lighten by ΔE00 0.5.
+/// Worst case of docs/theory/acceptance.md C17: white behind black, where a thousandth of the background makes ΔE00
+/// 0.5.
 fn white_behind_black() -> Extreme {
     let scene = |opacity| -> Result<Picture, ExtremeError> {
         let mut scene = Slab { dims: [3, 3, 1001], opacity, reflectance: "0.0", ..Slab::default() }.scene()?;
@@ -107,12 +108,12 @@ fn white_behind_black() -> Extreme {
         move || [0.01, 0.1, 0.5, 0.9].into_iter().map(scene).collect(),
         |lefts| {
             worst(lefts.iter().map(|left| {
-                // Not followed to the end, or nothing was asked.
+                // Checks that the ray has ended early; otherwise nothing was tested.
                 if left.passed(0, 0) > 1e-9 { delta_e(left.xyz(0), DVec3::ZERO) } else { f64::NAN }
             }))
         },
     )
 }
 
-/// That of a scene which does not say.
+/// Default termination threshold of a scene.
 const USUAL_TERMINATION: f64 = 1e-4;

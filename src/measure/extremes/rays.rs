@@ -1,4 +1,4 @@
-//! Rays along faces, edges and corners, and cameras on a face, inside and a million away.
+//! Rays along faces, edges and corners; cameras on a face, inside the volume and 1e6 units away.
 
 use glam::DVec3;
 
@@ -41,13 +41,13 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
-/// The ray through a point of a volume of 16 × 16 × 24, in a direction; it is `length` long within.
+/// A ray through a point of a 16 × 16 × 24 volume; `length` of it is inside.
 fn ray(name: &str, through: DVec3, direction: DVec3, length: f64) -> Extreme {
     let slab = Slab { dims: [17, 17, 25], ..Slab::default() };
     let asked = slab.clone();
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {
         let mut scene = asked.scene()?;
-        // Whole numbers, so that the eye is exactly on the ray.
+        // Whole numbers keep the eye exactly on the ray.
         let scale = if direction.length() > 10.0 { 2.0 } else { 50.0 };
         let position = through - scale * direction;
         let up = if direction.z.abs() > direction.x.abs() { DVec3::Y } else { DVec3::Z };
@@ -61,8 +61,9 @@ fn ray(name: &str, through: DVec3, direction: DVec3, length: f64) -> Extreme {
     })
 }
 
-/// The sums of pixel `i` beside the closed form of a ray of `length`. Where that is a whole number of steps and a half, to
-/// a thousandth, roundings decide over the last one: both are right.
+/// Error of pixel `i` against the closed form of a ray of `length`. Where `length` is within a thousandth of a step of
+/// a whole number of steps and a half, rounding decides about the last sample, and either number of samples is
+/// accepted.
 fn error_after(slab: &Slab, left: &Left<'_>, i: usize, length: f64) -> f64 {
     let steps = length / slab.step - 0.5;
     let of = |samples: f64| slab.error_at(left, i, samples.max(0.0) * slab.step);
@@ -73,8 +74,8 @@ fn error_after(slab: &Slab, left: &Left<'_>, i: usize, length: f64) -> f64 {
     error.min(of(steps.round())).min(of(steps.round() + 1.0))
 }
 
-/// A camera at `eye` that looks along `forward`, of so many degrees, in or before a cube of 32: every pixel is a ray whose
-/// way through the cube is a matter of six planes.
+/// A camera at `eye` in or before a cube of 32, with a field of view of `fov_degrees` along `forward`. The length of
+/// each pixel's ray in the cube follows from six planes.
 fn camera(name: &str, eye: DVec3, forward: DVec3, fov_degrees: f64) -> Extreme {
     const SIZE: [usize; 2] = [9, 6];
     let slab = Slab { dims: [33, 33, 33], opacity: 0.02, step: 0.37, ..Slab::default() };
@@ -104,7 +105,7 @@ fn camera(name: &str, eye: DVec3, forward: DVec3, fov_degrees: f64) -> Extreme {
     })
 }
 
-/// How far a ray from `eye` goes within a cube from 0 to `side`.
+/// Length of the ray from `eye` inside a cube from 0 to `side`.
 fn within(eye: DVec3, direction: DVec3, side: f64) -> f64 {
     let (a, b) = (-eye / direction, (side - eye) / direction);
     let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);

@@ -1,4 +1,4 @@
-//! Volumes of every size, pictures of one pixel and of one row, and a crop of one voxel.
+//! Voxels of all sizes and aspect ratios, pictures of one pixel, row or column, and crop boxes of a voxel or less.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ fn with_spacing(scene: &mut Scene, spacing: DVec3) {
     scene.volume = Arc::new(volume);
 }
 
-/// All lengths grow with the voxels: it is the same picture.
+/// All lengths scale with the voxels, which leaves the picture unchanged.
 fn spacing(spacing: f64) -> Extreme {
     let slab = Slab::default();
     let asked = slab.clone();
@@ -40,7 +40,7 @@ fn spacing(spacing: f64) -> Extreme {
     })
 }
 
-/// Voxels a hundred times longer than wide, along the longer side and across it.
+/// Voxels a hundred times longer than wide, viewed along the long side and across it.
 fn flat_voxels() -> Extreme {
     let slab = Slab { dims: [9, 5, 9], opacity: 0.01, ..Slab::default() };
     let asked = slab.clone();
@@ -57,13 +57,13 @@ fn flat_voxels() -> Extreme {
     })
 }
 
-/// All pixels show the same.
+/// A picture of `size` pixels, all of them equal.
 fn picture(size: [usize; 2]) -> Extreme {
     let slab = Slab::default();
     let asked = slab.clone();
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {
         let mut scene = asked.scene()?;
-        // So low that the widest of them is within the volume.
+        // Small enough that the widest picture stays within the volume.
         let height = if size[1] > 1 { 2.0 } else { 1e-4 };
         scene.camera.projection = Projection::Orthographic { height: Some(height) };
         Ok(vec![Picture { size, ..Picture::of(scene) }])
@@ -77,7 +77,7 @@ fn picture(size: [usize; 2]) -> Extreme {
     })
 }
 
-/// A box about the middle of a volume, so wide.
+/// A cube of `width` about the middle of a volume as crop box.
 fn crop(name: &str, width: f64) -> Extreme {
     let slab = Slab { dims: [9, 9, 9], opacity: 0.3, step: 0.25, ..Slab::default() };
     let asked = slab.clone();

@@ -1,4 +1,4 @@
-//! A volume of one value, seen straight on in parallel rays: the scene whose answer is a closed form.
+//! The slab: a uniform volume under parallel rays along an axis, a scene with a closed form.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -14,16 +14,16 @@ use crate::progress::Quiet;
 use crate::scene::{Aim, Camera, Projection, Scene, SceneOptions, parse};
 use crate::volume::{Geometry, Volume, Voxels};
 
-/// A scene, and the pixels of its picture.
+/// A scene and its picture size.
 pub(super) struct Picture {
     pub(super) scene: Scene,
     pub(super) size: [usize; 2],
-    /// Whether it is computed in all 81 bands, whatever its plan.
+    /// Whether to compute all 81 bands, regardless of the plan.
     pub(super) full_spectrum: bool,
 }
 
 impl Picture {
-    /// `scene` in one pixel.
+    /// Returns a picture of one pixel.
     pub(super) fn of(scene: Scene) -> Self {
         Self { scene, size: [1, 1], full_spectrum: false }
     }
@@ -38,28 +38,28 @@ impl Picture {
     }
 }
 
-/// The value of its voxels, to which its material belongs.
+/// Value of all voxels; the material's interval contains it.
 const VALUE: u16 = 150;
 
-/// See the [module](self); lengths are in world units, which are those of the voxels.
+/// Uniform volume; lengths are in world units, which are voxels. See the [module](self).
 #[derive(Clone, Debug)]
 pub(super) struct Slab {
     pub(super) dims: [usize; 3],
-    /// Of a unit of length.
+    /// Per unit length.
     pub(super) opacity: f64,
-    /// What is absorbed besides: the shape over wavelengths, as scene files have it, and its depth per unit of length.
+    /// Additional absorption: the spectrum in scene-file syntax, and its depth per unit length.
     pub(super) absorption: Option<(&'static str, f64)>,
     pub(super) step: f64,
-    /// As scene files have it.
+    /// In scene-file syntax.
     pub(super) reflectance: &'static str,
-    /// The like; of a light each.
+    /// One entry per light, in scene-file syntax.
     pub(super) lights: Vec<String>,
-    /// The like; lines of [accuracy].
+    /// Lines of `[accuracy]`, in scene-file syntax.
     pub(super) accuracy: String,
 }
 
 impl Default for Slab {
-    /// Eight steps of a voxel through a tenth of opacity each, under D65.
+    /// Eight steps of one voxel with an opacity of 0.1 each, under D65.
     fn default() -> Self {
         Self {
             dims: [5, 5, 9],
@@ -73,22 +73,22 @@ impl Default for Slab {
     }
 }
 
-/// A shape of absorption that takes some of every wavelength, and most of the green.
+/// Absorption spectrum with a base at every wavelength and a peak in the green.
 pub(super) const GREEN: &str = "{ gaussian = [{ centre = 540, sigma = 40, height = 1 }], base = 0.1 }";
 
 impl Slab {
-    /// How far a ray goes through it: from the first voxel to the last, or through one alone.
+    /// Length of a ray in the volume: from the first voxel to the last, or 1 for a single voxel.
     pub(super) fn length(&self) -> f64 {
         let along = self.dims[2];
         if along == 1 { 1.0 } else { count(along - 1) }
     }
 
-    /// How far its samples reach: steps whose middles are inside count whole.
+    /// Length that the samples cover: a step counts whole if its middle is inside.
     pub(super) fn sampled(&self) -> f64 {
         (self.length() / self.step - 0.5).ceil().max(0.0) * self.step
     }
 
-    /// How many samples a ray takes.
+    /// Number of samples of a ray.
     pub(super) fn samples(&self) -> f64 {
         (self.sampled() / self.step).round()
     }
@@ -126,7 +126,7 @@ impl Slab {
         Ok(Picture::of(self.scene()?))
     }
 
-    /// The components of what comes back, and of what passes, along `length`: every number of them by itself.
+    /// Returns the accumulator and the transmittance along `length`, per component.
     pub(super) fn closed_form(&self, left: &Left<'_>, length: f64) -> [Vec<f64>; 2] {
         let Some(material) = left.rungs.scene.materials.first() else { return [Vec::new(), vec![1.0]] };
         let planned = left.planned();
@@ -154,14 +154,14 @@ impl Slab {
         [weights, extinction.iter().map(|extinction| (-extinction * length).exp()).collect()]
     }
 
-    /// How far the sums of pixel 0 are from the closed form, relative to themselves; what passes steps of more than half
-    /// opacity relative to 1, because a rounding of α is a larger one of 1 − α, and what is below the square root of the
-    /// smallest numbers of f32 relative to that.
+    /// Returns the largest error of pixel 0 against the closed form. Accumulators have relative errors. Transmittance
+    /// has an absolute error where a step's opacity exceeds 0.5, because rounding α changes 1 − α by more; otherwise
+    /// its error is relative to the value, or to √[`f32::MIN_POSITIVE`] if that is larger.
     pub(super) fn error(&self, left: &Left<'_>) -> f64 {
         self.error_at(left, 0, self.sampled())
     }
 
-    /// The same of pixel `i`, whose samples reach `length`.
+    /// Returns the same error for pixel `i`, whose samples cover `length`.
     pub(super) fn error_at(&self, left: &Left<'_>, i: usize, length: f64) -> f64 {
         let [weights, passed] = self.closed_form(left, length);
         let plan = &left.planned().plan;
@@ -177,7 +177,7 @@ impl Slab {
         worst(weights.chain(passed))
     }
 
-    /// Linear sRGB of pixel 0 beside the closed form's sums relit in f64, relative to Σ|terms|.
+    /// Returns the error of pixel 0 in linear sRGB against the closed form relit in f64, relative to Σ|terms|.
     pub(super) fn picture_error(&self, left: &Left<'_>) -> f64 {
         let [weights, passed] = self.closed_form(left, self.sampled());
         let numbers = weights.iter().zip(&left.matrices.colours).chain(passed.iter().zip(&left.matrices.background));
@@ -191,7 +191,7 @@ impl Slab {
     }
 }
 
-/// The scene that `text` describes, with `volume` in it, seen straight on along z.
+/// Parses the scene in `text` and gives it `volume`, viewed along z.
 pub(super) fn scene_of(text: &str, volume: Volume) -> Result<Scene, ExtremeError> {
     let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = [2, 2, 2]\n");
     let mut scene = parse("an extreme", &text, Path::new(""), &SceneOptions::default(), &Quiet)?;
@@ -200,7 +200,7 @@ pub(super) fn scene_of(text: &str, volume: Volume) -> Result<Scene, ExtremeError
     Ok(scene)
 }
 
-/// Parallel rays along z through the middle of the volume of `geometry`.
+/// Camera with parallel rays along z through the middle of the volume of `geometry`.
 pub(super) fn straight_on(geometry: &Geometry) -> Camera {
     let [x, y, _] = geometry.dims;
     let middle = DVec3::new(0.5 * (count(x) - 1.0), 0.5 * (count(y) - 1.0), 0.0) * geometry.spacing;
@@ -212,12 +212,12 @@ pub(super) fn straight_on(geometry: &Geometry) -> Camera {
     }
 }
 
-/// A volume of one value.
+/// Uniform volume.
 pub(super) fn slab(dims: [usize; 3]) -> Result<Volume, ExtremeError> {
     volume(dims, Voxels::U16(vec![VALUE; dims.iter().product()]))
 }
 
-/// A volume of spacing 1.
+/// Volume of spacing 1.
 pub(super) fn volume(dims: [usize; 3], voxels: Voxels) -> Result<Volume, ExtremeError> {
     Ok(Volume::new("an extreme", voxels, Geometry::unit("an extreme", dims)?)?)
 }

@@ -1,4 +1,4 @@
-//! Reflectances that no surface has: negative ones, and metameric blacks.
+//! Unphysical reflectances: negative ones and metameric blacks.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use crate::scene::Scene;
 use crate::spectrum::colour::OBSERVER;
 use crate::spectrum::{Reflectance, Spectrum, standard};
 
-/// Amplitudes of blacks: that of a surface, of a designed one, and of a pseudo-inverse (docs/theory/numerics.md).
+/// Amplitudes of metameric blacks: of a surface, a designed one and a pseudo-inverse (docs/theory/numerics.md).
 pub(super) const AMPLITUDES: [f64; 3] = [0.7, 4.0, 270.0];
 
 pub(super) fn extremes() -> Vec<Extreme> {
@@ -39,17 +39,17 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
-/// Of the march through [`black_slab`].
+/// Samples of the march through [`black_slab`].
 const SAMPLES: f64 = 500.0;
 
-/// Those samples, in 8 numbers.
+/// Slab of [`SAMPLES`] samples and dimension 8.
 fn slab() -> Slab {
     let accuracy = "accumulate = \"spectral\"\nk = 8".to_owned();
     Slab { dims: [3, 3, 501], opacity: 0.01, accuracy, ..Slab::default() }
 }
 
-/// [`slab`], of a metameric black under D65, in the numbers of a model that holds usual materials, too: by itself it
-/// could be black in numbers that are small.
+/// Returns [`slab`] with a metameric black under D65. Three common materials at values outside the volume are part of
+/// the scene, because a model of the black alone could represent it with small coefficients.
 pub(super) fn black_slab(amplitude: f64) -> Result<Scene, ExtremeError> {
     let mut scene = slab().scene()?;
     let reflectance = Reflectance::new(metameric_black(amplitude))?;
@@ -59,7 +59,7 @@ pub(super) fn black_slab(amplitude: f64) -> Result<Scene, ExtremeError> {
         let Some((mut material, mut term)) = others.clone() else { break };
         material.name = name.to_owned();
         material.reflectance = standard::reflectance(name)?;
-        // Of values that no voxel has.
+        // Values that no voxel has.
         term.opacity.iter_mut().for_each(|point| point.0 += 1000.0);
         term.material.0 = vec![(1000.0, i + 1)];
         scene.materials.push(material);
@@ -68,13 +68,14 @@ pub(super) fn black_slab(amplitude: f64) -> Result<Scene, ExtremeError> {
     Ok(scene)
 }
 
-/// A spectrum of this amplitude that is black under D65: a wave, less its projection on what the eye sees.
+/// Returns a spectrum of peak `amplitude` that is black under D65: a sine wave minus its projection onto the products
+/// of D65 and the colour matching functions.
 #[must_use]
 pub fn metameric_black(amplitude: f64) -> Spectrum {
     let seen = OBSERVER.iter().map(|matching| standard::d65().spectrum() * matching);
     let mut axes: Vec<Spectrum> = Vec::new();
     let part = |spectrum: Spectrum, axis: &Spectrum| &spectrum + &axis.scaled(-axis.dot(&spectrum));
-    // Twice, for the last bits.
+    // Projects twice to remove rounding residue.
     let less = |spectrum: &Spectrum, axes: &[Spectrum]| axes.iter().chain(axes).fold(spectrum.clone(), part);
     for spectrum in seen {
         let rest = less(&spectrum, &axes);
@@ -85,7 +86,7 @@ pub fn metameric_black(amplitude: f64) -> Spectrum {
     wave.scaled(amplitude / peak)
 }
 
-/// Two halves of one material, of opposite reflectance, everywhere in equal parts.
+/// Two materials of opposite reflectance in equal parts.
 fn opposites() -> Extreme {
     let scene = || -> Result<Vec<Picture>, ExtremeError> {
         let slab = Slab { dims: [5, 5, 33], accuracy: "accumulate = \"weights\"".to_owned(), ..Slab::default() };
@@ -112,7 +113,7 @@ fn opposites() -> Extreme {
     })
 }
 
-/// A reflectance of −0.5 at all wavelengths: light is taken away, and nothing is clamped.
+/// A reflectance of −0.5 at all wavelengths: it removes light, and nothing is clamped.
 fn darker_than_black(accumulate: &'static str) -> Extreme {
     let k = if accumulate == "spectral" { "k = 4" } else { "" };
     let accuracy = format!("accumulate = \"{accumulate}\"\n{k}");

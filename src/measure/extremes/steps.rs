@@ -44,10 +44,10 @@ pub(super) fn extremes() -> Vec<Extreme> {
     all
 }
 
-/// More than one dispatch takes.
+/// More steps than one dispatch marches.
 const STEPS: f64 = 1e5;
 
-/// Through a hundred voxels of `depth` where most is lost, of which `scattered` is sent back.
+/// A hundred voxels of optical `depth`, of which the fraction `scattered` scatters and the rest absorbs.
 fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extreme {
     let along = depth / 100.0;
     let slab = Slab {
@@ -68,7 +68,7 @@ fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extrem
         move |lefts| {
             worst(lefts.iter().map(|left| {
                 let in_one_go = left.rung == Rung::Gpu && left.dispatches < 2;
-                // What is not lost to anything else passes, or comes back.
+                // Without absorption, scattered and transmitted light add up to 1.
                 let whole = if scattered < 1.0 { 0.0 } else { (left.weight(0, 0) + left.passed(0, 0) - 1.0).abs() };
                 if in_one_go { f64::NAN } else { slab.error(left).max(whole) }
             }))
@@ -76,11 +76,12 @@ fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extrem
     )
 }
 
-/// A step's opacity is 1e-8, below 2⁻²⁵: 1 − α rounds to 1, and so does T − T·α. What a step adds is not lost.
+/// A step's opacity is 1e-8, below 2⁻²⁵: 1 − α rounds to 1, and so does T − T·α. The contribution of a step is not
+/// lost.
 fn million_steps() -> Extreme {
     let slab = Slab { dims: [1, 1, 2], opacity: 1e-2, step: 1e-6, ..Slab::default() };
     let asked = slab.clone();
-    /// Of a million, each half the distance of sums below 2⁻⁶, relative to a sum of 0.0098.
+    /// Rounding units lost by a million sums below 2⁻⁶, each by half their spacing, relative to a sum of 0.0098.
     const ROUNDINGS: f64 = 0.0475 / ROUNDING_UNIT;
     let bound = Bound::rounded(
         "a million thin steps",

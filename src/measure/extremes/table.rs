@@ -1,11 +1,11 @@
-//! Rows as tables: for a terminal, as Markdown, as CSV.
+//! Tables of rows: text for a terminal, Markdown and CSV.
 
 use super::{Group, Row};
 
-/// What the columns for people are called.
+/// Column headings of the text tables.
 const HEADS: [&str; 6] = ["extreme", "rung", "bound", "measured", "holds", "by"];
 
-/// A row for people.
+/// Returns the cells of a row in the text tables.
 fn cells(row: &Row) -> [String; 6] {
     let holds = if row.holds { "yes" } else { "NO" };
     [
@@ -18,18 +18,18 @@ fn cells(row: &Row) -> [String; 6] {
     ]
 }
 
-/// Two digits.
+/// Formats a number with two significant digits.
 fn short(number: f64) -> String {
     if number == 0.0 || !number.is_finite() { number.to_string() } else { format!("{number:.1e}") }
 }
 
-/// Each group's rows, in the order of the groups.
+/// Groups the rows, in the order of the groups.
 fn by_group(rows: &[Row]) -> impl Iterator<Item = (Group, Vec<&Row>)> {
     let of = |group| rows.iter().filter(move |row| row.group == group).collect::<Vec<_>>();
     Group::ALL.into_iter().map(move |group| (group, of(group))).filter(|(_, rows)| !rows.is_empty())
 }
 
-/// Each bound of the rows once: its name, and how it is derived.
+/// Returns each bound of the rows once: name and derivation.
 #[must_use]
 pub fn derivations(rows: &[Row]) -> Vec<[&'static str; 2]> {
     let mut all: Vec<[&str; 2]> = Vec::new();
@@ -42,7 +42,7 @@ pub fn derivations(rows: &[Row]) -> Vec<[&'static str; 2]> {
     all
 }
 
-/// How many rows hold, in a sentence.
+/// States how many rows hold.
 fn verdict(rows: &[Row]) -> String {
     let missed = rows.iter().filter(|row| !row.holds).count();
     match missed {
@@ -52,7 +52,7 @@ fn verdict(rows: &[Row]) -> String {
     }
 }
 
-/// The rows in columns, group by group; what the program said is below its row, and how bounds are derived is below all.
+/// Formats the rows in columns by group, with messages below their rows and the derivations of the bounds at the end.
 #[must_use]
 pub fn to_text(rows: &[Row]) -> String {
     let table: Vec<[String; 6]> = rows.iter().map(cells).collect();
@@ -86,7 +86,7 @@ pub fn to_text(rows: &[Row]) -> String {
     text
 }
 
-/// The same as tables of Markdown.
+/// Formats the same tables in Markdown.
 #[must_use]
 pub fn to_markdown(rows: &[Row]) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace('*', "\\*"));
@@ -112,7 +112,7 @@ pub fn to_markdown(rows: &[Row]) -> String {
     text
 }
 
-/// All numbers, one row a line; numbers that are not finite are empty.
+/// Formats all numbers as CSV, one row per line; numbers that are not finite are empty.
 #[must_use]
 pub fn to_csv(rows: &[Row]) -> String {
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));

@@ -1,4 +1,4 @@
-//! Volumes of one voxel, of a line, of a sheet and of one value, and voxels of every size and none.
+//! Volumes of one voxel, a line, a sheet and one value; voxels of extreme values, NaN and infinities.
 
 use glam::DVec3;
 
@@ -55,7 +55,7 @@ fn along(name: &str, slab: Slab) -> Extreme {
     )
 }
 
-/// Edge-on: 2047 voxels deep and one thick.
+/// Edge-on sheet: 2047 voxels deep and one thick.
 fn sheet() -> Extreme {
     let slab = Slab { dims: [2048, 2048, 1], opacity: 1e-3, ..Slab::default() };
     let asked = slab.clone();
@@ -74,7 +74,7 @@ fn sheet() -> Extreme {
     )
 }
 
-/// One value has no gradient: shading has nothing but its ambient part.
+/// A uniform volume has no gradient: only the ambient part of the shading remains.
 fn flat() -> Extreme {
     const AMBIENT: f64 = 0.25;
     let scene = || -> Result<Vec<Picture>, ExtremeError> {
@@ -109,14 +109,14 @@ fn double([low, high]: [f64; 2]) -> Voxels {
     Voxels::F64(vec![low, low, high, high])
 }
 
-/// Two voxels that show nothing before two that do, the nearest of which a step of half a voxel takes: three of its six
-/// samples. Of `ends`, the upper shows.
+/// Two invisible voxels of the lower end, then two visible ones of the upper end. With nearest-neighbour interpolation
+/// and steps of half a voxel, three of the six samples are visible.
 fn two_values(name: &str, ends: [f64; 2], voxels: Filled) -> Extreme {
     const OPACITY: f64 = 0.3;
     let [low, high] = ends;
-    // Halves first: the whole span may be more than there is.
+    // Halves first, because the span may overflow.
     let middle = 0.5 * low + 0.5 * high;
-    // One value has no middle below it.
+    // With a single value, the interval starts at that value.
     let first = if low < high { middle } else { low };
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {
         let text = format!(
@@ -141,7 +141,7 @@ fn two_values(name: &str, ends: [f64; 2], voxels: Filled) -> Extreme {
         );
         Ok(vec![Picture::of(scene_of(&text, volume([1, 1, 4], voxels(ends))?)?)])
     };
-    // Where there is one value, all four voxels have it.
+    // With a single value, all four voxels are visible.
     let length = if low < high { 1.5 } else { 3.0 };
     Extreme::shown(Group::Volumes, format!("voxels: {name}"), Bound::march(6.0), scene, move |lefts| {
         let slab = Slab { opacity: OPACITY, ..Slab::default() };
@@ -149,11 +149,12 @@ fn two_values(name: &str, ends: [f64; 2], voxels: Filled) -> Extreme {
     })
 }
 
-/// A volume with NaN and ±inf in it beside one with the smallest and largest values in their place, in a whole picture.
+/// Compares whole pictures of a volume with NaN and ±inf and of one with the smallest and largest values in their
+/// place.
 fn broken(shading: &'static str) -> Extreme {
     const DIMS: [usize; 3] = [16, 16, 16];
     let scene = move |replaced: [f32; 3]| -> Result<Picture, ExtremeError> {
-        // All of 0 to 990, no two neighbours near each other.
+        // Values from 0 to 990, with large differences between neighbours.
         let value = |i: usize| f32::from(u16::try_from(i * 37 % 991).unwrap_or(0));
         let mut voxels: Vec<f32> = (0..DIMS.iter().product()).map(value).collect();
         for (i, voxel) in voxels.iter_mut().enumerate().skip(5).step_by(97) {
@@ -196,7 +197,7 @@ fn broken(shading: &'static str) -> Extreme {
     )
 }
 
-/// Not one number among the voxels.
+/// A volume of NaN only.
 fn nothing_finite() -> Extreme {
     let scene = || {
         let slab = Slab { dims: [2, 2, 2], ..Slab::default() };
