@@ -1,4 +1,4 @@
-//! Where errors come from: a line a setting, with how large the whole is and what its parts are.
+//! Chart of errors by cause: a line per setting with the total error and its parts.
 
 use super::drawing::{Drawing, Logarithmic, PARTS, Paint, escaped, tick};
 use super::entry::{Entry, LEAST, name, told_error};
@@ -8,23 +8,23 @@ use crate::measure::setting::Setting;
 use crate::measure::survey::Measured;
 use crate::number::count;
 
-/// The most lines.
+/// Largest number of lines.
 const MOST_LINES: usize = 60;
 
-/// The causes that move any of `entries` enough to tell, from the truth down.
+/// Causes with a measurable effect on any of `entries`, in order from the truth to the picture.
 pub(super) fn told_causes(entries: &[Entry<'_>]) -> Vec<Cause> {
     let told = |cause: &Cause| entries.iter().any(|entry| by_cause(entry.row, *cause) >= LEAST);
     Cause::ALL.into_iter().filter(told).collect()
 }
 
-/// Whether nobody can tell two rows apart by what they err by.
+/// Whether the errors of two rows are indistinguishable.
 fn are_alike(one: &Measured, two: &Measured) -> bool {
     let near = |one: f64, two: f64| (one - two).abs() < LEAST;
     near(one.error.delta_e.mean, two.error.delta_e.mean)
         && Cause::ALL.into_iter().all(|cause| near(by_cause(one, cause), by_cause(two, cause)))
 }
 
-/// The lines, and the names of the settings that err as the first does.
+/// Chart of causes, and the names of the settings with the same errors as the first.
 pub(super) fn causes(entries: &[Entry<'_>]) -> String {
     let Some((own, others)) = entries.split_first() else { return String::new() };
     let (alike, different): (Vec<&Entry<'_>>, Vec<&Entry<'_>>) =
@@ -79,7 +79,7 @@ fn lines(rows: &[&Measured], causes: &[Cause]) -> Drawing {
             drawing.circle(centre, 7.5, "own", "");
         }
         drawing.small([centre[0] + 11.0, y + 12.0], "start", &told);
-        // What nobody can tell is no part.
+        // Without a measurable sum, no parts are drawn.
         let sum: f64 = causes.iter().map(|&cause| by_cause(row, cause)).sum();
         let mut from = bar;
         for (cause, error) in row.causes.iter().filter(|(cause, _)| sum >= LEAST && causes.contains(cause)) {

@@ -1,4 +1,4 @@
-//! Which setting to use, for what, and how to write it.
+//! Recommended settings by purpose, with the scene-file lines and commands for them.
 
 use std::fmt::Write as _;
 
@@ -9,16 +9,16 @@ use crate::measure::survey::{Measured, Survey};
 use crate::measure::table::short;
 use crate::number::readable;
 
-/// What pictures are made for, and the ΔE00 that 95 of 100 pixels stay below where they are good for it.
+/// Purposes of pictures, each with its limit on p95 (ΔE00).
 const PURPOSES: [(&str, f64); 3] = [("dragging", 8.0), ("looking", 2.0), ("a figure", 0.5)];
 
-/// A setting, and what it is good for.
+/// A setting and its purposes.
 struct Chosen<'a> {
     row: &'a Measured,
     purposes: Vec<String>,
 }
 
-/// The setting for each purpose, each setting once; where times are rough, what is chosen by errors alone.
+/// Returns the setting for each purpose, each setting once. Where times are rough, only errors decide.
 fn chosen(rows: &[Measured], trust: Trust) -> Vec<Chosen<'_>> {
     let mut found: Vec<Chosen<'_>> = Vec::new();
     let mut add = |row, purpose: String| add_purpose(&mut found, row, purpose);
@@ -50,7 +50,7 @@ fn good_for(purpose: &str, limit: f64) -> String {
     format!("{purpose} (p95\u{a0}≤\u{a0}{})", readable(limit))
 }
 
-/// By what it was chosen.
+/// States how settings were chosen.
 pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
     let by = if trust.is_rough() {
         "Times are rough here, so nothing is chosen by them: below are the scene's own setting and what errs least."
@@ -64,7 +64,7 @@ pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
     format!("{by}{given}")
 }
 
-/// A row a purpose, then whole commands.
+/// Table with a row per chosen setting, followed by whole commands.
 pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measured], trust: Trust) -> String {
     let Some(own) = rows.first() else { return String::new() };
     let mut table = "<div class=\"wide\"><table class=\"choice\">\n<tr><th class=\"text\">good for</th><th class=\"text\">setting, and what the scene file says for it</th>\
@@ -105,13 +105,13 @@ pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measur
     )
 }
 
-/// What the scene's own is good for where nothing says that it is the fastest.
+/// Purpose of the scene's own setting where times cannot show that it is the fastest.
 fn also_good_for(own: &Measured) -> String {
     let fit = PURPOSES.iter().rev().find(|(_, limit)| own.error.delta_e.p95 <= *limit);
     fit.map_or_else(|| "nothing here, as it is".to_owned(), |(purpose, limit)| good_for(purpose, *limit) + ", as it is")
 }
 
-/// What a row changes: in the scene file, and for one run.
+/// Describes the changes of a row: in the scene file, and as flags for one run.
 fn how(survey: &Survey<'_>, row: &Measured) -> String {
     let changed = row.setting.changed(survey.scene());
     let lines = changed.chunk_by(|one, two| one.0 == two.0).map(|keys| {
@@ -146,7 +146,7 @@ fn how(survey: &Survey<'_>, row: &Measured) -> String {
     text
 }
 
-/// The flags of `relume render` that make a row of the scene.
+/// Flags of `relume render` that apply a row to the scene.
 fn flags(survey: &Survey<'_>, row: &Measured) -> String {
     let mut flags: Vec<String> =
         row.setting.definitions(survey.scene()).iter().map(|definition| format!("-D {definition}")).collect();
@@ -172,12 +172,12 @@ fn command(survey: &Survey<'_>, flags: &str) -> String {
     words.into_iter().filter(|word| !word.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// The file that a scene was read from. The scene that is part of the program has a name and no file.
+/// File that a scene was read from; `None` for the built-in scene, which has only a name.
 fn file(source: &str) -> Option<&str> {
     source.split(" with ").next().filter(|file| std::path::Path::new(file).extension().is_some())
 }
 
-/// What a scene is called: its file without folders and ending.
+/// Title of a scene: its file name without folders and extension.
 pub(super) fn title(source: &str) -> String {
     let name = source.split(" with ").next().unwrap_or(source);
     let stem = file(source).and_then(|file| std::path::Path::new(file).file_stem()?.to_str());

@@ -1,4 +1,4 @@
-//! The page of what frames cost: tables, and a curve for each thing that was varied.
+//! Page of frame costs: tables, and a chart per varied parameter.
 
 use std::fmt::Write as _;
 
@@ -7,27 +7,27 @@ use super::drawing::{Drawing, Logarithmic, PARTS, escaped, tick};
 use crate::measure::table::short;
 use crate::number::count;
 
-/// A table of the page, its first row the heads.
+/// A table of the page; its first row holds the column heads.
 #[derive(Clone, Debug, Default)]
 pub struct CostTable {
-    /// What stands above it.
+    /// Heading.
     pub head: String,
-    /// What it shows, in a sentence or two.
+    /// Description in a sentence or two.
     pub about: String,
-    /// Cell by cell.
+    /// Cells by row.
     pub rows: Vec<Vec<String>>,
 }
 
-/// Time over one thing that was varied, a line per kind of work.
+/// Time against one varied parameter, with a line per kind of work.
 #[derive(Clone, Debug, Default)]
 pub struct CostCurve {
-    /// What was varied, and what stayed.
+    /// The varied parameter, and what is constant.
     pub head: String,
-    /// Lines by name: the values of what was varied, and the time at each in ms.
+    /// Lines by name; each point is a parameter value and the time in ms.
     pub lines: Vec<(String, Vec<[f64; 2]>)>,
 }
 
-/// The page of what frames cost on `device`: `findings` in short, then tables and curves.
+/// Returns the page of frame costs on `device`: `findings` as a summary, then tables and curves.
 #[must_use]
 pub fn costs_html(device: &str, findings: &[String], tables: &[CostTable], curves: &[CostCurve]) -> String {
     let mut page = format!(

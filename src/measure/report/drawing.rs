@@ -1,27 +1,27 @@
-//! Charts as SVG: axes, curves and bars, coloured by class so that a page can be light or dark.
+//! Charts as SVG: axes, curves and bars, coloured by CSS class for light and dark pages.
 
 use std::fmt::Write as _;
 
 use crate::number::count;
 
-/// Colours of parts that everybody can tell apart, on white and on black (after Okabe and Ito 2008).
+/// Colours of parts for all kinds of colour vision, on white and on black (after Okabe and Ito 2008).
 pub(super) const PARTS: [&str; 8] =
     ["#0072b2", "#56b4e9", "#009e73", "#d55e00", "#e69f00", "#cc79a7", "#999999", "#b8a800"];
 
-/// What the classes look like where no page says it: on white.
+/// Style of the classes in a standalone drawing, on white.
 const LIGHT: &str = "svg{font-family:'DejaVu Sans',Helvetica,Arial,sans-serif;font-size:12px}\
     .paper{fill:#fff}.ink{fill:#1c1c1c}.soft{fill:#5f6368}.ink,.soft{paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}\
     .grid{stroke:#e3e3e3}.axis{stroke:#767b81}.accent{fill:#0b62c4}.front{fill:none;stroke:#0b62c4;stroke-width:2}.dot{fill:#8a9097}\
     .own{fill:none;stroke:#1c1c1c;stroke-width:1.6}";
 
-/// SVG as it grows.
+/// An SVG drawing under construction.
 pub(super) struct Drawing {
     body: String,
     width: f64,
     height: f64,
 }
 
-/// A text as it stands in XML.
+/// Escapes a text for XML and removes control characters.
 pub(super) fn escaped(text: &str) -> String {
     let plain: String = text.chars().filter(|letter| *letter == '\n' || !letter.is_control()).collect();
     plain.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
@@ -32,7 +32,7 @@ impl Drawing {
         Self { body: String::new(), width, height }
     }
 
-    /// The drawing for a page that has the classes.
+    /// Returns the SVG for a page that defines the classes.
     pub(super) fn inline(&self, name: &str) -> String {
         let Self { body, width, height } = self;
         format!(
@@ -41,7 +41,7 @@ impl Drawing {
         )
     }
 
-    /// The drawing by itself.
+    /// Returns a standalone SVG.
     pub(super) fn standalone(&self) -> String {
         let Self { body, width, height } = self;
         format!(
@@ -77,7 +77,7 @@ impl Drawing {
         writeln!(self.body, "<polyline class=\"{class}\" points=\"{}\"/>", points.join(" ")).ok();
     }
 
-    /// A circle that says `title` where a pointer rests on it.
+    /// Adds a circle with the tooltip `title`.
     pub(super) fn circle(&mut self, [x, y]: [f64; 2], radius: f64, class: &str, title: &str) {
         let title = escaped(title);
         writeln!(
@@ -87,7 +87,7 @@ impl Drawing {
         .ok();
     }
 
-    /// A curve in a colour of its own, thin or not.
+    /// Adds a curve of its own colour, thin or normal.
     pub(super) fn coloured_path(&mut self, points: &[[f64; 2]], colour: &str, thin: bool) {
         let points: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1},{y:.1}")).collect();
         let (width, points) = (if thin { 1.0 } else { 1.8 }, points.join(" "));
@@ -98,7 +98,7 @@ impl Drawing {
         .ok();
     }
 
-    /// A dot in a colour of its own, or a ring, that says `title` where a pointer rests on it.
+    /// Adds a dot or a ring of its own colour, with the tooltip `title`.
     pub(super) fn marker(&mut self, [x, y]: [f64; 2], colour: &str, ring: bool, title: &str) {
         let (fill, title) = (if ring { "none" } else { colour }, escaped(title));
         writeln!(
@@ -108,7 +108,7 @@ impl Drawing {
         .ok();
     }
 
-    /// A bar in a class, or in a colour of its own.
+    /// Adds a bar in a class or a colour of its own, with the tooltip `title`.
     pub(super) fn bar(&mut self, [x, y]: [f64; 2], [width, height]: [f64; 2], paint: Paint<'_>, title: &str) {
         let paint = match paint {
             Paint::Class(class) => format!("class=\"{class}\""),
@@ -123,14 +123,14 @@ impl Drawing {
     }
 }
 
-/// How a bar is painted.
+/// Paint of a bar.
 #[derive(Clone, Copy)]
 pub(super) enum Paint<'a> {
     Class(&'a str),
     Colour(&'a str),
 }
 
-/// A logarithmic axis from one end in the drawing to the other.
+/// A logarithmic axis between two coordinates of the drawing.
 #[derive(Clone, Copy)]
 pub(super) struct Logarithmic {
     low: f64,
@@ -140,25 +140,25 @@ pub(super) struct Logarithmic {
 }
 
 impl Logarithmic {
-    /// An axis that holds all of `values` above 0, widened a little; from 1 to 10 if there are none.
+    /// Axis that covers all finite `values` above 0 with a margin; from 1 to 10 without values.
     pub(super) fn of(values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
         let ends = values.filter(|value| *value > 0.0 && value.is_finite());
         let (low, high) = ends.fold((f64::MAX, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
         let (low, high) = if low > high { (1.0, 10.0) } else { (low / 1.25, high * 1.25) };
-        // A third of a decade at least, or it shows noise.
+        // At least a factor of two, or the axis would show noise.
         let more = (2.0 / (high / low)).max(1.0).sqrt();
         Self { low: (low / more).log10(), high: (high * more).log10(), from, to }
     }
 
-    /// Where `value` is; what is below the axis is at its end.
+    /// Coordinate of `value`; values beyond the axis are at its ends.
     pub(super) fn at(&self, value: f64) -> f64 {
         let share = (value.max(1e-300).log10().clamp(self.low, self.high) - self.low) / (self.high - self.low);
         (self.to - self.from).mul_add(share, self.from)
     }
 
-    /// Values to label: powers of ten, and 2 and 5 times those where there are few.
+    /// Values to label: powers of ten, and multiples of them on short axes.
     pub(super) fn ticks(&self) -> Vec<f64> {
-        // An axis is at least a factor of two long; the last row is closer together than that.
+        // An axis spans at least a factor of two; the last list is denser than that.
         let factors: &[f64] = match self.high - self.low {
             decades if decades > 2.5 => &[1.0],
             decades if decades > 0.7 => &[1.0, 2.0, 5.0],
@@ -176,7 +176,7 @@ impl Logarithmic {
     }
 }
 
-/// A number on an axis.
+/// Formats a number on an axis.
 pub(super) fn tick(value: f64) -> String {
     if (1e-3..1e5).contains(&value) {
         let decimals = if value < 0.01 {
@@ -192,7 +192,7 @@ pub(super) fn tick(value: f64) -> String {
     }
 }
 
-/// Places of so many things along `width`, at their middles.
+/// Centres of `number` equal parts of `width`.
 pub(super) fn middles(number: usize, from: f64, width: f64) -> impl Iterator<Item = f64> {
     (0..number).map(move |i| (count(i) + 0.5) / count(number) * width + from)
 }

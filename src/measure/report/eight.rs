@@ -1,4 +1,4 @@
-//! What carrying spectra in more numbers buys: a table, and pictures beside the truth.
+//! Effect of the dimension of the colour model: a table, and pictures next to the truth.
 
 use std::fmt::Write as _;
 
@@ -17,11 +17,11 @@ use crate::number::count;
 use crate::output::OutputError;
 use crate::scene::StoreAs;
 
-/// The rows that carry spectra in so many numbers, all else as the scene has it.
+/// Rows that change only the colour model and its dimension.
 pub(super) struct Carried<'a> {
     rows: Vec<(String, &'a Measured)>,
     pub(super) eight: Option<&'a Measured>,
-    /// The best RGB by p95, and of how many kinds.
+    /// The RGB row with the smallest p95, its model, and the number of RGB rows.
     pub(super) rgb: Option<(&'a Measured, ModelKind, usize)>,
 }
 
@@ -46,7 +46,7 @@ impl<'a> Carried<'a> {
     }
 }
 
-/// What the scene's own carries, in short.
+/// Short name of the scene's own row.
 fn own_name(own: &Measured) -> String {
     if own.carrier.starts_with("weights") {
         format!("{OWN}: weights")
@@ -55,7 +55,7 @@ fn own_name(own: &Measured) -> String {
     }
 }
 
-/// The row of so many nodes, where the model is named or is the scene's own.
+/// Row of `k` nodes, with the model named or as the scene has it.
 fn nodes(rows: &[Measured], k: usize) -> Option<&Measured> {
     let named = |row: &&Measured| row.setting.get(Knob::K) == Some(Value::Number(count(k)));
     let alone = rows.iter().filter(|row| row.setting.knobs().count() == 1).find(named);
@@ -64,16 +64,16 @@ fn nodes(rows: &[Measured], k: usize) -> Option<&Measured> {
         .or_else(|| carried(rows, |kind, n| kind == ModelKind::Nodes && n == k).next())
 }
 
-/// How many bytes a pixel keeps, and by what: numbers for each position of light, and what passes. `None` of weights.
+/// Explains the bytes per pixel: coefficients per light position, and transmittance. `None` for material weights.
 fn kept_as(row: &Measured, storage: StoreAs) -> Option<String> {
     let number = if storage == StoreAs::Half { 2 } else { 4 };
     let padded = row.components.next_multiple_of(4);
     let bytes = usize::try_from(row.pixel_bytes).ok()?;
     let (vectors, rest) = (bytes / (padded * number), bytes % (padded * number));
     let (what, sum) = match rest {
-        // What passes is as many numbers.
+        // Coloured transmittance has as many components.
         0 => ("and another for what passes", format!("{vectors} × {padded} × {number}")),
-        // Grey: all wavelengths alike.
+        // Grey transmittance is one number.
         4 => ("and one number for what passes", format!("{vectors} × {padded} × {number} + 4")),
         _ => return None,
     };
@@ -87,8 +87,8 @@ fn kept_as(row: &Measured, storage: StoreAs) -> Option<String> {
     })
 }
 
-/// What the scene's own carries and why this speaks of 8; a row each; pictures. Empty where there is nothing beside the
-/// scene's own.
+/// Section on k = 8: the scene's own dimension and the reason for 8, a table row per dimension, and pictures. Empty if
+/// there are no other rows than the scene's own.
 pub(super) fn eight(
     survey: &Survey<'_>,
     found: &Carried<'_>,

@@ -1,4 +1,4 @@
-//! Measured settings by the names that a page calls them.
+//! Measured settings and their names on a page.
 
 use super::trust::Trust;
 use crate::measure::findings::span;
@@ -7,28 +7,28 @@ use crate::measure::survey::Measured;
 use crate::measure::table::short;
 use crate::model::ErrorSummary;
 
-/// What the setting of the scene itself is called.
+/// Name of the scene's own setting.
 pub(super) const OWN: &str = "the scene's own";
-/// The ΔE00 below which nobody sees anything.
+/// ΔE00 below which a difference is invisible.
 pub(super) const INVISIBLE: f64 = 0.5;
-/// What is said of a spline between voxels where the scene has none.
+/// Note on cubic interpolation where the scene does not use it.
 pub(super) const CUBIC: &str =
     "cubic is another reading of the data, not a worse one: the truth here reads it as the scene says.";
-/// Below this ΔE00 no page tells errors apart.
+/// ΔE00 below which a page does not distinguish errors.
 pub(super) const LEAST: f64 = 1e-3;
 
-/// A measurement, with all settings that came to it.
+/// A measurement and its settings.
 pub(super) struct Entry<'a> {
     pub(super) row: &'a Measured,
-    /// Those that ask for the same under another name, which was measured once.
+    /// Settings that are equivalent to the row's under another name; all share one measurement.
     pub(super) also: Vec<&'a Setting>,
 }
 
-/// Every measurement once, the scene's own first.
+/// Returns every measurement once, the scene's own first.
 pub(super) fn entries(rows: &[Measured]) -> Vec<Entry<'_>> {
     let mut found: Vec<Entry<'_>> = Vec::new();
     for row in rows {
-        // No two measurements have all times alike.
+        // Equal times identify a shared measurement, because no two measurements have all times equal.
         match found.iter_mut().find(|known| known.row.times == row.times) {
             Some(known) => known.also.push(&row.setting),
             None => found.push(Entry { row, also: Vec::new() }),
@@ -37,7 +37,7 @@ pub(super) fn entries(rows: &[Measured]) -> Vec<Entry<'_>> {
     found
 }
 
-/// What a setting is called.
+/// Name of a setting.
 pub(super) fn name(setting: &Setting) -> String {
     if setting.knobs().next().is_none() { OWN.to_owned() } else { setting.to_string() }
 }
@@ -47,13 +47,13 @@ impl Entry<'_> {
         name(&self.row.setting)
     }
 
-    /// With its other names.
+    /// Name with its aliases.
     pub(super) fn names(&self) -> String {
         let also: Vec<String> = self.also.iter().map(ToString::to_string).collect();
         if also.is_empty() { self.name() } else { format!("{} (also {})", self.name(), also.join(", ")) }
     }
 
-    /// What a pointer is told of it.
+    /// Tooltip text.
     pub(super) fn told(&self, trust: Trust) -> String {
         let error = &self.row.error.delta_e;
         let ms = trust.ms(self.row.frame_ms);
@@ -63,16 +63,16 @@ impl Entry<'_> {
     }
 }
 
-/// A ΔE00, or that it is below [`LEAST`].
+/// Formats a ΔE00, or states that it is below [`LEAST`].
 pub(super) fn told_error(error: f64) -> String {
     if error < LEAST { format!("< {LEAST}") } else { short(error) }
 }
 
-/// What of an error the eye sees.
+/// Describes how visible an error is.
 pub(super) fn seen(error: &ErrorSummary) -> String {
     let worst = || format!("; worst {}", short(error.max));
     match error.p95 {
-        // As it is written: what reads 0.50 is not below 0.5.
+        // Compares the rounded text: an error printed as 0.50 is not below 0.5.
         _ if error.max < INVISIBLE - 0.005 => "nobody sees it".to_owned(),
         p95 if p95 < INVISIBLE => format!("not visible in 95 of 100 pixels{}", worst()),
         p95 if p95 < 1.0 => format!("hardly visible in 95 of 100 pixels{}", worst()),

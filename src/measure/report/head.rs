@@ -1,4 +1,4 @@
-//! What was measured, where and under which light.
+//! Head of the page: what was measured, on which device and under which light.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -13,7 +13,7 @@ use crate::number::{brief, count, readable};
 use crate::scene::{Mix, Scene};
 use crate::spectrum::observer::Observer;
 
-/// Scene, light, pixels, times and the scene's own setting, a line each.
+/// Scene, light, pixels, times and the scene's own setting, one line each.
 pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -> String {
     let [width, height] = survey.lattice().size;
     let runs = survey.options().runs;
@@ -60,14 +60,14 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
     lines.iter().map(|line| format!("<p class=\"about\">{line}</p>\n")).collect()
 }
 
-/// The shortest step measured.
+/// Shortest step measured, in voxels.
 fn finest_in_voxels(scene: &Scene, findings: &Findings<'_>) -> f64 {
     let refused = findings.refused.iter().map(|(setting, _)| setting);
     let settings = findings.rows.iter().map(|row| &row.setting).chain(refused);
     settings.map(|setting| step_in_voxels(&setting.applied(scene))).fold(step_in_voxels(scene), f64::min)
 }
 
-/// The day so many seconds after 1970 began, in UTC, by the calendar of eras of 400 years that begin in March (Hinnant 2013,
+/// UTC date of a time in seconds since 1970, by the calendar of 400-year eras that begin in March (Hinnant 2013,
 /// `civil_from_days`).
 fn day(seconds: u64) -> String {
     let days = seconds / 86_400 + 719_468;
@@ -80,14 +80,14 @@ fn day(seconds: u64) -> String {
     format!("{}-{month:02}-{day:02}", year + 400 * era + u64::from(month <= 2))
 }
 
-/// A device in words, without its name where its driver has it, too.
+/// Description of a device, without its name if the driver's text contains it.
 fn device(text: &str) -> String {
     let name = text.split(' ').next().unwrap_or("");
     let driver = text.split_once(&format!(" ({name} ")).and_then(|(_, driver)| driver.strip_suffix(')'));
     driver.map_or_else(|| text.to_owned(), |driver| format!("{name} {driver}"))
 }
 
-/// The processor and how much of it there is, where the system says its name.
+/// Processor name and number of threads, if the system tells the name.
 fn processor() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
     let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "))?.1.trim().to_owned();
@@ -95,7 +95,7 @@ fn processor() -> Option<String> {
     Some(format!("{name}, {threads} threads"))
 }
 
-/// Which lights shine how strongly, and who looks.
+/// Lights with their intensities, and the observer.
 fn light(scene: &Scene) -> String {
     let text: toml::Table = scene.text.parse().unwrap_or_default();
     let spectrum = |name: &str| Some(text.get("lights")?.get(name)?.get("spectrum")?.as_str()?.to_owned());
@@ -121,13 +121,13 @@ fn light(scene: &Scene) -> String {
     format!("{lights}{adapted}, seen by {observer}")
 }
 
-/// How many pixels were compared, and of how many.
+/// Number of compared pixels, and of all that show the volume.
 fn compared(survey: &Survey<'_>) -> String {
     let (found, stride) = (survey.pixels().len(), survey.lattice().stride);
     if stride == 1 {
         return format!("All {found} pixels that show the volume were compared");
     }
-    // Two digits: it is an estimate.
+    // Two digits, because it is an estimate.
     let all = count(found * stride * stride);
     let digit = 10_f64.powf((all.max(1.0).log10() - 1.0).floor());
     let all = readable((all / digit).round() * digit);
@@ -136,7 +136,7 @@ fn compared(survey: &Survey<'_>) -> String {
     )
 }
 
-/// Where all knobs stand in the scene.
+/// Values of all knobs in the scene.
 fn setting(scene: &Scene, own: &Measured) -> String {
     let keys: Vec<String> = written(scene)
         .iter()

@@ -1,4 +1,4 @@
-//! Each knob turned by itself: a chart where that moves what the eye sees, else a line of a table.
+//! Each knob by itself: a chart if it has a visible effect, otherwise a table row.
 
 use std::fmt::Write as _;
 
@@ -15,19 +15,19 @@ use crate::measure::written::written;
 use crate::number::{count, readable};
 use crate::scene::Scene;
 
-/// A knob that moves p95 by less than this from the scene's own gets no chart.
+/// Change of p95 from the scene's own below which a knob gets no chart.
 const MOVED: f64 = 0.05;
 
 /// A row of a knob's chart.
 struct Turned<'a> {
-    /// What the knob is turned to, where that is a number.
+    /// Value of the knob, if it is a number.
     number: Option<f64>,
     label: String,
     entry: Entry<'a>,
     is_own: bool,
 }
 
-/// Where a knob stands in the scene.
+/// Value of a knob in the scene.
 fn stands(knob: Knob, scene: &Scene, own: &Measured) -> String {
     let weights = own.carrier.starts_with("weights");
     match knob {
@@ -45,12 +45,12 @@ fn stands(knob: Knob, scene: &Scene, own: &Measured) -> String {
     }
 }
 
-/// The step of a scene in voxels.
+/// Step length of a scene in voxels.
 pub(super) fn step_in_voxels(scene: &Scene) -> f64 {
     scene.accuracy.step_length / scene.volume.geometry.spacing.min_element()
 }
 
-/// The settings that turn nothing but `knob`, and the scene's own among them.
+/// Settings that change only `knob`, together with the scene's own.
 fn turned<'a>(rows: &'a [Measured], knob: Knob, scene: &Scene) -> Vec<Turned<'a>> {
     let Some(own) = rows.first() else { return Vec::new() };
     let row_of = |row: &'a Measured, label: String| {
@@ -64,18 +64,18 @@ fn turned<'a>(rows: &'a [Measured], knob: Knob, scene: &Scene) -> Vec<Turned<'a>
     if !found.is_empty() && !found.iter().any(|it| it.is_own) {
         found.insert(0, row_of(own, stands(knob, scene, own)));
     }
-    // Names stay in the order in which they were asked for, before numbers.
+    // Names keep their order and precede numbers.
     let number = |it: &Turned<'_>| it.number.unwrap_or(f64::NEG_INFINITY);
     found.sort_by(|one, two| number(one).total_cmp(&number(two)));
     found
 }
 
-/// Whether a row's p95 is another than the scene's own.
+/// Whether a row's p95 differs from the scene's own by at least [`MOVED`].
 fn moves(row: &Measured, own: &Measured) -> bool {
     (row.error.delta_e.p95 - own.error.delta_e.p95).abs() >= MOVED
 }
 
-/// Which knobs are worth turning, and what saves memory for nothing; `None` where none was turned by itself.
+/// States which knobs matter, and which setting saves memory at the same accuracy; `None` if no knob was varied alone.
 pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<String> {
     let own = rows.first()?;
     let turned = Knob::ALL.into_iter().map(|knob| (knob, turned(rows, knob, scene)));
@@ -111,7 +111,7 @@ pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<St
     (!said.is_empty()).then(|| said.join(" "))
 }
 
-/// Charts of the knobs that matter here, and a table of those that do not.
+/// Charts of the knobs that matter, and a table of the others.
 pub(super) fn knobs(rows: &[Measured], scene: &Scene, trust: Trust) -> String {
     let Some(own) = rows.first() else { return String::new() };
     let (mut charts, mut table) = (String::new(), String::new());
@@ -144,7 +144,7 @@ pub(super) fn knobs(rows: &[Measured], scene: &Scene, trust: Trust) -> String {
     charts + &table
 }
 
-/// A setting that does not matter, in a line.
+/// Table row of a setting without effect.
 fn line(row: &Measured, own: &Measured, meaning: &str, trust: Trust) -> String {
     let error = &row.error.delta_e;
     let [p95, max] = [error.p95, error.max].map(short);
@@ -164,7 +164,7 @@ fn line(row: &Measured, own: &Measured, meaning: &str, trust: Trust) -> String {
     )
 }
 
-/// A row a value: how far it is off, and how long it takes.
+/// Chart with a row per value: its error and its time.
 fn chart(found: &[Turned<'_>], own: &Measured, trust: Trust) -> Drawing {
     const WIDTH: f64 = 424.0;
     const LINE: f64 = 21.0;
@@ -181,7 +181,7 @@ fn chart(found: &[Turned<'_>], own: &Measured, trust: Trust) -> Drawing {
     let mut last = f64::NEG_INFINITY;
     for value in across.ticks() {
         let x = across.at(value);
-        // No two numbers on one another, and no line without one.
+        // Keeps labels apart, and draws no line without a label.
         if x - last > 26.0 {
             drawing.line([x, TOP - 6.0], [x, bottom], "grid");
             drawing.small([x, TOP - 10.0], "middle", &floored(value));

@@ -1,42 +1,42 @@
-//! Places for names beside dots, where they cover neither dots nor each other.
+//! Placement of names next to dots, without overlaps.
 
-/// How wide a letter of the scatter's names is on average, and how tall.
+/// Average width and height of a letter in the scatter's names.
 const LETTER: [f64; 2] = [7.0, 13.0];
-/// How wide a letter of the small names is on average.
+/// Average width of a letter in the small names.
 const SMALL_LETTER: f64 = 6.0;
-/// What is free left and right of a name.
+/// Free space left and right of a name.
 const MARGIN: f64 = 4.0;
 
 /// A rectangle: left, top, right, bottom.
 type Rectangle = [f64; 4];
 type Segment = [[f64; 2]; 2];
 
-/// Names that are placed one after the other.
+/// Places names one after the other.
 pub(super) struct Labels {
     within: Rectangle,
-    /// What no name may cover.
+    /// Rectangles that no name may cover.
     taken: Vec<Rectangle>,
-    /// What names had better not cross.
+    /// Lines that names avoid if possible.
     lines: Vec<Segment>,
 }
 
-/// Where a name goes.
+/// Place of a name.
 pub(super) struct Place {
-    /// The left end of its baseline.
+    /// Left end of its baseline.
     pub(super) at: [f64; 2],
-    /// A line from the dot to it, where it is not beside the dot.
+    /// Line from the dot to a name at a distance.
     pub(super) leader: Option<Segment>,
 }
 
 impl Labels {
-    /// Names within a rectangle that has `dots`, each with its radius, and a curve through `points`.
+    /// Starts with `dots`, each with its radius, and a curve through `points`, all within a rectangle.
     pub(super) fn new(within: Rectangle, dots: &[([f64; 2], f64)], points: &[[f64; 2]]) -> Self {
         let around = |&([x, y], radius): &([f64; 2], f64)| [x - radius, y - radius, x + radius, y + radius];
         let lines = points.windows(2).map(|ends| [ends[0], ends[1]]).collect();
         Self { within, taken: dots.iter().map(around).collect(), lines }
     }
 
-    /// A place for `name` beside a dot at `[x, y]` of this radius; `None` where there is none.
+    /// Finds a place for `name` near a dot of `radius` at `[x, y]`; `None` if there is none.
     pub(super) fn place(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<Place> {
         let letters = crate::number::count(name.chars().count());
         let [wide, high] = [letters * LETTER[0] / 2.0 + MARGIN, LETTER[1] / 2.0];
@@ -59,7 +59,7 @@ impl Labels {
                 && place[3] <= self.within[3];
             inside && self.taken.iter().all(|taken| !overlap(place, taken))
         };
-        // The dot that is named is one of those that are taken; a leader begins at its edge.
+        // A leader begins at the edge of its own dot, which is one of the taken rectangles.
         let others = || self.taken.iter().filter(|it| !holds(it, [x, y]));
         let points_out = |(_, leader): &&(Rectangle, Option<Segment>)| {
             leader.as_ref().is_none_or(|leader| others().all(|taken| !crosses(leader, taken)))
@@ -72,8 +72,8 @@ impl Labels {
         Some(Place { at: [place[0] + MARGIN, place[3] - 3.0], leader })
     }
 
-    /// The left end of `name`'s baseline right of a dot at `[x, y]` of this radius, or left of it, where that covers neither
-    /// dots, names nor lines.
+    /// Returns the left end of the baseline of `name` right or left of a dot of `radius` at `[x, y]`, if the name
+    /// covers no dots, names or lines there.
     pub(super) fn beside(&mut self, [x, y]: [f64; 2], radius: f64, name: &str) -> Option<[f64; 2]> {
         let wide = crate::number::count(name.chars().count()) * SMALL_LETTER + MARGIN;
         let half = LETTER[1] / 2.0;
@@ -97,7 +97,7 @@ fn overlap(one: &Rectangle, two: &Rectangle) -> bool {
     one[0] < two[2] && two[0] < one[2] && one[1] < two[3] && two[1] < one[3]
 }
 
-/// Whether a segment comes into a rectangle; looked at in steps shorter than any dot.
+/// Whether a segment enters a rectangle, tested in steps shorter than any dot.
 fn crosses([from, to]: &Segment, rectangle: &Rectangle) -> bool {
     const STEPS: u32 = 200;
     let at = |i: u32, axis: usize| (to[axis] - from[axis]).mul_add(f64::from(i) / f64::from(STEPS), from[axis]);

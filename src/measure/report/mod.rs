@@ -1,4 +1,4 @@
-//! The report of a survey: one page that needs nothing else, and the trade as a picture.
+//! Report of a survey: a self-contained HTML page, and the chart of time against error as SVG.
 
 mod causes;
 mod choices;
@@ -29,33 +29,33 @@ use entry::entries;
 use places::scale_for;
 use trust::Trust;
 
-/// What a report is about, beside the survey.
+/// Contents of a report besides the survey.
 #[derive(Clone, Copy, Debug)]
 pub struct Findings<'a> {
-    /// The settings that were measured, the scene's own first.
+    /// Measured settings, the scene's own first.
     pub rows: &'a [Measured],
-    /// Those that cannot be, and why.
+    /// Refused settings with their reasons.
     pub refused: &'a [(Setting, String)],
-    /// The surroundings of the worst pixel of the first row.
+    /// Surroundings of the worst pixel of the first row.
     pub close_up: Option<&'a CloseUp>,
-    /// Whether somebody stopped it.
+    /// Whether the measurement was cancelled.
     pub interrupted: bool,
 }
 
 const STYLE: &str = include_str!("style.css");
 
-/// The page: what was found in short, which setting to use, what k = 8 buys, time against error, knob by knob, errors by cause,
-/// where they are, all numbers, and the words.
+/// Returns the page: a summary, recommended settings, the value of k = 8, time against error, the knobs one by one,
+/// errors by cause, maps of errors, all numbers and a glossary.
 ///
 /// # Errors
 ///
-/// [`OutputError`] for pictures that cannot be.
+/// [`OutputError`] if a picture cannot be encoded.
 pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, OutputError> {
     let rows = findings.rows;
     let entries = entries(rows);
     let carried = Carried::of(rows);
     let trust = Trust::of(rows);
-    // One scale, so that maps can be compared.
+    // One scale for all maps, so that they can be compared.
     let shown = rows.first().into_iter().chain(carried.eight).chain(carried.rgb.map(|(row, ..)| row));
     let near = findings.close_up.map_or(&[][..], |close| &close.differences);
     let scale = scale_for(shown.flat_map(|row| &row.differences).chain(near).copied());
@@ -133,7 +133,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     ))
 }
 
-/// Time against error as a drawing by itself, in SVG.
+/// Returns the chart of time against error as a standalone SVG.
 #[must_use]
 pub fn trade(rows: &[Measured]) -> String {
     trade::trade(&entries(rows), Trust::of(rows)).standalone()

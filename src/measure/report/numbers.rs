@@ -1,4 +1,4 @@
-//! The table of all that was measured.
+//! Table of all measurements.
 
 use std::fmt::Write as _;
 
@@ -11,7 +11,8 @@ use crate::measure::ladder::Cause;
 use crate::measure::setting::Knob;
 use crate::measure::table::{megabytes, short};
 
-/// A row a measurement, grouped by knob: what matters most, then what the mean is by, then the rest.
+/// Table with a row per measurement, grouped by knob: time, memory and errors first, then the mean by cause, then the
+/// rest.
 pub(super) fn numbers(entries: &[Entry<'_>], trust: Trust) -> String {
     let causes = told_causes(entries);
     let head = |name: &str| format!("<th title=\"{}\">{name}</th>", escaped(meaning(name).unwrap_or("")));

@@ -1,4 +1,4 @@
-//! Pictures of a report: colours, and how far they are off.
+//! Pictures of a report: colours and maps of ΔE00.
 
 use glam::DVec3;
 
@@ -25,7 +25,7 @@ const INFERNO: [[f64; 3]; 9] = [
     [0.988, 1.000, 0.643],
 ];
 
-/// A picture of the page: PNG as text.
+/// A picture of the page: a PNG in base64.
 pub(super) struct Picture {
     pub(super) base64: String,
 }
@@ -37,13 +37,13 @@ impl Picture {
         Ok(Self { base64: base64::engine::general_purpose::STANDARD.encode(bytes) })
     }
 
-    /// Colours as the display shows them.
+    /// Encodes XYZ colours as sRGB.
     pub(super) fn of_colours(size: [usize; 2], colours: impl Iterator<Item = DVec3>) -> Result<Self, OutputError> {
         let samples: Vec<u8> = colours.flat_map(shown).collect();
         Self::of(size, &samples)
     }
 
-    /// ΔE00 on a scale; grey where nothing was measured.
+    /// Encodes ΔE00 by the colours of a scale; grey where nothing was measured.
     pub(super) fn of_differences(
         size: [usize; 2],
         differences: impl Iterator<Item = Option<f64>>,
@@ -60,18 +60,18 @@ fn shown(xyz: DVec3) -> [u8; 3] {
 }
 
 impl Scale {
-    /// How far along the scale a ΔE00 is, 0 to 1.
+    /// Position of a ΔE00 on the scale, 0 to 1.
     pub(super) fn share(self, difference: f64) -> f64 {
         let [low, high] = [self.low, self.high].map(f64::log10);
         ((difference.max(1e-300).log10() - low) / (high - low)).clamp(0.0, 1.0)
     }
 
-    /// The ΔE00 so far along it.
+    /// ΔE00 at a position from 0 to 1.
     pub(super) fn at(self, share: f64) -> f64 {
         self.low * (self.high / self.low).powf(share)
     }
 
-    /// The colour of a ΔE00.
+    /// Colour of a ΔE00.
     pub(super) fn heat(self, difference: f64) -> [u8; 3] {
         let place = self.share(difference) * crate::number::count(INFERNO.len() - 1);
         let before = crate::number::whole(place).min(INFERNO.len() - 2);

@@ -1,4 +1,4 @@
-//! Where errors are: the picture, the map of ΔE00, and the worst pixel from near.
+//! Where errors are: the picture, the map of ΔE00, and an enlarged view of the worst pixel.
 
 use std::fmt::Write as _;
 
@@ -24,14 +24,14 @@ impl Figure {
         Self { picture, size, caption: caption.to_owned() }
     }
 
-    /// Colours of [`Survey::pixels`].
+    /// Figure of colours at [`Survey::pixels`].
     pub(super) fn of_colours(survey: &Survey<'_>, colours: &[DVec3], caption: &str) -> Result<Self, OutputError> {
         let colour = |i: Option<usize>| i.and_then(|i| colours.get(i)).copied().unwrap_or_else(|| survey.background());
         let dims = survey.lattice().dims();
         Ok(Self::new(Picture::of_colours(dims, cells(survey).into_iter().map(colour))?, dims, caption))
     }
 
-    /// ΔE00 of [`Survey::pixels`].
+    /// Figure of ΔE00 at [`Survey::pixels`].
     pub(super) fn of_differences(
         survey: &Survey<'_>,
         differences: &[f64],
@@ -44,13 +44,13 @@ impl Figure {
         Ok(Self::new(picture, dims, caption))
     }
 
-    /// At most `most` pixels of the page wide and high, with a ring around a pixel of it.
+    /// Returns HTML of at most `most` page pixels in width and height, with a ring around the pixel `ringed`.
     pub(super) fn html(&self, most: usize, ringed: Option<[f64; 2]>) -> String {
         let largest = self.size[0].max(self.size[1]);
         let times = count(most) / count(largest);
         let times = if times >= 1.0 { times.floor() } else { times };
         let [width, height] = self.size.map(|side| whole((count(side) * times).round()).max(1));
-        // Percentages, as pictures shrink with the page.
+        // Percentages, because pictures shrink with the page.
         let place = ringed.map(|at| [0, 1].map(|axis| 100.0 * (at[axis] + 0.5) / count(self.size[axis])));
         let ring = place.map_or_else(String::new, |[x, y]| format!("<i style=\"left:{x:.2}%;top:{y:.2}%\"></i>"));
         let (caption, base64) = (escaped(&self.caption), &self.picture.base64);
@@ -61,13 +61,13 @@ impl Figure {
     }
 }
 
-/// Which of [`Survey::pixels`] each cell of the lattice is.
+/// Index into [`Survey::pixels`] for each cell of the lattice.
 fn cells(survey: &Survey<'_>) -> Vec<Option<usize>> {
     let at = |pixel: &[usize; 2]| survey.pixels().iter().position(|shown| shown == pixel);
     survey.lattice().pixels().iter().map(at).collect()
 }
 
-/// In words, that not all pixels were compared.
+/// Caption suffix that states the stride of the compared pixels.
 pub(super) fn mosaic(survey: &Survey<'_>) -> String {
     match survey.lattice().stride {
         1 => String::new(),
@@ -75,7 +75,7 @@ pub(super) fn mosaic(survey: &Survey<'_>) -> String {
     }
 }
 
-/// A scale that has all of `differences`, and what is just invisible.
+/// Scale that covers all `differences` and the visibility threshold.
 pub(super) fn scale_for(differences: impl Iterator<Item = f64>) -> Scale {
     let most = differences.filter(|it| it.is_finite()).fold(2.0 * INVISIBLE, f64::max);
     let decade = 10_f64.powf(most.log10().floor());
@@ -84,14 +84,14 @@ pub(super) fn scale_for(differences: impl Iterator<Item = f64>) -> Scale {
 }
 
 impl Scale {
-    /// Whole numbers of every power of ten on it; those that are powers have a name.
+    /// Digits 1 to 9 of every power of ten on the scale; the flag marks powers of ten, which get labels.
     fn ticks(self) -> impl Iterator<Item = (f64, bool)> {
         let all =
             (-6..6).flat_map(|power| (1..10).map(move |digit| (f64::from(digit) * 10_f64.powi(power), digit == 1)));
         all.filter(move |(value, _)| (0.999 * self.low..=1.001 * self.high).contains(value))
     }
 
-    /// The scale as a drawing so wide, with a mark at what is just invisible.
+    /// Returns the scale as a drawing of `width`, with a mark at the visibility threshold.
     pub(super) fn html(self, width: f64) -> String {
         const PARTS: usize = 60;
         const MARGIN: f64 = 16.0;
@@ -119,7 +119,7 @@ impl Scale {
     }
 }
 
-/// The picture and the map of ΔE00, and its worst pixel from near.
+/// The picture, the map of ΔE00 and the enlarged worst pixel.
 pub(super) fn places(
     survey: &Survey<'_>,
     own: &Measured,

@@ -1,4 +1,4 @@
-//! Time against error: a dot for every setting, and a line through those that no other beats.
+//! Chart of time against error: a dot per setting, and a line through the Pareto-optimal ones.
 
 use super::drawing::{Drawing, Logarithmic, tick};
 use super::entry::{Entry, LEAST};
@@ -7,10 +7,10 @@ use super::trust::Trust;
 
 const WIDTH: f64 = 860.0;
 const HEIGHT: f64 = 440.0;
-/// Dots closer than this are one to the pointer.
+/// Distance within which dots share a tooltip.
 const TOGETHER: f64 = 3.0;
 
-/// A number on an axis of ΔE00, which ends at [`LEAST`].
+/// Formats a number on an axis of ΔE00 that ends at [`LEAST`].
 pub(super) fn floored(value: f64) -> String {
     if value > LEAST * 1.0001 { tick(value) } else { format!("≤ {}", tick(LEAST)) }
 }
@@ -19,12 +19,12 @@ pub(super) fn p95(entry: &Entry<'_>) -> f64 {
     entry.row.error.delta_e.p95.max(LEAST)
 }
 
-/// Time against error, with what no other setting beats as a line; without it where times are rough.
+/// Draws time against error, with a line through the Pareto-optimal settings unless times are rough.
 pub(super) fn trade(entries: &[Entry<'_>], trust: Trust) -> Drawing {
     let (left, right, top, bottom) = (62.0, WIDTH - 20.0, 34.0, HEIGHT - 46.0);
     let mut drawing = Drawing::new(WIDTH, HEIGHT);
     let across = Logarithmic::of(entries.iter().map(|entry| entry.row.frame_ms), left, right);
-    // Names need a place below the lowest dots, too.
+    // Leaves room for names below the lowest dots.
     let lowest = entries.iter().map(p95).fold(f64::INFINITY, f64::min);
     let up = Logarithmic::of(entries.iter().map(p95).chain([(0.6 * lowest).max(LEAST)]), bottom, top);
     for value in across.ticks() {
@@ -70,7 +70,7 @@ pub(super) fn trade(entries: &[Entry<'_>], trust: Trust) -> Drawing {
         }
         drawing.text(found.at, "ink", "start", &entry.name());
     }
-    // The others' names stand where there is a place beside their dots.
+    // Other settings get names only where there is room beside their dots.
     let is_named = |entry: &Entry<'_>| trust.is_best(entry.row) || own.is_some_and(|own| std::ptr::eq(own, entry));
     for entry in entries.iter().filter(|entry| !is_named(entry)) {
         if let Some(at) = labels.beside(place(entry), radius(entry) + 1.0, &entry.name()) {
@@ -78,7 +78,7 @@ pub(super) fn trade(entries: &[Entry<'_>], trust: Trust) -> Drawing {
         }
     }
 
-    // What is over everything is what can be pointed at; settings that fall together say so together.
+    // Drawn last, so that tooltips work; settings at one place share a tooltip.
     let told = |entry: &Entry<'_>| {
         let [x, y] = place(entry);
         let near = |other: &&Entry<'_>| {

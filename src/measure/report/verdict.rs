@@ -1,4 +1,4 @@
-//! What was found, in short.
+//! Summary of the findings.
 
 use super::Findings;
 use super::drawing::escaped;
@@ -14,10 +14,10 @@ use crate::measure::table::short;
 use crate::number::{capital, readable};
 use crate::scene::Scene;
 
-/// The ΔE00 that can just be seen side by side.
+/// ΔE00 that is just visible side by side.
 const SEEN: f64 = 1.0;
 
-/// The answers, each with the question before it.
+/// Answers to the questions of a report, each after its question.
 pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<'_>, trust: Trust) -> String {
     let rows = findings.rows;
     let Some(own) = rows.first() else { return String::new() };
@@ -46,7 +46,7 @@ pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<
     said.map(|(question, answer)| format!("<p><b>{question}.</b> {}</p>\n", escaped(&answer))).collect()
 }
 
-/// The two largest causes, with numbers, why the first is there, and those of the worst pixel.
+/// Names the two largest causes with numbers, the reason for the first, and the causes of the worst pixel.
 fn origin(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> String {
     let mut causes: Vec<(Cause, f64)> = own
         .causes
@@ -82,7 +82,7 @@ fn origin(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Str
     text
 }
 
-/// What a shorter step did, where twice the scene's own was measured.
+/// Effect of halving the step, if twice the scene's own step was measured.
 fn halved(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Option<String> {
     let step = step_in_voxels(scene);
     let twice = |row: &&Measured| match row.setting.get(Knob::Step) {
@@ -132,7 +132,7 @@ fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
     }
 }
 
-/// Which setting keeps what can just be seen side by side.
+/// Recommends the setting that stays within [`SEEN`].
 fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     let within = |row: &&Measured| row.error.delta_e.p95 <= SEEN;
     let Some(fits) = cheapest(rows, SEEN) else {
@@ -170,7 +170,7 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     )
 }
 
-/// What k = 8 errs by and costs, beside RGB.
+/// Compares the error and cost of k = 8 with RGB.
 fn bought(carried: &Carried<'_>, trust: Trust) -> Option<String> {
     let (eight, (rgb, kind, number)) = (carried.eight?, carried.rgb?);
     let [p95, rgb_p95] = [eight, rgb].map(|row| short(row.error.delta_e.p95));

@@ -1,8 +1,8 @@
-//! The page's words, for whoever has not met them.
+//! Glossary of a report.
 
 use super::drawing::escaped;
 
-/// A word with what it means; it is explained where one of `keys` stands on the page.
+/// A term and its meaning; the page explains it if it contains one of `keys`.
 struct Word {
     name: &'static str,
     keys: &'static [&'static str],
@@ -13,7 +13,7 @@ const fn word(name: &'static str, keys: &'static [&'static str], meaning: &'stat
     Word { name, keys, meaning }
 }
 
-/// Names that are heads of the table of all numbers stand there with their meaning, too.
+/// Terms that are column heads of the table of all numbers also give the heads' tooltips.
 const WORDS: [Word; 40] = [
     word(
         "ΔE00",
@@ -117,12 +117,12 @@ const WORDS: [Word; 40] = [
     ),
 ];
 
-/// What a head of a table means.
+/// Meaning of a column head.
 pub(super) fn meaning(name: &str) -> Option<&'static str> {
     WORDS.iter().find(|word| word.name == name).map(|word| word.meaning)
 }
 
-/// The words of `page`, explained.
+/// Explains the terms that occur in `page`.
 pub(super) fn words(page: &str) -> String {
     let there = WORDS.iter().filter(|word| word.keys.iter().any(|key| page.contains(key)));
     let rows: String =
