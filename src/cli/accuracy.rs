@@ -1,4 +1,4 @@
-//! How accurate colours are to be, by flags that take the place of the scene's `[accuracy]`.
+//! Flags for colour accuracy that replace keys of the scene's `[accuracy]`.
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -6,29 +6,29 @@ use clap::builder::PossibleValuesParser;
 use relume::model::ModelKind;
 use relume::scene::Definition;
 
-/// Where `--help` explains it.
+/// Heading in `--help`.
 const COLOUR: &str = "Colour accuracy, in place of the scene's [accuracy]";
 
-/// What pixels keep of a spectrum.
+/// What pixels store of a spectrum.
 #[derive(Debug, Args)]
 pub(crate) struct AccuracyArgs {
-    /// Let a colour model add at most this ΔE00 (1 is about what an eye can see) to the colours that are tried, in as few numbers
-    /// a pixel as that takes.
+    /// Allow the colour model to add at most this ΔE00 (1 is just visible) to the tested colours, with as few numbers
+    /// per pixel as possible.
     #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k", allow_negative_numbers = true)]
     tolerance: Option<f64>,
-    /// Let a colour model have N numbers, 1 to 31, whatever ΔE00 it adds.
+    /// Set the dimension of the colour model, 1 to 31, regardless of the ΔE00 it adds.
     #[arg(long, help_heading = COLOUR, value_name = "N", allow_negative_numbers = true)]
     k: Option<i64>,
-    /// Carry spectra by this model where pixels keep no weights of materials. Others than nodes are for comparison.
+    /// Colour model where pixels do not store material weights. All but nodes are for comparison.
     #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(ModelKind::ALL.map(ModelKind::name)))]
     model: Option<String>,
-    /// Keep weights of the materials (exact where all absorption is grey), or the numbers of a colour model.
+    /// Store material weights (exact where all absorption is grey), or the coefficients of a colour model.
     #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(["auto", "weights", "spectral"]))]
     accumulate: Option<String>,
 }
 
 impl AccuracyArgs {
-    /// What the flags change in a scene file.
+    /// Changes to the scene file.
     pub(crate) fn definitions(&self) -> Vec<Definition> {
         let mut definitions = Vec::new();
         let mut define = |flag: &str, value: &str, text: String| {
@@ -43,7 +43,7 @@ impl AccuracyArgs {
         if let Some(k) = self.k.map(|k| k.to_string()) {
             define("--k", &k, format!("accuracy.k={k}"));
         }
-        // TOML writes `nan`; anything else that is no number would be a string.
+        // Lower case, because TOML spells it `nan`; `NaN` would become a string.
         if let Some(tolerance) = self.tolerance.map(|tolerance| tolerance.to_string().to_lowercase()) {
             define("--tolerance", &tolerance, format!("accuracy.tolerance={tolerance}"));
             define("--tolerance", &tolerance, "accuracy.k=auto".to_owned());
@@ -51,7 +51,7 @@ impl AccuracyArgs {
         definitions
     }
 
-    /// The flags that are given.
+    /// Names of the given flags.
     pub(crate) fn given(&self) -> Vec<&'static str> {
         let given = [
             ("--tolerance", self.tolerance.is_some()),
@@ -63,7 +63,7 @@ impl AccuracyArgs {
     }
 }
 
-/// A ΔE00 above 0.
+/// Parses a ΔE00 above 0.
 pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     let number = text.parse().ok().filter(|&number: &f64| number > 0.0);
     number.ok_or_else(|| "write a ΔE00 above 0, such as 0.5".to_owned())

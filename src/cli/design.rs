@@ -1,4 +1,4 @@
-//! `relume design`: spectra that have the colours a palette asks for.
+//! `relume design`: solves a palette for spectra with its target colours.
 
 use std::path::{Path, PathBuf};
 
@@ -21,22 +21,22 @@ Examples:
 
 The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra from one with [palette] use = \"FILE\".";
 
-/// `relume design`
+/// Arguments of `relume design`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Palette file (TOML), or a scene with a [palette]: which colours materials are to have under lights, and which
-    /// spectra are open.
+    /// Palette file (TOML), or a scene with a [palette]: target colours of materials under lights, and the open
+    /// spectra.
     palette: PathBuf,
     /// Write the palette with all its spectra, as a palette file.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Draw it: matrix of colours, spectra, and who can tell the materials apart (.html, .svg or .png; repeatable).
+    /// Draw a report: matrix of colours, spectra, and contrasts by colour vision (.html, .svg or .png; repeatable).
     #[arg(long, value_name = "FILE")]
     report: Vec<PathBuf>,
 }
 
-/// The kinds of report.
+/// Kind of a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Html,
@@ -109,7 +109,7 @@ fn code(xyz: Xyz) -> String {
     display_code(linear_srgb_from_xyz(xyz))
 }
 
-/// The matrix of colours, the spectra and the verdicts, for people.
+/// The matrix of colours, the spectra and the verdicts as text.
 fn text(solution: &Solution) -> String {
     let palette = &solution.palette;
     let mut table = vec![vec![String::new()]];
@@ -167,7 +167,7 @@ fn facts_line(member: &Member, facts: &Facts, what: &str) -> Vec<String> {
     ]
 }
 
-/// Columns as wide as their widest entry.
+/// Formats columns as wide as their widest entry.
 fn aligned(table: &[Vec<String>]) -> String {
     let width = |column: usize| {
         table.iter().filter_map(|line| line.get(column)).map(|entry| entry.chars().count()).max().unwrap_or(0)

@@ -1,4 +1,4 @@
-//! The light dial on the command line: one mix, or the mixes along a way of the hand.
+//! The light dial on the command line: one mix, or the mixes along a path of the hand.
 
 use std::path::PathBuf;
 
@@ -10,40 +10,41 @@ use relume::scene::{Dial, Mix};
 
 use super::CliError;
 
-/// Where `--help` explains the dial.
+/// Heading in `--help`.
 const DIAL: &str = "Light dial (its nodes stand for the lights; [dial] of the scene says where they lie)";
 
-/// The dial, and where its hand is or goes.
+/// The dial and the position or path of its hand.
 #[derive(Debug, Args)]
 #[group(id = "hand")]
 pub(crate) struct DialArgs {
-    /// Mix the lights with the hand of the dial here: each as 1/distance to its node, one alone on its node. Without
-    /// [dial] the nodes are the corners of a regular polygon, 1 from 0,0, the first at 0,1, then clockwise.
+    /// Mix the lights with the hand of the dial at this position: each weighs 1/distance to its node, one alone on its
+    /// node. Without [dial] the nodes are the corners of a regular polygon, 1 from 0,0, the first at 0,1, then
+    /// clockwise.
     #[arg(long, help_heading = DIAL, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["lights", "sweep", "tour"])]
     dial: Option<DVec2>,
-    /// Mix the lights as in this situation of the dial (`relume info` lists them).
+    /// Mix the lights as in this dial preset (`relume info` lists them as situations).
     #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "tour"])]
     situation: Option<String>,
-    /// Move the hand straight from the node of light A to that of light B: one picture a frame.
+    /// Move the hand straight from the node of light A to that of light B: one picture per frame.
     #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "tour"])]
     #[arg(group = "moves")]
     sweep: Option<String>,
-    /// Move the hand over all nodes and back to the first: one picture a frame, which repeated make a loop.
+    /// Move the hand over all nodes and back to the first: one picture per frame, for a seamless loop.
     #[arg(long, help_heading = DIAL, conflicts_with = "lights", group = "moves")]
     tour: bool,
-    /// Pictures of a sweep or tour, as NAME-0001.png and so on.
+    /// Number of pictures of a sweep or tour, as NAME-0001.png and so on.
     #[arg(long, help_heading = DIAL, value_name = "N", default_value_t = 25)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..), requires = "moves")]
     frames: u16,
-    /// Leave the light of this name out of the dial (repeatable).
+    /// Switch off the node of the light NAME (repeatable).
     #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with = "lights")]
     nodes_off: Vec<String>,
 }
 
-/// The mixes that the dial is asked for.
+/// Path of the hand and the dial it belongs to.
 pub(crate) struct Hand {
-    /// Where the hand is, picture by picture.
+    /// Positions of the hand, one per picture.
     pub(crate) places: Vec<DVec2>,
     /// Whether the pictures are numbered.
     pub(crate) moves: bool,
@@ -51,12 +52,12 @@ pub(crate) struct Hand {
 }
 
 impl DialArgs {
-    /// How many pictures there will be of each output.
+    /// Number of pictures per output; `None` for a single, unnumbered one.
     fn pictures(&self) -> Option<u16> {
         (self.sweep.is_some() || self.tour).then_some(self.frames)
     }
 
-    /// The names of the pictures, frame by frame.
+    /// File names of the pictures, frame by frame.
     pub(crate) fn names(&self, outputs: &[PathBuf]) -> Vec<Vec<PathBuf>> {
         match self.pictures() {
             None => vec![outputs.to_vec()],
@@ -64,7 +65,7 @@ impl DialArgs {
         }
     }
 
-    /// What the flags ask of `dial`; `None` where they do not name it.
+    /// Applies the flags to `dial`; `None` without flags for it.
     pub(crate) fn hand(&self, mut dial: Dial) -> Result<Option<Hand>, CliError> {
         for name in &self.nodes_off {
             dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
@@ -105,7 +106,7 @@ impl DialArgs {
 }
 
 impl Hand {
-    /// The mix at each place.
+    /// The mix at each position.
     pub(crate) fn mixes(&self, stated: &Mix) -> Vec<Mix> {
         self.places.iter().map(|&place| self.dial.mix(place, stated)).collect()
     }

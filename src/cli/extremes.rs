@@ -1,4 +1,4 @@
-//! `relume measure --extremes`: what must come out where numbers are largest, smallest or none at all.
+//! `relume measure --extremes`: scenes with very large, very small or missing inputs.
 
 use serde_json::{Map, json};
 
@@ -9,7 +9,7 @@ use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::{CliError, Report};
 
-/// Asks every extreme. What is finished when somebody asks to stop is printed.
+/// Evaluates every extreme. After a cancellation, the finished ones are printed.
 pub(super) fn run(
     device: &DeviceChoice,
     csv: bool,

@@ -25,7 +25,7 @@ Examples:
 
 Writes 1a.png to 7c.png, and figures.html with all of them and what they show.";
 
-/// The figures: name, scene, and whether it shows a frog.
+/// The figures: name, scene, and whether it shows the frog.
 const FIGURES: [(&str, &str, bool); 4] = [
     ("fig1", include_str!("../../data/figures/fig1.toml"), true),
     ("fig5", include_str!("../../data/figures/fig5.toml"), true),
@@ -33,23 +33,23 @@ const FIGURES: [(&str, &str, bool); 4] = [
     ("fig7", include_str!("../../data/figures/fig7.toml"), false),
 ];
 
-/// What they change for the real volumes.
+/// Changes of the scenes for the real volumes.
 const REAL: &str = include_str!("../../data/figures/real.toml");
 
-/// `relume figures`
+/// Arguments of `relume figures`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Folder for the pictures; made where it is not there.
+    /// Folder for the pictures; created if missing.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// The Whole Frog (frog.mhd, 500×470×136) in place of the frog made by formulas.
+    /// The Whole Frog (frog.mhd, 500×470×136) in place of the frog phantom.
     #[arg(long, value_name = "FILE", requires = "labels")]
     volume_frog: Option<PathBuf>,
     /// Its tissue labels (frogtissue.mhd).
     #[arg(long, value_name = "FILE", requires = "volume_frog")]
     labels: Option<PathBuf>,
-    /// The scanned engine block (engine.vti, 256×256×128) in place of the engine made by formulas.
+    /// The scanned engine block (engine.vti, 256×256×128) in place of the engine phantom.
     #[arg(long, value_name = "FILE")]
     volume_engine: Option<PathBuf>,
     /// Pixels across and down of each picture.
@@ -71,7 +71,7 @@ struct Panel {
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
-    // All, before the first picture is written: what a later figure cannot read would leave half of them behind.
+    // Loads all scenes before the first picture is written, so that an unreadable one leaves no incomplete set.
     let mut scenes = Vec::new();
     for (name, figure, is_frog) in FIGURES {
         let clock = Stopwatch::start();
@@ -143,18 +143,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     })
 }
 
-/// The names of the figures' scenes.
+/// Names of the figures' scenes.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     FIGURES.into_iter().map(|(name, ..)| name)
 }
 
-/// The scene of the figure `name`, on a volume made by formulas.
+/// Scene of the figure `name`, on a phantom.
 pub(super) fn scene(name: &str, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, CliError> {
     let text = FIGURES.into_iter().find(|(known, ..)| *known == name).map_or("", |(_, text, _)| text);
     Ok(scene::parse(name, text, Path::new(""), options, progress)?)
 }
 
-/// The scene of a figure, on the volume that the command line names.
+/// Scene of a figure, on the volume from the command line if given.
 fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Progress) -> Result<Scene, CliError> {
     let volume = if is_frog { &args.volume_frog } else { &args.volume_engine };
     let mut options = SceneOptions { volume: volume.clone(), ..SceneOptions::default() };
@@ -170,7 +170,7 @@ fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Pro
     Ok(scene::parse(name, figure, Path::new(""), &options, progress)?)
 }
 
-/// `key=value` for a value, and for each part of a table that only changes some keys.
+/// Returns `key=value` for a value; a table whose other keys stay gives one definition per key.
 fn definitions(key: &str, value: &toml::Value) -> Vec<Definition> {
     match value {
         toml::Value::Table(table) if ["transfer", "camera"].contains(&key) => {
@@ -180,7 +180,7 @@ fn definitions(key: &str, value: &toml::Value) -> Vec<Definition> {
     }
 }
 
-/// All pictures with their captions, as one file that needs no other.
+/// Contact sheet: all pictures with their captions in one self-contained HTML file.
 fn contact_sheet(panels: &[Panel]) -> String {
     let mut body = String::new();
     for panel in panels {

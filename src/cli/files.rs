@@ -1,4 +1,4 @@
-//! Accumulators and pictures between the renderer and files.
+//! Films and pictures in files.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,7 +30,7 @@ pub(crate) enum Bits {
     Sixteen,
 }
 
-/// What `path` will be, by its extension.
+/// Kind of the picture `path`, by its extension.
 pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
 }
@@ -48,30 +48,30 @@ pub(crate) fn write_linear(path: &Path, size: [usize; 2], rgba: &[f32], bits: Bi
     Ok(())
 }
 
-/// Linear sRGB and what passes as RGBA in f32.
+/// Converts linear sRGB and opacity to RGBA in f32.
 #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
 pub(crate) fn rgba(pixels: impl Iterator<Item = (DVec3, f64)>) -> Vec<f32> {
     pixels.flat_map(|(c, opacity)| [c.x as f32, c.y as f32, c.z as f32, opacity as f32]).collect()
 }
 
-/// An accumulator file, ready to be relit.
+/// A film file, ready to be relit.
 pub(crate) struct Saved {
     pub(crate) components: Components,
     pub(crate) positions: Vec<String>,
-    /// All lights, as strong as they are stated.
+    /// All lights with their intensities in the file.
     pub(crate) mix: Mix,
-    /// Those that the picture shows, and how strongly.
+    /// Lights of the saved picture, with their weights in it.
     pub(crate) shown: Mix,
     pub(crate) background: Option<Reflectance>,
     pub(crate) display: Display,
     pub(crate) dial: Dial,
     pub(crate) accumulation: Film<f32>,
-    /// The largest ΔE00 that a light may add that the file does not have.
+    /// Largest ΔE00 allowed for a light that is not in the file.
     pub(crate) tolerance: f64,
 }
 
 impl Saved {
-    /// The linear picture under `mix`, RGB and opacity.
+    /// Returns the linear picture under `mix`: RGB and opacity.
     pub(crate) fn relight(&self, mix: &Mix) -> Vec<f32> {
         let (positions, background) = (self.positions.len(), self.background.as_ref());
         let matrices = RelightMatrices::new(&self.components, positions, background, mix, &self.display);
@@ -81,7 +81,7 @@ impl Saved {
     }
 }
 
-/// Reads the accumulator file `path`.
+/// Reads the film file `path`.
 pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let file = File::read(path)?;
     let dial = match file.dial {
@@ -139,7 +139,7 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     })
 }
 
-/// Writes the spectrum of every pixel under `mix`; says how good they are where they are not exact.
+/// Writes the spectrum of every pixel under `mix`; returns the errors of reconstructed spectra as JSON.
 #[expect(clippy::cast_possible_truncation, reason = "spectra are stored in f32")]
 pub(crate) fn write_spectra(
     path: &Path,
@@ -181,12 +181,12 @@ pub(crate) fn write_spectra(
     Ok(quality)
 }
 
-/// Refuses outputs that cannot be written, or would overwrite an input or each other, before work is done for them.
+/// Refuses outputs that cannot be written, or that would overwrite an input or each other, before any work is done.
 pub(crate) fn check_outputs(outputs: &[&PathBuf], inputs: &[&Path]) -> Result<(), CliError> {
     let mut real = Vec::new();
     for output in outputs {
         let this = std::fs::canonicalize(output).ok().or_else(|| {
-            // What is not there yet has a folder that is.
+            // Output files may not exist yet, but their folders do.
             let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
             Some(std::fs::canonicalize(folder).ok()?.join(output.file_name()?))
         });

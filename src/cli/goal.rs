@@ -1,4 +1,4 @@
-//! `--max-error`, `--budget` and `--preset`: settings that are chosen by what is measured.
+//! `--max-error`, `--budget` and `--preset`: settings chosen by measurement.
 
 use std::path::PathBuf;
 
@@ -13,21 +13,22 @@ use relume::scene::{Mix, Scene};
 use super::CliError;
 use super::accuracy::tolerance;
 
-/// Where `--help` explains it.
+/// Heading in `--help`.
 const CHOICE: &str = "Accuracy for time: a setting chosen by measurements of this scene on this device";
 
-/// What is asked of a picture.
+/// Goal of a picture.
 #[derive(Debug, Args)]
 #[group(id = "goal", multiple = false)]
 pub(crate) struct GoalArgs {
-    /// Take the fastest setting whose colours are within this ΔE00 of the truth in 95 of 100 pixels, and say what it came to.
+    /// Take the fastest setting within this ΔE00 of the truth in 95 of 100 pixels, and report the error reached.
     ///
-    /// The total error counts: samples, colour model, tables, rounding and device (--tolerance is the colour model's alone).
-    /// Steps, the numbers of a colour model and how many pixels are marched are chosen: a picture of fewer is enlarged to its
-    /// size, and its errors are counted there. What is measured is kept in the user's cache folder.
+    /// The limit is for the total error: samples, colour model, tables, rounding and device (--tolerance is the colour
+    /// model's alone). Chosen are the step, the dimension of the colour model and the number of marched pixels: a
+    /// smaller picture is enlarged, and its errors are measured at full size. Measurements are kept in the user's cache
+    /// folder.
     #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     max_error: Option<f64>,
-    /// Take the setting that is closest to the truth of those whose frames, march, relight and enlarging, take no longer.
+    /// Take the setting closest to the truth whose frames (march, relight and enlarging) take at most this long.
     #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds, allow_negative_numbers = true)]
     budget: Option<f64>,
     /// interactive: 50 ms a frame; balanced: within ΔE00 1; reference: within 0.25.
@@ -59,7 +60,7 @@ fn milliseconds(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "write a time in ms above 0, such as 40".to_owned())
 }
 
-/// Where measurements are kept: the user's cache folder, where the system has one.
+/// Folder of the measurements: the user's cache folder, if the system has one.
 pub(crate) fn cache_folder() -> Option<PathBuf> {
     let folder = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
     let home =
@@ -68,7 +69,7 @@ pub(crate) fn cache_folder() -> Option<PathBuf> {
     base.map(|base| base.join("relume"))
 }
 
-/// The setting for `goal`.
+/// Chooses the setting for `goal`.
 pub(crate) fn chosen(
     renderer: &Renderer,
     scene: &Scene,
@@ -81,7 +82,7 @@ pub(crate) fn chosen(
     Ok(choose(renderer, scene, mix, wanted, cache_folder().as_deref(), progress)?)
 }
 
-/// What became of a choice in the picture `rgba`: a line for people, and the same for programs.
+/// Measures the picture `rgba` of a choice; returns a line of text and JSON.
 pub(crate) fn checked(
     choice: &Choice,
     args: &GoalArgs,

@@ -1,4 +1,4 @@
-//! `relume info`: what a volume holds, what a scene needs, what devices there are.
+//! `relume info`: describes a volume, the plan of a scene, a film file or the Vulkan devices.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -32,13 +32,13 @@ Examples:
 const ARGUMENT: &str = "A scene (.toml), an accumulator file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
                         Without one, the Vulkan devices";
 
-/// `relume info`
+/// Arguments of `relume info`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES, mut_arg("scene", |arg| arg.value_name("FILE").help(ARGUMENT).long_help(ARGUMENT)))]
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Also print the value of this voxel of the volume, a scene's too, counted from 0 (repeatable).
+    /// Also print the value of this voxel of the volume or of the scene's volume, counted from 0 (repeatable).
     #[arg(long, value_name = "x,y,z", value_parser = voxel)]
     voxel: Vec<[usize; 3]>,
 }
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 }
 
 impl Args {
-    /// Refuses flags on colour accuracy.
+    /// Refuses flags for colour accuracy.
     fn refuse_accuracy(&self, why: &str) -> Result<(), CliError> {
         match self.scene.accuracy.given().first() {
             Some(flag) => Err(CliError::Usage(format!("{flag} does nothing here: {why}"))),
@@ -86,7 +86,7 @@ impl Args {
         }
     }
 
-    /// Refuses each of `flags` that is given.
+    /// Refuses any of `flags` that is given.
     fn refuse(&self, flags: &[&str], why: &str) -> Result<(), CliError> {
         let selection = self.scene.selection.selection();
         let given = [
@@ -106,10 +106,11 @@ impl Args {
     }
 }
 
-/// No sidecar is longer.
+/// Longest sidecar, in bytes.
 const LONGEST_TOML: u64 = 1 << 16;
 
-/// TOML describes a scene, unless it describes voxels, by `dims` or `type` at the top or by a `[volume]` alone.
+/// Whether a file describes a scene: TOML does, unless it describes voxels, by `dims` or `type` at the top level or by
+/// a lone `[volume]`.
 fn is_scene(path: &Path) -> bool {
     let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
     let table = || String::from_utf8(input::read(path, LONGEST_TOML).ok()?).ok()?.parse::<toml::Table>().ok();
@@ -118,7 +119,7 @@ fn is_scene(path: &Path) -> bool {
     toml && !table().is_some_and(of_voxels)
 }
 
-/// Whether the slider of this light is on as the scene opens.
+/// Whether the slider of a light is on when the scene opens.
 fn is_on(scene: &Scene, name: &str) -> bool {
     let mut lights = scene.lights.iter().zip(&scene.light.sliders);
     lights.any(|(light, slider)| light.name == name && slider.on)
@@ -152,7 +153,7 @@ pub(crate) fn device_json(device: &DeviceInfo) -> Value {
     })
 }
 
-/// A voxel that was asked for.
+/// A requested voxel.
 #[derive(Serialize)]
 struct Sampled {
     index: [usize; 3],
@@ -382,17 +383,17 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
     Ok(Report { text, json })
 }
 
-/// `text`, unless there is none.
+/// Returns `text`, or "none" if it is empty.
 fn or_none(text: &str) -> String {
     if text.is_empty() { "none".to_owned() } else { text.to_owned() }
 }
 
-/// `a × b × c`
+/// Formats `a × b × c`.
 fn by<T: ToString>(values: &[T; 3]) -> String {
     values.each_ref().map(ToString::to_string).join(" × ")
 }
 
-/// `(a, b, c)`, to six decimals.
+/// Formats `(a, b, c)` with up to six decimals.
 fn list(vector: glam::DVec3) -> String {
     let short = |value: f64| {
         let rounded = format!("{value:.6}");
@@ -402,7 +403,7 @@ fn list(vector: glam::DVec3) -> String {
     format!("({})", vector.to_array().map(short).join(", "))
 }
 
-/// A bar for each bin, as high as the logarithm of its count; a blank where nothing is.
+/// Draws a bar per bin, as high as the logarithm of its count; a blank for an empty bin.
 fn bars(bins: &[u64]) -> String {
     const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let height = |count: u64| u64::from(u64::BITS - count.leading_zeros());
@@ -416,14 +417,14 @@ fn bars(bins: &[u64]) -> String {
     bins.iter().map(bar).collect()
 }
 
-/// The plan in sentences, with how the volume is stored.
+/// Describes the plan and the storage of the volume in sentences.
 fn explanation(scene: &Scene, planned: &Planned, storage: &Storage) -> Vec<String> {
     let mut sentences = planned.explain(scene);
     sentences.push(storage.explain(scene.volume.geometry.dims));
     sentences
 }
 
-/// A plan for programs; `learnt` says which lights its model was not planned for, where there are any.
+/// The plan as JSON; `learnt` tells which lights of its model were planned, if others were added.
 pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, learnt: Option<Learnt>) -> Value {
     let plan = &planned.plan;
     let model = |model: &Arc<ColourModel>| learnt.unwrap_or_else(|| Learnt::nothing(model)).json(model);

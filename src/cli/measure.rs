@@ -1,4 +1,4 @@
-//! `relume measure`: what each setting of a scene costs here, and how far from the truth it is and why.
+//! `relume measure`: cost and error of each setting of a scene, with the causes of the error.
 
 use std::path::PathBuf;
 
@@ -32,26 +32,27 @@ an eighth of the shortest step and rays followed to their ends, in pixels of the
 by cause, rung by rung: step, termination, basis, tables and storage, rounding, device; the parts need not add up. Times are
 medians; a frame is a march and a relight. * marks settings that no other beats.";
 
-/// `relume measure`
+/// Arguments of `relume measure`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// What to measure beside the scene's own setting (repeatable): every knob with every value of the others.
+    /// Settings to measure besides the scene's own (repeatable): every knob with every value of the others.
     ///
-    /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, volume, gradients, entries, lookup,
-    /// skipping or scale (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole numbers of k from A to B, else A, 2A,
-    /// 4A and so on to B (10A, 100A of termination). Without --sweep, every knob is swept by itself.
+    /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, volume, gradients, entries,
+    /// lookup, skipping or scale (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole
+    /// numbers of k from A to B, else A, 2A, 4A and so on to B (10A, 100A of termination). Without --sweep, every knob
+    /// is swept by itself.
     #[arg(long, value_name = "KNOB=VALUES,…")]
     sweep: Vec<String>,
-    /// Pixels across and down of the pictures whose time is taken.
+    /// Pixels across and down of the pictures that are timed.
     #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = size)]
     size: [usize; 2],
-    /// The most pixels of them whose error is measured.
+    /// Largest number of their pixels whose error is measured.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
     pixels: u32,
-    /// Runs whose times count, after two that warm up.
+    /// Timed runs, after two for warming up.
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
     runs: u16,
     #[command(flatten)]
@@ -65,29 +66,30 @@ pub(crate) struct Args {
     /// Print the table as Markdown.
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-    /// Ask for the extremes in place of a scene: what must come out where numbers are largest, smallest or none at all, from
-    /// f64 to the device, each beside its bound. Ends with 1 where one does not hold.
+    /// Check the extremes in place of a scene: very large, very small and missing inputs, on every rung from f64 to the
+    /// device, each against its bound. Exits with 1 if a bound is exceeded.
     #[arg(long, conflicts_with_all = [
         "SceneArgs", "DefineArgs", "AccuracyArgs", "SelectionArgs", "RawArgs", "goal", "sweep", "size", "pixels", "runs",
         "output",
     ])]
     extremes: bool,
-    /// Report to write (repeatable): .html is one page with everything, .svg and .png are the trade as a picture.
+    /// Report to write (repeatable): .html is one page with everything, .svg and .png are the chart of time against
+    /// error.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
 
-/// What came of a survey.
+/// Result of a survey.
 struct Outcome {
     rows: Vec<Measured>,
-    /// Settings that cannot be, and why.
+    /// Refused settings with their reasons.
     refused: Vec<(Setting, String)>,
     interrupted: bool,
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
     if args.extremes {
-        // clap's group of arguments does not count the one without a name.
+        // clap's group of arguments does not include the positional argument.
         if let Some(scene) = &args.scene.scene {
             return Err(CliError::Usage(format!(
                 "the argument '--extremes' cannot be used with a scene, {}: it has its own",
@@ -147,7 +149,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     Ok(Report { text, json })
 }
 
-/// What a report is.
+/// Kind of a report.
 #[derive(Clone, Copy)]
 enum ReportKind {
     Html,
@@ -164,7 +166,7 @@ fn report_kind(path: &std::path::Path) -> Result<ReportKind, CliError> {
     }
 }
 
-/// Measures setting after setting. Where somebody asks to stop, what is measured is kept.
+/// Measures the settings one by one. A cancellation keeps the finished rows.
 fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progress) -> Result<Outcome, CliError> {
     let mut outcome = Outcome { rows: Vec::new(), refused: Vec::new(), interrupted: false };
     for (done, setting) in settings.iter().enumerate() {
@@ -178,7 +180,7 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
                 outcome.interrupted = true;
                 break;
             }
-            // One that the scene refuses; all others are measured.
+            // The scene refuses this setting; all others are measured.
             Err(SurveyError::Plan(error)) => outcome.refused.push((setting.clone(), error.to_string())),
             Err(SurveyError::Render(error @ RenderError::Matrix { .. })) => {
                 outcome.refused.push((setting.clone(), error.to_string()));
@@ -196,9 +198,9 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
     Ok(outcome)
 }
 
-/// The page of a report.
+/// HTML page of the report.
 fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> Result<String, CliError> {
-    // What is finished is reported, also where somebody has asked to stop.
+    // Skipped after a cancellation; the finished rows are reported.
     let close_up = match outcome.rows.first() {
         Some(own) if !outcome.interrupted => survey.close_up(own, progress)?,
         _ => None,

@@ -1,4 +1,4 @@
-//! What the command line says, and what comes back: one result on standard output, one error on standard error.
+//! The command line: one result on standard output, one error on standard error.
 
 mod accuracy;
 mod bench;
@@ -35,7 +35,7 @@ use relume::volume::VolumeError;
 use relume::vulkan::VulkanError;
 use terminal::{INTERRUPTED, Terminal};
 
-/// Renders volumes with materials and lights that are spectra: march once, relight as often as you like.
+/// Renders volumes with spectral materials and lights: march once, relight any number of times.
 #[derive(Debug, Parser)]
 #[command(version, arg_required_else_help = true, max_term_width = 110, after_help = EXAMPLES)]
 struct Cli {
@@ -63,19 +63,19 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 inte
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// March a scene and write pictures, accumulators or spectra of it.
+    /// March a scene and write pictures, its film or spectra.
     Render(render::Args),
     /// Explore a scene or a volume by its light, in a window.
     View(view::Args),
-    /// Light saved accumulators anew: no volume, no march, no GPU.
+    /// Relight a saved film: no volume, no march, no GPU.
     Relight(relight::Args),
-    /// Find spectra that have the colours a palette asks for, and tell what cannot be had.
+    /// Solve a palette for spectra with its target colours, and report conflicts.
     Design(design::Args),
-    /// Make the figures of the paper: what designed lights and materials show and hide.
+    /// Render the paper's figures: what designed lights and materials show and hide.
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Measure what each setting of a scene costs here, and how far from the truth it is and why.
+    /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
     Measure(measure::Args),
     /// Measure marching, relighting, reading, colour models and palettes, as a table or as JSON.
     Bench(bench::Args),
@@ -83,7 +83,7 @@ enum Command {
     Shaders(shaders::Args),
 }
 
-/// Why a command failed.
+/// Failure of a command.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     #[error(transparent)]
@@ -130,7 +130,7 @@ pub(crate) enum CliError {
     Failed(String),
 }
 
-/// The exit code of what nobody has interrupted: 1 failed, 2 wrong usage, 3 no usable device.
+/// Returns the exit code of an error other than an interruption: 1 failed, 2 wrong usage, 3 no usable device.
 fn exit_code(error: &CliError) -> u8 {
     let of_device = |error: &VulkanError| match error {
         VulkanError::NoLoader { .. }
@@ -154,7 +154,7 @@ fn exit_code(error: &CliError) -> u8 {
     }
 }
 
-/// Runs the command line; only this function prints.
+/// Runs the command line; prints the result or the error.
 pub(crate) fn main() -> ExitCode {
     let started = std::time::Instant::now();
     let cli = Cli::parse();
@@ -182,7 +182,7 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(mut report) => {
             report.json["warnings"] = terminal.warnings().into();
-            // A result may be what was done before Ctrl-C.
+            // A result may be partial after Ctrl-C.
             let interrupted = report.json["interrupted"] == true;
             let missed = report.json["holds"] == false;
             terminal::print(&if cli.json { report.json_text() } else { report.text });
@@ -193,7 +193,7 @@ pub(crate) fn main() -> ExitCode {
             let code = if interrupted { INTERRUPTED } else { exit_code(&error) };
             match error {
                 error @ CliError::Cancelled => terminal::complain(&error),
-                // Which part of the work heard it first does not matter.
+                // The part of the work that noticed Ctrl-C first does not matter.
                 _ if interrupted => terminal::complain(&CliError::Failed(terminal::TOLD.to_owned())),
                 error => terminal::complain(&error),
             }
@@ -202,11 +202,11 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-/// What a command has to say, for people and for programs.
+/// Result of a command as text and as JSON.
 pub(crate) struct Report {
-    /// For people.
+    /// Text for the terminal.
     pub(crate) text: String,
-    /// For programs; names are stable.
+    /// JSON; names are stable.
     pub(crate) json: serde_json::Value,
 }
 

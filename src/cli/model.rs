@@ -1,4 +1,4 @@
-//! What is said of a colour model: its errors, and those under lights that it was not planned for.
+//! Reports on a colour model: its errors, also under lights that were not in its plan.
 
 use serde_json::{Value, json};
 
@@ -6,12 +6,12 @@ use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstr
 use relume::scene::Mix;
 use relume::spectrum::Light;
 
-/// Fits `model` to those lights of `mix` that it does not have, and warns of the ones whose colours may be off by more
-/// than `tolerance`, with the `way_out`.
+/// Fits `model` to the lights of `mix` that it does not have. Warns of each one with errors above `tolerance`, with the
+/// remedy `way_out`.
 ///
 /// # Errors
 ///
-/// [`ModelError::NotFinite`] for lights, or stored models, that cannot be computed with.
+/// [`ModelError::NotFinite`] if a light or a stored model has values that are not finite.
 pub(crate) fn learn(model: &mut ColourModel, mix: &Mix, tolerance: f64, way_out: &str) -> Result<Learnt, ModelError> {
     let planned = model.lights().len();
     for light in &mix.0 {
@@ -29,20 +29,20 @@ pub(crate) fn learn(model: &mut ColourModel, mix: &Mix, tolerance: f64, way_out:
     Ok(Learnt { planned })
 }
 
-/// Which lights of a model it was planned for.
+/// Number of a model's lights that were in its plan.
 #[derive(Clone, Copy)]
 pub(crate) struct Learnt {
-    /// How many they are; the others follow.
+    /// Planned lights; the others follow them.
     planned: usize,
 }
 
 impl Learnt {
-    /// A model that was planned for all its lights.
+    /// For a model without additional lights.
     pub(crate) fn nothing(model: &ColourModel) -> Self {
         Self { planned: model.lights().len() }
     }
 
-    /// A line on each light that the model was not planned for.
+    /// Returns a line for each light that was not in the model's plan.
     pub(crate) fn text(self, model: &ColourModel) -> String {
         let line = |(name, _, matrix): &(String, Light, LightMatrix)| {
             let ErrorSummary { mean, p95, max } = matrix.worst();
@@ -57,7 +57,7 @@ impl Learnt {
         model.lights()[self.planned..].iter().map(line).collect()
     }
 
-    /// The model for programs.
+    /// The model as JSON.
     pub(crate) fn json(self, model: &ColourModel) -> Value {
         let light = |(index, (name, _, matrix)): (usize, &(String, Light, LightMatrix))| {
             let mut json = error_json(name, matrix.worst());
@@ -80,7 +80,7 @@ impl Learnt {
     }
 }
 
-/// How good full spectra of a model's numbers are, for programs and for files.
+/// Errors of full spectra reconstructed from a model's coefficients, as JSON for reports and files.
 pub(crate) fn reconstruction_json(model: &ColourModel, reconstruction: &Reconstruction) -> Value {
     let lights: Vec<Value> = reconstruction.errors.iter().map(|(name, error)| error_json(name, *error)).collect();
     json!({

@@ -1,4 +1,4 @@
-//! `relume relight`: saved accumulators under other lights.
+//! `relume relight`: a saved film under other lights.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,25 +24,24 @@ Examples:
   relume relight acc.exr --dial 0.3,-0.2 -o between.png
   relume relight acc.exr --sweep day..lamp --frames 50 -o evening.png        evening-0001.png to evening-0050.png";
 
-/// `relume relight`
+/// Arguments of `relume relight`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// What `relume render --accumulators` saved.
+    /// Film file from `relume render --accumulators`.
     accumulators: PathBuf,
     #[command(flatten)]
     lights: LightArgs,
     #[command(flatten)]
     dial: DialArgs,
-    /// Whose eyes make colours of spectra, the CIE's standard observer of 1931 (2°) or of 1964 (10°), in place of what the
-    /// file says.
+    /// CIE standard observer, of 1931 (2°) or 1964 (10°), in place of the file's.
     #[arg(long, value_name = "YEAR", value_parser = observer)]
     observer: Option<Observer>,
-    /// Warn where colours under a light that the file does not have may be off by more than this ΔE00, in place of what
-    /// the file says.
+    /// Warn where colours under a light that is not in the file may be off by more than this ΔE00, in place of the
+    /// file's tolerance.
     #[arg(long, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     tolerance: Option<f64>,
-    /// Those of `render` that say how colours are modelled, to be told what becomes of them here.
+    /// Flags of `render` for the colour model, accepted here only to explain why they cannot apply.
     #[command(flatten)]
     planned: Planned,
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
@@ -53,12 +52,12 @@ pub(crate) struct Args {
     bits: Bits,
 }
 
-/// The observer of a year.
+/// Parses the year of an observer.
 fn observer(year: &str) -> Result<Observer, String> {
     Observer::ALL.into_iter().find(|one| one.to_string() == year).ok_or_else(|| "it is 1931 or 1964".to_owned())
 }
 
-/// What was chosen when the file was rendered.
+/// Settings that are fixed since the file was rendered.
 #[derive(Debug, clap::Args)]
 struct Planned {
     #[arg(long, hide = true, allow_hyphen_values = true)]
@@ -72,7 +71,7 @@ struct Planned {
 }
 
 impl Planned {
-    /// Refuses what only `render` can choose.
+    /// Refuses flags that only `render` can apply.
     fn check(&self) -> Result<(), CliError> {
         let given = [
             ("--k", self.k.is_some()),

@@ -1,4 +1,4 @@
-//! `relume render`: a scene marched once, and what can be written of it.
+//! `relume render`: marches a scene once and writes pictures, its film and spectra.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -34,7 +34,7 @@ Examples:
   relume render scene.toml -o ct.png --volume ct.raw --dims 512x512x200 --type int16
   relume render scene.toml --accumulators acc.exr        (then: relume relight acc.exr …)";
 
-/// `relume render`
+/// Arguments of `relume render`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
-    /// Plan the colour model also for the lights of --light, where one is needed.
+    /// Include the lights of --light in the plan of the colour model, if there is one.
     #[arg(long)]
     replan: bool,
     /// Pixels across and down.
@@ -57,12 +57,12 @@ pub(crate) struct Args {
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
-    /// Render on the CPU with all 81 bands in f64: slow, and the truth.
+    /// Render on the CPU with all 81 bands in f64: slow, but the truth.
     #[arg(long, conflicts_with_all = ["device", "goal"])]
     reference: bool,
     #[command(flatten)]
     goal: GoalArgs,
-    /// Save what the march left, for `relume relight` (layout: documentation of `output::film`).
+    /// Save the film for `relume relight` (layout: documentation of `output::film`).
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
@@ -74,12 +74,12 @@ fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
     Ok(Renderer::new(Device::open(&args.device, Validation::Off)?))
 }
 
-/// What was marched, wherever that was.
+/// Results of a march on the CPU or a device.
 struct Marched {
     accumulation: Option<Film<f32>>,
-    /// All bands of each position and of what passes, where the reference makes spectra.
+    /// All bands of each light position and of the transmittance, if the reference makes spectra.
     bands: Option<Film<f32>>,
-    /// Linear RGBA; made where an output needs it.
+    /// Linear RGBA, if an output needs it.
     linear: Option<Vec<f32>>,
     /// 8-bit sRGB RGBA.
     display: Option<Vec<u8>>,
@@ -89,7 +89,7 @@ struct Marched {
     details: serde_json::Value,
 }
 
-/// What has to come back from the device.
+/// Results that the outputs need.
 #[derive(Clone, Copy)]
 struct Wanted {
     linear: bool,
@@ -99,7 +99,7 @@ struct Wanted {
 }
 
 impl Marched {
-    /// Makes what was marched of fewer pixels as large as it is shown.
+    /// Enlarges the results of a march at reduced size.
     fn enlarge(&mut self, enlargement: &Enlargement) {
         let clock = Stopwatch::start();
         if let Some(linear) = &mut self.linear {
@@ -155,7 +155,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let scene = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
     let lights: Vec<(String, Light)> =
         mix.0.iter().filter(|_| args.replan).map(|light| (light.name.clone(), light.spectrum.clone())).collect();
-    // The reference computes all wavelengths, and needs no model but for accumulators.
+    // The reference computes all wavelengths and needs a model only for a film file.
     let (planned, learnt) = if args.reference && args.accumulators.is_none() {
         (plan_full_spectrum(&scene), None)
     } else {
@@ -251,7 +251,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     Ok(Report { text, json })
 }
 
-/// Fits the colour model, where there is one, to the lights of `mix` that it was not planned for.
+/// Fits the colour model, if there is one, to the lights of `mix` that were not in its plan.
 fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Result<Option<Learnt>, CliError> {
     let way_out = match scene.accuracy.dimension {
         None => "add --replan to plan it for this light too",
@@ -261,17 +261,17 @@ fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Result<Option<Learn
     Ok(Some(super::model::learn(model, mix, scene.accuracy.tolerance, way_out)?))
 }
 
-/// The first flag given that says how colours are to be modelled, where the reference models none. A tolerance it keeps.
+/// First flag for the colour model that has no effect on the reference, which uses no model. `--tolerance` is exempt.
 fn unused_by_the_reference(args: &Args) -> Option<&'static str> {
     let given = args.scene.accuracy.given().into_iter().filter(|flag| *flag != "--tolerance");
     let mut given = given.chain(args.replan.then_some("--replan"));
     given.next().filter(|_| args.reference && args.accumulators.is_none())
 }
 
-/// Refuses a picture that this computer cannot hold.
+/// Refuses a picture that exceeds the free memory.
 fn check_memory(args: &Args) -> Result<(), CliError> {
-    // Linear RGBA in f32; the reference has XYZ, colours and what passes in f64 beside it, and all bands of one position at
-    // least, in f64 and f32, where it makes spectra.
+    // Linear RGBA in f32. The reference adds XYZ, colours and transmittance in f64, and for spectra all bands of at
+    // least one light position in f64 and f32.
     let pixel_bytes = match (args.reference, &args.spectral) {
         (true, Some(_)) => 72 + 12 * BANDS,
         (true, None) => 72,
@@ -287,7 +287,7 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
     }
 }
 
-/// Says what of the data cannot be shown as it is.
+/// Warns of NaN and infinities in the data.
 pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
     if statistics.not_a_number > 0 {
         let count = statistics.not_a_number;
@@ -298,9 +298,10 @@ pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
     }
 }
 
-/// Says what storing gives up.
+/// Warns of precision lost by the storage of the volume.
 fn warn_of_storage(storage: &Storage, whole: bool) {
-    // A sixteenth of an entry of the longest table; f32 keeps most data far better. Whole numbers are told apart, or not.
+    // The limit is a sixteenth of an entry of the longest table; f32 is far more precise for most data. Integers may
+    // move by at most a quarter, so that they stay distinct.
     let visible = (storage.domain[1] - storage.domain[0]) / f64::from(1 << 20);
     let limit = if whole { visible.min(0.25) } else { visible };
     if storage.loss > limit {
@@ -314,7 +315,7 @@ fn warn_of_storage(storage: &Storage, whole: bool) {
     }
 }
 
-/// Says which labels nobody declared.
+/// Warns of labels that the scene does not declare.
 fn warn_of_undeclared(labels: Option<&LabelMap>) {
     if let Some(labels) = labels.filter(|labels| !labels.undeclared.is_empty()) {
         const LISTED: usize = 8;
@@ -331,7 +332,7 @@ fn warn_of_undeclared(labels: Option<&LabelMap>) {
     }
 }
 
-/// Says why a picture is black; `occupied` says how many cells hold something, where that is known.
+/// Warns of the causes of a black picture; `occupied` is the number of occupied macrocells, if known.
 fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option<usize>) {
     if planned.materials.is_empty() && !(0..scene.materials.len()).any(|material| scene.absorbs(material)) {
         tracing::warn!("the scene shows no material: give its transfer function intervals with an opacity above 0");

@@ -1,4 +1,4 @@
-//! Scenes as the command line names and changes them.
+//! Scenes, volumes and lights as command-line arguments.
 
 use std::path::{Path, PathBuf};
 
@@ -11,16 +11,16 @@ use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 use super::CliError;
 use super::accuracy::AccuracyArgs;
 
-/// Which scene, and what is changed about it.
+/// A scene and its changes.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the scene that is part of the program.
+    /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the embedded scene.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or .toml that
-    /// describes a .raw.
+    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or a .toml sidecar
+    /// of a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
-    /// Labels on the same grid as the volume, in place of the scene's. The scene's [labels] say what they show as.
+    /// Label map on the volume's grid, in place of the scene's. The scene's [labels] define the appearance of labels.
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
     /// Average blocks of A×B×C voxels after loading: less memory, less time, less detail.
@@ -36,11 +36,11 @@ pub(crate) struct SceneArgs {
     pub(crate) raw: RawArgs,
 }
 
-/// `-D`.
+/// The flag `-D`.
 #[derive(Debug, Args)]
 pub(crate) struct DefineArgs {
-    /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or
-    /// -D transfer.intervals.0.opacity=0.5.
+    /// Change a value of the scene file, or add one (repeatable), for example -D lights.key.intensity=2 or -D
+    /// transfer.intervals.0.opacity=0.5.
     #[arg(short = 'D', long = "define", value_name = "KEY=VALUE")]
     define: Vec<String>,
 }
@@ -55,13 +55,13 @@ impl DefineArgs {
     }
 }
 
-/// Where `--help` explains what to choose.
+/// Heading in `--help`.
 const SEVERAL: &str = "Volumes with several numbers per voxel, time steps or arrays";
 
-/// What to read of a file that holds several volumes.
+/// Choice of one volume from a file with several.
 #[derive(Debug, Args)]
 pub(crate) struct SelectionArgs {
-    /// Read this component of every voxel, counted from 0: a colour channel, a vector's or a tensor's entry.
+    /// Read this component of every voxel, counted from 0: a colour channel, an entry of a vector or a tensor.
     #[arg(long, help_heading = SEVERAL, value_name = "N")]
     component: Option<usize>,
     /// Read this time step, counted from 0.
@@ -78,10 +78,10 @@ impl SelectionArgs {
     }
 }
 
-/// Where `--help` explains headerless volumes. `next_help_heading` would also take in all that follows.
+/// Heading in `--help`. `next_help_heading` would also apply to all later arguments.
 const RAW: &str = "Volumes without a header (FILE.raw)";
 
-/// How a headerless volume lies in its file.
+/// Layout of a headerless volume in its file.
 #[derive(Debug, Args)]
 pub(crate) struct RawArgs {
     /// Voxels along x, y and z, x fastest.
@@ -93,16 +93,16 @@ pub(crate) struct RawArgs {
     /// The most significant byte of a voxel comes first.
     #[arg(long, help_heading = RAW, requires = "dims")]
     big_endian: bool,
-    /// Bytes to leave out at the beginning of the file.
+    /// Bytes to skip at the beginning of the file.
     #[arg(long, help_heading = RAW, value_name = "BYTES", default_value_t = 0, requires = "dims")]
     header_bytes: u64,
-    /// World units between voxels along x, y and z; 1x1x1 where not given.
+    /// World units between voxels along x, y and z; default 1x1x1.
     #[arg(long, help_heading = RAW, value_name = "SXxSYxSZ", value_parser = three_numbers, requires = "dims")]
     spacing: Option<[f64; 3]>,
 }
 
 impl RawArgs {
-    /// The layout, where flags state one.
+    /// The layout, if flags give one.
     pub(crate) fn layout(&self) -> Option<RawLayout> {
         let plain = RawLayout::new(self.dims?, self.voxel_type?);
         Some(RawLayout {
@@ -114,22 +114,22 @@ impl RawArgs {
     }
 }
 
-/// `--light`.
+/// The flag `--light`.
 #[derive(Debug, Args)]
 pub(crate) struct LightArgs {
-    /// Light it with NAME in place of the scene's lights (repeatable: lights add up).
+    /// Light the scene with NAME in place of its own lights (repeatable: lights add up).
     ///
-    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B1 to LED-V2, "blackbody 3000"),
-    /// else a file of two columns, nm and power. A light of the scene shines from where it stands, any other
-    /// goes to every light position that `relume info` lists (positions that shade alike are one) and adds up, unless
-    /// POSITION names one. WEIGHT multiplies it. Where a name holds @ or =, the text is taken whole if there is such a
-    /// light or file.
+    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B1 to LED-V2, "blackbody
+    /// 3000"), else a file of two columns, nm and power. A light of the scene shines from its own position. Any other
+    /// light shines from every light position that `relume info` lists (positions with equal shading are one), and adds
+    /// up, unless POSITION names one. WEIGHT is a factor. If a name contains @ or =, the whole text is taken as the
+    /// name of a light or file if there is one.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }
 
 impl SceneArgs {
-    /// What is changed about the scene.
+    /// Changes of the scene.
     pub(crate) fn options(&self) -> SceneOptions {
         SceneOptions {
             volume: self.volume.clone(),
@@ -162,12 +162,12 @@ impl SceneArgs {
 }
 
 impl LightArgs {
-    /// The files that are read if no light of the scene has their name.
+    /// Files that are read unless a light of the scene has their name.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         self.lights.iter().flat_map(|light| light.files(Path::new(""))).collect()
     }
 
-    /// The mix asked for, or the one `stated`.
+    /// The requested mix, or `stated` without a request.
     pub(crate) fn mix(&self, stated: Mix, positions: &[String]) -> Result<Mix, CliError> {
         if self.lights.is_empty() {
             return Ok(stated);
@@ -176,19 +176,19 @@ impl LightArgs {
     }
 }
 
-/// `AxBxC`, whole numbers from 1.
+/// Parses `AxBxC`, whole numbers from 1.
 pub(crate) fn three(text: &str) -> Result<[usize; 3], String> {
     let numbers = split(text, |part| part.parse().ok().filter(|&n: &usize| n > 0));
     numbers.ok_or_else(|| "write three whole numbers from 1, such as 2x2x1".to_owned())
 }
 
-/// `AxBxC`, positive numbers.
+/// Parses `AxBxC`, positive numbers.
 fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers = split(text, |part| part.parse().ok().filter(|&n: &f64| n > 0.0 && n.is_finite()));
     numbers.ok_or_else(|| "write three positive numbers, such as 1x1x1.5".to_owned())
 }
 
-/// `x,y,z`
+/// Parses `x,y,z`.
 pub(crate) fn voxel(text: &str) -> Result<[usize; 3], String> {
     let parts: Option<Vec<usize>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     parts.and_then(|parts| parts.try_into().ok()).ok_or_else(|| "write x,y,z, such as 10,20,30".to_owned())
@@ -199,7 +199,7 @@ fn split<T>(text: &str, number: impl Fn(&str) -> Option<T>) -> Option<[T; 3]> {
     parts?.try_into().ok()
 }
 
-/// `WxH`
+/// Parses `WxH`.
 pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     const LARGEST: usize = relume::output::Picture::LARGEST_SIDE;
     const MOST_PIXELS: usize = 1 << 31;

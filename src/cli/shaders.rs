@@ -13,23 +13,23 @@ use relume::shader::Shader;
 
 use super::{CliError, Report};
 
-/// `relume shaders`
+/// Arguments of `relume shaders`.
 #[derive(Debug, clap::Args)]
 #[group(skip)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["write", "check"])))]
 pub(crate) struct Args {
-    /// Compile them and write them.
+    /// Compile and write the shaders.
     #[arg(long)]
     write: bool,
-    /// Compile them and compare, byte for byte.
+    /// Compile the shaders and compare them with the files, byte by byte.
     #[arg(long)]
     check: bool,
-    /// Where they are.
+    /// Folder of the compiled shaders.
     #[arg(long, default_value = "spirv", value_name = "FOLDER")]
     folder: PathBuf,
 }
 
-/// The shaders of the embedded scene, and of the one that other renderers are set beside, shaded and not.
+/// Shaders of the embedded scene, and of the benchmark scene for comparisons with other renderers, shaded and unshaded.
 fn variants(progress: &dyn Progress) -> Result<Vec<(String, Shader)>, CliError> {
     let options = SceneOptions::default();
     let peer = load_peer(&options, progress)?;

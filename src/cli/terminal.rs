@@ -23,22 +23,21 @@ use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::registry::LookupSpan;
 
-/// The exit code of what Ctrl-C ended: 128 and the number of the signal, as shells have it.
+/// Exit code after Ctrl-C: 128 plus the number of the signal, as in shells.
 pub(super) const INTERRUPTED: u8 = 130;
 
-/// What is said of it.
+/// Error message after Ctrl-C.
 pub(super) const TOLD: &str = "interrupted";
 
-/// How long work has to notice Ctrl-C, and to end in its own way; people notice six times that.
+/// Time for work to notice Ctrl-C and end by itself; a sixth of the delay that people notice.
 #[cfg(unix)]
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// The same where what is finished is still written.
+/// The same time if finished rows are still written.
 #[cfg(unix)]
 const PATIENCE_WITH_ROWS: Duration = Duration::from_secs(5);
 
-/// The terminal: shows how far work is on standard error where that is a terminal, and turns Ctrl-C into a request to
-/// stop.
+/// Shows progress on standard error if that is a terminal, and turns Ctrl-C into a request to stop.
 pub(crate) struct Terminal {
     bar: ProgressBar,
     stage: Mutex<String>,
@@ -50,7 +49,7 @@ pub(crate) struct Terminal {
 impl Terminal {
     pub(crate) fn new(quiet: bool) -> Self {
         let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::WARN };
-        // What the libraries of the window tell their own developers is not for its user.
+        // Hides messages of the window's libraries, which are for their developers.
         let ours = |most: LevelFilter| {
             filter_fn(move |it: &Metadata<'_>| *it.level() <= most && it.target().starts_with("relume"))
         };
@@ -61,7 +60,7 @@ impl Terminal {
         let warnings = Warnings::default();
         let kept = warnings.clone().with_filter(ours(LevelFilter::WARN));
         let subscriber = tracing_subscriber::registry().with(printed).with(kept);
-        // Fails only where somebody else has set one: then theirs is used.
+        // Fails only if another subscriber is set, which then stays in use.
         tracing::subscriber::set_global_default(subscriber).ok();
         let target = if quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr_with_hz(10) };
         let bar = ProgressBar::with_draw_target(None, target);
@@ -74,29 +73,30 @@ impl Terminal {
         if let Err(error) = heard {
             tracing::warn!("Ctrl-C will end the program at once: {error}");
         }
-        // Heard, so that it does not kill the program: the write that outgrows `ulimit -f` then fails, and is told of.
+        // Handled so that the signal does not kill the program: the write beyond `ulimit -f` then fails and is
+        // reported.
         #[cfg(unix)]
         register(signal_hook::consts::SIGXFSZ, Arc::default()).ok();
         Self { bar, stage: Mutex::default(), interrupted, has_rows, warnings }
     }
 
-    /// Gives work whose finished part is worth keeping longer to end after Ctrl-C.
+    /// Gives work with finished rows more time to end after Ctrl-C.
     pub(crate) fn wait_for_rows(&self) {
         self.has_rows.store(true, Ordering::Relaxed);
     }
 
-    /// Takes the progress bar away.
+    /// Removes the progress bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
 
-    /// What was warned of, `--quiet` or not.
+    /// All warnings, also with `--quiet`.
     pub(crate) fn warnings(&self) -> Vec<String> {
         self.warnings.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
 
-/// Sees to it that the program ends soon after Ctrl-C, whatever it is at; what is half written goes with it.
+/// Ends the program soon after Ctrl-C, whatever it is doing, and discards half-written files.
 #[cfg(unix)]
 fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
     let (mut heard, signal) = UnixStream::pair()?;
@@ -108,15 +108,16 @@ fn end_soon(_: &Arc<AtomicBool>, has_rows: &Arc<AtomicBool>) -> io::Result<()> {
             std::thread::sleep(if has_rows.load(Ordering::Relaxed) { PATIENCE_WITH_ROWS } else { PATIENCE });
             relume::output::discard_unfinished();
             complain(&super::CliError::Failed(TOLD.to_owned()));
-            // Without the ends of other threads, which are still at work.
+            // Runs no exit handlers, because other threads are still at work.
             signal_hook::low_level::exit(INTERRUPTED.into());
         }
     };
     std::thread::Builder::new().name("ctrl-c".to_owned()).spawn(wait).map(drop)
 }
 
-/// Lets every thread of the program end as soon as any other, as far as the system allows that. Mesa's shader cache has one
-/// of the lowest priority: while other programs compute, it takes seconds to end, and frees all memory where it is last.
+/// Gives every thread normal priority, as far as the system allows, so that all can end equally soon. Mesa's shader
+/// cache has a thread of the lowest priority: while other programs compute, it takes seconds to end, and frees all
+/// memory if it ends last.
 #[cfg(target_os = "linux")]
 fn wake_all() {
     use rustix::process::{Pid, setpriority_process};
@@ -129,11 +130,11 @@ fn wake_all() {
     }
 }
 
-/// Only Linux has priorities of threads that this program knows of.
+/// Thread priorities are raised on Linux only.
 #[cfg(not(target_os = "linux"))]
 fn wake_all() {}
 
-/// A second Ctrl-C does not wait for the work to notice.
+/// A second Ctrl-C ends the program without waiting for the work to notice.
 #[cfg(not(unix))]
 fn end_soon(interrupted: &Arc<AtomicBool>, _: &Arc<AtomicBool>) -> io::Result<()> {
     signal_hook::flag::register_conditional_shutdown(SIGINT, INTERRUPTED.into(), Arc::clone(interrupted)).map(drop)
@@ -155,7 +156,7 @@ impl Progress for Terminal {
     }
 }
 
-/// Keeps what is warned of, once each, for `--json`.
+/// Collects warnings for `--json`, each once.
 #[derive(Clone, Debug, Default)]
 struct Warnings(Arc<Mutex<Vec<String>>>);
 
@@ -173,7 +174,7 @@ impl<S: tracing::Subscriber> Layer<S> for Warnings {
     }
 }
 
-/// The text of an event.
+/// Text of an event.
 #[derive(Default)]
 struct Message(String);
 
@@ -185,7 +186,7 @@ impl Visit for Message {
     }
 }
 
-/// `warning: what is wrong`, as errors are printed; the same one once, however many settings it is true of.
+/// Prints `warning: …` in the form of errors; equal messages only once, even if several settings cause them.
 #[derive(Default)]
 struct Plain(Mutex<Vec<String>>);
 
@@ -217,7 +218,7 @@ where
     }
 }
 
-/// Ends the program at once, as its display has gone; other threads may still be at work.
+/// Ends the program at once after the loss of its display; other threads may still be at work.
 #[cfg(feature = "window")]
 pub(super) fn end_without_display() -> ! {
     relume::output::discard_unfinished();
@@ -225,13 +226,13 @@ pub(super) fn end_without_display() -> ! {
     signal_hook::low_level::exit(1)
 }
 
-/// Prints a result. A reader that has gone away (`| head`) is no error.
+/// Prints a result. A closed pipe (`| head`) is not an error.
 pub(crate) fn print(text: &str) {
     let mut out = io::stdout().lock();
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
-/// Prints an error and its causes, in one line each; nothing of a second one, when two threads end the program.
+/// Prints an error and its causes, one line each. Prints only the first error if two threads end the program.
 pub(crate) fn complain(error: &dyn std::error::Error) {
     static TOLD: Mutex<bool> = Mutex::new(false);
     let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);

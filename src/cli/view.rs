@@ -14,7 +14,7 @@ Examples:
   relume view head.mhd                        a volume: materials by its histogram
   relume view --frames 100 --json             draws 100 frames, and says how long they took";
 
-/// `relume view`
+/// Arguments of `relume view`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
@@ -26,13 +26,13 @@ pub(crate) struct Args {
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
-    /// Draw so many frames and end.
+    /// Draw this number of frames and end.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     frames: Option<u32>,
-    /// Do what is recorded in this file, a command a line, and end (commands: docs/VIEW.md).
+    /// Run the commands of this file, one per line, and end (commands: docs/VIEW.md).
     #[arg(long, value_name = "FILE", conflicts_with = "frames")]
     script: Option<PathBuf>,
-    /// Let the Vulkan validation layer watch; what it says is in --json.
+    /// Enable the Vulkan validation layer; its messages are in --json.
     #[arg(long, hide = true)]
     validation: bool,
 }
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
     let source = Source { path: args.scene.scene.clone(), options: args.scene.options() };
-    // What -D says is about the scene that is part of the program.
+    // With -D, the embedded scene is meant.
     let source = if args.scene.define.is_empty() { source.or_its_volume() } else { source };
     let report = view::run(Options {
         source,
@@ -67,14 +67,14 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     }
     let mut json = serde_json::to_value(&report).map_err(|error| CliError::Failed(error.to_string()))?;
     if args.script.is_some() || args.frames.is_some() {
-        // Nobody was there to see them.
+        // Reports failures here, because no user has seen them in the window.
         report.failures.iter().for_each(|failure| tracing::error!("{failure}"));
         json["holds"] = report.failures.is_empty().into();
     }
     Ok(Report { text, json })
 }
 
-/// Says that there is none.
+/// Fails, because this build has no window.
 #[cfg(not(feature = "window"))]
 pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     let Args { scene, size, device, frames, script, validation } = args;
