@@ -1,4 +1,4 @@
-// What passes where each number of a colour model fades by itself. Part of `march.wgsl`.
+// Coloured transmittance: one number per coefficient of the colour model. Part of `march.wgsl`.
 
 alias Passed = array<vec4f, LANES>;
 
@@ -35,7 +35,7 @@ fn opacity_of_label(row: u32) -> Passed {
     return opacity;
 }
 
-// The light that passes a step, rounded once: `T *= 1 − α` drifts over many equal steps.
+// Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
 fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     var passed: Passed;
     for (var lane = 0u; lane < LANES; lane += 1u) {
@@ -44,7 +44,7 @@ fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     return passed;
 }
 
-// `sum`, and what of a vector of `source` passes.
+// Returns `sum` plus the transmitted part of a lane of `source`.
 fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
     return fma(passed[lane], source[lane], sum);
 }

@@ -1,4 +1,4 @@
-// What passes where all wavelengths pass alike: one number. Part of `march.wgsl`.
+// Grey transmittance: one number for all wavelengths. Part of `march.wgsl`.
 
 alias Passed = f32;
 
@@ -19,12 +19,12 @@ fn opacity_of_label(row: u32) -> Passed {
     return label_opacity[row / 4u][row % 4u];
 }
 
-// The light that passes a step, rounded once: `T *= 1 − α` drifts over many equal steps.
+// Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
 fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     return fma(-transmittance, opacity, transmittance);
 }
 
-// `sum`, and what of a vector of `source` passes.
+// Returns `sum` plus the transmitted part of a lane of `source`.
 fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
     return fma(vec4f(passed), source[lane], sum);
 }

@@ -1,7 +1,7 @@
-// Marches rays through the volume, front to back, and leaves sums that no light's spectrum has entered.
-//
-// What a step reflects is in `weights.wgsl` or `spectral.wgsl`, what passes it in `grey.wgsl`, `coloured.wgsl` or
-// `mixed.wgsl`, where its tables are in `tables_storage.wgsl` or `tables_uniform.wgsl`.
+// Marches rays through the volume front to back, and writes accumulators and transmittance. No light spectrum enters
+// them.
+// The reflected light of a step is in `weights.wgsl` or `spectral.wgsl`, its transmittance in `grey.wgsl`,
+// `coloured.wgsl` or `mixed.wgsl`, and the memory of its tables in `tables_storage.wgsl` or `tables_uniform.wgsl`.
 // Twin of `reference::march` and `reference::samples`. Constants in capitals come from the plan; branches on them are
 // resolved before the shader is compiled.
 
@@ -36,7 +36,7 @@ struct March {
     active_high: f32,
 }
 
-// Light positions and what materials make of their light, in lanes (`tables::ShadingTable`).
+// Light positions and the materials' shading coefficients, in lanes (`tables::ShadingTable`).
 struct Shading {
     lights: array<vec4f, POSITIONS>,
     ambient: array<vec4f, SHADING_LANES>,
@@ -45,7 +45,7 @@ struct Shading {
     exponent: array<vec4u, SHADING_LANES>,
 }
 
-// The part of the picture and of its rays that one dispatch marches.
+// Rows of the picture and samples of its rays that one dispatch marches.
 struct Band {
     first_row: u32,
     first_sample: u32,
@@ -62,7 +62,7 @@ struct Band {
 @group(0) @binding(11) var transmittances: TransmittanceImage;
 var<immediate> band: Band;
 
-// Copies of the uniforms, made once per invocation: on a CPU a uniform is read anew for each lane, at every step.
+// Copies of the uniforms, made once per invocation: on a CPU a uniform is otherwise read for each lane at every step.
 var<private> march: March;
 var<private> shading: Shading;
 
@@ -80,7 +80,7 @@ struct Step {
     normal: vec3f,
 }
 
-// Farther than any box.
+// Beyond any box.
 const FAR: f32 = 1e30;
 
 fn unit(a: vec3f) -> vec3f {
@@ -105,7 +105,7 @@ fn ray_through(pixel: vec2u) -> Ray {
     let length = sqrt(fma(v * v, march.spread_v, fma(u * u, march.spread_u, 1.0)));
     let direction = slant / length;
 
-    // From the eye on, within the box.
+    // Clips the ray to the box, from the eye onwards.
     let x = between(base.x, direction.x, march.low.x, march.high.x);
     let y = between(base.y, direction.y, march.low.y, march.high.y);
     let z = between(base.z, direction.z, march.low.z, march.high.z);
@@ -121,7 +121,7 @@ fn place_of(ray: Ray, n: u32) -> vec3f {
     return fma(vec3f(s), ray.direction, ray.base);
 }
 
-// Entry `i` of the table.
+// Reads source and opacity at `coordinate` in the table.
 fn look_up(coordinate: f32, step: ptr<function, Step>) {
     if (NEAREST_LOOKUP) {
         let i = u32(coordinate + 0.5);
@@ -141,13 +141,13 @@ fn look_up(coordinate: f32, step: ptr<function, Step>) {
     }
 }
 
-// The texel of a voxel; beyond the grid that on its face.
+// Texel of a voxel; voxels outside the grid are clamped to its faces.
 fn texel_at(voxel: vec3f) -> vec4f {
     let last = vec3f(textureDimensions(volume)) - 1.0;
     return textureLoad(volume, vec3i(clamp(voxel, vec3f(), last)), 0);
 }
 
-// Between voxels along x, then y, then z, in f32: a device's own filter may have eight bits.
+// Linear interpolation along x, then y, then z, in f32, because a device's filter may have only eight bits.
 fn linear_line(base: vec3f, x: f32) -> vec4f {
     let before = texel_at(base);
     return fma(vec4f(x), texel_at(base + vec3f(1.0, 0.0, 0.0)) - before, before);
@@ -166,7 +166,7 @@ fn linear_between(voxel: vec3f) -> vec4f {
     return fma(vec4f(fraction.z), after - before, before);
 }
 
-// What the four voxels around a place count for in a cubic B-spline. Straight code, as `power` is.
+// Weights of four neighbouring voxels in a cubic B-spline. Without loops, like `power`.
 fn cubic_weights(f: f32) -> vec4f {
     let rest = 1.0 - f;
     let first = rest * rest * rest / 6.0;
@@ -210,7 +210,7 @@ fn fetch(place: vec3f) -> vec4f {
     return texel;
 }
 
-// What values a voxel behind and before differ by, along each axis.
+// Differences between the next and the previous voxel along each axis.
 fn central_difference(place: vec3f) -> vec3f {
     let voxel = 1.0 / vec3f(textureDimensions(volume));
     let x = vec3f(voxel.x, 0.0, 0.0);
@@ -223,11 +223,11 @@ fn central_difference(place: vec3f) -> vec3f {
     );
 }
 
-// Where a sample is looked up.
+// Texel, table coordinate and label of a sample.
 struct Key {
     texel: vec4f,
     coordinate: f32,
-    // Of the table of labels; 0 is none.
+    // Row in the label table; 0 without a label.
     row: u32,
 }
 
@@ -247,7 +247,7 @@ fn key_at(place: vec3f) -> Key {
     return Key(texel, coordinate, row);
 }
 
-// Whether the sample may hold anything.
+// Whether the sample can be visible.
 fn is_active(key: Key) -> bool {
     return (march.active_low < key.coordinate && key.coordinate < march.active_high) || key.row > 0u;
 }
@@ -271,8 +271,8 @@ fn sample(place: vec3f, key: Key) -> Step {
     return step;
 }
 
-// `base^exponent` by squarings, lowest bit first. Straight code: a loop here would count against the iterations that
-// some devices allow an invocation.
+// `base^exponent` by repeated squaring, lowest bit first. Unrolled, because a loop would count against the iterations
+// that some devices allow per invocation.
 fn power(base: f32, exponent: u32) -> f32 {
     var result = 1.0;
     var square = base;
@@ -290,7 +290,7 @@ fn power(base: f32, exponent: u32) -> f32 {
     return result;
 }
 
-// What a step sends to the eye for light from `position`.
+// Light of a step towards the eye for light from `position`.
 fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANES> {
     if (position < AMBIENT) {
         return unshaded(step);
@@ -325,7 +325,7 @@ fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: arra
     }
 }
 
-// Adds what the sample at `place` sends to the eye; returns the light that passes it.
+// Adds the contribution of the sample at `place`; returns the transmittance after it.
 fn add_sample(ray: Ray, place: vec3f, key: Key, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
     let step = sample(place, key);
     for (var position = 0u; position < POSITIONS_USED; position += 1u) {
@@ -334,14 +334,14 @@ fn add_sample(ray: Ray, place: vec3f, key: Key, passed: Passed, sums: ptr<functi
     return pass_by(passed, step.opacity);
 }
 
-// The samples from `first` up to `end`, until no light passes; returns the light that does.
+// Marches the samples from `first` to before `end`, or until early termination; returns the transmittance.
 fn march_samples(ray: Ray, first: u32, end: u32, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
     var transmittance = passed;
     if (SEEKING) {
         var n = first;
         loop {
-            // On to a sample that may hold something, in a loop of its own: some devices branch at the end of a loop
-            // only, and would do what stands behind an `if` for nothing.
+            // Advances to the next sample that can be visible, in a loop of its own: some devices branch only at the
+            // end of a loop, and would otherwise execute the code after an `if` in vain.
             var key: Key;
             var found = false;
             loop {
@@ -387,12 +387,12 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let end = select(min(ray.samples, band.end_sample), 0u, brightest(transmittance) < march.termination);
     var n = band.first_sample;
     if (SKIPPING) {
-        // Samples between two cell borders along each axis.
+        // Samples per macrocell along each axis.
         let samples_per_cell = 1.0 / (max(abs(ray.direction * march.cell_scale), vec3f(1e-30)) * march.step_length);
         let forward = select(vec3f(), vec3f(1.0), ray.direction > vec3f());
         let last_cell = vec3f(march.cells) - 1.0;
         loop {
-            // Leap to the next sample in a cell that holds something.
+            // Skips to the next sample in an occupied macrocell.
             var leave = n;
             loop {
                 if (n >= end) { break; }

@@ -1,5 +1,5 @@
-// What passes where each number of what is behind adds to every one of what comes through: a matrix, row by row, so that a
-// step multiplies matrices (Peercy 1993). Part of `march.wgsl`.
+// Transmittance as a matrix, row by row, because every coefficient behind a step contributes to all in front: a step
+// multiplies matrices (Peercy 1993). Part of `march.wgsl`.
 
 alias Passed = array<f32, PASSED>;
 
@@ -36,7 +36,7 @@ fn opacity_of_label(row: u32) -> Passed {
     return opacity;
 }
 
-// What passes a step, T − T·A. Twin of `reference::march::pass_by_matrix`.
+// Transmittance after a step, T − T·A. Twin of `reference::march::pass_by_matrix`.
 fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     var passed = transmittance;
     for (var row = 0u; row < PASSED; row += COMPONENTS) {
@@ -50,7 +50,7 @@ fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
     return passed;
 }
 
-// `sum`, and what of `source` gets through to the components of a vector of it.
+// Returns `sum` plus the transmitted part of `source`, for the components of one lane.
 fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
     var all = sum;
     for (var part = 0u; part < min(4u, COMPONENTS - 4u * lane); part += 1u) {

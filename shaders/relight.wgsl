@@ -1,13 +1,13 @@
-// Post-illumination: turns accumulators into colours, with no march. Twin of `reference::relight`.
+// Post-illumination: turns accumulators into colours without a march. Twin of `reference::relight`.
 
 struct Relight {
     width: u32,
     height: u32,
-    // Whether the same accumulators were lit before.
+    // Whether these accumulators were relit before.
     again: u32,
-    // Red, green and blue of the background, and the share in all light, of the numbers in each layer of what passes.
+    // Per lane of the transmittance: red, green and blue of the background, and the weights in the total transmittance.
     passing: array<array<vec4f, 4>, PASSED_LANES>,
-    // Red, green and blue of the components in each layer of the accumulators.
+    // Per layer of the accumulators: red, green and blue of its components.
     colours: array<array<vec4f, 3>, LAYERS>,
 }
 
@@ -16,11 +16,11 @@ struct Relight {
 @group(0) @binding(2) var transmittances: TransmittanceImage;
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
-// Whether a column of ROWS pixels shows anything of a material: where not, only the light behind it changes it.
+// Nonzero if any accumulator of a column of ROWS pixels is; otherwise only the background changes the column.
 @group(0) @binding(5) var met: texture_storage_2d_array<r32uint, read_write>;
 
-// The transfer curve of IEC 61966-2-1 to 1.5e-4 of a code: with u the fourth root of x, 1.055 x^(1/2.4) - 0.055 is
-// 1.055 u^(5/3) - 0.055, here the polynomial of least greatest error. A power takes a software device several times as long.
+// The transfer curve of IEC 61966-2-1 to 1.5e-4 of a code. With u the fourth root of x, 1.055 x^(1/2.4) - 0.055 is
+// 1.055 u^(5/3) - 0.055, here its minimax polynomial. `pow` takes several times as long on a software device.
 fn encode(colour: vec3f) -> vec3f {
     let clipped = clamp(colour, vec3f(), vec3f(1.0));
     let u = sqrt(sqrt(clipped));
@@ -36,7 +36,7 @@ fn encode(colour: vec3f) -> vec3f {
 
 @compute @workgroup_size(GROUP_WIDTH, GROUP_HEIGHT)
 fn main(@builtin(global_invocation_id) id: vec3u) {
-    // Uniforms are read once for a column of pixels: on a CPU each read costs as much as a multiplication of all lanes.
+    // Reads uniforms once per column of pixels: on a CPU each read costs as much as a multiplication of all lanes.
     var colours: array<array<vec4f, 3>, LAYERS>;
     if (FEW_LAYERS) {
         colours = relight.colours;
@@ -47,7 +47,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (id.x >= relight.width || begin >= end) {
         return;
     }
-    // A loop that ends at once is what a software device leaves out.
+    // Loop bounds instead of branches: a software device skips a loop of no iterations.
     var found = vec4u();
     var shown = 1u;
     if (SPARES) {

@@ -1,4 +1,4 @@
-// What a step reflects as a spectrum in the k numbers of a colour model. Part of `march.wgsl`.
+// Reflected light of a step as k coefficients of a colour model. Part of `march.wgsl`.
 
 fn unshaded(step: Step) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
@@ -21,7 +21,7 @@ fn reflect_light(step: Step, facing: f32) -> array<vec4f, LANES> {
     return source;
 }
 
-// Adds white, which is 1 in every number of a model: of each exponent its own.
+// Adds the highlights of each exponent. White is 1 in every coefficient.
 fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>) {
     for (var i = 0u; i < EXPONENTS; i += 1u) {
         var shine = 0.0;
@@ -40,7 +40,7 @@ fn highlight(step: Step, facing: f32, source: ptr<function, array<vec4f, LANES>>
     }
 }
 
-// 1 in every number that the model has, 0 in the spare ones of the last vector.
+// 1 in every coefficient of the model, 0 in the unused ones of the last lane.
 fn all_components(lane: u32) -> vec4f {
     return select(vec4f(), vec4f(1.0), vec4u(4u * lane) + vec4u(0u, 1u, 2u, 3u) < vec4u(COMPONENTS));
 }

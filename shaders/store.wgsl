@@ -1,13 +1,13 @@
-// Stores finished accumulators in 16-bit floats. Twin of `reference::store`.
+// Stores finished accumulators as 16-bit floats. Twin of `reference::store`.
 
 @group(0) @binding(0) var finished: texture_storage_2d_array<rgba32float, read>;
 @group(0) @binding(1) var stored: texture_storage_2d_array<rgba16float, write>;
 
-// The nearest 16-bit float, the even one of two: a device may round as it likes what has more bits than it stores.
+// The nearest 16-bit float, ties to even. A device may round numbers of more bits as it likes when it stores them.
 fn nearest(number: vec4f) -> vec4f {
     let bits = bitcast<vec4u>(number);
     let normal = bitcast<vec4f>((bits + 0xfffu + ((bits >> vec4u(13u)) & vec4u(1u))) & vec4u(0xffffe000u));
-    // Below 2⁻¹⁴ they are multiples of 2⁻²⁴.
+    // Below 2⁻¹⁴, 16-bit floats are multiples of 2⁻²⁴.
     let small = round(number * 16777216.0) * 5.9604644775390625e-8;
     return select(normal, small, abs(number) < vec4f(6.103515625e-5));
 }

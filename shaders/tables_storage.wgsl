@@ -1,4 +1,4 @@
-// Tables of the transfer function and of the labels, however long. Part of `march.wgsl`.
+// Tables of the transfer function and the labels in storage buffers, of any length. Part of `march.wgsl`.
 
 @group(0) @binding(4) var<storage, read> table_source: array<vec4f>;
 @group(0) @binding(5) var<storage, read> table_opacity: array<vec4f>;

@@ -1,4 +1,4 @@
-// Tables of the transfer function and of the labels that are short enough for uniform buffers. Part of `march.wgsl`.
+// Tables of the transfer function and the labels in uniform buffers, if short enough. Part of `march.wgsl`.
 
 @group(0) @binding(4) var<uniform> table_source: array<vec4f, UNIFORM_VECTORS>;
 @group(0) @binding(5) var<uniform> table_opacity: array<vec4f, UNIFORM_VECTORS>;

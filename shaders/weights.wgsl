@@ -1,4 +1,4 @@
-// What a step reflects as one weight per material, and one of white for highlights. Part of `march.wgsl`.
+// Reflected light of a step as one weight per material, and one of white for highlights. Part of `march.wgsl`.
 
 fn unshaded(step: Step) -> array<vec4f, LANES> {
     var source: array<vec4f, LANES>;
