@@ -1,4 +1,4 @@
-//! A run beside an earlier one: what has become dearer than a budget allows.
+//! Comparison with an earlier run: costs that have grown by more than a budget.
 
 use std::path::Path;
 
@@ -8,9 +8,9 @@ use serde_json::Value;
 use super::CliError;
 use super::frames::Row;
 
-/// The longest file that is read, in bytes.
+/// Largest file that is read, in bytes.
 const LONGEST: u64 = 16 << 20;
-/// Times differ by as much, in ms, whatever is measured.
+/// Differences of times in ms that are ignored for every measurement.
 const ALIKE_MS: f64 = 0.5;
 
 /// An earlier run.
@@ -19,19 +19,19 @@ pub(super) struct Earlier<'a> {
     rows: Vec<Value>,
 }
 
-/// What came of the comparison.
+/// Result of the comparison.
 #[derive(Serialize)]
 pub(super) struct Against {
     file: String,
     budget_percent: f64,
-    /// Rows that both runs have.
+    /// Number of rows in both runs.
     compared: usize,
-    /// Rows of this run that the other has not.
+    /// Number of rows in this run only.
     new: usize,
     dearer: Vec<Dearer>,
 }
 
-/// Something that costs more than it did.
+/// A cost that has grown.
 #[derive(Serialize)]
 struct Dearer {
     id: String,
@@ -41,11 +41,11 @@ struct Dearer {
 }
 
 impl<'a> Earlier<'a> {
-    /// What `--json` wrote to the file at `path`, measured on `device`.
+    /// Reads the output of `--json` at `path`, which must come from `device`.
     ///
     /// # Errors
     ///
-    /// [`CliError`] for a file of something else or of another device.
+    /// [`CliError`] if the file has other contents or comes from another device.
     pub(super) fn read(path: &'a Path, device: &str) -> Result<Self, CliError> {
         let wrong = |problem: &str| CliError::Failed(format!("--against {}: {problem}", path.display()));
         let bytes = relume::input::read(path, LONGEST)
@@ -62,11 +62,11 @@ impl<'a> Earlier<'a> {
 }
 
 impl Against {
-    /// `rows` beside those of `earlier`.
+    /// Compares `rows` with those of `earlier`.
     ///
     /// # Errors
     ///
-    /// [`CliError`] where no row is among those.
+    /// [`CliError`] if the runs have no row in common.
     pub(super) fn new(earlier: &Earlier<'_>, rows: &[Row], budget_percent: f64) -> Result<Self, CliError> {
         let Earlier { path, rows: known } = earlier;
         let (mut compared, mut dearer) = (0, Vec::new());
@@ -96,12 +96,12 @@ impl Against {
         Ok(Self { file, budget_percent, compared, new, dearer })
     }
 
-    /// Whether everything is within the budget.
+    /// Whether all costs are within the budget.
     pub(super) fn holds(&self) -> bool {
         self.dearer.is_empty()
     }
 
-    /// For people.
+    /// Formats the comparison as text.
     pub(super) fn text(&self) -> String {
         let Self { file, budget_percent, compared, new, dearer } = self;
         let more = if *new > 0 { format!("; {new} are not in it") } else { String::new() };
@@ -119,7 +119,7 @@ impl Against {
     }
 }
 
-/// A number of bytes; above 2⁵³ it rounds, which no budget sees.
+/// Converts a number of bytes; the rounding above 2⁵³ is far below any budget.
 #[expect(clippy::cast_precision_loss, reason = "it is compared within per cents")]
 fn float(bytes: u64) -> f64 {
     bytes as f64

@@ -1,4 +1,4 @@
-//! What `relume bench` measures: scenes, and what is changed about them.
+//! Cases of `relume bench`: scenes and their changes.
 
 use glam::DVec3;
 use serde::Serialize;
@@ -10,21 +10,21 @@ use relume::spectrum::{Absorption, Spectrum};
 
 use super::{Args, CliError, figures};
 
-/// Sizes of pictures that whole workloads are measured at.
+/// Picture sizes of whole workloads.
 const SIZES: [[usize; 2]; 3] = [[400, 400], [800, 800], [1920, 1080]];
-/// The size at which anything but pixels is varied.
+/// Picture size where other quantities are varied.
 const USUAL: [usize; 2] = SIZES[0];
-/// Voxels along a side of the volumes that are varied.
+/// Voxels along a side of the varied volumes.
 const SIDES: [u32; 4] = [64, 128, 256, 512];
-/// Numbers of a colour model.
+/// Varied dimensions of a colour model.
 const DIMENSIONS: [u8; 8] = [1, 2, 3, 4, 6, 8, 12, 16];
-/// Positions that light comes from.
+/// Varied numbers of light positions.
 const POSITIONS: [u8; 4] = [1, 2, 4, 8];
 
-/// Which scene.
+/// Scene of a case.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Subject {
-    /// The scene that other renderers are set beside.
+    /// The benchmark scene for comparisons with other renderers.
     Peer,
     /// The embedded default scene.
     Default,
@@ -32,14 +32,14 @@ pub(super) enum Subject {
     Figure(&'static str),
 }
 
-/// What pixels keep.
+/// What pixels store.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Keeping {
-    /// What the scene says.
+    /// As stated in the scene.
     Stated,
-    /// The weights of twice as many materials.
+    /// Weights of twice the number of materials.
     EightWeights,
-    /// So many numbers of a colour model, though weights would be exact.
+    /// A colour model of this dimension, even where weights would be exact.
     Model(ModelKind, usize),
 }
 
@@ -48,27 +48,27 @@ const K8: Keeping = Keeping::Model(ModelKind::Nodes, 8);
 /// Linear RGB.
 const RGB: Keeping = Keeping::Model(ModelKind::Rgb, 3);
 
-/// One thing to measure.
+/// One measurement.
 #[derive(Clone, Debug)]
 pub(super) struct Case {
     pub(super) workload: String,
-    /// What a line of a plot, or a row of a table, has in common; empty where there is one case only.
+    /// Name of a line in a plot or of a row in a table; empty for a single case.
     pub(super) line: &'static str,
-    /// What is varied along that line, and its value.
+    /// Quantity varied along the line, and its value.
     pub(super) varied: Option<Varied>,
     pub(super) subject: Subject,
     pub(super) keeping: Keeping,
     pub(super) dyed: bool,
-    /// Positions that light comes from; `None` as the scene has them.
+    /// Number of light positions; `None` for the scene's own.
     pub(super) positions: Option<u8>,
-    /// Voxels along each side of the volume; `None` as the scene has them.
+    /// Voxels along each side of the volume; `None` for the scene's own.
     pub(super) side: Option<u32>,
     /// Whether shading is switched off.
     pub(super) unshaded: bool,
     pub(super) size: [usize; 2],
 }
 
-/// A value of what is varied.
+/// Value of a varied quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Varied {
     pub(super) name: &'static str,
@@ -76,7 +76,7 @@ pub(super) struct Varied {
 }
 
 impl Case {
-    /// `subject` as it is.
+    /// `subject` without changes.
     pub(super) fn of(workload: &str, subject: Subject, size: [usize; 2]) -> Self {
         let workload = workload.to_owned();
         Self {
@@ -93,7 +93,7 @@ impl Case {
         }
     }
 
-    /// The peers' scene on a line of a workload.
+    /// The peer scene on a line of a workload.
     fn on(workload: &str, (line, keeping, dyed): (&'static str, Keeping, bool), size: [usize; 2]) -> Self {
         Self { line, keeping, dyed, ..Self::of(workload, Subject::Peer, size) }
     }
@@ -102,7 +102,7 @@ impl Case {
         Self { varied: Some(Varied { name, value }), ..self }
     }
 
-    /// The scene as it is measured.
+    /// Loads the scene.
     pub(super) fn scene(&self, args: &Args, progress: &dyn Progress) -> Result<Scene, CliError> {
         let mut options = SceneOptions {
             definitions: args.define.definitions().chain(args.accuracy.definitions()).collect(),
@@ -112,7 +112,7 @@ impl Case {
             (options.volume, options.selection) = (args.volume.clone(), args.selection.selection());
         }
         if let Some(side) = self.side {
-            // The same thing in more voxels, and a step of one voxel.
+            // The same object in a different number of voxels, with a step of one voxel.
             let spacing = 256.0 / f64::from(side);
             let keys = [
                 format!("volume.dims=[{side},{side},{side}]"),
@@ -130,17 +130,18 @@ impl Case {
         })
     }
 
-    /// Whether it and the `next` are measured in turn: what a ratio is made of, where one volume has both.
+    /// Whether to measure this case and `next` in turn: both belong to the same workload, scene and volume size, so
+    /// that their ratio is meaningful.
     pub(super) fn is_beside(&self, next: &Self) -> bool {
         self.workload == next.workload && (self.subject, self.side) == (next.subject, next.side)
     }
 
-    /// Whether it shows the volume of the command line, where there is one.
+    /// Whether the case shows the volume from the command line, if there is one.
     fn is_of_a_volume(&self) -> bool {
         self.subject == Subject::Peer && self.side.is_none()
     }
 
-    /// Changes what is to be changed about a scene that is loaded.
+    /// Applies the changes to a loaded scene.
     pub(super) fn change(&self, scene: &mut Scene) -> Result<(), CliError> {
         if self.unshaded {
             scene.shading = Shading::None;
@@ -155,7 +156,7 @@ impl Case {
             Keeping::Stated => {}
             Keeping::EightWeights => {
                 double_materials(scene);
-                // Fewer numbers would do for them, and what is measured is eight weights.
+                // A colour model would need fewer numbers, but eight weights are to be measured.
                 if scene.accuracy.accumulate == AccumulateAs::Auto {
                     scene.accuracy.accumulate = AccumulateAs::Weights;
                 }
@@ -170,7 +171,7 @@ impl Case {
     }
 }
 
-/// Every scene that is part of the program, at each size.
+/// Every embedded scene, at each size.
 pub(super) fn scenes(size: Option<[usize; 2]>) -> Vec<Case> {
     let own = [("default", Subject::Default), ("peer", Subject::Peer)];
     let figures = figures::names().map(|name| (name, Subject::Figure(name)));
@@ -178,7 +179,7 @@ pub(super) fn scenes(size: Option<[usize; 2]>) -> Vec<Case> {
     own.into_iter().chain(figures).flat_map(|it| sizes(size).into_iter().map(move |size| at(it, size))).collect()
 }
 
-/// The paper's table: RGB, spectra, and what relights them.
+/// The paper's table: RGB, spectra and relighting.
 pub(super) fn paper(size: Option<[usize; 2]>) -> Vec<Case> {
     let lines = [
         ("RGB", RGB, false),
@@ -191,7 +192,7 @@ pub(super) fn paper(size: Option<[usize; 2]>) -> Vec<Case> {
     size.map_or_else(|| vec![SIZES[0], SIZES[1]], |size| vec![size]).into_iter().flat_map(of_size).collect()
 }
 
-/// One thing varied at a time, the others as the peers' scene has them. No volume has more than `largest` voxels a side.
+/// One quantity varied at a time, the others as in the peer scene. Volumes have at most `largest` voxels per side.
 pub(super) fn scaling(size: Option<[usize; 2]>, largest: u32) -> Vec<Case> {
     let usual = size.unwrap_or(USUAL);
     let grey = ("grey, 4 weights", Keeping::Stated, false);
@@ -203,7 +204,7 @@ pub(super) fn scaling(size: Option<[usize; 2]>, largest: u32) -> Vec<Case> {
         ("coloured", true, ModelKind::Nodes),
         ("coloured, matrices", true, ModelKind::Peercy),
     ] {
-        // Those of 8 × 8 take minutes on a software device (`relume measure --sweep model=peercy` has them).
+        // Matrices of 8 × 8 take minutes on a software device (`relume measure --sweep model=peercy` has them).
         let is_marched = |k: &u8| model != ModelKind::Peercy || [2, 4].contains(k);
         let of = |k: u8| Case::on("k", (line, Keeping::Model(model, k.into()), dyed), usual).varied("k", k.into());
         cases.extend(DIMENSIONS.into_iter().filter(is_marched).map(of));
@@ -228,8 +229,8 @@ fn sizes(size: Option<[usize; 2]>) -> Vec<[usize; 2]> {
     size.map_or_else(|| SIZES.to_vec(), |size| vec![size])
 }
 
-/// Lights the peers' scene from so many positions: its own light, the peers' other three (shared/bench/peerlib.py), and more
-/// between them, as directions. Spectra do not enter a march.
+/// Lights the peer scene from `positions` directions: its own light, the other three of the compared renderers
+/// (shared/bench/peerlib.py), and more between them. Spectra do not affect a march.
 fn add_lights(scene: &mut Scene, positions: u8) {
     let Some(key) = scene.lights.first().cloned() else {
         return;
@@ -249,7 +250,7 @@ fn add_lights(scene: &mut Scene, positions: u8) {
     }
 }
 
-/// Gives every material a dye of its own, whose optical depth at its peak is that of what the material scatters.
+/// Gives every material its own dye, with an optical depth at its peak equal to that of the material's scattering.
 fn dye(scene: &mut Scene) -> Result<(), CliError> {
     const PEAKS_NM: [f64; 4] = [450.0, 510.0, 570.0, 630.0];
     for (material, peak) in scene.materials.iter_mut().zip(PEAKS_NM.into_iter().cycle()) {
@@ -262,7 +263,7 @@ fn dye(scene: &mut Scene) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Shows every material twice, the second time under another name.
+/// Doubles every material, the second time under another name.
 fn double_materials(scene: &mut Scene) {
     let materials = scene.materials.len();
     for material in scene.materials.clone() {

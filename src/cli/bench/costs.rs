@@ -1,4 +1,4 @@
-//! What rows of `relume bench` say together: ratios beside the paper's and beside bars, a table for people, a page.
+//! Evaluation of the rows of `relume bench`: ratios against the paper and against limits, a table and a page.
 
 use serde::Serialize;
 
@@ -7,15 +7,15 @@ use relume::vulkan::{DeviceInfo, DeviceKind};
 
 use super::frames::Row;
 
-/// What one thing costs over what another does.
+/// Ratio of two costs.
 #[derive(Serialize)]
 struct Ratio {
     name: String,
     ours: f64,
-    /// What the paper has.
+    /// Ratio in the paper.
     #[serde(skip_serializing_if = "Option::is_none")]
     paper: Option<f64>,
-    /// What it should be at most.
+    /// Largest allowed ratio.
     most: f64,
 }
 
@@ -26,7 +26,7 @@ impl Ratio {
     }
 }
 
-/// The rows, and what they were measured on.
+/// The rows and their device.
 pub(super) struct Costs<'a> {
     rows: &'a [Row],
     software: bool,
@@ -41,12 +41,12 @@ impl<'a> Costs<'a> {
         Self { rows, software, device: format!("{} ({}){label}", info.name, info.driver), interrupted }
     }
 
-    /// Which times are compared.
+    /// Clock of the compared times.
     fn clock(&self) -> &'static str {
         if self.software { "CPU time of all threads" } else { "time on the wall" }
     }
 
-    /// The median march of the first row that is asked for, in ms.
+    /// Median march time in ms of the first matching row.
     fn march(&self, workload: &str, line: &str, is_it: impl Fn(&Row) -> bool) -> Option<f64> {
         let row = self.rows.iter().find(|row| row.workload == workload && row.line == line && is_it(row))?;
         Some(row.march.cost_ms(self.software))
@@ -87,12 +87,12 @@ impl<'a> Costs<'a> {
         ratios
     }
 
-    /// Ratios of marches for programs.
+    /// Ratios of marches as JSON.
     pub(super) fn ratios(&self) -> serde_json::Value {
         serde_json::json!(self.all_ratios())
     }
 
-    /// What there is to say in short.
+    /// Summary in sentences.
     fn findings(&self) -> Vec<String> {
         let ratios = self.all_ratios();
         let mut said = Vec::new();
@@ -116,7 +116,7 @@ impl<'a> Costs<'a> {
         said
     }
 
-    /// For people, in columns.
+    /// Formats the rows in columns.
     pub(super) fn text(&self) -> String {
         let named = |row: &Row| format!("{:<12} {}×{}", row.name(), row.size[0], row.size[1]);
         let width = self.rows.iter().map(|row| named(row).chars().count()).max().unwrap_or(0);
@@ -147,7 +147,7 @@ impl<'a> Costs<'a> {
         text
     }
 
-    /// The paper's table: a row for each thing, a column for each size.
+    /// The paper's table: a row per renderer, a column per size.
     fn paper(&self) -> Option<CostTable> {
         let rows: Vec<&Row> = self.rows.iter().filter(|row| row.workload == "paper").collect();
         let (mut sizes, mut lines) = (Vec::new(), Vec::new());
@@ -182,7 +182,7 @@ impl<'a> Costs<'a> {
         (!rows.is_empty()).then_some(CostTable { head: "The paper's table".to_owned(), about, rows: table })
     }
 
-    /// All rows.
+    /// Table of all rows.
     fn all(&self) -> CostTable {
         let heads = [
             "",
@@ -228,7 +228,7 @@ impl<'a> Costs<'a> {
         CostTable { head: "All rows".to_owned(), about, rows }
     }
 
-    /// A curve for each thing that was varied.
+    /// Curve per varied quantity.
     fn curves(&self) -> Vec<CostCurve> {
         let heads = [
             ("k", "numbers of a colour model, k"),
@@ -257,7 +257,7 @@ impl<'a> Costs<'a> {
         heads.into_iter().filter_map(curve).collect()
     }
 
-    /// The page.
+    /// The HTML page.
     pub(super) fn html(&self) -> String {
         let tables: Vec<CostTable> = self.paper().into_iter().chain([self.all()]).collect();
         costs_html(&self.device, &self.findings(), &tables, &self.curves())

@@ -16,18 +16,18 @@ use relume::vulkan::DeviceKind;
 use super::cases::{Case, Subject, Varied};
 use super::{Args, CliError, Learnt};
 
-/// Frames before those that count.
+/// Untimed frames before the timed ones.
 const WARM_UP: u32 = 2;
-/// Relights that count, at least, over all frames.
+/// Smallest total number of timed relights.
 const RELIGHTS: u32 = 11;
 
-/// One setting, measured.
+/// Measurement of one case.
 #[derive(Serialize)]
 pub(super) struct Row {
-    /// What it is called in comparisons with other runs.
+    /// Identifier in comparisons with other runs.
     pub(super) id: String,
     pub(super) workload: String,
-    /// What it has in common with other rows, where it is one of several.
+    /// Name of the group of rows, if the row is one of several.
     #[serde(skip_serializing_if = "str::is_empty")]
     pub(super) line: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -45,30 +45,30 @@ pub(super) struct Row {
     pub(super) march: Times,
     pub(super) relight: Times,
     pub(super) counts: Counts,
-    /// To the first picture of the process; none in later rows, which find the device open.
+    /// Time to the first picture of the process; `None` in later rows, when the device is already open.
     pub(super) startup_ms: Option<Summary>,
-    /// The most memory that the process has held so far, in MB.
+    /// Peak memory of the process so far, in MB.
     peak_mb: Option<f64>,
 }
 
-/// What is the same however fast the device is; only how a march is cut into dispatches follows its speed.
+/// Counts that do not depend on the speed of the device, except the number of dispatches of a march.
 #[derive(Serialize)]
 pub(super) struct Counts {
-    /// Bytes that a finished pixel keeps.
+    /// Bytes per finished pixel.
     pub(super) pixel_bytes: u64,
     /// Bytes of the volume on the device.
     pub(super) volume_bytes: u64,
     march_dispatches: usize,
-    /// Of one relight.
+    /// Dispatches of one relight.
     relight_dispatches: u64,
-    /// Marches that relights have needed.
+    /// Marches during the relights.
     relight_marches: u64,
     /// Bytes that one relight reads and writes.
     pub(super) relight_bytes: u64,
 }
 
 impl Row {
-    /// What a pixel keeps of a position: "4 weights", "k = 8 (nodes)".
+    /// What a pixel stores per light position: "4 weights", "k = 8 (nodes)".
     pub(super) fn keeps(&self) -> String {
         match self.model.as_ref().and_then(|model| model["kind"].as_str()) {
             Some(kind) => format!("k = {} ({kind})", self.components),
@@ -76,7 +76,7 @@ impl Row {
         }
     }
 
-    /// The name of the row for people.
+    /// Name of the row for people.
     pub(super) fn name(&self) -> String {
         let line = if self.line.is_empty() { String::new() } else { format!(", {}", self.line) };
         let varied = self.varied.map_or_else(String::new, |varied| format!(" = {}", varied.value));
@@ -84,12 +84,12 @@ impl Row {
     }
 }
 
-/// How long repeated work took.
+/// Times of repeated work.
 #[derive(Serialize)]
 pub(super) struct Times {
     pub(super) wall_ms: Option<Summary>,
     pub(super) cpu_ms: Option<Summary>,
-    /// By the device's own clock, where it has one and works.
+    /// By the device's own clock, if it has a working one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) device_ms: Option<Summary>,
 }
@@ -106,25 +106,25 @@ impl Times {
         Self { device_ms: device.and_then(|times| summary(&times)), ..Self::of(&times) }
     }
 
-    /// What counts in comparisons, in ms: the CPU time of a software device, which other programs disturb least, and the wall
-    /// time of others.
+    /// Time for comparisons, in ms: CPU time on software devices, because other programs disturb it least, and wall
+    /// time on others.
     pub(super) fn cost_ms(&self, software: bool) -> f64 {
         let clock = if software { self.cpu_ms } else { self.wall_ms };
         clock.map_or(f64::NAN, |times| times.median)
     }
 }
 
-/// A device, and what is held for the next cases.
+/// A device, and data kept for the next cases.
 pub(super) struct Bench<'a> {
     args: &'a Args,
     renderer: &'a Renderer,
     progress: &'a dyn Progress,
     loaded: Option<Loaded>,
-    /// That scene on the device, once per way its volume is stored.
+    /// The scene on the device, once per storage of its volume.
     resident: Vec<SceneRenderer>,
-    /// Plans of that scene, each with what it is the plan of: a colour model is fitted, and warned of, once.
+    /// Plans of the scene, each with the scene it was made for: a colour model is fitted, and warned of, once.
     plans: Vec<(Scene, Planned)>,
-    /// Frames that were marched, of all there are to march.
+    /// Frames marched, and frames in total.
     frames: (u64, u64),
 }
 
@@ -134,7 +134,7 @@ struct Loaded {
     statistics: Statistics,
 }
 
-/// A case that is ready, and what was measured of it so far.
+/// A case on the device, with its measurements so far.
 struct Running<'a> {
     case: &'a Case,
     on_device: SceneRenderer,
@@ -146,15 +146,15 @@ struct Running<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// What measures so many `cases` in all.
+    /// Starts a bench for `cases` cases in total.
     pub(super) fn new(args: &'a Args, renderer: &'a Renderer, progress: &'a dyn Progress, cases: usize) -> Self {
         let frames = (0, cases as u64 * u64::from(WARM_UP + args.frames));
         Self { args, renderer, progress, loaded: None, resident: Vec::new(), plans: Vec::new(), frames }
     }
 
-    /// Measures `cases`, a frame of each in turn: what else the machine does is then in all of them alike. With `started`, when
-    /// the program did, the first one says what it took to the first picture. Where this fails, `rows` has what was measured
-    /// before.
+    /// Measures `cases` one frame each in turn, so that other load on the machine affects them equally. With `started`,
+    /// the start time of the program, the first case records the time to its first picture. After an error, `rows`
+    /// contains the measurements so far.
     pub(super) fn measure(
         &mut self,
         cases: &[Case],
@@ -173,12 +173,12 @@ impl<'a> Bench<'a> {
         measured
     }
 
-    /// Loads, plans and brings to the device what `case` shows.
+    /// Loads and plans the scene of `case`, and uploads it.
     fn prepare<'c>(&mut self, case: &'c Case) -> Result<Running<'c>, CliError> {
         let (renderer, progress) = (self.renderer, self.progress);
         let key = (case.subject, case.side);
         if self.loaded.as_ref().is_none_or(|loaded| loaded.key != key) {
-            // The last one makes room first.
+            // Frees the previous scene first.
             (self.loaded, self.resident, self.plans) = (None, Vec::new(), Vec::new());
             let scene = case.scene(self.args, progress)?;
             let statistics = scene.volume.statistics()?;
@@ -219,7 +219,7 @@ impl<'a> Bench<'a> {
 }
 
 impl Running<'_> {
-    /// Marches frame number `frame` and relights it, both on the clock once those that warm up are over.
+    /// Marches and relights frame number `frame`; times both after the warm-up.
     fn frame(&mut self, frame: u32, bench: &mut Bench<'_>, started: Option<Instant>) -> Result<(), CliError> {
         let renderer = bench.renderer;
         let (done, all) = bench.frames;

@@ -1,4 +1,4 @@
-//! `relume bench goals`: whether pictures keep the error that is asked for, and what that costs over the least it could.
+//! `relume bench goals`: whether pictures keep the requested error, and their cost relative to the cheapest setting.
 
 use serde_json::json;
 
@@ -9,7 +9,7 @@ use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::{CliError, Report, Silent};
 
-/// Chooses for so many seeded scenes; where somebody asks to stop, those that are finished are kept.
+/// Chooses settings for `scenes` seeded scenes. A cancellation keeps the finished ones.
 pub(super) fn run(scenes: u16, device: &DeviceChoice, progress: &dyn Progress) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(device, Validation::Off)?);
     let (mut rows, mut interrupted): (Vec<(u64, GoalRow)>, bool) = (Vec::new(), false);
@@ -39,7 +39,7 @@ pub(super) fn run(scenes: u16, device: &DeviceChoice, progress: &dyn Progress) -
     })
 }
 
-/// The table, and what it comes to; where a bar is missed, that is the last line.
+/// The table and its summary; missed limits are in the last line.
 fn text(
     rows: &[(u64, GoalRow)],
     scenes: u16,

@@ -1,4 +1,4 @@
-//! The part of `relume bench` that measures how fast volumes are read, beside what decodes their bytes.
+//! `relume bench load`: speed of reading volumes, compared with only decoding their bytes.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
@@ -18,33 +18,33 @@ use relume::volume::{self, Phantom, Selection, Volume, VolumeError, Voxels};
 use super::frames::Times;
 use super::{CliError, Report};
 
-/// Voxels along each side of the volume that is made where none is given.
+/// Voxels along each side of the generated volume.
 const SIDE: usize = 256;
 
-/// Bytes decoded at once and thrown away; so few stay in the cache.
+/// Bytes decoded at a time and discarded; small enough for the cache.
 const SCRATCH: usize = 1 << 16;
 
-/// Opening a volume, and decoding its bytes to nothing, measured in turn.
+/// Times of opening a volume and of only decoding its bytes, measured in turn.
 #[derive(Serialize)]
 struct Row {
     volume: String,
-    /// How what is decoded is compressed; without that, the bytes of its files are only read.
+    /// Compression of the decoded bytes; `None` if the files are uncompressed and only read.
     stream: Option<&'static str>,
     /// Voxels in memory, in MB (10⁶ bytes).
     voxels_mb: f64,
     open: Times,
     bare: Times,
-    /// Of voxels, in a second of CPU time.
+    /// MB of voxels per second of CPU time.
     open_mb_s: f64,
-    /// Decoded, in a second of CPU time.
+    /// MB decoded per second of CPU time.
     bare_mb_s: f64,
-    /// CPU time of opening over that of decoding; none where what was read is less than the voxels.
+    /// CPU time of opening over that of decoding; `None` if fewer bytes were decoded than the voxels have.
     ratio: Option<f64>,
-    /// The most memory that the process had held when it had opened the volume once, in MB.
+    /// Peak memory of the process after opening the volume once, in MB.
     peak_mb: Option<f64>,
 }
 
-/// Reads `file` so many times, after once that warms up; without one, 256³ voxels of 16 bits in a gzip NRRD.
+/// Reads `file` `times` times after one warm-up; without a file, a gzip NRRD of 256³ 16-bit voxels.
 pub(super) fn run(
     file: Option<&Path>,
     selection: &Selection,
@@ -105,7 +105,7 @@ fn measure(path: &Path, selection: &Selection, times: u32, progress: &dyn Progre
         voxel_bytes = voxels.bytes().len();
         drop(voxels);
 
-        // Before there is anything of the measurement itself.
+        // Before the measurement itself allocates anything.
         peak = peak.or_else(peak_mb);
         let packed = volume::packed_blocks(path, selection, progress)?;
         let data = payload(files).map_err(|error| failed(path, &error))?;
@@ -142,7 +142,7 @@ fn measure(path: &Path, selection: &Selection, times: u32, progress: &dyn Progre
     })
 }
 
-/// How a stream of bytes is packed, as far as it is decoded here.
+/// Compression of a stream, as far as this module decodes it.
 #[derive(Clone, Copy, Debug)]
 enum Packing {
     Gzip,
@@ -179,12 +179,12 @@ impl Part {
         })
     }
 
-    /// Whether the bytes can be decoded, to begin with.
+    /// Whether the beginning of the bytes can be decoded.
     fn is_sound(&self) -> bool {
         self.decoded().is_ok_and(|mut stream| stream.read_exact(&mut [0; 64]).is_ok())
     }
 
-    /// Decodes all of them to nothing; how many that were.
+    /// Decodes and discards all bytes; returns their number.
     fn pass_over(&self, progress: &dyn Progress) -> Result<usize, CliError> {
         let failed = |error: io::Error| failed(&self.path, &error);
         let mut stream = self.decoded().map_err(failed)?;
@@ -202,7 +202,7 @@ impl Part {
     }
 }
 
-/// What of these files is packed, wherever it begins; where nothing is, all of them.
+/// Returns the compressed part of each file, wherever it begins; all files if none is compressed.
 fn payload(mut files: Vec<PathBuf>) -> io::Result<Vec<Part>> {
     files.sort();
     files.dedup();
@@ -210,7 +210,7 @@ fn payload(mut files: Vec<PathBuf>) -> io::Result<Vec<Part>> {
     for path in &files {
         let mut head = Vec::new();
         File::open(path)?.take(1 << 16).read_to_end(&mut head)?;
-        // At the beginning of a file, or where the header of an NRRD or a MetaImage ends.
+        // At the beginning of a file, or after the header of an NRRD or MetaImage.
         let ends = [&b"\n\n"[..], b"\r\n\r\n", b"LOCAL\n", b"LOCAL\r\n"];
         let ends =
             ends.iter().filter_map(|end| Some(head.windows(end.len()).position(|bytes| bytes == *end)? + end.len()));
@@ -232,7 +232,7 @@ fn payload(mut files: Vec<PathBuf>) -> io::Result<Vec<Part>> {
     Ok(packed)
 }
 
-/// Writes an engine of twelve bits, the last four of them noise, as scanners have it.
+/// Writes a 12-bit engine whose last four bits are noise, as from a scanner.
 fn write_phantom(path: &Path) -> Result<(), CliError> {
     let engine = Volume::phantom(Phantom::Engine, Some([SIDE; 3]))?;
     let Voxels::U8(voxels) = &engine.voxels else {
@@ -248,7 +248,7 @@ fn write_phantom(path: &Path) -> Result<(), CliError> {
         let mut state = 1_u32;
         for slice in voxels.chunks(SIDE * SIDE) {
             let bytes = slice.iter().flat_map(|&value| {
-                // Numerical Recipes' quick generator; its upper bits are the good ones.
+                // The quick generator of Numerical Recipes; its upper bits are the good ones.
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 let noise = state.to_le_bytes()[3] & 0xf;
                 (u16::from(value) << 4 | u16::from(noise)).to_le_bytes()

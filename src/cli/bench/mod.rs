@@ -1,4 +1,4 @@
-//! `relume bench`: how long marching, relighting, reading and designing take; how good colour models are.
+//! `relume bench`: times of marching, relighting, reading and palette design, and errors of colour models.
 
 mod against;
 mod cases;
@@ -48,30 +48,30 @@ startup_ms, from the start of the program to its first picture, is that of the f
 in the others: the device is open by then. peak_mb is the most memory that the process has held so far, rows before
 included. Ctrl-C keeps the rows that are finished.";
 
-/// `relume bench`
+/// Arguments of `relume bench`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// The real frog for the workloads `peer…`, in place of its phantom; what `load` reads.
+    /// The real frog for the workloads `peer…`, in place of its phantom, and the volume that `load` reads.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
     selection: SelectionArgs,
     #[command(flatten)]
     accuracy: AccuracyArgs,
-    /// Pixels across and down; by default 800x800, and of scenes, paper and scaling 400x400, 800x800 and 1920x1080.
+    /// Pixels across and down; by default 800x800, and for scenes, paper and scaling 400x400, 800x800 and 1920x1080.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[usize; 2]>,
     /// The largest volume of `scaling`, in voxels along a side: 64, 128, 256 or 512.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..))]
     largest: u32,
-    /// Frames to measure, after two that warm up; how often `load` reads and `palette` solves.
+    /// Frames to measure, after two for warming up; number of runs of `load` and `palette`.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// Scenes that colour models are measured on, or goals.
+    /// Number of scenes for `model` and `goals`.
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
     scenes: u16,
     #[command(flatten)]
@@ -82,11 +82,11 @@ pub(crate) struct Args {
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
-    /// Compare with what `--json` printed earlier on this device, and end with 1 where a march or a relight takes longer, or
-    /// anything takes more bytes. Times are medians: of CPU time on software devices, on the wall on others.
+    /// Compare with earlier output of `--json` on this device, and exit with 1 if a march or a relight takes longer, or
+    /// anything takes more bytes. Times are medians: CPU time on software devices, wall time on others.
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
-    /// How many per cent more something may cost; times may differ by half a millisecond besides.
+    /// Tolerated increase of costs in per cent; times may also differ by half a millisecond.
     #[arg(long, value_name = "P", default_value_t = 20.0, requires = "against", value_parser = percent)]
     budget_percent: f64,
     /// Report to write: a page (.html) with the paper's table, the curves and all rows.
@@ -94,7 +94,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-/// Passes on that work should stop, and not how far it is: these tables are many fits and marches.
+/// Passes on cancellation but no progress, because these tables need a large number of fits and marches.
 struct Silent<'a>(&'a dyn Progress);
 
 impl Progress for Silent<'_> {
@@ -105,7 +105,7 @@ impl Progress for Silent<'_> {
     }
 }
 
-/// A share of so many per cent.
+/// Parses a percentage from 0.
 fn percent(text: &str) -> Result<f64, String> {
     let percent: Option<f64> = text.parse().ok().filter(|percent: &f64| percent.is_finite() && *percent >= 0.0);
     percent.ok_or_else(|| format!("{text:?} is not a number of per cent from 0 on"))
@@ -113,41 +113,42 @@ fn percent(text: &str) -> Result<f64, String> {
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
 enum Workload {
-    /// The scene that other renderers are set beside; its camera turns by 8° a frame.
+    /// The benchmark scene for comparisons with other renderers; its camera turns by 8° per frame.
     Peer,
-    /// The same under four directional lights in four positions.
+    /// peer under four directional lights in four positions.
     PeerFourLights,
-    /// The same with twice as many materials: eight weights a pixel.
+    /// peer with twice the number of materials: eight weights per pixel.
     PeerEightMaterials,
-    /// The same carried as linear RGB: what a renderer without spectra does.
+    /// peer in linear RGB, as in a renderer without spectra.
     PeerRgb,
-    /// The same carried as the eight numbers of a colour model.
+    /// peer with a colour model of dimension 8.
     PeerK8,
-    /// The peer's materials dyed, carried as linear RGB.
+    /// peer with dyed materials, in linear RGB.
     PeerColouredRgb,
-    /// The dyed materials carried as the eight numbers of a colour model.
+    /// peer with dyed materials and a colour model of dimension 8.
     PeerColouredK8,
     /// The embedded default scene.
     Default,
-    /// scenes, paper and scaling: all that needs a device, at each size.
+    /// scenes, paper and scaling: all frame times, at each size.
     All,
-    /// Every scene that is part of the program, the figures' too.
+    /// Every embedded scene, including the figures.
     Scenes,
-    /// The paper's table: RGB, spectra and relighting, with its ratios beside ours.
+    /// The paper's table: RGB, spectra and relighting, with the paper's ratios for comparison.
     Paper,
-    /// Cost against k, positions of lights, pixels and voxels, grey and coloured.
+    /// Cost against k, light positions, pixels and voxels, grey and coloured.
     Scaling,
-    /// What each feature of a scene costs in samples, dispatches, bytes and instructions, and that scenes without it do not pay.
+    /// Cost of each scene feature in samples, dispatches, bytes and instructions, and that scenes without it do not
+    /// pay.
     Needs,
-    /// Whether pictures of seeded scenes keep their --max-error, and what that costs over the least it could: ends with 1 where
-    /// fewer than 95 of 100 scenes keep it, or where fewer than 95 take at most 1.3 times the samples and the time of the
-    /// cheapest setting that would have. --scenes 50 take some minutes on two cores.
+    /// Whether pictures of seeded scenes keep their --max-error, and their cost relative to the cheapest setting that
+    /// would. Exits with 1 if fewer than 95 of 100 scenes keep it, or if fewer than 95 take at most 1.3 times the
+    /// samples and the time of the cheapest setting. --scenes 50 takes some minutes on two cores.
     Goals,
     /// Colour models on seeded scenes: no march, no device.
     Model,
-    /// Palettes designed: those of data/palettes and of the figures: no device.
+    /// Design of the palettes in data/palettes and of the figures: no device.
     Palette,
-    /// Reading a volume, beside what decodes its bytes: no device.
+    /// Reading a volume, compared with only decoding its bytes: no device.
     Load,
 }
 
@@ -156,24 +157,25 @@ impl Workload {
         !matches!(self, Self::Needs | Self::Goals | Self::Model | Self::Palette | Self::Load)
     }
 
-    /// What the command line calls it.
+    /// Name on the command line.
     fn name(self) -> String {
         self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
     }
 
-    /// Whether it shows or reads what --volume names.
+    /// Whether the workload uses the volume of --volume.
     fn takes_volume(&self) -> bool {
         !matches!(self, Self::Default | Self::Scenes | Self::Needs | Self::Goals | Self::Model | Self::Palette)
     }
 
-    /// Whether it says itself what pixels keep, or has none.
+    /// Whether the workload determines what pixels store, or makes no pictures.
     fn is_fixed(&self) -> bool {
         let fixed = matches!(self, Self::PeerRgb | Self::PeerK8 | Self::PeerColouredRgb | Self::PeerColouredK8);
         let whole = matches!(self, Self::All | Self::Paper | Self::Scaling);
         fixed || whole || !self.makes_frames()
     }
 
-    /// What it measures: the peers' scene and the default one unshaded and shaded, or with `shading` alone; others as they say.
+    /// Cases of the workload. peer… and default have an unshaded and a shaded case, or only `shading`; others have
+    /// their own.
     fn cases(self, size: Option<[usize; 2]>, largest: u32, shading: Option<BenchShading>) -> Vec<Case> {
         let rgb = Keeping::Model(ModelKind::Rgb, 3);
         let k8 = Keeping::Model(ModelKind::Nodes, 8);
@@ -211,7 +213,7 @@ impl Workload {
 }
 
 impl Args {
-    /// Whether it makes rows one after the other, which are kept where somebody stops it.
+    /// Whether the workloads produce rows one by one, which are kept after a cancellation.
     pub(crate) fn has_rows(&self) -> bool {
         self.makes_frames() || self.workloads.contains(&Workload::Goals)
     }
@@ -300,7 +302,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         all.text.push_str(&report.text);
         let held = all.json["holds"] != false;
         if let (Some(all), serde_json::Value::Object(mut part)) = (all.json.as_object_mut(), report.json) {
-            // What one does not hold, all do not.
+            // If one report does not hold, the whole does not.
             if let Some(holds) = part.get_mut("holds") {
                 *holds = (held && *holds == true).into();
             }
@@ -310,11 +312,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     Ok(all)
 }
 
-/// Measures what needs a device.
+/// Measures the workloads that make frames.
 fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
     let info = renderer.device().info();
-    // A file that does not compare is told of before anything is measured.
+    // Rejects an incomparable file before measuring.
     let device = format!("{} ({})", info.name, info.driver);
     let earlier = args.against.as_deref().map(|path| Earlier::read(path, &device)).transpose()?;
     let cases = args.workloads.iter().flat_map(|workload| workload.cases(args.size, args.largest, args.shading));
@@ -325,7 +327,7 @@ fn run_frames(args: &Args, progress: &dyn Progress, started: Instant) -> Result<
     for together in cases.chunk_by(Case::is_beside) {
         match bench.measure(together, started.take(), &mut rows) {
             Ok(()) => {}
-            // What is finished is kept.
+            // Finished rows are kept.
             Err(_) if progress.cancelled() && !rows.is_empty() => {
                 interrupted = true;
                 break;

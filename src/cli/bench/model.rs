@@ -1,4 +1,4 @@
-//! The part of `relume bench` that measures colour models.
+//! `relume bench model`: errors of colour models.
 
 use serde_json::json;
 
@@ -12,7 +12,7 @@ use relume::progress::Progress;
 use super::{CliError, Report, Silent};
 
 const TOLERANCES: [f64; 3] = [2.0, 1.0, 0.5];
-/// More scenes than this move the errors of fixed dimensions no more.
+/// Above this number of scenes, the errors of fixed dimensions do not change.
 const MOST_SCENES: usize = 12;
 
 pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliError> {
@@ -62,7 +62,7 @@ pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliE
     })
 }
 
-/// What is measured under one group of lights.
+/// Settings to measure under one group of lights.
 fn settings(lights: usize) -> Vec<ModelSetting> {
     let (held, kept) = (Amplification::Held, Amplification::Kept);
     let (step, semigroup) = (ModelKind::Sharpened(Order::Step), ModelKind::Sharpened(Order::Semigroup));
@@ -93,7 +93,7 @@ fn settings(lights: usize) -> Vec<ModelSetting> {
     .collect()
 }
 
-/// What must not matter, as text.
+/// Formats the consistency checks: step length and relighting must not change colours.
 fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
     let mut text =
         "\nStep halved, in a homogeneous coloured slab 64 thick, k = 8, marched in f32: what that changes at most.\n\
@@ -116,7 +116,7 @@ fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
     text
 }
 
-/// How many times smaller the mean error of eight nodes is to be than that of the best RGB (docs/theory/acceptance.md C8).
+/// Required ratio of the mean error of the best RGB to that of eight nodes (docs/theory/acceptance.md C8).
 const LEAST_RATIO: f64 = 20.0;
 
 fn text(

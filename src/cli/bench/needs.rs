@@ -1,4 +1,4 @@
-//! `relume bench needs`: what each feature of a scene costs, and that a scene without it does not pay.
+//! `relume bench needs`: cost of each scene feature, and that a scene without it does not pay.
 
 use serde_json::json;
 
@@ -16,7 +16,7 @@ pub(super) fn run(device: &DeviceChoice, progress: &dyn Progress) -> Result<Repo
     Ok(Report { text: text(&rows), json: json!({ "needs": rows, "needs_hold": holds, "holds": holds }) })
 }
 
-/// A row a feature; `a → b` is without it and with it.
+/// Table with a row per feature; `a → b` is without and with it.
 fn text(rows: &[NeedRow]) -> String {
     let mut table = vec![
         [

@@ -1,4 +1,4 @@
-//! The part of `relume bench` that measures palettes.
+//! `relume bench palette`: errors and times of palette design.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -32,15 +32,15 @@ const PALETTES: [(&str, &str); 15] = [
     ("figure 7", include_str!("../../../data/figures/fig7.toml")),
 ];
 
-/// One palette, measured.
+/// Measurement of one palette.
 #[derive(Serialize)]
 struct Row {
     palette: &'static str,
     materials: usize,
     lights: usize,
-    /// The largest ΔE00 of a cell.
+    /// Largest ΔE00 of a cell.
     worst: f64,
-    /// What the root mean square ΔE00 cannot fall below, and what it is, where something cannot be had.
+    /// In a conflict: lower limit of the root mean square ΔE00, and its actual value.
     least: Option<f64>,
     reached: Option<f64>,
     solve: Times,
