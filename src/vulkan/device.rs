@@ -26,20 +26,20 @@ use super::{
     submission::CommandSlot,
 };
 
-/// Bytes that small objects in device memory share.
+/// Bytes of a memory block for small objects in device memory.
 const DEVICE_BLOCK: u64 = 32 << 20;
-/// Bytes that small objects in host memory share.
+/// Bytes of a memory block for small objects in host memory.
 const HOST_BLOCK: u64 = 8 << 20;
-/// Bytes that all objects share on a software device, which takes them from the system only when they are written: what a
-/// march leaves is then written where that of the one before was, and the system need not clear pages for it again, which
-/// takes up to a fifth of a march.
+/// Bytes of a memory block on a software device, which gets pages from the system only on the first write. A march then
+/// writes its film where the film of the march before was. The system need not clear new pages, which would take up to
+/// a fifth of a march.
 const SOFTWARE_BLOCK: u64 = 256 << 20;
 
-/// An open device. Clones are the same device, and everything made from it keeps it open.
+/// An open device. Clones share it, and everything made from it keeps it open.
 #[derive(Clone)]
 pub struct Device(Arc<Shared>);
 
-/// The device and what its objects share, in the order in which they go.
+/// The device and the state that its objects share, in the order of destruction.
 struct Shared {
     info: DeviceInfo,
     limits: Limits,
@@ -47,7 +47,7 @@ struct Shared {
     dispatches: AtomicU64,
     queue_family: u32,
     queue: Mutex<vk::Queue>,
-    /// Command buffers that nothing uses now.
+    /// Command buffers that are not in use.
     idle: Mutex<Vec<Arc<CommandSlot>>>,
     allocator: Arc<Mutex<Allocator>>,
     #[cfg_attr(not(feature = "window"), expect(dead_code, reason = "asked about surfaces only"))]
@@ -56,8 +56,8 @@ struct Shared {
 }
 
 impl Device {
-    /// Opens the device that `choice` means. For tests, the environment may ask for failures: `RELUME_SIMULATE`, set to
-    /// `device-lost=N` or `out-of-memory=N`, is what the Nth submission or object meets.
+    /// Opens the device that `choice` selects. For tests, the environment variable `RELUME_SIMULATE` requests failures:
+    /// `device-lost=N` or `out-of-memory=N` makes the Nth submission or allocation fail.
     ///
     /// # Errors
     ///
@@ -68,7 +68,7 @@ impl Device {
         Self::open_with(choice, validation, Purpose::Compute, &[])
     }
 
-    /// [`Self::open`], for a [`super::Surface`] on this display.
+    /// Opens a device as [`Self::open`] does, for a [`super::Surface`] on this display.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl Device {
     ) -> Result<Self, VulkanError> {
         let lacking = |_| VulkanError::NoWindow { lacking: "VK_KHR_surface".to_owned() };
         let names = ash_window::enumerate_required_extensions(display).map_err(lacking)?;
-        // SAFETY: these are the literals of the crate that names Vulkan's extensions.
+        // SAFETY: the pointers are string literals of the crate that names Vulkan's extensions.
         let names: Vec<&CStr> = names.iter().map(|&name| unsafe { CStr::from_ptr(name) }).collect();
         Self::open_with(choice, validation, Purpose::Window, &names)
     }
@@ -113,7 +113,7 @@ impl Device {
             allocation_sizes: blocks,
         })
         .map_err(|source| VulkanError::Allocator { object: candidate.info.name.clone(), source })?;
-        // SAFETY: the device was made with one queue of this family.
+        // SAFETY: the device was created with one queue of this family.
         let raw_queue = unsafe { raw.functions.get_device_queue(queue.index, 0) };
         raw.set_name(raw_queue, "queue");
         Ok(Self(Arc::new(Shared {
@@ -130,31 +130,31 @@ impl Device {
         })))
     }
 
-    /// What the device says of itself.
+    /// Properties of the device.
     #[must_use]
     pub fn info(&self) -> &DeviceInfo {
         &self.0.info
     }
 
-    /// What the device allows.
+    /// Limits of the device.
     #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.0.limits
     }
 
-    /// How many dispatches were recorded for it so far.
+    /// Number of dispatches recorded for the device so far.
     #[must_use]
     pub fn dispatches(&self) -> u64 {
         self.0.dispatches.load(Ordering::Relaxed)
     }
 
-    /// What the validation layer has said since the last call; nothing without [`Validation::On`].
+    /// Returns the validation messages since the last call; none without [`Validation::On`].
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.raw.instance.take_messages()
     }
 
-    /// Records what `record` asks for, submits it, and waits until it has ended.
+    /// Records commands with `record`, submits them and waits until they have finished.
     ///
     /// # Errors
     ///
@@ -169,7 +169,7 @@ impl Device {
         recorder.submit()?.finish()
     }
 
-    /// [`Self::run`], and how long it took by the device's own clock; `None` where it has none.
+    /// Does what [`Self::run`] does and returns the duration by the device's clock; `None` if it has no clock.
     ///
     /// # Errors
     ///
@@ -188,11 +188,11 @@ impl Device {
         Ok(submission.timestamps()?.last().copied())
     }
 
-    /// Waits until the device has ended all that it was given. A lost device uses nothing any more, so an error says the same.
+    /// Waits until the device has finished all submitted work. Errors are ignored: a lost device is idle, too.
     #[expect(clippy::disallowed_methods, reason = "this is the one place, and it holds the queue")]
     pub(super) fn wait_idle(&self) {
         let _queue = lock(&self.0.queue);
-        // SAFETY: the lock keeps other threads off the only queue, which waiting for the device waits for too.
+        // SAFETY: the lock keeps other threads off the only queue, which `device_wait_idle` also waits for.
         unsafe { self.0.raw.functions.device_wait_idle() }.ok();
     }
 
@@ -236,7 +236,7 @@ impl fmt::Debug for Device {
     }
 }
 
-/// The logical device, with one queue and the features in use.
+/// Creates the logical device with one queue and the required features.
 fn open_raw(
     instance: &Arc<Instance>,
     candidate: &Candidate,
@@ -247,7 +247,7 @@ fn open_raw(
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue.index).queue_priorities(&priorities)];
     let mut extensions =
         if candidate.needs_extension { vec![khr::synchronization2::NAME.as_ptr()] } else { Vec::new() };
-    // Every device has it: a shader that reads or writes past a buffer's end stays within the buffer.
+    // Supported by every device: shader accesses past the end of a buffer stay within the buffer.
     let features = vk::PhysicalDeviceFeatures::default().robust_buffer_access(true);
     let mut synchronization2 = vk::PhysicalDeviceSynchronization2Features::default().synchronization2(true);
     let mut rendering = vk::PhysicalDeviceDynamicRenderingFeatures::default().dynamic_rendering(true);
@@ -262,7 +262,7 @@ fn open_raw(
     if purpose != Purpose::Compute {
         info = info.push_next(&mut rendering);
     }
-    // SAFETY: `info` borrows arrays that outlive the call, and asks only for what the candidate was found to have.
+    // SAFETY: `info` borrows arrays that outlive the call, and requests only features that the candidate has.
     let made = unsafe { instance.raw.create_device(candidate.raw, &info, None) };
     let functions = made.map_err(VulkanError::call("vkCreateDevice", &candidate.info.name))?;
     let pipeline_barrier2 = if candidate.needs_extension {

@@ -1,4 +1,4 @@
-//! The display, when it goes away.
+//! Loss of the X display.
 
 use std::ffi::c_int;
 use std::panic;
@@ -8,27 +8,27 @@ use x11_dl::xlib::{Display, Xlib};
 
 static GONE: OnceLock<fn() -> !> = OnceLock::new();
 
-/// From now on `gone` ends the program when an X server does not answer any more, which no library of X survives: Xlib's
-/// own end calls what other threads still use, and mostly crashes, and winit panics. It may be called on any thread, with
-/// locks held.
+/// Installs `gone` as the exit of the program for when the X server stops answering. No X library survives this: Xlib's
+/// own exit calls functions that other threads still use and usually crashes, and winit panics. `gone` may be called on
+/// any thread, with locks held.
 pub fn when_display_is_gone(gone: fn() -> !) {
-    // Without Xlib there is no window of it either.
+    // Without Xlib there is no X11 window either.
     let Ok(xlib) = Xlib::open() else { return };
     if !answers(&xlib) || GONE.set(gone).is_err() {
         return;
     }
-    // SAFETY: the handler is a function of this signature, which is there as long as the program.
+    // SAFETY: the handler has this signature and lives as long as the program.
     unsafe { (xlib.XSetIOErrorHandler)(Some(end)) };
     let tell = panic::take_hook();
     panic::set_hook(Box::new(move |panic| if answers(&xlib) { tell(panic) } else { gone() }));
 }
 
-/// Whether there is an X server to talk to.
+/// Whether an X server answers.
 fn answers(xlib: &Xlib) -> bool {
-    // SAFETY: without a name it is the display of the environment; null where that does not answer.
+    // SAFETY: a null name selects the display of the environment. The result is null if that display does not answer.
     let display = unsafe { (xlib.XOpenDisplay)(std::ptr::null()) };
     if !display.is_null() {
-        // SAFETY: it was opened above, and nothing else knows it.
+        // SAFETY: the display was opened above and is not shared.
         unsafe { (xlib.XCloseDisplay)(display) };
     }
     !display.is_null()

@@ -1,29 +1,29 @@
-//! What can go wrong between this program and a Vulkan device.
+//! Errors of the Vulkan layer.
 
 use ash::vk;
 
 use super::Format;
 
-/// Where a device comes from when the machine has none.
+/// Hint on how to install a Vulkan device.
 const INSTALL: &str = "on Debian or Ubuntu `apt-get install libvulkan1 mesa-vulkan-drivers` gives a software device";
 
-/// Why something could not be done with Vulkan.
+/// Error of a Vulkan operation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VulkanError {
-    /// `libvulkan.so.1` is not there or cannot be loaded.
+    /// `libvulkan.so.1` is missing or cannot be loaded.
     #[error("the Vulkan loader (libvulkan.so.1) cannot be loaded; {INSTALL}")]
     NoLoader {
-        /// What the dynamic linker says.
+        /// Message of the dynamic linker.
         source: ash::LoadingError,
     },
-    /// The loader is there and finds no driver.
+    /// The loader finds no driver.
     #[error("the Vulkan loader finds no driver; {INSTALL} (VK_DRIVER_FILES, where set, names the drivers to use)")]
     NoDriver,
-    /// Drivers are there and none has a device.
+    /// No driver has a device.
     #[error("the Vulkan drivers have no device; {INSTALL}")]
     NoDevice,
-    /// No device has the index or the name asked for.
+    /// No device has the requested index or name.
     #[error("no Vulkan device is {wanted}; there are: {}", .names.join(", "))]
     NoMatch {
         /// The index, or the name in quotes.
@@ -31,112 +31,112 @@ pub enum VulkanError {
         /// Index and name of every device.
         names: Vec<String>,
     },
-    /// The device lacks what the program needs.
+    /// The device lacks required features.
     #[error("the Vulkan device {device:?} cannot be used: {}", .missing.join("; "))]
     Unsuitable {
         /// The device's name.
         device: String,
-        /// A sentence per missing feature.
+        /// One sentence per missing feature.
         missing: Vec<String>,
     },
-    /// The validation layer was asked for and is not installed.
+    /// The validation layer was requested but is not installed.
     #[error(
         "the layer VK_LAYER_KHRONOS_validation is not installed; \
          on Debian or Ubuntu `apt-get install vulkan-validationlayers`"
     )]
     NoValidation,
-    /// The drivers cannot show anything in a window of this display.
+    /// The drivers cannot present to a window of this display.
     #[error("the Vulkan drivers show nothing in windows of this display: they lack {lacking}")]
     NoWindow {
-        /// The extension.
+        /// The missing extension.
         lacking: String,
     },
     /// The panels of a window could not be drawn.
     #[cfg(feature = "window")]
     #[error("the panels cannot be drawn")]
     Panels {
-        /// What the library that draws them says.
+        /// Error of the panel renderer.
         source: egui_ash_renderer::RendererError,
     },
-    /// The device has no such use for the format.
+    /// The device does not support this use of the format.
     #[error("{object:?}: this device does not support {format:?} as {purpose}")]
     NoFormat {
         /// The image's name.
         object: String,
         /// Its format.
         format: Format,
-        /// What it was to be.
+        /// The intended use.
         purpose: &'static str,
     },
-    /// Something is larger than the device allows. Nothing was allocated.
+    /// A size exceeds a device limit. Nothing was allocated.
     #[error("{object:?}: {quantity} is {asked}, and this device allows {limit}")]
     TooLarge {
         /// The object's name.
         object: String,
-        /// What is too large, and its unit.
+        /// The quantity that is too large, with its unit.
         quantity: &'static str,
-        /// How much was asked for.
+        /// Requested amount.
         asked: u64,
-        /// How much there may be.
+        /// Largest amount that the device allows.
         limit: u64,
     },
-    /// The device has not enough memory left.
+    /// The device has not enough free memory.
     #[error("{object:?} needs {bytes} bytes, which the device does not have left of its {heap_bytes}")]
     OutOfMemory {
         /// The object's name.
         object: String,
-        /// Bytes asked for.
+        /// Requested bytes.
         bytes: u64,
         /// Bytes of the device's largest heap.
         heap_bytes: u64,
     },
-    /// A buffer was to be read or written while a submission that uses it has not ended.
+    /// A buffer was accessed while a submission that uses it had not finished.
     #[error("{object:?} is in use by a submission that has not ended")]
     InUse {
         /// The buffer's name.
         object: String,
     },
-    /// Sizes, kinds or places that do not fit together.
+    /// Sizes, kinds or offsets do not match.
     #[error("{object:?}: {mistake}")]
     Misuse {
         /// The object's name.
         object: String,
-        /// What does not fit, with the numbers.
+        /// The mismatch, with its numbers.
         mistake: String,
     },
-    /// The device stopped working, and everything on it is gone.
+    /// The device was lost, with everything on it.
     #[error(
         "the device was lost in {call} on {object:?} (a driver reset, often after a dispatch that ran for seconds); \
          open it again"
     )]
     DeviceLost {
-        /// Vulkan's name for the call that noticed.
+        /// Vulkan name of the call that reported the loss.
         call: &'static str,
-        /// Our name for what it was called on.
+        /// Relume's name of the object.
         object: String,
     },
-    /// A call failed in another way.
+    /// A call failed for another reason.
     #[error("{call} on {object:?} failed")]
     Call {
-        /// Vulkan's name for the call.
+        /// Vulkan name of the call.
         call: &'static str,
-        /// Our name for what it was called on.
+        /// Relume's name of the object.
         object: String,
-        /// Vulkan's reason.
+        /// Vulkan's result code.
         source: vk::Result,
     },
-    /// The allocator failed in another way than by running out.
+    /// The allocator failed for a reason other than lack of memory.
     #[error("no memory for {object:?}")]
     Allocator {
         /// The object's name.
         object: String,
-        /// The allocator's reason.
+        /// The allocator's error.
         source: gpu_allocator::AllocationError,
     },
 }
 
 impl VulkanError {
-    /// The error of `call` on `object`: what `.map_err` wants.
+    /// Returns a closure for `map_err` that wraps the error of `call` on `object`.
     pub(super) fn call(call: &'static str, object: &str) -> impl FnOnce(vk::Result) -> Self {
         move |source| {
             let object = object.to_owned();
@@ -147,13 +147,13 @@ impl VulkanError {
         }
     }
 
-    /// `object` was used as it cannot be.
+    /// Returns a [`Self::Misuse`] of `object`.
     pub(super) fn misuse(object: &str, mistake: impl Into<String>) -> Self {
         Self::Misuse { object: object.to_owned(), mistake: mistake.into() }
     }
 }
 
-/// Refuses `asked` of `quantity` where it is over `limit`.
+/// Returns an error if `asked` of `quantity` exceeds `limit`.
 pub(super) fn check_limit(object: &str, quantity: &'static str, asked: u64, limit: u64) -> Result<(), VulkanError> {
     if asked > limit {
         return Err(VulkanError::TooLarge { object: object.to_owned(), quantity, asked, limit });

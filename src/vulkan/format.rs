@@ -1,23 +1,24 @@
-//! The texel formats that images may have.
+//! Texel formats of images.
 
 use ash::vk;
 
-/// What a texel holds, and what a shader reads from it.
+/// Texel format, and the value that a shader reads from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Format {
-    /// One 16-bit number, 0..=65535 read as 0..=1.
+    /// One 16-bit number; 0..=65535 is read as 0..=1.
     R16Unorm,
     /// One f32.
     R32Float,
-    /// Four 16-bit numbers, −32767..=32767 read as −1..=1 (−32768 too is −1); 0 is exactly 0.
+    /// Four 16-bit numbers; −32767..=32767 is read as −1..=1 (−32768 is also −1). 0 is exactly 0.
     Rgba16Snorm,
     /// Four 16-bit floats.
     Rgba16Float,
     /// Four f32.
     Rgba32Float,
-    /// Four bytes, 0..=255 read as 0..=1.
+    /// Four bytes; 0..=255 is read as 0..=1.
     Rgba8Unorm,
-    /// The same four bytes, which a shader writes as those, and which commands take for blue, green, red and alpha: a window's.
+    /// Four bytes that shaders write as [`Self::Rgba8Unorm`] and commands read as blue, green, red, alpha: the format
+    /// of window images.
     Bgra8Unorm,
     /// One byte, read as an unsigned integer; never filtered.
     R8Uint,
@@ -28,7 +29,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Every format, in the order of declaration.
+    /// All formats, in declaration order.
     pub const ALL: [Self; 10] = [
         Self::R16Unorm,
         Self::R32Float,
@@ -42,7 +43,7 @@ impl Format {
         Self::R32Uint,
     ];
 
-    /// Bytes of a texel.
+    /// Bytes per texel.
     #[must_use]
     pub const fn texel_bytes(self) -> u32 {
         match self {
@@ -54,12 +55,12 @@ impl Format {
         }
     }
 
-    /// Whether a shader reads unsigned integers from it.
+    /// Whether shaders read unsigned integers from this format.
     pub(super) const fn is_uint(self) -> bool {
         matches!(self, Self::R8Uint | Self::R16Uint | Self::R32Uint)
     }
 
-    /// Vulkan's name for it.
+    /// Vulkan format.
     pub(super) const fn raw(self) -> vk::Format {
         match self {
             Self::R16Unorm => vk::Format::R16_UNORM,
@@ -75,7 +76,7 @@ impl Format {
         }
     }
 
-    /// What shaders see it as.
+    /// Format of the view that shaders use.
     pub(super) const fn viewed(self) -> vk::Format {
         match self {
             Self::Bgra8Unorm => Self::Rgba8Unorm.raw(),
@@ -83,7 +84,7 @@ impl Format {
         }
     }
 
-    /// What an image must allow for that.
+    /// Image creation flags that [`Self::viewed`] requires.
     pub(super) const fn flags(self) -> vk::ImageCreateFlags {
         match self {
             Self::Bgra8Unorm => vk::ImageCreateFlags::from_raw(

@@ -1,4 +1,4 @@
-//! One owner for each handle.
+//! Ownership of Vulkan handles.
 
 use std::{ffi::CString, fmt, sync::Arc};
 
@@ -6,10 +6,10 @@ use ash::{ext, prelude::VkResult, vk};
 
 use super::{VulkanError, instance::Instance};
 
-/// The logical device and its functions. Every handle holds it, so it goes last.
+/// The logical device and its functions. Every handle holds a reference, so the device is destroyed last.
 pub(super) struct RawDevice {
     pub(super) functions: ash::Device,
-    /// `vkCmdPipelineBarrier2`, of Vulkan 1.3 or of the extension.
+    /// `vkCmdPipelineBarrier2` of Vulkan 1.3 or of the extension.
     pub(super) pipeline_barrier2: vk::PFN_vkCmdPipelineBarrier2,
     pub(super) names: Option<ext::debug_utils::Device>,
     pub(super) instance: Arc<Instance>,
@@ -17,10 +17,10 @@ pub(super) struct RawDevice {
 
 impl Drop for RawDevice {
     fn drop(&mut self) {
-        // SAFETY: everything made from the device holds an `Arc` of `self`, so nothing is left of it, and the
-        // instance it came from is a field of `self`.
+        // SAFETY: every object made from the device holds an `Arc` of `self`, so none is left. Its instance is a field
+        // of `self`.
         unsafe { self.functions.destroy_device(None) };
-        // The layer speaks up here about what was not destroyed, and nobody can ask any more.
+        // The validation layer reports leaked objects here, when no caller can read the messages any more.
         for message in self.instance.take_messages() {
             tracing::warn!("validation: {message}");
         }
@@ -33,10 +33,10 @@ impl fmt::Debug for RawDevice {
     }
 }
 
-/// Destroys a handle of its type.
+/// Function that destroys a handle of this type.
 type Destroy<H> = unsafe fn(&ash::Device, H, Option<&vk::AllocationCallbacks<'_>>);
 
-/// A handle and the duty to destroy it.
+/// A handle that is destroyed on drop.
 pub(super) struct Owned<H: vk::Handle + Copy> {
     raw: H,
     destroy: Destroy<H>,
@@ -44,9 +44,10 @@ pub(super) struct Owned<H: vk::Handle + Copy> {
 }
 
 impl<H: vk::Handle + Copy> Owned<H> {
-    /// Takes what `call` has just `made` on `device`, and names it `name`.
+    /// Takes ownership of the handle that `call` has `made` on `device`, and names it `name`.
     ///
-    /// The caller has made it in this expression (nobody else owns it), and `destroy` is the function for its type.
+    /// The caller must have created the handle in the same expression, so that it has no other owner. `destroy` must be
+    /// the function for its type.
     pub(super) fn new(
         device: &Arc<RawDevice>,
         name: &str,
@@ -60,34 +61,34 @@ impl<H: vk::Handle + Copy> Owned<H> {
         Ok(owned)
     }
 
-    /// The handle, for calls that end before `self` goes.
+    /// The handle, for calls that end before `self` is dropped.
     pub(super) fn raw(&self) -> H {
         self.raw
     }
 
-    /// Whether it was made on `device`.
+    /// Whether the handle was made on `device`.
     pub(super) fn is_on(&self, device: &Arc<RawDevice>) -> bool {
         Arc::ptr_eq(&self.device, device)
     }
 }
 
 impl RawDevice {
-    /// Gives `object` a name for messages.
+    /// Names `object` in validation messages.
     pub(super) fn set_name<H: vk::Handle>(&self, object: H, name: &str) {
         let Some(functions) = &self.names else { return };
         let Ok(name) = CString::new(name.replace('\0', "")) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
         // SAFETY: `object` is a live handle of this device, and `name` outlives the call.
         let named = unsafe { functions.set_debug_utils_object_name(&info) };
-        // An object without a name works as well.
+        // The name is optional, so an error does not matter.
         named.ok();
     }
 }
 
 impl<H: vk::Handle + Copy> Drop for Owned<H> {
     fn drop(&mut self) {
-        // SAFETY: `self` is the only owner; submissions hold what they use until their fence has signalled, so the
-        // device is done with it; and `destroy` is the function of this type of handle.
+        // SAFETY: `self` is the only owner. Submissions keep what they use until their fence has signalled, so the
+        // device no longer uses the handle. `destroy` is the function for this type of handle.
         unsafe { (self.destroy)(&self.device.functions, self.raw, None) };
     }
 }

@@ -1,4 +1,4 @@
-//! Which devices there are, and which one is meant.
+//! List of devices, and the choice of one.
 
 use std::{convert::Infallible, ffi::CStr, fmt, str::FromStr, sync::Arc};
 
@@ -6,16 +6,16 @@ use ash::{khr, vk};
 
 use super::{Validation, VulkanError, instance::Instance};
 
-/// What kind of device it is; earlier kinds are preferred.
+/// Kind of device; earlier kinds are preferred.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DeviceKind {
     /// A graphics card.
     Discrete,
-    /// Graphics that share the processor's memory.
+    /// A GPU that shares the processor's memory.
     Integrated,
-    /// Graphics lent to a virtual machine.
+    /// A GPU passed to a virtual machine.
     Virtual,
-    /// None of the others.
+    /// Any other kind.
     Other,
     /// The processor itself (lavapipe).
     Software,
@@ -33,39 +33,39 @@ impl fmt::Display for DeviceKind {
     }
 }
 
-/// What a device says of itself.
+/// Properties of a device.
 #[derive(Clone, Debug)]
 pub struct DeviceInfo {
-    /// Its place in [`devices`].
+    /// Index in [`devices`].
     pub index: usize,
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its kind.
+    /// Kind.
     pub kind: DeviceKind,
-    /// Its driver's name and version, as the driver spells them.
+    /// Driver name and version, as the driver spells them.
     pub driver: String,
-    /// The Vulkan version it has: major, minor, patch.
+    /// Supported Vulkan version: major, minor, patch.
     pub api_version: [u32; 3],
-    /// A sentence for each thing that this program needs and the device lacks. Empty: it can be opened.
+    /// One sentence per required feature that the device lacks. Empty if the device can be opened.
     pub missing: Vec<String>,
 }
 
 /// Which device to open.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum DeviceChoice {
-    /// The first usable one of the best kind there is: graphics before software.
+    /// The first usable device of the best kind; GPUs come before software.
     #[default]
     Auto,
-    /// The one at this place in [`devices`].
+    /// The device at this index of [`devices`].
     Index(usize),
-    /// The first whose name contains this, in any case of letters.
+    /// The first device whose name contains this text, ignoring case.
     Name(String),
 }
 
 impl FromStr for DeviceChoice {
     type Err = Infallible;
 
-    /// A number is an index, `auto` is [`Self::Auto`], anything else part of a name.
+    /// Parses a number as an index, `auto` as [`Self::Auto`], and any other text as part of a name.
     fn from_str(text: &str) -> Result<Self, Infallible> {
         Ok(match text.parse() {
             Ok(index) => Self::Index(index),
@@ -75,7 +75,7 @@ impl FromStr for DeviceChoice {
     }
 }
 
-/// Every Vulkan device of this machine, usable or not.
+/// Returns every Vulkan device of this machine, usable or not.
 ///
 /// # Errors
 ///
@@ -85,12 +85,12 @@ pub fn devices() -> Result<Vec<DeviceInfo>, VulkanError> {
     Ok(Candidate::all(&instance, Purpose::Compute)?.into_iter().map(|candidate| candidate.info).collect())
 }
 
-/// What a device is opened for.
+/// Purpose of an open device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     /// Dispatches and copies.
     Compute,
-    /// A window's frames too.
+    /// Also presenting to a window.
     #[cfg(feature = "window")]
     Window,
 }
@@ -104,7 +104,7 @@ impl Purpose {
         }
     }
 
-    /// The oldest version of Vulkan that will do: drawing without render passes is part of 1.3.
+    /// Oldest sufficient Vulkan version: a window needs dynamic rendering, which is part of 1.3.
     fn least_version(self) -> u32 {
         match self {
             Self::Compute => vk::API_VERSION_1_2,
@@ -114,13 +114,13 @@ impl Purpose {
     }
 }
 
-/// A device that could be opened, with what opening needs.
+/// A physical device with all that is needed to open it.
 pub(super) struct Candidate {
     pub(super) raw: vk::PhysicalDevice,
     pub(super) info: DeviceInfo,
-    /// The family of queues to use, where one can compute.
+    /// Queue family to use, if one supports the purpose.
     pub(super) queue: Option<QueueFamily>,
-    /// Whether `synchronization2` is an extension here, and not yet part of Vulkan.
+    /// Whether `synchronization2` is an extension on this device (before Vulkan 1.3).
     pub(super) needs_extension: bool,
 }
 
@@ -132,10 +132,10 @@ pub(super) struct QueueFamily {
 
 impl Candidate {
     pub(super) fn all(instance: &Arc<Instance>, purpose: Purpose) -> Result<Vec<Self>, VulkanError> {
-        // SAFETY: the call takes nothing but the instance, and the answer is copied out.
+        // SAFETY: the call takes only the instance, and the result is copied out.
         let listed = unsafe { instance.raw.enumerate_physical_devices() };
         let raw = match listed {
-            // A loader whose drivers all gave up answers like this.
+            // Returned by the loader when every driver fails to start.
             Err(vk::Result::ERROR_INITIALIZATION_FAILED) => Vec::new(),
             other => other.map_err(VulkanError::call("vkEnumeratePhysicalDevices", "instance"))?,
         };
@@ -145,11 +145,11 @@ impl Candidate {
         raw.into_iter().enumerate().map(|(index, device)| Self::new(instance, device, index, purpose)).collect()
     }
 
-    /// The device that `choice` means.
+    /// Returns the device that `choice` selects.
     pub(super) fn choose(mut all: Vec<Self>, choice: &DeviceChoice) -> Result<Self, VulkanError> {
         let (found, wanted) = match choice {
             DeviceChoice::Auto => {
-                // The first of the best; an unusable one only to say why it is.
+                // The first device of the best kind. An unusable one is chosen only to report why it is unusable.
                 let best = all.iter().min_by_key(|one| (!one.info.missing.is_empty(), one.info.kind));
                 (best.map(|one| one.info.index), String::new())
             }
@@ -172,7 +172,7 @@ impl Candidate {
         index: usize,
         purpose: Purpose,
     ) -> Result<Self, VulkanError> {
-        // SAFETY: `raw` comes from this instance; the answer is a plain value.
+        // SAFETY: `raw` comes from this instance; the result is a plain value.
         let properties = unsafe { instance.raw.get_physical_device_properties(raw) };
         let version = properties.api_version;
         let mut candidate = Self {
@@ -209,12 +209,12 @@ impl Candidate {
 
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-        // SAFETY: the chain holds a structure of Vulkan 1.2, which this device has, and which outlives the call.
+        // SAFETY: the chained structure is part of Vulkan 1.2, which this device supports, and outlives the call.
         unsafe { instance.raw.get_physical_device_properties2(raw, &mut properties) };
         let driver = [text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())];
         candidate.info.driver = driver.join(" ").trim().to_owned();
 
-        // SAFETY: `raw` comes from this instance; the answer is copied out.
+        // SAFETY: `raw` comes from this instance; the result is copied out.
         let families = unsafe { instance.raw.get_physical_device_queue_family_properties(raw) };
         let computes = |family: &vk::QueueFamilyProperties| family.queue_flags.contains(purpose.queue_flags());
         candidate.queue = (0..)
@@ -232,7 +232,7 @@ impl Candidate {
 
     fn has_synchronization2(&self, instance: &Arc<Instance>) -> Result<bool, VulkanError> {
         if self.needs_extension {
-            // SAFETY: the device comes from this instance; the answer is copied out.
+            // SAFETY: the device comes from this instance; the result is copied out.
             let listed = unsafe { instance.raw.enumerate_device_extension_properties(self.raw) };
             let extensions =
                 listed.map_err(VulkanError::call("vkEnumerateDeviceExtensionProperties", &self.info.name))?;
@@ -243,13 +243,13 @@ impl Candidate {
         }
         let mut synchronization2 = vk::PhysicalDeviceSynchronization2Features::default();
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut synchronization2);
-        // SAFETY: the device knows the chained structure, by its version or by the extension found above.
+        // SAFETY: the device supports the chained structure, by its version or by the extension found above.
         unsafe { instance.raw.get_physical_device_features2(self.raw, &mut features) };
         Ok(synchronization2.synchronization2 == vk::TRUE)
     }
 }
 
-/// A fixed array of bytes from a driver, as far as it is text.
+/// Converts a string from a driver; empty if it is not NUL-terminated.
 fn text<E>(bytes: Result<&CStr, E>) -> String {
     bytes.map_or_else(|_| String::new(), |text| text.to_string_lossy().into_owned())
 }

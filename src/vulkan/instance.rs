@@ -1,4 +1,4 @@
-//! The Vulkan loader, an instance, and what the validation layer says.
+//! Vulkan loader, instance and validation messages.
 
 use std::{
     ffi::{CStr, c_void},
@@ -11,35 +11,36 @@ use super::{VulkanError, lock};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// The object name of errors before there is any object.
+/// Object name in errors that occur before any object exists.
 const INSTANCE: &str = "instance";
 
-/// Whether the Khronos validation layer watches every call.
+/// Whether the Khronos validation layer checks every call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validation {
-    /// No layer.
+    /// No validation layer.
     #[default]
     Off,
-    /// The layer, synchronisation validation included; see [`super::Device::validation_messages`].
+    /// The validation layer with synchronisation validation. See [`super::Device::validation_messages`].
     On,
 }
 
-/// An instance, which everything else hangs on.
+/// A Vulkan instance, the parent of all other objects.
 pub(super) struct Instance {
     pub(super) raw: ash::Instance,
-    /// Whether objects can be given names.
+    /// Whether objects can be named.
     pub(super) has_debug_utils: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    /// Boxed: the messenger holds its address.
+    /// Boxed because the messenger holds its address.
     messages: Box<Mutex<Vec<String>>>,
     /// The loaded library, whose functions `raw` calls.
     pub(super) entry: ash::Entry,
 }
 
 impl Instance {
-    /// With the extensions that `wanted` names; those that the loader lacks are what [`VulkanError::NoWindow`] says.
+    /// Creates an instance with the extensions `wanted`. An extension that the loader lacks is a
+    /// [`VulkanError::NoWindow`].
     pub(super) fn open(validation: Validation, wanted: &[&'static CStr]) -> Result<Arc<Self>, VulkanError> {
-        // SAFETY: this runs the initialisers of the system's Vulkan loader, which are made to be run by any program.
+        // SAFETY: this runs the initialisers of the system's Vulkan loader, which are safe for any program to run.
         let entry = unsafe { ash::Entry::load() }.map_err(|source| VulkanError::NoLoader { source })?;
 
         let mut layers = Vec::new();
@@ -54,7 +55,7 @@ impl Instance {
         let has = |name: &CStr| extensions.iter().any(|found| found.extension_name_as_c_str() == Ok(name));
         let has_debug_utils = has(ext::debug_utils::NAME);
         if let Some(lacking) = wanted.iter().find(|name| !has(name)) {
-            // Without any driver there is nothing that shows in windows, either; which is another sentence.
+            // A missing driver also hides the window extensions; in this case the call returns its more precise error.
             Self::open(validation, &[])?;
             return Err(VulkanError::NoWindow { lacking: lacking.to_string_lossy().into_owned() });
         }
@@ -69,7 +70,7 @@ impl Instance {
         let application = vk::ApplicationInfo::default()
             .application_name(c"relume")
             .engine_name(c"relume")
-            // The highest version used where a device has it; a device of 1.2 will do.
+            // The highest version in use; a device of version 1.2 is sufficient.
             .api_version(vk::API_VERSION_1_3);
         let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
@@ -95,26 +96,26 @@ impl Instance {
         Ok(Arc::new(instance))
     }
 
-    /// Collects what the validation layer says from now on.
+    /// Starts to collect messages of the validation layer.
     fn listen(&mut self) -> Result<(), VulkanError> {
         let functions = ext::debug_utils::Instance::new(&self.entry, &self.raw);
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
             )
-            // Advice on performance is no mistake.
+            // Performance advice is not an error.
             .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
             .pfn_user_callback(Some(on_message))
             .user_data(std::ptr::from_ref::<Mutex<Vec<String>>>(&self.messages).cast_mut().cast());
-        // SAFETY: the user data is the boxed `messages`, which does not move and, as `Drop` has it, outlives the
-        // messenger; the callback only ever makes a shared reference of it.
+        // SAFETY: the user data is the boxed `messages`. It does not move, and `Drop` ensures that it outlives the
+        // messenger. The callback only makes a shared reference of it.
         let made = unsafe { functions.create_debug_utils_messenger(&info, None) };
         let messenger = made.map_err(VulkanError::call("vkCreateDebugUtilsMessengerEXT", INSTANCE))?;
         self.messenger = Some((functions, messenger));
         Ok(())
     }
 
-    /// What the validation layer has said since the last call.
+    /// Returns the validation messages since the last call.
     pub(super) fn take_messages(&self) -> Vec<String> {
         std::mem::take(&mut *lock(&self.messages))
     }
@@ -129,17 +130,17 @@ impl std::fmt::Debug for Instance {
 impl Drop for Instance {
     fn drop(&mut self) {
         if let Some((functions, messenger)) = self.messenger.take() {
-            // SAFETY: the messenger came from this instance, and `take` sees to it that it goes once.
+            // SAFETY: the messenger came from this instance, and `take` ensures that it is destroyed once.
             unsafe { functions.destroy_debug_utils_messenger(messenger, None) };
         }
-        // SAFETY: everything made from the instance holds an `Arc` of it, so nothing is left; its only owner is `self`.
+        // SAFETY: every object made from the instance holds an `Arc` of it, so none is left. `self` is its only owner.
         unsafe { self.raw.destroy_instance(None) };
     }
 }
 
-/// The extensions of the loader and the drivers, or those of `layer`.
+/// Returns the extensions of the loader and the drivers, or those of `layer`.
 fn extensions(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<vk::ExtensionProperties>, VulkanError> {
-    // SAFETY: `layer` is none or a NUL-terminated name that outlives the call; the answer is copied out.
+    // SAFETY: `layer` is `None` or a NUL-terminated name that outlives the call; the result is copied out.
     let listed = unsafe { entry.enumerate_instance_extension_properties(layer) };
     listed.map_err(|source| match source {
         vk::Result::ERROR_INCOMPATIBLE_DRIVER => VulkanError::NoDriver,
@@ -148,28 +149,28 @@ fn extensions(entry: &ash::Entry, layer: Option<&CStr>) -> Result<Vec<vk::Extens
 }
 
 fn has_layer(entry: &ash::Entry, name: &CStr) -> Result<bool, VulkanError> {
-    // SAFETY: the call takes nothing but the loaded entry, and the answer is copied out.
+    // SAFETY: the call takes only the loaded entry, and the result is copied out.
     let listed = unsafe { entry.enumerate_instance_layer_properties() };
     let layers = listed.map_err(VulkanError::call("vkEnumerateInstanceLayerProperties", INSTANCE))?;
     Ok(layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(name)))
 }
 
-/// Keeps a message of the validation layer.
+/// Stores a message of the validation layer.
 unsafe extern "system" fn on_message(
     _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _types: vk::DebugUtilsMessageTypeFlagsEXT,
     data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
     messages: *mut c_void,
 ) -> vk::Bool32 {
-    // SAFETY: `messages` is what `listen` gave: a boxed `Mutex` that outlives the messenger that calls this.
+    // SAFETY: `messages` is the pointer from `listen`: a boxed `Mutex` that outlives the messenger that calls this.
     let messages = unsafe { messages.cast::<Mutex<Vec<String>>>().as_ref() };
-    // SAFETY: the layer passes a valid structure for the length of this call.
+    // SAFETY: the layer passes a structure that is valid during this call.
     let data = unsafe { data.as_ref() };
     if let (Some(messages), Some(data)) = (messages, data) {
-        // SAFETY: `p_message` is null or a NUL-terminated string for the length of this call.
+        // SAFETY: `p_message` is null or a NUL-terminated string that is valid during this call.
         let message = unsafe { data.message_as_c_str() };
         lock(messages).push(message.map_or_else(String::new, |text| text.to_string_lossy().into_owned()));
     }
-    // "Go on": the call that is at fault is not to be skipped.
+    // Vulkan must not abort the call that caused the message.
     vk::FALSE
 }

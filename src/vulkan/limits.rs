@@ -1,39 +1,39 @@
-//! What a device allows.
+//! Limits of a device.
 
 use ash::vk;
 
 use super::{Format, VulkanError, instance::Instance};
 
-/// What a device allows, asked once when it is opened.
+/// Limits of a device, queried once when it is opened.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// Bytes of the largest memory heap on the device.
+    /// Bytes of the largest device-local heap.
     pub device_heap_bytes: u64,
-    /// Bytes of the largest single allocation.
+    /// Largest single allocation in bytes.
     pub max_allocation_bytes: u64,
-    /// Bytes of a storage buffer that a shader may see.
+    /// Largest storage buffer binding in bytes.
     pub max_storage_buffer_bytes: u64,
-    /// Bytes of a uniform buffer that a shader may see.
+    /// Largest uniform buffer binding in bytes.
     pub max_uniform_buffer_bytes: u64,
-    /// Bytes of push constants.
+    /// Largest total size of push constants in bytes.
     pub max_push_constant_bytes: u32,
-    /// Workgroups of one dispatch, per axis.
+    /// Largest number of workgroups per dispatch, per axis.
     pub max_groups: [u32; 3],
-    /// Invocations of one workgroup.
+    /// Largest number of invocations per workgroup.
     pub max_group_invocations: u32,
-    /// Bits of a texel's width that linear filtering tells apart.
+    /// Bits of sub-texel precision in linear filtering.
     pub sub_texel_precision_bits: u32,
-    /// Nanoseconds of a timestamp's tick.
+    /// Nanoseconds per timestamp tick.
     pub timestamp_period_ns: f32,
-    /// Bits of a timestamp that count; 0 where the queue has none.
+    /// Valid bits of a timestamp; 0 if the queue has no timestamps.
     pub timestamp_valid_bits: u32,
-    /// Invocations that run in step.
+    /// Invocations per subgroup.
     pub subgroup_size: u32,
-    /// In the order of [`Format::ALL`].
+    /// Limits per format, in the order of [`Format::ALL`].
     formats: [FormatLimits; Format::ALL.len()],
 }
 
-/// What a device does with a format.
+/// Capabilities of one format.
 #[derive(Clone, Copy, Debug, Default)]
 struct FormatLimits {
     sampled: bool,
@@ -45,37 +45,37 @@ struct FormatLimits {
 }
 
 impl Limits {
-    /// Whether a shader can read a 3D image of `format`.
+    /// Whether shaders can sample a 3D image of `format`.
     #[must_use]
     pub fn sampled(&self, format: Format) -> bool {
         self.of(format).sampled
     }
 
-    /// Whether a sampler can interpolate between texels of `format`.
+    /// Whether a sampler can interpolate linearly between texels of `format`.
     #[must_use]
     pub fn linear_filter(&self, format: Format) -> bool {
         self.of(format).linear_filter
     }
 
-    /// Whether a shader can write a 2D image of `format`.
+    /// Whether shaders can write a 2D image of `format`.
     #[must_use]
     pub fn storage_image(&self, format: Format) -> bool {
         self.of(format).storage
     }
 
-    /// The largest 3D image of `format`, in texels; zero where there is none.
+    /// Largest extent of a 3D image of `format` in texels; zero if unsupported.
     #[must_use]
     pub fn max_extent_3d(&self, format: Format) -> [u32; 3] {
         self.of(format).extent_3d
     }
 
-    /// The largest storage image of `format`, in texels; zero where there is none.
+    /// Largest extent of a storage image of `format` in texels; zero if unsupported.
     #[must_use]
     pub fn max_extent_2d(&self, format: Format) -> [u32; 2] {
         self.of(format).extent_2d
     }
 
-    /// The most layers of a storage image of `format`.
+    /// Largest number of layers of a storage image of `format`.
     #[must_use]
     pub fn max_layers(&self, format: Format) -> u32 {
         self.of(format).layers
@@ -85,7 +85,7 @@ impl Limits {
         self.formats[format as usize]
     }
 
-    /// Asks `device`, which has Vulkan 1.2, and whose queues show `timestamp_valid_bits`.
+    /// Queries `device`, which supports Vulkan 1.2 and whose queue has `timestamp_valid_bits`.
     pub(super) fn of_device(
         instance: &Instance,
         device: vk::PhysicalDevice,
@@ -95,10 +95,10 @@ impl Limits {
         let mut maintenance = vk::PhysicalDeviceMaintenance3Properties::default();
         let mut properties =
             vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut maintenance);
-        // SAFETY: the chain holds structures of Vulkan 1.1, which a device of 1.2 fills, and which outlive the call.
+        // SAFETY: the chained structures are part of Vulkan 1.1, so a 1.2 device fills them, and they outlive the call.
         unsafe { instance.raw.get_physical_device_properties2(device, &mut properties) };
         let limits = properties.properties.limits;
-        // SAFETY: `device` comes from this instance; the answer is a plain value.
+        // SAFETY: `device` comes from this instance; the result is a plain value.
         let memory = unsafe { instance.raw.get_physical_device_memory_properties(device) };
         let device_heap_bytes = memory
             .memory_heaps_as_slice()
@@ -136,12 +136,12 @@ impl FormatLimits {
         format: Format,
     ) -> Result<Self, VulkanError> {
         let features = |format| {
-            // SAFETY: `device` comes from this instance; the answer is a plain value.
+            // SAFETY: `device` comes from this instance; the result is a plain value.
             unsafe { instance.raw.get_physical_device_format_properties(device, format) }.optimal_tiling_features
         };
         let has = |feature| features(format.raw()).contains(feature);
         let image = |kind, usage| {
-            // SAFETY: as above; the kinds, the tiling and the usages are those that images here are made with.
+            // SAFETY: as above. Kind, tiling and usage are those of the images in this crate.
             let found = unsafe {
                 instance.raw.get_physical_device_image_format_properties(
                     device,
@@ -160,7 +160,7 @@ impl FormatLimits {
         };
         let volume = image(vk::ImageType::TYPE_3D, super::image::SAMPLED_USAGE)?;
         let layered = image(vk::ImageType::TYPE_2D, super::image::STORAGE_USAGE)?;
-        // Some drivers answer with more here than their own limit says.
+        // Some drivers report more here than their own general limit.
         let within_3d = |texels: u32| texels.min(limits.max_image_dimension3_d);
         let within_2d = |texels: u32| texels.min(limits.max_image_dimension2_d);
         let extent = volume.max_extent;

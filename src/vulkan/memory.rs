@@ -1,4 +1,4 @@
-//! Device memory for one object.
+//! Device memory of one object.
 
 use ash::vk;
 use gpu_allocator::{
@@ -8,7 +8,7 @@ use gpu_allocator::{
 
 use super::{Device, VulkanError, error::check_limit, lock};
 
-/// A piece of device memory, given back when dropped.
+/// A block of device memory, freed on drop.
 #[derive(Debug)]
 pub(super) struct Memory {
     allocation: Allocation,
@@ -16,7 +16,7 @@ pub(super) struct Memory {
 }
 
 impl Memory {
-    /// Memory for the object `name`; `linear` for buffers, not for images.
+    /// Allocates memory for the object `name`. `linear` is true for buffers and false for images.
     pub(super) fn new(
         device: &Device,
         name: &str,
@@ -49,21 +49,21 @@ impl Memory {
         Ok(Self { allocation, device: device.clone() })
     }
 
-    /// What to bind an object to: the memory and the offset in it.
+    /// The memory to bind an object to, and the offset in it.
     pub(super) fn place(&self) -> (vk::DeviceMemory, u64) {
         // SAFETY: the handle is used to bind an object that is destroyed before `self`, and is not freed by hand.
         let memory = unsafe { self.allocation.memory() };
         (memory, self.allocation.offset())
     }
 
-    /// Where the host sees it, if it does.
+    /// Host address of the memory, if it is mapped.
     pub(super) fn host(&self) -> Option<*mut u8> {
         self.allocation.mapped_ptr().map(|pointer| pointer.as_ptr().cast())
     }
 }
 
-/// Gives memory that was freed back to the system, where the system's allocator does not do that by itself: of glibc, every
-/// thread has a heap of its own, which keeps what it once had. A software device makes its shaders there, too.
+/// Returns freed heap memory to the operating system. glibc does not do this by itself: each thread has its own heap,
+/// which keeps its freed pages. A software device compiles its shaders in these heaps, too.
 pub fn give_back_freed() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
@@ -71,7 +71,8 @@ pub fn give_back_freed() {
             /// `malloc_trim(3)`.
             fn malloc_trim(keep: usize) -> std::ffi::c_int;
         }
-        // SAFETY: glibc's own function of this signature, which locks what it looks at and moves nothing that is in use.
+        // SAFETY: a glibc function with this signature. It locks the heaps that it scans and moves no block that is in
+        // use.
         unsafe { malloc_trim(0) };
     }
 }

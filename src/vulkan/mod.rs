@@ -1,8 +1,8 @@
 //! Owned Vulkan handles.
 //!
-//! A [`Device`] is opened once and shared. Everything made from it has one owner, a name that error messages and
-//! validation messages use, and keeps the device alive; dropping it gives it back. What a [`Submission`] reads or
-//! writes lives until that submission is done.
+//! A [`Device`] is opened once and shared. Every object made from it has one owner and a name, which error messages and
+//! validation messages use. The object keeps the device alive and destroys its handle on drop. A [`Submission`] keeps
+//! everything that it reads or writes alive until it has finished.
 
 mod buffer;
 #[cfg(feature = "window")]
@@ -50,7 +50,7 @@ pub use surface::{Frame, Surface};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What `mutex` guards. A panic elsewhere does not matter: none of the guarded values is ever half changed.
+/// Locks `mutex`. Ignores poisoning: no guarded value is ever half changed.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

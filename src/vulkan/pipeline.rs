@@ -6,7 +6,7 @@ use ash::vk;
 
 use super::{BindingKind, Device, ResourceSet, VulkanError, error::check_limit, handle::Owned};
 
-/// A compute shader, ready to be dispatched. Clones are the same pipeline.
+/// A compute pipeline. Clones share it.
 #[derive(Clone, Debug)]
 pub struct ComputePipeline(Arc<Inner>);
 
@@ -21,15 +21,15 @@ struct Inner {
 }
 
 impl ComputePipeline {
-    /// The pipeline of the compute shader `spirv`, whose entry point is `main`.
+    /// Creates a pipeline from the compute shader `spirv`, whose entry point is `main`.
     ///
-    /// `spirv` comes from naga, which has validated it. `bindings` are what it expects at bindings 0, 1, … of group 0,
-    /// and `push_constant_bytes` (a multiple of 4, possibly 0) is the size of its `var<immediate>`.
+    /// `spirv` must have been validated by naga. `bindings` lists what the shader expects at bindings 0, 1, … of group
+    /// 0. `push_constant_bytes` (a multiple of 4, possibly 0) is the size of its `var<immediate>`.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::TooLarge`] for more push constants than the device has, [`VulkanError::Misuse`] for a number of
-    /// bytes that is no multiple of 4, [`VulkanError::Call`] when the driver refuses the shader.
+    /// [`VulkanError::TooLarge`] for more push constants than the device has, [`VulkanError::Misuse`] for a size that
+    /// is not a multiple of 4, [`VulkanError::Call`] if the driver rejects the shader.
     pub fn new(
         device: &Device,
         name: &str,
@@ -80,9 +80,9 @@ impl ComputePipeline {
             .module(module.raw())
             .name(c"main");
         let info = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout.raw())];
-        // SAFETY: the module and the layout live past the call, which needs the module no longer than that.
+        // SAFETY: the module and the layout outlive the call, and the pipeline does not need the module afterwards.
         let made = unsafe { raw.functions.create_compute_pipelines(vk::PipelineCache::null(), &info, None) };
-        // One pipeline was asked for: on failure there is none to destroy.
+        // Only one pipeline was requested, so on failure there is none to destroy.
         let made = made
             .map_err(|(_, source)| source)
             .and_then(|pipelines| pipelines.first().copied().ok_or(vk::Result::ERROR_UNKNOWN));
@@ -92,13 +92,13 @@ impl ComputePipeline {
         Ok(Self(Arc::new(Inner { name, bindings, push_constant_bytes, pipeline, layout, set_layout })))
     }
 
-    /// Its name.
+    /// Name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// Refuses a dispatch on `device` with resources or push constants that the shader does not expect.
+    /// Returns an error if `set` or `push_constants` do not match the shader, or if `device` is not the pipeline's.
     pub(super) fn check_dispatch(
         &self,
         device: &Device,
@@ -116,7 +116,7 @@ impl ComputePipeline {
         Ok(())
     }
 
-    /// Refuses resources that the shader does not expect.
+    /// Returns an error if `bindings` do not match the shader.
     pub(super) fn check_bindings(&self, bindings: &[BindingKind]) -> Result<(), VulkanError> {
         if bindings != self.0.bindings {
             let mistake = format!("it is given {bindings:?}, and it expects {:?}", self.0.bindings);
@@ -144,7 +144,7 @@ impl ComputePipeline {
         self.0.set_layout.raw()
     }
 
-    /// What keeps it alive.
+    /// A reference that keeps the pipeline alive.
     pub(super) fn keep(&self) -> Arc<dyn Send + Sync> {
         Arc::clone(&self.0) as _
     }

@@ -6,21 +6,21 @@ use ash::vk;
 
 use super::{Device, VulkanError, handle::Owned};
 
-/// What a sampler does between texels.
+/// Interpolation between texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
     /// The nearest texel.
     Nearest,
-    /// Linear interpolation; the format must allow it ([`super::Limits::linear_filter`]).
+    /// Linear interpolation. The format must support it ([`super::Limits::linear_filter`]).
     Linear,
 }
 
-/// How shaders read an [`super::Image3d`]: coordinates 0..1 over the image, the edge texels going on outside.
+/// Sampler for an [`super::Image3d`]: coordinates 0..1 over the image, clamped to the edge texels outside.
 #[derive(Clone, Debug)]
 pub struct Sampler(Arc<(String, Owned<vk::Sampler>)>);
 
 impl Sampler {
-    /// A sampler with `filter`.
+    /// Creates a sampler with `filter`.
     ///
     /// # Errors
     ///
@@ -37,7 +37,7 @@ impl Sampler {
             .address_mode_u(edge)
             .address_mode_v(edge)
             .address_mode_w(edge);
-        // SAFETY: `info` asks for nothing that needs a feature.
+        // SAFETY: `info` uses nothing that requires a feature.
         let made = unsafe { device.raw().functions.create_sampler(&info, None) };
         let handle = Owned::new(device.raw(), name, "vkCreateSampler", made, ash::Device::destroy_sampler)?;
         Ok(Self(Arc::new((name.to_owned(), handle))))

@@ -1,24 +1,24 @@
-//! Failures that a healthy device does not have: what the program makes of them can be tested on any.
+//! Simulated device failures, for tests on a healthy device.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The environment variable that asks for a failure: `device-lost=N` from the Nth submission on, `out-of-memory=N` for
-/// the Nth object and all after it, counted from 1.
+/// Environment variable that requests a failure. `device-lost=N` fails every submission from the Nth on;
+/// `out-of-memory=N` fails every allocation from the Nth on. N counts from 1.
 const VARIABLE: &str = "RELUME_SIMULATE";
 
-/// Which failures a device is to have; none, unless the environment asks for one.
+/// Failures that the environment requests; none by default.
 #[derive(Debug)]
 pub(super) struct Simulated {
     lost: Countdown,
     full: Countdown,
 }
 
-/// How often something works.
+/// Number of operations left before the failure.
 #[derive(Debug)]
 struct Countdown(Option<AtomicU64>);
 
 impl Simulated {
-    /// What the environment asks for.
+    /// Reads the environment variable.
     pub(super) fn asked_for() -> Self {
         Self::new(&std::env::var(VARIABLE).unwrap_or_default())
     }
@@ -36,7 +36,7 @@ impl Simulated {
         self.lost.is_over()
     }
 
-    /// Whether there is no memory for the next object.
+    /// Whether the next allocation fails.
     pub(super) fn has_no_memory(&self) -> bool {
         self.full.is_over()
     }
