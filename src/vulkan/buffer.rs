@@ -7,20 +7,20 @@ use gpu_allocator::MemoryLocation;
 
 use super::{Device, VulkanError, error::check_limit, handle::Owned, lock, memory::Memory};
 
-/// What a buffer that the host sees is for.
+/// Use of a host-visible buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostUse {
-    /// The host writes, copies read.
+    /// Written by the host, read by copies.
     Upload,
-    /// Copies write, the host reads.
+    /// Written by copies, read by the host.
     ReadBack,
-    /// The host writes, shaders read it as a uniform.
+    /// Written by the host, read by shaders as a uniform.
     Uniform,
-    /// The host writes, shaders read and write, copies too. Reading it on the host may be slow.
+    /// Written by the host, read and written by shaders and copies. Host reads may be slow.
     Storage,
 }
 
-/// Bytes that shaders and copies use. Clones are the same buffer.
+/// Bytes for shaders and copies. Clones share them.
 #[derive(Clone, Debug)]
 pub struct Buffer(Arc<Inner>);
 
@@ -30,15 +30,15 @@ struct Inner {
     bytes: u64,
     usage: vk::BufferUsageFlags,
     seen_by_host: bool,
-    /// How many submissions that have not ended use it.
+    /// Number of unfinished submissions that use the buffer.
     users: Mutex<u32>,
-    // Before its memory, which it must not outlive.
+    // Declared before its memory, which must outlive it.
     handle: Owned<vk::Buffer>,
     memory: Memory,
 }
 
 impl Buffer {
-    /// A buffer of `bytes` that the host sees. Its content is undefined.
+    /// Creates a host-visible buffer of `bytes`. Its content is undefined.
     ///
     /// # Errors
     ///
@@ -47,7 +47,7 @@ impl Buffer {
     pub fn host(device: &Device, name: &str, bytes: u64, host_use: HostUse) -> Result<Self, VulkanError> {
         let copied = vk::BufferUsageFlags::TRANSFER_SRC | vk::BufferUsageFlags::TRANSFER_DST;
         let (usage, location) = match host_use {
-            // Cached memory of the host: what the host and the device both see without a copy is scarce.
+            // Cached host memory, because memory that is both host-visible and device-local is scarce.
             HostUse::Upload => (vk::BufferUsageFlags::TRANSFER_SRC, MemoryLocation::GpuToCpu),
             HostUse::ReadBack => (vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu),
             HostUse::Uniform => (vk::BufferUsageFlags::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
@@ -56,7 +56,7 @@ impl Buffer {
         Self::new(device, name, bytes, usage, location)
     }
 
-    /// A storage buffer of `bytes` that only the device sees, filled by copies and shaders. Its content is undefined.
+    /// Creates a device-only storage buffer of `bytes`, filled by copies and shaders. Its content is undefined.
     ///
     /// # Errors
     ///
@@ -88,15 +88,15 @@ impl Buffer {
         }
         let raw = device.raw();
         let info = vk::BufferCreateInfo::default().size(bytes).usage(usage).sharing_mode(vk::SharingMode::EXCLUSIVE);
-        // SAFETY: `info` is complete, its size is neither zero nor over the limits checked above.
+        // SAFETY: `info` is complete; its size is non-zero and within the limits checked above.
         let made = unsafe { raw.functions.create_buffer(&info, None) };
         let handle = Owned::new(raw, name, "vkCreateBuffer", made, ash::Device::destroy_buffer)?;
-        // SAFETY: the buffer was made on this device just now.
+        // SAFETY: the buffer was just created on this device.
         let requirements = unsafe { raw.functions.get_buffer_memory_requirements(handle.raw()) };
         let memory = Memory::new(device, name, requirements, location, true)?;
         let (block, offset) = memory.place();
-        // SAFETY: the memory was allocated for this buffer's requirements, is bound to nothing else, and, as the
-        // fields of `Inner` are ordered, outlives the buffer.
+        // SAFETY: the memory was allocated for this buffer's requirements and is bound to no other object. By the field
+        // order of `Inner` it outlives the buffer.
         let bound = unsafe { raw.functions.bind_buffer_memory(handle.raw(), block, offset) };
         bound.map_err(VulkanError::call("vkBindBufferMemory", name))?;
         let seen_by_host = location != MemoryLocation::GpuOnly;
@@ -104,36 +104,36 @@ impl Buffer {
         Ok(Self(Arc::new(Inner { name, bytes, usage, seen_by_host, users, handle, memory })))
     }
 
-    /// Its name.
+    /// Name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// Its size.
+    /// Size in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.0.bytes
     }
 
-    /// Writes `data` from byte `offset` on. Submissions made afterwards see it.
+    /// Writes `data` from byte `offset` on. Later submissions see it.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::Misuse`] past the end or where the host does not see the buffer; [`VulkanError::InUse`] while a
-    /// submission that uses the buffer has not ended.
+    /// [`VulkanError::Misuse`] past the end or for a buffer that is not host-visible; [`VulkanError::InUse`] while an
+    /// unfinished submission uses the buffer.
     pub fn write(&self, offset: u64, data: &[u8]) -> Result<(), VulkanError> {
         let _idle = self.idle()?;
         let place = self.host_place(offset, data.len())?;
-        // SAFETY: `host_place` has checked that `data.len()` bytes from `place` on are this buffer's own mapped
-        // memory; `_idle` keeps submissions and other writers away; `data` is host memory of another object.
+        // SAFETY: `host_place` has checked that the `data.len()` bytes at `place` belong to this buffer's mapped
+        // memory. `_idle` excludes submissions and other writers. `data` is host memory of another object.
         unsafe { std::ptr::copy_nonoverlapping(data.as_ptr(), place, data.len()) };
         Ok(())
     }
 
     /// Reads `data.len()` bytes from byte `offset` on.
     ///
-    /// What the device wrote is there once the submission has ended, if it ended with
+    /// Device writes are visible after the submission has finished, if it ended with
     /// [`super::Recorder::transfer_to_host`] or [`super::Recorder::compute_to_host`].
     ///
     /// # Errors
@@ -142,13 +142,13 @@ impl Buffer {
     pub fn read(&self, offset: u64, data: &mut [u8]) -> Result<(), VulkanError> {
         let _idle = self.idle()?;
         let place = self.host_place(offset, data.len())?;
-        // SAFETY: as in `write`; `data` is borrowed exclusively. A buffer never written holds arbitrary bytes, which
-        // mapped memory, unlike Rust's own, always has values for.
+        // SAFETY: as in `write`; `data` is borrowed exclusively. A buffer that was never written holds arbitrary bytes;
+        // mapped memory, unlike Rust's own, is always initialised.
         unsafe { std::ptr::copy_nonoverlapping(place, data.as_mut_ptr(), data.len()) };
         Ok(())
     }
 
-    /// Keeps submissions from starting, where none is under way.
+    /// Locks the buffer against new submissions, or returns an error if one is in progress.
     fn idle(&self) -> Result<impl Drop + '_, VulkanError> {
         let users = lock(&self.0.users);
         if *users > 0 {
@@ -157,7 +157,7 @@ impl Buffer {
         Ok(users)
     }
 
-    /// Where the host sees `bytes` bytes from `offset` on.
+    /// Host address of `bytes` bytes from `offset` on.
     fn host_place(&self, offset: u64, bytes: usize) -> Result<*mut u8, VulkanError> {
         self.check_range(offset, bytes as u64)?;
         let start = self.0.memory.host().filter(|_| self.0.seen_by_host);
@@ -167,7 +167,7 @@ impl Buffer {
         Ok(start.wrapping_add(offset))
     }
 
-    /// Refuses bytes past the end.
+    /// Returns an error if the range exceeds the buffer.
     pub(super) fn check_range(&self, offset: u64, bytes: u64) -> Result<(), VulkanError> {
         if offset.checked_add(bytes).is_none_or(|end| end > self.0.bytes) {
             let mistake = format!("{bytes} bytes at {offset} reach past its {} bytes", self.0.bytes);
@@ -176,7 +176,7 @@ impl Buffer {
         Ok(())
     }
 
-    /// Refuses a use on `device` that the buffer was not made for.
+    /// Returns an error unless the buffer is on `device` and was made for `usage`.
     pub(super) fn check_use(
         &self,
         device: &Device,
@@ -196,12 +196,12 @@ impl Buffer {
         self.0.handle.raw()
     }
 
-    /// One more submission uses it.
+    /// Counts one more submission that uses the buffer.
     pub(super) fn begin_use(&self) {
         *lock(&self.0.users) += 1;
     }
 
-    /// One of them has ended.
+    /// Counts one submission less.
     pub(super) fn end_use(&self) {
         *lock(&self.0.users) -= 1;
     }

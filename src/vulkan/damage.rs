@@ -1,5 +1,5 @@
-//! What of a window is drawn anew: where its panels look other than in the frame before. On a software device panels that are
-//! drawn whole take longer than a picture is lit.
+//! Damage tracking of a window: only regions whose panels changed since the previous frame are redrawn. On a software
+//! device, redrawing all panels takes longer than relighting a picture.
 
 use std::sync::Arc;
 
@@ -8,13 +8,13 @@ use egui::emath::Rot2;
 use egui::epaint::{ClippedShape, Mesh, Shape, TessellationOptions, Tessellator, TextShape};
 use glam::{IVec2, Vec2};
 
-/// Points around what a shape says that it covers, or pixels, where these are larger: edges are smoothed, strokes of circles lie
-/// outside, and corners of lines stand out.
+/// Margin around the reported bounds of a shape, in points or pixels, whichever is larger. It covers antialiased edges,
+/// the strokes of circles, which lie outside the bounds, and mitred corners of lines.
 const MARGIN: f32 = 3.0;
-/// Pixels that may be drawn in vain where two areas are joined: each one is a look at every shape.
+/// Pixels that joining two areas may add to the redraw. Each separate area costs a scan of all shapes.
 const IN_VAIN: i64 = 4096;
 
-/// A rectangle of pixels, from `min` to before `max`.
+/// A rectangle of pixels; `max` is exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Area {
     pub(super) min: IVec2,
@@ -45,7 +45,7 @@ impl Area {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// What of it is not in `other`: above, below, left and right of that.
+    /// Parts outside `other`: above, below, left and right of it.
     fn without(self, other: Self) -> impl Iterator<Item = Self> {
         let both = self.common(other);
         let both = if both.is_empty() { Self { min: self.max, max: self.max } } else { both };
@@ -58,7 +58,7 @@ impl Area {
         parts.into_iter().filter(|part| !part.is_empty())
     }
 
-    /// The pixels that panels are drawn in where they are clipped to `clip`; they are not rounded, but cut off.
+    /// Pixels of the scissor rectangle that the panel renderer makes of `clip`. It truncates and does not round.
     fn of_clip(clip: Rect, pixels_per_point: f32, extent: IVec2) -> Self {
         let (low, high) = (vector(clip.min) * pixels_per_point, vector(clip.max) * pixels_per_point);
         let min = low.as_ivec2().max(IVec2::ZERO);
@@ -66,7 +66,7 @@ impl Area {
         Self { min, max }
     }
 
-    /// The clip with which panels are drawn in exactly these pixels.
+    /// The clip rectangle whose scissor covers exactly these pixels.
     fn clip(self, pixels_per_point: f32) -> Rect {
         let min = (self.min.as_vec2() + 0.25) / pixels_per_point;
         let max = (self.max.as_vec2() + 0.5) / pixels_per_point;
@@ -78,23 +78,23 @@ fn vector(point: egui::Pos2) -> Vec2 {
     Vec2::new(point.x, point.y)
 }
 
-/// The panels of a frame, and what they are drawn over.
+/// The panels of a frame, and the ground that they cover.
 pub(super) struct Panels {
     shapes: Vec<ClippedShape>,
-    /// The pixels that each may cover.
+    /// Pixels that each shape may cover.
     areas: Vec<Area>,
     ground: Ground,
 }
 
-/// What panels are drawn over.
+/// The content below the panels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ground {
-    /// Pixels of the window, across and down.
+    /// Window size in pixels.
     pub(super) extent: IVec2,
     pub(super) pixels_per_point: f32,
-    /// Where a picture is.
+    /// Pixels of the picture, if there is one.
     pub(super) picture: Option<Area>,
-    /// What is where there is none.
+    /// Colour outside the picture.
     pub(super) background: [f32; 3],
 }
 
@@ -104,7 +104,7 @@ impl Panels {
         Self { shapes, areas, ground }
     }
 
-    /// The pixels beside the picture that do not look as they did `before`. No two areas have one in common.
+    /// Returns disjoint areas outside the picture whose pixels differ from those of `before`.
     pub(super) fn damage(&self, before: Option<&Self>) -> Vec<Area> {
         let picture = self.ground.picture.unwrap_or(Area::NONE);
         let mut damage = Vec::new();
@@ -119,7 +119,7 @@ impl Panels {
         damage.into_iter().flat_map(|area| area.without(picture)).collect()
     }
 
-    /// All that is drawn in `area`.
+    /// Shapes that intersect `area`, clipped to it.
     pub(super) fn within(&self, area: Area) -> impl Iterator<Item = ClippedShape> {
         let ground = self.ground;
         self.shapes.iter().zip(&self.areas).filter(move |(_, covered)| !covered.common(area).is_empty()).map(
@@ -131,7 +131,7 @@ impl Panels {
     }
 }
 
-/// Adds `area`, as one with those that it touches or almost does.
+/// Adds `area`, joined with the areas that it touches or nearly touches.
 fn join(areas: &mut Vec<Area>, mut area: Area) {
     let one = |a: Area, b: Area| !a.common(b).is_empty() || a.around(b).pixels() <= a.pixels() + b.pixels() + IN_VAIN;
     while let Some(index) = areas.iter().position(|&other| one(other, area)) {
@@ -140,7 +140,7 @@ fn join(areas: &mut Vec<Area>, mut area: Area) {
     areas.push(area);
 }
 
-/// The pixels that `shape` may cover.
+/// Pixels that `shape` may cover.
 fn area(shape: &ClippedShape, ground: &Ground) -> Area {
     let (bounds, scale) = (bounds(&shape.shape, ground.pixels_per_point), ground.pixels_per_point);
     let margin = Vec2::splat(MARGIN * scale.max(1.0));
@@ -151,20 +151,20 @@ fn area(shape: &ClippedShape, ground: &Ground) -> Area {
     covered.common(Area::of_clip(shape.clip_rect, scale, ground.extent))
 }
 
-/// What `shape` covers in points, but for a margin.
+/// Bounds of `shape` in points, without the margin.
 fn bounds(shape: &Shape, pixels_per_point: f32) -> Rect {
     match shape {
         Shape::Vec(shapes) => {
             shapes.iter().map(|shape| bounds(shape, pixels_per_point)).fold(Rect::NOTHING, Rect::union)
         }
-        // What is selected of a text is higher than its letters.
+        // Selected text has a background that is higher than its letters.
         Shape::Text(text) => {
             let turn = Rot2::from_angle(text.angle);
             let rows = text.galley.rows.iter().filter(|row| !row.visuals.mesh.is_empty());
             let rows = rows.map(|row| row.visuals.mesh_bounds.translate(row.pos.to_vec2()).rotate_bb(turn));
             rows.fold(Rect::NOTHING, Rect::union).translate(text.pos.to_vec2())
         }
-        // Sharp corners of what is filled stand out as far as they like.
+        // Sharp corners of a filled path may extend arbitrarily far.
         Shape::Path(path) if path.closed => {
             let options = TessellationOptions { coarse_tessellation_culling: false, ..TessellationOptions::default() };
             let mut mesh = Mesh::default();
@@ -175,7 +175,7 @@ fn bounds(shape: &Shape, pixels_per_point: f32) -> Rect {
     }
 }
 
-/// The places in both lists of what is not the same in both.
+/// Indices in both lists of the shapes that differ.
 fn changed(before: &[ClippedShape], now: &[ClippedShape]) -> (Vec<usize>, Vec<usize>) {
     if before.len() == now.len() {
         let pairs = before.iter().zip(now).enumerate();
@@ -188,11 +188,11 @@ fn changed(before: &[ClippedShape], now: &[ClippedShape]) -> (Vec<usize>, Vec<us
     ((ahead..before.len() - behind).collect(), (ahead..now.len() - behind).collect())
 }
 
-/// Whether both look the same. Text that was laid out anew counts as other text, and so does what is nowhere.
+/// Whether both shapes look the same. Text with a new layout and shapes with NaN coordinates count as different.
 fn same(a: &ClippedShape, b: &ClippedShape) -> bool {
     let shapes = match (&a.shape, &b.shape) {
         (Shape::Text(a), Shape::Text(b)) => same_text(a, b),
-        // With debug assertions egui panics where such places are compared.
+        // With debug assertions, egui panics on a comparison of NaN coordinates.
         (a, _) if is_nowhere(a) => false,
         (_, b) if is_nowhere(b) => false,
         (a, b) => a == b,
@@ -200,7 +200,7 @@ fn same(a: &ClippedShape, b: &ClippedShape) -> bool {
     shapes && !a.clip_rect.any_nan() && !b.clip_rect.any_nan() && a.clip_rect == b.clip_rect
 }
 
-/// Whether a place that `shape` has is not a number.
+/// Whether a coordinate of `shape` is NaN.
 fn is_nowhere(shape: &Shape) -> bool {
     match shape {
         Shape::Noop | Shape::Callback(_) => false,
@@ -220,7 +220,7 @@ fn is_nowhere(shape: &Shape) -> bool {
 #[expect(clippy::float_cmp, reason = "what differs by anything is drawn anew")]
 fn same_text(a: &TextShape, b: &TextShape) -> bool {
     let TextShape { pos, galley, underline, fallback_color, override_text_color, opacity_factor, angle } = a;
-    // egui keeps what it has laid out for as long as it is shown: to compare every letter is slow.
+    // egui keeps a layout while it is visible. Comparing all glyphs would be slow.
     Arc::ptr_eq(galley, &b.galley)
         && !pos.any_nan()
         && !b.pos.any_nan()
@@ -250,7 +250,7 @@ mod tests {
     const EXTENT: IVec2 = IVec2::new(97, 61);
     const PICTURE: Area = Area { min: IVec2::new(30, 0), max: IVec2::new(97, 52) };
 
-    /// Numbers below `bound`, evenly enough.
+    /// Pseudo-random numbers below a bound, with sufficient uniformity.
     struct Numbers(u64);
 
     impl Numbers {
@@ -259,7 +259,7 @@ mod tests {
             (self.0 >> 33) % bound
         }
 
-        /// A rectangle in points, a corner of which may be anywhere, to a sixteenth.
+        /// A rectangle in points, on a grid of 1/16, with sides below `most`.
         fn rect(&mut self, most: u64) -> Rect {
             let mut number = |bound| self.below(16 * bound) as f32 / 16.0;
             let min = Pos2::new(number(100) - 8.0, number(64) - 8.0);
@@ -274,14 +274,14 @@ mod tests {
         }
     }
 
-    /// What lies over each other in each pixel.
+    /// Stack of colours drawn in each pixel.
     type Pixels = Vec<Vec<Color32>>;
 
     fn pixels(area: Area) -> impl Iterator<Item = usize> {
         (area.min.y..area.max.y).flat_map(move |y| (area.min.x..area.max.x).map(move |x| (y * EXTENT.x + x) as usize))
     }
 
-    /// Draws as the panels' renderer does: clips are cut off to whole pixels, edges are smoothed over the next pixel.
+    /// Imitates the panel renderer: it truncates clip rectangles to whole pixels and smooths edges over the next pixel.
     fn draw(on: &mut Pixels, shapes: impl IntoIterator<Item = ClippedShape>, scale: f32) {
         for ClippedShape { clip_rect: clip, shape } in shapes {
             let Shape::Rect(rect) = shape else { panic!("{shape:?}") };
@@ -321,7 +321,7 @@ mod tests {
                     3 => {}
                     _ => shapes[at] = numbers.shape(),
                 }
-                // The picture comes late, and goes for a while.
+                // The picture appears late and disappears for a while.
                 let picture = (frame > 20 && frame % 50 != 0).then_some(PICTURE);
                 let panels = Panels::new(shapes.clone(), ground(picture));
                 let damage = panels.damage(before.as_ref());
@@ -329,7 +329,7 @@ mod tests {
                     assert!(!area.is_empty() && area.common(PICTURE).is_empty() | picture.is_none(), "{area:?}");
                     assert!(damage[..index].iter().all(|other| other.common(*area).is_empty()), "{damage:?}");
                 }
-                // What is new lies on nothing.
+                // Damaged areas are cleared before they are drawn.
                 for area in damage.iter().copied().chain(picture) {
                     pixels(area).for_each(|pixel| shown[pixel].clear());
                 }
@@ -348,7 +348,7 @@ mod tests {
         }
     }
 
-    /// Text of which all is selected.
+    /// A fully selected text.
     fn selected(context: &Context, text: &str) -> Shape {
         let mut galley = None;
         let mut output = context.run_ui(RawInput::default(), |ui| {
@@ -396,7 +396,7 @@ mod tests {
                 Tessellator::new(scale, options, [1; 2], Vec::new()).tessellate_shape(covered, &mut mesh);
                 assert!(!mesh.vertices.is_empty(), "{name}");
                 for vertex in &mesh.vertices {
-                    // What is outside of the window is not seen.
+                    // Vertices outside the window are invisible.
                     let pixel = (vector(vertex.pos) * scale).clamp(Vec2::ZERO, extent.as_vec2());
                     let inside = pixel.cmpge(area.min.as_vec2()).all() && pixel.cmple(area.max.as_vec2()).all();
                     assert!(inside, "{name} at {scale}: {pixel} is not in {area:?}");

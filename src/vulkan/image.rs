@@ -7,30 +7,30 @@ use gpu_allocator::MemoryLocation;
 
 use super::{Device, Format, VulkanError, error::check_limit, handle::Owned, memory::Memory};
 
-/// What a 3D image is for.
+/// Usage of a 3D image.
 pub(super) const SAMPLED_USAGE: vk::ImageUsageFlags =
     vk::ImageUsageFlags::from_raw(vk::ImageUsageFlags::SAMPLED.as_raw() | vk::ImageUsageFlags::TRANSFER_DST.as_raw());
 
-/// What a storage image is for.
+/// Usage of a storage image.
 pub(super) const STORAGE_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
     vk::ImageUsageFlags::STORAGE.as_raw()
         | vk::ImageUsageFlags::TRANSFER_SRC.as_raw()
         | vk::ImageUsageFlags::TRANSFER_DST.as_raw(),
 );
 
-/// Where a 3D image is between any two commands recorded here.
+/// Layout of a 3D image between recorded commands.
 pub(super) const SAMPLED_LAYOUT: vk::ImageLayout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
 
-/// Where a storage image always is.
+/// Permanent layout of a storage image.
 pub(super) const STORAGE_LAYOUT: vk::ImageLayout = vk::ImageLayout::GENERAL;
 
-/// A 3D image that shaders read through a [`super::Sampler`] and uploads fill. Clones are the same image.
+/// A 3D image that uploads fill and shaders read through a [`super::Sampler`]. Clones share it.
 #[derive(Clone, Debug)]
 pub struct Image3d(Arc<Inner>);
 
-/// Layers of 2D images that shaders read and write texel by texel. Clones are the same image.
+/// Layers of 2D images that shaders read and write per texel. Clones share them.
 ///
-/// A shader sees it as an array however many layers there are: `texture_storage_2d_array`.
+/// Shaders always see it as an array, `texture_storage_2d_array`, even with one layer.
 #[derive(Clone, Debug)]
 pub struct StorageImage(Arc<Inner>);
 
@@ -38,22 +38,22 @@ pub struct StorageImage(Arc<Inner>);
 struct Inner {
     name: String,
     format: Format,
-    /// Width, height, depth in texels.
+    /// Width, height and depth in texels.
     extent: [u32; 3],
     layers: u32,
-    // Each before what it was made from.
+    // Drop order: each before the object that it was made from.
     view: Owned<vk::ImageView>,
     handle: Owned<vk::Image>,
     _memory: Memory,
 }
 
 impl Image3d {
-    /// An image of `extent` texels (width, height, depth). Its content is undefined until it is uploaded.
+    /// Creates an image of `extent` texels (width, height, depth). Its content is undefined until it is uploaded.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::NoFormat`] where shaders cannot read `format`, [`VulkanError::TooLarge`] over the device's
-    /// extent or allocation limit, [`VulkanError::OutOfMemory`], [`VulkanError::Misuse`] for an empty extent.
+    /// [`VulkanError::NoFormat`] if shaders cannot read `format`, [`VulkanError::TooLarge`] over the device's extent or
+    /// allocation limit, [`VulkanError::OutOfMemory`], [`VulkanError::Misuse`] for an empty extent.
     pub fn new(device: &Device, name: &str, format: Format, extent: [u32; 3]) -> Result<Self, VulkanError> {
         let limits = device.limits();
         if !limits.sampled(format) {
@@ -70,13 +70,13 @@ impl Image3d {
             .map(|inner| Self(Arc::new(inner)))
     }
 
-    /// Its name.
+    /// Name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// Its format.
+    /// Format.
     #[must_use]
     pub fn format(&self) -> Format {
         self.0.format
@@ -102,12 +102,12 @@ impl Image3d {
 }
 
 impl StorageImage {
-    /// `layers` layers of `extent` texels (width, height). Their content is undefined until written or cleared.
+    /// Creates `layers` layers of `extent` texels (width, height). Their content is undefined until written or cleared.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::NoFormat`] where shaders cannot write `format`, [`VulkanError::TooLarge`] over the device's
-    /// extent, layer or allocation limit, [`VulkanError::OutOfMemory`], [`VulkanError::Misuse`] for an empty extent.
+    /// [`VulkanError::NoFormat`] if shaders cannot write `format`, [`VulkanError::TooLarge`] over the device's extent,
+    /// layer or allocation limit, [`VulkanError::OutOfMemory`], [`VulkanError::Misuse`] for an empty extent.
     pub fn new(
         device: &Device,
         name: &str,
@@ -129,13 +129,13 @@ impl StorageImage {
             .map(|inner| Self(Arc::new(inner)))
     }
 
-    /// Its name.
+    /// Name.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.0.name
     }
 
-    /// Its format.
+    /// Format.
     #[must_use]
     pub fn format(&self) -> Format {
         self.0.format
@@ -148,13 +148,13 @@ impl StorageImage {
         [width, height]
     }
 
-    /// How many layers it has.
+    /// Number of layers.
     #[must_use]
     pub fn layers(&self) -> u32 {
         self.0.layers
     }
 
-    /// Bytes of one layer, rows from the top, without gaps.
+    /// Bytes of one layer: rows from the top, tightly packed.
     #[must_use]
     pub fn layer_bytes(&self) -> u64 {
         let [width, height] = self.extent();
@@ -216,16 +216,16 @@ impl Inner {
             .usage(usage)
             .sharing_mode(vk::SharingMode::EXCLUSIVE)
             .initial_layout(vk::ImageLayout::UNDEFINED);
-        // SAFETY: the extent and the layers are neither zero nor over what the device allows for this format, kind
-        // and usage.
+        // SAFETY: the extent and the layer count are non-zero and within the device's limits for this format, kind and
+        // usage.
         let made = unsafe { raw.functions.create_image(&info, None) };
         let handle = Owned::new(raw, name, "vkCreateImage", made, ash::Device::destroy_image)?;
-        // SAFETY: the image was made on this device just now.
+        // SAFETY: the image was just created on this device.
         let requirements = unsafe { raw.functions.get_image_memory_requirements(handle.raw()) };
         let memory = Memory::new(device, name, requirements, MemoryLocation::GpuOnly, false)?;
         let (block, offset) = memory.place();
-        // SAFETY: the memory was allocated for this image's requirements, is bound to nothing else, and, as the
-        // fields of `Inner` are ordered, outlives the image.
+        // SAFETY: the memory was allocated for this image's requirements and is bound to no other object. By the field
+        // order of `Inner` it outlives the image.
         let bound = unsafe { raw.functions.bind_image_memory(handle.raw(), block, offset) };
         bound.map_err(VulkanError::call("vkBindImageMemory", name))?;
         let info = vk::ImageViewCreateInfo::default()
@@ -233,8 +233,8 @@ impl Inner {
             .view_type(view_kind)
             .format(format.viewed())
             .subresource_range(all_layers());
-        // SAFETY: the image is bound to memory, of this format or one that may be seen as it, of a kind that such a view may have, and, as the
-        // fields of `Inner` are ordered, outlives the view.
+        // SAFETY: the image is bound to memory. The view has the image's format or a compatible one, and a type that
+        // suits the image. By the field order of `Inner` the image outlives the view.
         let made = unsafe { raw.functions.create_image_view(&info, None) };
         let view = Owned::new(raw, name, "vkCreateImageView", made, ash::Device::destroy_image_view)?;
         let made = Self { name: name.to_owned(), format, extent, layers, view, handle, _memory: memory };
@@ -253,7 +253,7 @@ impl Inner {
     }
 }
 
-/// The whole of an image.
+/// Subresource range of a whole image.
 pub(super) fn all_layers() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
         .aspect_mask(vk::ImageAspectFlags::COLOR)

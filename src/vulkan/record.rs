@@ -11,11 +11,11 @@ use super::{
     submission::{Lease, MAX_TIMESTAMPS, Used},
 };
 
-/// A list of commands in the making.
+/// A command list under construction.
 ///
-/// Commands may overlap in time, within a submission and from one to the next: between two of which one writes what
-/// the other uses belongs the barrier that is named for them. Waiting for a submission is no substitute, but for the
-/// host. Uploads need none: they bring their own.
+/// Commands may overlap in time, within a submission and between submissions. If one command writes data that another
+/// uses, the barrier named after the two must lie between them. Waiting for a submission replaces a barrier only for
+/// the host. Uploads include their own barriers.
 #[derive(Debug)]
 pub struct Recorder {
     name: String,
@@ -25,28 +25,28 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins a list of commands; `name` is for error messages.
+    /// Begins a command list; `name` appears in error messages.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] when the device has no room.
+    /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] if the device is out of memory.
     pub fn begin(device: &Device, name: &str) -> Result<Self, VulkanError> {
         let lease = Lease::take(device, name)?;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the lease has just reset the command buffer, and only this recorder has it.
+        // SAFETY: the lease has just reset the command buffer, and only this recorder uses it.
         let begun = unsafe { device.raw().functions.begin_command_buffer(lease.slot.commands, &info) };
         begun.map_err(VulkanError::call("vkBeginCommandBuffer", name))?;
         Ok(Self { name: name.to_owned(), used: Used::default(), timestamps: 0, lease })
     }
 
-    /// Copies slices `z` of `image` from `buffer`, which has them from byte `offset` on: x fastest, without gaps.
+    /// Copies slices `z` of `image` from `buffer`, where they start at byte `offset`: x fastest, tightly packed.
     ///
-    /// Ordered against dispatches and uploads before and after it that use the image.
+    /// Includes barriers against the dispatches and uploads before and after it that use the image.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::Misuse`] for slices that the image does not have, bytes that the buffer does not have, or an
-    /// offset that is no multiple of 4 and of a texel.
+    /// [`VulkanError::Misuse`] for slices outside the image, bytes outside the buffer, or an offset that is not a
+    /// multiple of both 4 and the texel size.
     pub fn upload(&mut self, image: &Image3d, z: Range<u32>, buffer: &Buffer, offset: u64) -> Result<(), VulkanError> {
         let [width, height, depth] = image.extent();
         if z.is_empty() || z.end > depth {
@@ -70,7 +70,7 @@ impl Recorder {
             .image_subresource(one_layer(0))
             .image_offset(vk::Offset3D::default().z(z.start.cast_signed()))
             .image_extent(vk::Extent3D { width, height, depth: slices });
-        // SAFETY: recording; the region was checked to lie in both the image and the buffer, both are kept until the
+        // SAFETY: recording; the region was checked to lie in both the image and the buffer. Both are kept until the
         // submission ends, and the barrier before has brought the image into this layout.
         unsafe {
             self.functions().cmd_copy_buffer_to_image(
@@ -95,8 +95,8 @@ impl Recorder {
     ///
     /// # Errors
     ///
-    /// [`VulkanError::Misuse`] when the set or the push constants are not what the pipeline expects,
-    /// [`VulkanError::TooLarge`] for more workgroups than the device allows.
+    /// [`VulkanError::Misuse`] if the set or the push constants do not match the pipeline, [`VulkanError::TooLarge`]
+    /// for more workgroups than the device allows.
     pub fn dispatch(
         &mut self,
         pipeline: &ComputePipeline,
@@ -112,16 +112,16 @@ impl Recorder {
         let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: recording; the pipeline is kept until the submission ends.
         unsafe { functions.cmd_bind_pipeline(commands, point, pipeline.raw()) };
-        // SAFETY: recording; the set was made for the same list of bindings, and is kept with all that is in it.
+        // SAFETY: recording; the set was made for the same bindings, and is kept with all its resources.
         unsafe { functions.cmd_bind_descriptor_sets(commands, point, pipeline.layout(), 0, &[set.raw()], &[]) };
         if !push_constants.is_empty() {
             let stage = vk::ShaderStageFlags::COMPUTE;
-            // SAFETY: recording; the bytes are copied, and there are just as many as the layout has.
+            // SAFETY: recording; the bytes are copied, and their number equals that of the layout.
             unsafe { functions.cmd_push_constants(commands, pipeline.layout(), stage, 0, push_constants) };
         }
         let [x, y, z] = groups;
-        // SAFETY: recording; all that the shader uses is bound, the groups are within limits, buffers are bounded by
-        // robustBufferAccess, and images ignore writes outside.
+        // SAFETY: recording; all resources of the shader are bound, the group counts are within limits, buffer accesses
+        // are bounded by robustBufferAccess, and images ignore writes outside.
         unsafe { functions.cmd_dispatch(commands, x, y, z) };
         self.device().count_dispatch();
         self.used.buffers.extend_from_slice(set.buffers());
@@ -142,7 +142,7 @@ impl Recorder {
         }
         let value = vk::ClearColorValue { float32: value };
         let range = [image::all_layers()];
-        // SAFETY: recording; the image is always in this layout, was made to be copied to, and is kept.
+        // SAFETY: recording; the image is always in this layout, was made as a copy target, and is kept.
         unsafe {
             self.functions().cmd_clear_color_image(self.commands(), image.raw(), image::STORAGE_LAYOUT, &value, &range);
         };
@@ -180,12 +180,12 @@ impl Recorder {
         Ok(())
     }
 
-    /// Copies `layer` of `image` to `buffer`, from byte `offset` on: rows from the top, without gaps.
+    /// Copies `layer` of `image` to `buffer`, from byte `offset` on: rows from the top, tightly packed.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::Misuse`] for a layer that the image does not have, bytes that the buffer does not have, or an
-    /// offset that is no multiple of 4 and of a texel.
+    /// [`VulkanError::Misuse`] for a layer outside the image, bytes outside the buffer, or an offset that is not a
+    /// multiple of both 4 and the texel size.
     pub fn read_back(
         &mut self,
         image: &StorageImage,
@@ -196,11 +196,11 @@ impl Recorder {
         self.copy_back(image, layer, [[0, 0], image.extent()], buffer, offset)
     }
 
-    /// Copies the texel at `place` (column, row) in `layer` of `image` to `buffer`, from byte `offset` on.
+    /// Copies the texel at `place` (column, row) of `layer` of `image` to byte `offset` of `buffer`.
     ///
     /// # Errors
     ///
-    /// Those of [`Self::read_back`], and [`VulkanError::Misuse`] for a texel that the image does not have.
+    /// Those of [`Self::read_back`], and [`VulkanError::Misuse`] for a texel outside the image.
     pub fn read_back_texel(
         &mut self,
         image: &StorageImage,
@@ -217,7 +217,7 @@ impl Recorder {
         self.copy_back(image, layer, [place, [1, 1]], buffer, offset)
     }
 
-    /// Copies the rectangle of `image` that starts at `place`, which is in it.
+    /// Copies a rectangle of `image`, which must lie in the image.
     fn copy_back(
         &mut self,
         image: &StorageImage,
@@ -240,7 +240,7 @@ impl Recorder {
             .image_subresource(one_layer(layer))
             .image_offset(vk::Offset3D { x, y, z: 0 })
             .image_extent(vk::Extent3D { width, height, depth: 1 });
-        // SAFETY: recording; the region was checked to lie in both the image and the buffer, both are kept until the
+        // SAFETY: recording; the region was checked to lie in both the image and the buffer. Both are kept until the
         // submission ends, and the image is always in this layout.
         unsafe {
             self.functions().cmd_copy_image_to_buffer(
@@ -256,11 +256,11 @@ impl Recorder {
         Ok(())
     }
 
-    /// Notes the time at which everything recorded before has ended; see [`Submission::timestamps`].
+    /// Records a timestamp after all earlier commands have finished. See [`Submission::timestamps`].
     ///
     /// # Errors
     ///
-    /// [`VulkanError::TooLarge`] past the sixteenth of a submission.
+    /// [`VulkanError::TooLarge`] for more than 16 timestamps in a submission.
     pub fn timestamp(&mut self) -> Result<(), VulkanError> {
         check_limit(&self.name, "its number of timestamps", (self.timestamps + 1).into(), MAX_TIMESTAMPS.into())?;
         if self.device().limits().timestamp_valid_bits == 0 {
@@ -268,60 +268,60 @@ impl Recorder {
         }
         let (functions, commands, pool) = (self.functions(), self.commands(), self.lease.slot.timestamps.raw());
         if self.timestamps == 0 {
-            // SAFETY: recording; the pool belongs to this lease and has that many queries.
+            // SAFETY: recording; the pool belongs to this lease and has `MAX_TIMESTAMPS` queries.
             unsafe { functions.cmd_reset_query_pool(commands, pool, 0, MAX_TIMESTAMPS) };
         }
         let stage = vk::PipelineStageFlags::BOTTOM_OF_PIPE;
-        // SAFETY: recording; the query was reset above, is used once, and the queue has timestamps.
+        // SAFETY: recording; the query was reset above and is used once, and the queue supports timestamps.
         unsafe { functions.cmd_write_timestamp(commands, stage, pool, self.timestamps) };
         self.timestamps += 1;
         Ok(())
     }
 
-    /// Dispatches before it have written what dispatches after it read or write.
+    /// Barrier: later dispatches see and may overwrite the writes of earlier dispatches.
     pub fn compute_to_compute(&mut self) {
         self.barrier(COMPUTE_WRITES, COMPUTE_USES);
     }
 
-    /// Dispatches before it have written what copies and clears after it read or write.
+    /// Barrier: later copies and clears see and may overwrite the writes of earlier dispatches.
     pub fn compute_to_transfer(&mut self) {
         self.barrier(COMPUTE_WRITES, TRANSFER_USES);
     }
 
-    /// Copies and clears before it have written what dispatches after it read or write.
+    /// Barrier: later dispatches see and may overwrite the writes of earlier copies and clears.
     pub fn transfer_to_compute(&mut self) {
         self.barrier(TRANSFER_WRITES, COMPUTE_USES);
     }
 
-    /// Copies and clears before it have written what copies and clears after it read or write.
+    /// Barrier: later copies and clears see and may overwrite the writes of earlier copies and clears.
     pub fn transfer_to_transfer(&mut self) {
         self.barrier(TRANSFER_WRITES, TRANSFER_USES);
     }
 
-    /// Dispatches before it have written what the host reads after the submission.
+    /// Barrier: the host sees the writes of earlier dispatches after the submission.
     pub fn compute_to_host(&mut self) {
         self.barrier(COMPUTE_WRITES, HOST_READS);
     }
 
-    /// Copies before it have written what the host reads after the submission.
+    /// Barrier: the host sees the writes of earlier copies after the submission.
     pub fn transfer_to_host(&mut self) {
         self.barrier(TRANSFER_WRITES, HOST_READS);
     }
 
-    /// Hands the commands to the device.
+    /// Submits the commands to the device.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] when the device has no room.
+    /// [`VulkanError::DeviceLost`], [`VulkanError::Call`] if the device is out of memory.
     pub fn submit(self) -> Result<Submission, VulkanError> {
         let Self { name, used, timestamps, lease } = self;
-        // SAFETY: the command buffer is being recorded, and only `self` had it.
+        // SAFETY: the command buffer is being recorded, and only `self` uses it.
         let ended = unsafe { lease.device.raw().functions.end_command_buffer(lease.slot.commands) };
         ended.map_err(VulkanError::call("vkEndCommandBuffer", &name))?;
         Submission::start(name, used, timestamps, lease)
     }
 
-    /// Brings a new image into the layout that it stays in.
+    /// Brings a new image into its permanent layout.
     pub(super) fn set_first_layout(&mut self, image: vk::Image, layout: vk::ImageLayout) {
         let any = (vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER, ALL_ACCESS);
         let none = (vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE);
@@ -371,7 +371,7 @@ impl Recorder {
     }
 }
 
-/// Stages, and what they do to memory.
+/// Pipeline stages and their memory accesses.
 type Scope = (vk::PipelineStageFlags2, vk::AccessFlags2);
 
 const COMPUTE_WRITES: Scope = (vk::PipelineStageFlags2::COMPUTE_SHADER, vk::AccessFlags2::SHADER_STORAGE_WRITE);
@@ -401,7 +401,7 @@ fn check_target(device: &Device, buffer: &Buffer) -> Result<(), VulkanError> {
     buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_DST, "copied to")
 }
 
-/// Refuses a copy between an image and bytes that `buffer` does not have or that lie where no copy may start.
+/// Returns an error for bytes outside `buffer` or an offset where an image copy may not start.
 fn check_copy(buffer: &Buffer, offset: u64, bytes: u64, texel: u64) -> Result<(), VulkanError> {
     if !offset.is_multiple_of(texel.max(4)) {
         let mistake = format!("a copy from or to byte {offset}, which is no multiple of {}", texel.max(4));

@@ -1,4 +1,4 @@
-//! What a dispatch reads and writes.
+//! Resources of a dispatch.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use ash::vk;
 
 use super::{Buffer, ComputePipeline, Device, Image3d, Sampler, StorageImage, VulkanError, handle::Owned, image};
 
-/// What a shader expects at a binding.
+/// Kind of a shader binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BindingKind {
     /// `var<storage>`
@@ -22,7 +22,7 @@ pub enum BindingKind {
 }
 
 impl BindingKind {
-    /// Vulkan's name for it.
+    /// Vulkan descriptor type.
     pub(super) fn raw(self) -> vk::DescriptorType {
         match self {
             Self::Storage => vk::DescriptorType::STORAGE_BUFFER,
@@ -34,7 +34,7 @@ impl BindingKind {
     }
 }
 
-/// Something that a shader reads or writes.
+/// A resource that a shader reads or writes.
 #[derive(Clone, Copy, Debug)]
 pub enum Resource<'a> {
     /// A buffer as `var<storage>`.
@@ -50,7 +50,7 @@ pub enum Resource<'a> {
 }
 
 impl Resource<'_> {
-    /// The kind of binding it fits.
+    /// Kind of binding that the resource fits.
     #[must_use]
     pub fn kind(&self) -> BindingKind {
         match self {
@@ -91,7 +91,7 @@ impl Resource<'_> {
     }
 }
 
-/// Resources at the bindings of a pipeline. It keeps them alive. Clones are the same set.
+/// Resources bound to a pipeline. The set keeps them alive. Clones share it.
 #[derive(Clone, Debug)]
 pub struct ResourceSet(Arc<Inner>);
 
@@ -99,10 +99,10 @@ struct Inner {
     name: String,
     bindings: Vec<BindingKind>,
     set: vk::DescriptorSet,
-    /// Owns `set`.
+    /// Owner of `set`.
     pool: Owned<vk::DescriptorPool>,
     buffers: Vec<Buffer>,
-    /// The pipeline (whose layout the set has), images and samplers.
+    /// The pipeline (whose layout the set uses), images and samplers.
     _others: Vec<Arc<dyn Send + Sync>>,
 }
 
@@ -113,12 +113,12 @@ impl std::fmt::Debug for Inner {
 }
 
 impl ResourceSet {
-    /// `resources` for bindings 0, 1, … of `pipeline`, and of every pipeline with the same list of bindings.
+    /// Binds `resources` to bindings 0, 1, … of `pipeline`. The set also fits every pipeline with the same bindings.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::Misuse`] when a resource is not what the pipeline expects at its place, was not made for that
-    /// use, or belongs to another device.
+    /// [`VulkanError::Misuse`] if a resource does not match the pipeline's binding, was not made for that use, or
+    /// belongs to another device.
     pub fn new(
         device: &Device,
         name: &str,
@@ -142,7 +142,7 @@ impl ResourceSet {
 
         let layouts = [pipeline.set_layout()];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool.raw()).set_layouts(&layouts);
-        // SAFETY: the pool is new, nobody else uses it, and it has room for just this set.
+        // SAFETY: the pool is new and not shared, and has room for exactly this set.
         let made = unsafe { raw.functions.allocate_descriptor_sets(&info) };
         let set = made
             .and_then(|sets| sets.first().copied().ok_or(vk::Result::ERROR_UNKNOWN))
@@ -163,7 +163,7 @@ impl ResourceSet {
                 }
             })
             .collect();
-        // SAFETY: the set is new, so no submission uses it; the writes borrow arrays that outlive the call and name
+        // SAFETY: the set is new, so no submission uses it. The writes borrow arrays that outlive the call, and name
         // live handles of this device, made for this use, which the new set keeps alive.
         unsafe { raw.functions.update_descriptor_sets(&writes, &[]) };
 
@@ -199,7 +199,7 @@ impl ResourceSet {
         &self.0.buffers
     }
 
-    /// What keeps it alive.
+    /// A reference that keeps the set alive.
     pub(super) fn keep(&self) -> Arc<dyn Send + Sync> {
         Arc::clone(&self.0) as _
     }

@@ -1,4 +1,4 @@
-//! Commands on the device.
+//! Submitted commands.
 
 use std::{sync::Arc, time::Duration};
 
@@ -6,10 +6,10 @@ use ash::vk;
 
 use super::{Buffer, Device, VulkanError, handle::Owned, lock};
 
-/// The most timestamps of one submission.
+/// Largest number of timestamps per submission.
 pub(super) const MAX_TIMESTAMPS: u32 = 16;
 
-/// A command buffer and what one submission of it needs. Used again and again.
+/// A command buffer with the objects that one submission of it needs. Reused.
 #[derive(Debug)]
 pub(super) struct CommandSlot {
     /// Owned by `pool`.
@@ -26,28 +26,28 @@ impl CommandSlot {
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
             .queue_family_index(device.queue_family());
-        // SAFETY: the family is the one that the device was opened with.
+        // SAFETY: the device was opened with this queue family.
         let made = unsafe { raw.functions.create_command_pool(&info, None) };
         let pool = Owned::new(raw, name, "vkCreateCommandPool", made, ash::Device::destroy_command_pool)?;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool.raw()).command_buffer_count(1);
-        // SAFETY: the pool is new, and nobody else uses it.
+        // SAFETY: the pool is new and not shared.
         let made = unsafe { raw.functions.allocate_command_buffers(&info) };
         let commands = made
             .and_then(|buffers| buffers.first().copied().ok_or(vk::Result::ERROR_UNKNOWN))
             .map_err(VulkanError::call("vkAllocateCommandBuffers", name))?;
         raw.set_name(commands, name);
-        // SAFETY: the description asks for nothing special.
+        // SAFETY: a default description is always valid.
         let made = unsafe { raw.functions.create_fence(&vk::FenceCreateInfo::default(), None) };
         let fence = Owned::new(raw, name, "vkCreateFence", made, ash::Device::destroy_fence)?;
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_TIMESTAMPS);
-        // SAFETY: the number of queries is not zero.
+        // SAFETY: the query count is non-zero.
         let made = unsafe { raw.functions.create_query_pool(&info, None) };
         let timestamps = Owned::new(raw, name, "vkCreateQueryPool", made, ash::Device::destroy_query_pool)?;
         Ok(Self { commands, pool, fence, timestamps })
     }
 }
 
-/// A command slot on loan; it goes back to the device when the lease ends, which is not before the device is done.
+/// A borrowed command slot. It returns to the device on drop, which is not before the device has finished with it.
 #[derive(Debug)]
 pub(super) struct Lease {
     pub(super) slot: Arc<CommandSlot>,
@@ -63,7 +63,7 @@ impl Lease {
         };
         let lease = Self { slot, device: device.clone() };
         let functions = &device.raw().functions;
-        // SAFETY: a slot among the idle ones is used by no submission, and only this lease has it now.
+        // SAFETY: no submission uses an idle slot, and only this lease has it now.
         let reset = unsafe { functions.reset_command_pool(lease.slot.pool.raw(), vk::CommandPoolResetFlags::empty()) };
         reset.map_err(VulkanError::call("vkResetCommandPool", name))?;
         // SAFETY: as above.
@@ -79,7 +79,7 @@ impl Drop for Lease {
     }
 }
 
-/// What a submission uses, kept until it has ended.
+/// Objects of a submission, kept alive until it has finished.
 #[derive(Default)]
 pub(super) struct Used {
     pub(super) buffers: Vec<Buffer>,
@@ -92,7 +92,7 @@ impl std::fmt::Debug for Used {
     }
 }
 
-/// Commands that the device has, or has carried out. Dropping it waits for them.
+/// Submitted commands, running or finished. Dropping it waits for them.
 #[derive(Debug)]
 pub struct Submission {
     name: String,
@@ -103,12 +103,12 @@ pub struct Submission {
 }
 
 impl Submission {
-    /// Submits the recorded commands of `lease`, which use `used`.
+    /// Submits the commands of `lease`, which use `used`.
     pub(super) fn start(name: String, used: Used, timestamps: u32, lease: Lease) -> Result<Self, VulkanError> {
         for buffer in &used.buffers {
             buffer.begin_use();
         }
-        // From here on dropping means waiting.
+        // From here on, dropping `submission` waits for the commands.
         let mut submission = Self { name, used, timestamps, ended: false, lease };
         let Lease { slot, device } = &submission.lease;
         let commands = [slot.commands];
@@ -117,8 +117,8 @@ impl Submission {
         let submitted = if device.simulated().loses_device() {
             Err(vk::Result::ERROR_DEVICE_LOST)
         } else {
-            // SAFETY: the lock keeps other threads off the queue; the fence was reset with the lease; the submission
-            // keeps all that the commands use until the fence has signalled.
+            // SAFETY: the lock keeps other threads off the queue. The fence was reset with the lease. The submission
+            // keeps all objects of the commands until the fence has signalled.
             unsafe { device.raw().functions.queue_submit(*queue, &info, slot.fence.raw()) }
         };
         drop(queue);
@@ -130,7 +130,7 @@ impl Submission {
         Ok(submission)
     }
 
-    /// Waits until the commands have ended, but no longer than `timeout`; says whether they have.
+    /// Waits until the commands have finished, for at most `timeout`. Returns whether they have finished.
     ///
     /// # Errors
     ///
@@ -153,7 +153,7 @@ impl Submission {
         }
     }
 
-    /// Waits until the commands have ended, however long that takes.
+    /// Waits until the commands have finished, without a time limit.
     ///
     /// # Errors
     ///
@@ -163,13 +163,13 @@ impl Submission {
         Ok(())
     }
 
-    /// The times noted by [`super::Recorder::timestamp`], counted from the first of them; none where the device has no clock.
+    /// Returns the times of [`super::Recorder::timestamp`] relative to the first; empty if the device has no clock.
     ///
-    /// On a software device they are wall times.
+    /// On a software device these are wall times.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::Misuse`] before the commands have ended.
+    /// [`VulkanError::Misuse`] before the commands have finished.
     pub fn timestamps(&self) -> Result<Vec<Duration>, VulkanError> {
         if !self.ended {
             return Err(VulkanError::misuse(&self.name, "it has not ended, so its timestamps are not known"));
@@ -180,7 +180,7 @@ impl Submission {
         let mut ticks = vec![0_u64; self.timestamps as usize];
         let pool = self.lease.slot.timestamps.raw();
         let functions = &self.lease.device.raw().functions;
-        // SAFETY: the pool has at least that many queries, all of them written by the commands that have ended.
+        // SAFETY: the pool has at least this number of queries, all written by commands that have finished.
         let read = unsafe { functions.get_query_pool_results(pool, 0, &mut ticks, vk::QueryResultFlags::TYPE_64) };
         read.map_err(VulkanError::call("vkGetQueryPoolResults", &self.name))?;
         let limits = self.lease.device.limits();
@@ -189,7 +189,7 @@ impl Submission {
         Ok(ticks.iter().map(since_first).collect())
     }
 
-    /// Lets go of what the commands used.
+    /// Releases the objects of the commands.
     fn end(&mut self) {
         self.ended = true;
         let used = std::mem::take(&mut self.used);

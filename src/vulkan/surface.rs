@@ -1,4 +1,4 @@
-//! A window's frames: a picture, and panels drawn over it.
+//! Frames of a window: a picture with panels over it.
 
 use std::fmt;
 use std::mem::ManuallyDrop;
@@ -16,26 +16,26 @@ use super::damage::{Area, Ground, Panels};
 use super::swapchain::{FORMAT, RawSurface, Swapchain, semaphore};
 use super::{Buffer, Device, HostUse, StorageImage, VulkanError, handle::Owned, image, lock};
 
-/// What errors and the validation layer call it.
+/// Object name in errors and validation messages.
 const NAME: &str = "window";
 
-/// What a window shows.
+/// Content of a window.
 pub struct Frame<'a> {
-    /// Pixels of the window, across and down; nothing is shown where one is 0.
+    /// Window size in pixels. Nothing is shown if a side is 0.
     pub size: [u32; 2],
-    /// Red, green and blue, encoded for the screen, where nothing else is.
+    /// Background colour: red, green and blue, encoded for the screen.
     pub background: [f32; 3],
-    /// A picture, and the pixels that it covers: left, top, width, height.
+    /// Picture and its place in the window in pixels: left, top, width, height.
     pub picture: Option<(&'a StorageImage, [u32; 4])>,
-    /// What changes of the panels' textures; taken out of it, even where nothing is shown.
+    /// Changes of the panels' textures. They are taken out even if nothing is shown.
     pub textures: &'a mut TexturesDelta,
-    /// The panels, as they were laid out.
+    /// Shapes of the panels.
     pub panels: Vec<ClippedShape>,
-    /// What has laid them out.
+    /// The egui context that laid out the panels.
     pub context: &'a Context,
-    /// Pixels of the window that are one unit of the panels.
+    /// Window pixels per panel point.
     pub pixels_per_point: f32,
-    /// Whether the pixels shown are wanted back.
+    /// Whether to return the pixels shown.
     pub capture: bool,
 }
 
@@ -45,27 +45,27 @@ impl fmt::Debug for Frame<'_> {
     }
 }
 
-/// What of a frame is drawn.
+/// Draw list of a frame.
 struct Drawing<'a> {
     picture: Option<(&'a StorageImage, Part)>,
     ground: Ground,
-    /// Where there is the background, and the panels over it.
+    /// Areas to fill with the background, under the panels.
     cleared: Vec<Area>,
     panels: Vec<ClippedPrimitive>,
-    /// Whether nothing stays of what the image holds.
+    /// Whether the previous content of the image is discarded.
     anew: bool,
 }
 
-/// A window that frames are shown in, one after the other.
+/// A window that shows frames.
 pub struct Surface {
-    // In the order in which they go, once the device is idle.
+    // Fields in drop order; the device is idle by then.
     panels: ManuallyDrop<Renderer<GpuAllocator>>,
     swapchain: Option<Swapchain>,
     /// Whether the swapchain no longer fits the window.
     stale: bool,
-    /// Textures that the frame under way may still read.
+    /// Textures that the current frame may still read.
     freed: Vec<TextureId>,
-    /// What it shows.
+    /// The picture of the current frame.
     picture: Option<StorageImage>,
     acquired: Owned<vk::Semaphore>,
     fence: Owned<vk::Fence>,
@@ -74,7 +74,7 @@ pub struct Surface {
     pool: Owned<vk::CommandPool>,
     raw: RawSurface,
     device: Device,
-    /// What the surface was made from.
+    /// The window of the surface.
     _window: Arc<Window>,
 }
 
@@ -85,28 +85,28 @@ impl fmt::Debug for Surface {
 }
 
 impl Surface {
-    /// The surface of `window`, on a device that was opened for windows of its display.
+    /// Creates the surface of `window`. The device must have been opened for windows of its display.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::NoWindow`] where the device cannot show anything there.
+    /// [`VulkanError::NoWindow`] if the device cannot present to the window.
     pub fn new(device: &Device, window: Arc<Window>) -> Result<Self, VulkanError> {
         let raw = raw_surface(device, &window)?;
         let functions = &device.raw().functions;
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER)
             .queue_family_index(device.queue_family());
-        // SAFETY: the family is the one that the device was opened with.
+        // SAFETY: the device was opened with this queue family.
         let made = unsafe { functions.create_command_pool(&info, None) };
         let pool = Owned::new(device.raw(), NAME, "vkCreateCommandPool", made, ash::Device::destroy_command_pool)?;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool.raw()).command_buffer_count(1);
-        // SAFETY: the pool is new, and nobody else uses it.
+        // SAFETY: the pool is new and not shared.
         let made = unsafe { functions.allocate_command_buffers(&info) };
         let commands = made
             .and_then(|buffers| buffers.first().copied().ok_or(vk::Result::ERROR_UNKNOWN))
             .map_err(VulkanError::call("vkAllocateCommandBuffers", NAME))?;
         let info = vk::FenceCreateInfo::default().flags(vk::FenceCreateFlags::SIGNALED);
-        // SAFETY: the description asks for nothing special.
+        // SAFETY: a default description with one flag is always valid.
         let made = unsafe { functions.create_fence(&info, None) };
         let fence = Owned::new(device.raw(), NAME, "vkCreateFence", made, ash::Device::destroy_fence)?;
         let mode = RenderMode::DynamicRendering(DynamicRendering {
@@ -133,7 +133,8 @@ impl Surface {
         })
     }
 
-    /// Shows `frame`, once the one before is done. Where its pixels are wanted: RGBA of each, rows from the top.
+    /// Shows `frame` after the previous frame has finished. With [`Frame::capture`], returns RGBA pixels, rows from the
+    /// top.
     ///
     /// # Errors
     ///
@@ -141,7 +142,7 @@ impl Surface {
     pub fn show(&mut self, frame: Frame<'_>) -> Result<Option<Vec<u8>>, VulkanError> {
         self.wait()?;
         if frame.textures.set.values().flatten().any(ImageDelta::is_whole) {
-            // Another texture may look otherwise; parts of one are letters that were not needed before.
+            // A new texture may look different. Partial updates only add glyphs that no earlier frame used.
             self.swapchain.iter_mut().flat_map(|it| &mut it.images).for_each(|image| image.panels = None);
         }
         self.update_textures(frame.textures)?;
@@ -155,7 +156,7 @@ impl Surface {
         }
         let Some(swapchain) = &mut self.swapchain else { return Ok(None) };
         let extent = swapchain.extent;
-        // Before an image is waited for, so that where this fails the next frame can be shown.
+        // Allocated before an image is acquired, so that a failure leaves the next frame possible.
         let capture = if frame.capture {
             let bytes = 4 * u64::from(extent.width) * u64::from(extent.height);
             Some(Buffer::host(&self.device, "screenshot", bytes, HostUse::ReadBack)?)
@@ -168,7 +169,7 @@ impl Surface {
         };
         self.stale = !fits;
         let Some(image) = swapchain.images.get_mut(index as usize) else { return Ok(None) };
-        // Until this frame is drawn.
+        // The image has no complete frame until this one is drawn.
         let before = image.panels.take();
         let part = frame.picture.and_then(|(picture, place)| part(picture.extent(), place, extent));
         let ground = Ground {
@@ -177,7 +178,7 @@ impl Surface {
             picture: part.map(|part| part.shown),
             background: frame.background,
         };
-        // `Panels::within` leaves out what is not seen; egui would go by bounds that are too small.
+        // `Panels::within` already culls; egui's own culling uses bounds that are too small.
         frame.context.tessellation_options_mut(|options| options.coarse_tessellation_culling = false);
         let panels = Panels::new(frame.panels, ground);
         let cleared = panels.damage(before.as_ref());
@@ -204,14 +205,14 @@ impl Surface {
         Ok(Some(pixels))
     }
 
-    /// Waits until the frame before has been drawn, so that what it showed may be written again.
+    /// Waits until the previous frame has been drawn, so that its picture may be written again.
     ///
     /// # Errors
     ///
     /// [`VulkanError::DeviceLost`].
     pub fn wait(&mut self) -> Result<(), VulkanError> {
         let fences = [self.fence.raw()];
-        // SAFETY: the fence is signalled, or was given to a submission.
+        // SAFETY: the fence is signalled or belongs to a submission.
         let waited = unsafe { self.device.raw().functions.wait_for_fences(&fences, true, u64::MAX) };
         waited.map_err(VulkanError::call("vkWaitForFences", NAME))?;
         self.picture = None;
@@ -237,12 +238,12 @@ impl Surface {
         let Some(shown) = swapchain.images.get(index as usize) else { return Ok(()) };
         let (raw, commands, extent) = (self.device.raw(), self.commands, swapchain.extent);
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // SAFETY: the frame before has ended, so nothing uses the commands, and beginning resets them.
+        // SAFETY: the previous frame has finished, so the commands are not in use, and beginning resets them.
         let begun = unsafe { raw.functions.begin_command_buffer(commands, &info) };
         begun.map_err(VulkanError::call("vkBeginCommandBuffer", NAME))?;
 
         let barrier = |from: Use, to: Use| {
-            // What dispatches wrote, in earlier submissions too, is there for the copy.
+            // Makes dispatch writes, also of earlier submissions, visible to the copy.
             let memory = [vk::MemoryBarrier2::default()
                 .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER)
                 .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE)
@@ -260,8 +261,8 @@ impl Surface {
                 .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
                 .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)];
             let info = vk::DependencyInfo::default().memory_barriers(&memory).image_memory_barriers(&image);
-            // SAFETY: recording; the info borrows arrays that outlive the call, the image is of the swapchain, which is
-            // kept until its frames are done, and the function is this device's.
+            // SAFETY: recording; the info borrows arrays that outlive the call, the image belongs to the swapchain,
+            // which is kept until its frames have finished, and the function belongs to this device.
             unsafe { (raw.pipeline_barrier2)(commands, &info) };
         };
         barrier(if drawing.anew { UNDEFINED } else { ACQUIRED }, COPIED_TO);
@@ -269,14 +270,14 @@ impl Surface {
             picture.check_device(&self.device)?;
             let (from, to) = ((picture.raw(), image::STORAGE_LAYOUT), (shown.image, COPIED_TO.layout));
             if part.seen == part.shown.size() && picture.format().raw() == FORMAT {
-                // A software device takes a fraction of the time for bytes that it need not look at.
+                // A copy without conversion takes a software device a fraction of the time of a blit.
                 let region = [part.copy()];
-                // SAFETY: recording; both images are of one format and in these layouts, the region lies in both, and
-                // both are kept until the frame has ended.
+                // SAFETY: recording; both images have one format and these layouts, the region lies in both, and both
+                // are kept until the frame has finished.
                 unsafe { raw.functions.cmd_copy_image(commands, from.0, from.1, to.0, to.1, &region) };
             } else {
                 let (region, filter) = ([part.blit()], vk::Filter::LINEAR);
-                // SAFETY: as above, but for the formats, between which a blit converts.
+                // SAFETY: as above, except for the formats, between which a blit converts.
                 unsafe { raw.functions.cmd_blit_image(commands, from.0, from.1, to.0, to.1, &region, filter) };
             }
         }
@@ -290,7 +291,7 @@ impl Surface {
             .render_area(vk::Rect2D::default().extent(extent))
             .layer_count(1)
             .color_attachments(&attachments);
-        // SAFETY: recording; the view is of the format that the panels' pipeline draws, in this layout, and kept.
+        // SAFETY: recording; the view has the colour format of the panels' pipeline, is in this layout, and is kept.
         unsafe { raw.functions.cmd_begin_rendering(commands, &info) };
         let [red, green, blue] = drawing.ground.background;
         let background = [vk::ClearAttachment::default()
@@ -298,7 +299,7 @@ impl Surface {
             .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32: [red, green, blue, 1.0] } })];
         let cleared: Vec<_> = drawing.cleared.iter().map(|&area| clear(area)).collect();
         if !cleared.is_empty() {
-            // SAFETY: recording, between beginning and end of rendering; the areas are not empty and lie in what is rendered.
+            // SAFETY: recording inside a render pass; the areas are not empty and lie in the render area.
             unsafe { raw.functions.cmd_clear_attachments(commands, &background, &cleared) };
         }
         self.panels.cmd_draw(commands, extent, drawing.ground.pixels_per_point, &drawing.panels).map_err(of_panels)?;
@@ -312,8 +313,8 @@ impl Surface {
                 height: extent.height,
                 depth: 1,
             });
-            // SAFETY: recording; the buffer has four bytes a pixel, is kept until the frame has ended, and the barrier has
-            // brought the image into this layout.
+            // SAFETY: recording; the buffer has four bytes per pixel and is kept until the frame has finished, and the
+            // barrier has brought the image into this layout.
             unsafe {
                 raw.functions.cmd_copy_image_to_buffer(
                     commands,
@@ -340,12 +341,12 @@ impl Surface {
         ended.map_err(VulkanError::call("vkEndCommandBuffer", NAME))
     }
 
-    /// Submits what was recorded of the image, which then has `panels`, and shows it.
+    /// Submits the recorded commands of image `index`, which then holds `panels`, and presents it.
     fn submit(&mut self, index: u32, panels: Panels) -> Result<(), VulkanError> {
         let Some(swapchain) = &mut self.swapchain else { return Ok(()) };
         let Some(shown) = swapchain.images.get_mut(index as usize) else { return Ok(()) };
         let functions = &self.device.raw().functions;
-        // SAFETY: `wait` has seen the fence signalled, so no submission has it.
+        // SAFETY: `wait` has seen the fence signalled, so no submission uses it.
         let reset = unsafe { functions.reset_fences(&[self.fence.raw()]) };
         reset.map_err(VulkanError::call("vkResetFences", NAME))?;
         let (commands, waits, signals) = ([self.commands], [self.acquired.raw()], [shown.drawn.raw()]);
@@ -359,8 +360,8 @@ impl Surface {
         let submitted = if self.device.simulated().loses_device() {
             Err(vk::Result::ERROR_DEVICE_LOST)
         } else {
-            // SAFETY: the lock keeps other threads off the queue; the fence is reset, the semaphores are this frame's, and
-            // what the commands use is kept by `self` until the fence has signalled.
+            // SAFETY: the lock keeps other threads off the queue. The fence is reset, the semaphores belong to this
+            // frame, and `self` keeps the objects of the commands until the fence has signalled.
             unsafe { functions.queue_submit(*queue, &info, self.fence.raw()) }
         };
         submitted.map_err(VulkanError::call("vkQueueSubmit", NAME))?;
@@ -373,7 +374,7 @@ impl Surface {
 impl Drop for Surface {
     fn drop(&mut self) {
         self.device.wait_idle();
-        // SAFETY: this is the end of `self`, so the panels go once, and the device is done with them.
+        // SAFETY: `self` is being dropped, so the panels are dropped once, and the device is idle.
         unsafe { ManuallyDrop::drop(&mut self.panels) };
     }
 }
@@ -383,13 +384,13 @@ fn raw_surface(device: &Device, window: &Window) -> Result<RawSurface, VulkanErr
     let lacking = |_| VulkanError::NoWindow { lacking: "a handle of the window".to_owned() };
     let display = window.display_handle().map_err(lacking)?.as_raw();
     let handle = window.window_handle().map_err(lacking)?.as_raw();
-    // SAFETY: both handles are of a window that the caller keeps longer than the surface.
+    // SAFETY: both handles belong to a window that the caller keeps longer than the surface.
     let made = unsafe { ash_window::create_surface(&instance.entry, &instance.raw, display, handle, None) };
     let raw = made.map_err(VulkanError::call("vkCreateSurfaceKHR", NAME))?;
     let functions = khr::surface::Instance::new(&instance.entry, &instance.raw);
     let surface = RawSurface { functions, raw, device: device.clone() };
     let (functions, physical) = (&surface.functions, device.physical());
-    // SAFETY: the surface and the physical device are of one instance, and the family is one of the device's.
+    // SAFETY: the surface and the physical device belong to one instance, and the family to the device.
     let asked = unsafe { functions.get_physical_device_surface_support(physical, device.queue_family(), raw) };
     let supported = asked.map_err(VulkanError::call("vkGetPhysicalDeviceSurfaceSupportKHR", NAME))?;
     // SAFETY: as above.
@@ -408,23 +409,23 @@ fn of_panels(error: RendererError) -> VulkanError {
     }
 }
 
-/// The part of a picture that a window shows.
+/// Visible part of a picture.
 #[derive(Clone, Copy)]
 struct Part {
-    /// Pixels of the picture, from its top left.
+    /// Visible pixels of the picture, from its top left.
     seen: IVec2,
-    /// Pixels of the window.
+    /// Window pixels that it covers.
     shown: Area,
 }
 
-/// What is seen of a picture of `from` pixels at `place` of a window of `extent`.
+/// Visible part of a picture of `from` pixels at `place` in a window of `extent`; `None` if no pixel is visible.
 fn part(from: [u32; 2], place: [u32; 4], extent: vk::Extent2D) -> Option<Part> {
     let [left, top, width, height] = place;
     let shown = [width.min(extent.width.checked_sub(left)?), height.min(extent.height.checked_sub(top)?)];
     if shown.contains(&0) {
         return None;
     }
-    // Of a picture that is cut off, as much as is seen.
+    // For a cropped picture, the visible share of its pixels.
     let of = |from: u32, shown: u32, whole: u32| {
         u32::try_from((u64::from(from) * u64::from(shown)).div_ceil(u64::from(whole))).unwrap_or(from)
     };
@@ -435,7 +436,7 @@ fn part(from: [u32; 2], place: [u32; 4], extent: vk::Extent2D) -> Option<Part> {
 }
 
 impl Part {
-    /// Of as many pixels as it is shown in.
+    /// Copy region; requires equal sizes of source and target.
     fn copy(&self) -> vk::ImageCopy {
         let size = self.seen.as_uvec2();
         vk::ImageCopy::default()
@@ -445,7 +446,7 @@ impl Part {
             .extent(vk::Extent3D { width: size.x, height: size.y, depth: 1 })
     }
 
-    /// Of any pixels to any.
+    /// Blit region, which scales.
     fn blit(&self) -> vk::ImageBlit {
         vk::ImageBlit::default()
             .src_subresource(LAYER)
@@ -468,7 +469,7 @@ fn clear(area: Area) -> vk::ClearRect {
     vk::ClearRect::default().rect(rect).layer_count(1)
 }
 
-/// All of a picture, and of an image of the window.
+/// The single layer of a picture or a window image.
 const LAYER: vk::ImageSubresourceLayers = vk::ImageSubresourceLayers {
     aspect_mask: vk::ImageAspectFlags::COLOR,
     mip_level: 0,
@@ -476,7 +477,7 @@ const LAYER: vk::ImageSubresourceLayers = vk::ImageSubresourceLayers {
     layer_count: 1,
 };
 
-/// What an image of the window is used for, between two barriers.
+/// Use of a window image between two barriers.
 #[derive(Clone, Copy)]
 struct Use {
     layout: vk::ImageLayout,
@@ -484,9 +485,9 @@ struct Use {
     access: vk::AccessFlags2,
 }
 
-/// Whatever it held is lost.
+/// Discards the previous content.
 const UNDEFINED: Use = Use { layout: vk::ImageLayout::UNDEFINED, ..ACQUIRED };
-/// The stage is the one that waits for it.
+/// State after acquisition. The submission waits for the acquisition in this stage.
 const ACQUIRED: Use = Use {
     layout: vk::ImageLayout::PRESENT_SRC_KHR,
     stage: vk::PipelineStageFlags2::ALL_TRANSFER,
