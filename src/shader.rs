@@ -1,7 +1,7 @@
-//! WGSL to SPIR-V.
+//! Compilation of WGSL to SPIR-V.
 //!
-//! A shader's text comes in parts (a common part, the stage itself), and its constants from Rust. WGSL lets a module
-//! name things before it declares them, so the generated constants go *behind* the text: an `enable` line stays first.
+//! A shader's text has several parts (a common part and the stage itself); its constants come from Rust. WGSL allows a
+//! use before the declaration, so the generated constants *follow* the text, and an `enable` line stays first.
 
 use std::{error::Error as _, fmt::Write as _, ops::Range};
 
@@ -17,57 +17,57 @@ use naga::{
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
 
-/// The function that a compute shader starts in.
+/// Entry point of every compute shader.
 pub const ENTRY_POINT: &str = "main";
 
-/// The name under which an error message shows the generated constants.
+/// Name of the generated constants in error messages.
 const CONSTANTS_NAME: &str = "generated constants";
 
-/// Why a shader could not be compiled.
+/// Error of shader compilation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShaderError {
-    /// The text is not WGSL, or not valid WGSL. `excerpt` shows the place, with the file's own line numbers.
+    /// The text is not valid WGSL. `excerpt` shows the location, with the file's own line numbers.
     #[error("{excerpt}")]
     Source {
-        /// What naga says, and the lines it points at.
+        /// naga's message with the lines concerned.
         excerpt: String,
     },
-    /// A constant that WGSL cannot spell.
+    /// A constant has no WGSL literal.
     #[error("constant {name} is {value}, which WGSL cannot write; a shader constant is finite")]
     Constant {
-        /// The constant's name.
+        /// Name of the constant.
         name: String,
-        /// The value asked for.
+        /// Value of the constant.
         value: f32,
     },
-    /// The module is valid, but SPIR-V cannot be made of it (an entry point of another name, an `override`).
+    /// The module is valid, but SPIR-V cannot express it (an entry point of another name, an `override`).
     #[error("shader {name:?} has no SPIR-V")]
     Write {
-        /// The name of the last part.
+        /// Name of the last part.
         name: String,
-        /// What naga says.
+        /// naga's error.
         source: spv::Error,
     },
-    /// There is no such struct.
+    /// The struct does not exist.
     #[error("shader {shader:?} has no struct {name:?}")]
     NoStruct {
-        /// The name of the last part.
+        /// Name of the last part.
         shader: String,
-        /// The struct asked for.
+        /// Name of the struct.
         name: String,
     },
-    /// A struct holds a type that has no size (a handle, an array as long as its buffer).
+    /// A struct contains a type without a fixed size (a handle or a runtime-sized array).
     #[error("struct {name:?} of shader {shader:?} has no fixed layout")]
     NoLayout {
-        /// The name of the last part.
+        /// Name of the last part.
         shader: String,
-        /// The struct asked for.
+        /// Name of the struct.
         name: String,
     },
 }
 
-/// The constants of a shader, written once, in Rust: one `const NAME: TYPE = VALUE;` each.
+/// Constants of a shader, defined once in Rust: one `const NAME: TYPE = VALUE;` each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Constants {
     text: String,
@@ -75,7 +75,7 @@ pub struct Constants {
 }
 
 impl Constants {
-    /// No constants.
+    /// Creates an empty list.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -87,8 +87,8 @@ impl Constants {
         self.line(name, "u32", format_args!("{value}u"))
     }
 
-    /// Adds a number, in the shortest decimal form that reads back as `value`. A value that is not finite is an error
-    /// of [`compile`].
+    /// Adds a number in the shortest decimal form that reads back as `value`. A non-finite value makes [`compile`]
+    /// fail.
     #[must_use]
     pub fn f32(mut self, name: &str, value: f32) -> Self {
         if !value.is_finite() {
@@ -104,7 +104,7 @@ impl Constants {
         self.line(name, "bool", format_args!("{value}"))
     }
 
-    /// Adds another name for a type.
+    /// Adds a type alias.
     #[must_use]
     pub fn alias(mut self, name: &str, of_type: &str) -> Self {
         writeln!(self.text, "alias {name} = {of_type};").ok();
@@ -112,7 +112,7 @@ impl Constants {
     }
 
     fn line(mut self, name: &str, of_type: &str, value: std::fmt::Arguments<'_>) -> Self {
-        // Writing into a String does not fail.
+        // Writing to a String cannot fail.
         writeln!(self.text, "const {name}: {of_type} = {value};").ok();
         self
     }
@@ -123,16 +123,16 @@ impl Constants {
 pub struct Shader {
     /// SPIR-V 1.5.
     pub words: Vec<u32>,
-    /// Names of the resources that it uses; the i-th is at binding i of group 0.
+    /// Names of the resources in use; the i-th is at binding i of group 0.
     pub resources: Vec<String>,
 }
 
 impl Shader {
-    /// Instructions of its functions, each counted once however often loops run it.
+    /// Number of instructions in its functions, without regard to loop counts.
     #[must_use]
     pub fn instructions(&self) -> usize {
-        /// Words before the first instruction of a module, and the instructions that functions are between (SPIR-V 1.5, 2.3
-        /// and 3.42.9).
+        /// Header words of a module, and the opcodes at the start and the end of a function (SPIR-V 1.5, 2.3 and
+        /// 3.42.9).
         const HEAD: usize = 5;
         const FUNCTION: u32 = 54;
         const FUNCTION_END: u32 = 56;
@@ -148,15 +148,15 @@ impl Shader {
     }
 }
 
-/// The compute shader made of `parts` (a name for messages and a text, each) and `constants`.
+/// Compiles the compute shader of `parts` (name for messages, text) and `constants`.
 ///
-/// The entry point is [`ENTRY_POINT`]. The same input gives the same words. Branches whose conditions are known are
-/// resolved first, so that what `constants` switch off is neither compiled nor bound.
+/// The entry point is [`ENTRY_POINT`]. Equal input gives equal words. Branches with constant conditions are resolved
+/// first, so code that `constants` disable is neither compiled nor bound.
 ///
 /// # Errors
 ///
 /// [`ShaderError::Source`] with an excerpt for text that does not parse or is not valid, [`ShaderError::Constant`] for
-/// a constant that is not finite, [`ShaderError::Write`] when there is no entry point of that name.
+/// a non-finite constant, [`ShaderError::Write`] if there is no entry point of that name.
 pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, ShaderError> {
     let text = Text::new(parts, constants)?;
     let mut module = text.parse()?;
@@ -168,7 +168,7 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, 
     let options = spv::Options {
         lang_version: (1, 5),
         flags: spv::WriterFlags::empty(),
-        // Loops are bounded by their own text, and a counter per loop costs registers.
+        // Every loop has a bound in its WGSL, and a counter per loop costs registers.
         force_loop_bounding: false,
         ..spv::Options::default()
     };
@@ -178,7 +178,7 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, 
     Ok(Shader { words, resources })
 }
 
-/// Puts in the place of each `if` whose condition is a constant the branch that it takes.
+/// Replaces each `if` with a constant condition by the branch that is taken.
 fn resolve_branches(module: &mut Module) {
     let Module { functions, entry_points, constants, global_expressions, .. } = module;
     let literal = |expression: &Expression| match expression {
@@ -193,7 +193,7 @@ fn resolve_branches(module: &mut Module) {
             expression => literal(expression),
         };
         resolve_block(&mut function.body, &known);
-        // Names of what is computed in branches not taken would keep it alive.
+        // Names of expressions in removed branches would keep them alive.
         let mut emitted = std::collections::HashSet::new();
         collect_emitted(&function.body, &mut emitted);
         function
@@ -228,7 +228,7 @@ fn resolve_block(block: &mut Block, known: &impl Fn(Handle<Expression>) -> Optio
     *block = resolved;
 }
 
-/// What the statements of `block` compute.
+/// Collects the expressions that the statements of `block` emit.
 fn collect_emitted(block: &Block, emitted: &mut std::collections::HashSet<Handle<Expression>>) {
     for statement in block {
         match statement {
@@ -251,12 +251,12 @@ fn collect_emitted(block: &Block, emitted: &mut std::collections::HashSet<Handle
     }
 }
 
-/// Whether an expression has a value only where a statement computes it.
+/// Whether an expression needs an emit statement.
 fn needs_emit(expression: &Expression) -> bool {
     !expression.needs_pre_emit()
 }
 
-/// Numbers the resources of the module 0, 1, … in the order of their bindings, and names them in that order.
+/// Numbers the module's resources 0, 1, … in the order of their bindings, and returns their names in that order.
 fn number_resources(module: &mut Module) -> Vec<String> {
     let mut bound: Vec<_> = module
         .global_variables
@@ -273,29 +273,29 @@ fn number_resources(module: &mut Module) -> Vec<String> {
     names
 }
 
-/// Where a field of a shader's struct lies.
+/// Layout of a struct field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FieldLayout {
-    /// The field's name.
+    /// Name.
     pub name: String,
-    /// Bytes before it.
+    /// Offset in bytes.
     pub offset: u32,
-    /// Bytes of it, without padding behind it.
+    /// Size in bytes, without trailing padding.
     pub size: u32,
 }
 
-/// How a shader lays out a struct.
+/// Layout of a struct in a shader.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StructLayout {
-    /// The fields, in order.
+    /// Fields in order.
     pub fields: Vec<FieldLayout>,
-    /// Bytes of the whole, with padding at the end.
+    /// Size in bytes, with trailing padding.
     pub size: u32,
 }
 
-/// The layout that a shader gives to its struct `name`, for tests that compare it with the host's copy.
+/// Returns the layout of a shader's struct `name`, for tests that compare it with the host's copy.
 ///
-/// `parts` and `constants` are as [`compile`] takes them.
+/// `parts` and `constants` are those of [`compile`].
 ///
 /// # Errors
 ///
@@ -327,10 +327,10 @@ pub fn struct_layout(parts: &[(&str, &str)], constants: &Constants, name: &str) 
     Ok(StructLayout { fields, size })
 }
 
-/// The parts of a shader as one text, and the way back from a place in it to the part.
+/// The parts of a shader joined to one text, with the range of each part for error messages.
 struct Text<'a> {
     whole: String,
-    /// Name, text and place in `whole` of each part; the constants are the last.
+    /// Name, text and range in `whole` of each part; the constants are the last.
     parts: Vec<(&'a str, &'a str, Range<usize>)>,
 }
 
@@ -349,7 +349,7 @@ impl<'a> Text<'a> {
         Ok(text)
     }
 
-    /// The name of the last part before the constants.
+    /// Name of the last part before the constants.
     fn name(&self) -> String {
         self.parts.iter().rev().nth(1).map_or("", |(name, ..)| name).to_owned()
     }
@@ -374,7 +374,7 @@ impl<'a> Text<'a> {
         })
     }
 
-    /// The error `message` with the lines of the parts that `labels` point at.
+    /// Returns the error `message` with the source lines of `labels`.
     fn error<'l>(
         &self,
         message: &str,
@@ -388,7 +388,7 @@ impl<'a> Text<'a> {
         let labels = labels
             .filter_map(|(span, label)| {
                 let span = span.to_range()?;
-                // What is missing at the end of the text lies one past the last part.
+                // An error at the end of the text has an offset one past the last part.
                 let last = self.parts.len() - 1;
                 let part = self.parts.iter().position(|(.., place)| span.start <= place.end).unwrap_or(last);
                 let place = &self.parts[part].2;

@@ -1,4 +1,4 @@
-//! The march along rays, front to back. `shaders/march.wgsl` is its twin: same names, same order.
+//! Front-to-back march along rays. Twin of `shaders/march.wgsl`: same names, same order.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -12,31 +12,31 @@ use crate::progress::Progress;
 use crate::scene::{Material, Scene};
 use crate::tables::{PositionTable, RayTable};
 
-/// A ray through a pixel.
+/// The ray through a pixel.
 #[derive(Clone, Copy, Debug)]
 struct Ray<R> {
     base: [R; 3],
     direction: [R; 3],
-    /// Where samples start, in world units from `base`.
+    /// Start of the samples in world units from `base`.
     start: R,
-    /// How many samples there are.
+    /// Number of samples.
     samples: usize,
-    /// Towards the eye, in the volume's own axes.
+    /// Direction to the eye in the volume's axes.
     view: [R; 3],
 }
 
-/// A sample that a ray comes by.
+/// A sample along a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct RaySample<'a, R> {
-    /// Which one, counted from 0 where the ray enters; it lies `index + ½` steps behind that.
+    /// Index from 0 at the ray's entry; the sample lies `index + ½` steps behind it.
     pub index: usize,
-    /// Where, in texture coordinates.
+    /// Position in texture coordinates.
     pub place: [R; 3],
-    /// What of the light passes from there to the eye.
+    /// Transmittance from the sample to the eye.
     pub transmittance: &'a [R],
 }
 
-/// The numbers of a frame.
+/// Constants of a frame.
 struct Frame<'a, R> {
     scene: &'a Scene,
     planned: &'a Planned,
@@ -44,7 +44,7 @@ struct Frame<'a, R> {
     lights: Vec<[R; 3]>,
     step_length: R,
     termination: R,
-    /// Of the highlights.
+    /// Specular exponents.
     exponents: Vec<u32>,
     size: [usize; 2],
 }
@@ -68,7 +68,7 @@ impl<'a, R: Real> Frame<'a, R> {
         })
     }
 
-    /// The ray through pixel `[x, y]`, y down.
+    /// Returns the ray through pixel `[x, y]`, y down.
     fn ray_through(&self, [x, y]: [usize; 2]) -> Ray<R> {
         let rays = &self.rays;
         let from = |vector: DVec3| vector.to_array().map(R::from_f64);
@@ -86,7 +86,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let length = (v * v).mul_add(spread_v, (u * u).mul_add(spread_u, one)).sqrt();
         let direction = slant.map(|component| component / length);
 
-        // From the eye on, within the box.
+        // Clips the ray to the box, starting at the eye.
         let mut near = -(R::from_f64(rays.eye_distance) * length);
         let mut far = R::from_f64(FAR);
         let (low, high) = (from(rays.low), from(rays.high));
@@ -102,8 +102,8 @@ impl<'a, R: Real> Frame<'a, R> {
         Ray { base, direction, start: near, samples, view }
     }
 
-    /// Marches pixel `[x, y]`: adds what its steps send to `sums`, components position by position, and returns the light
-    /// that passes. `seen` is shown each sample before what it does, and says whether to go on.
+    /// Marches pixel `[x, y]`: adds the light of its steps to `sums`, position by position, and returns the
+    /// transmittance. Calls `seen` for each sample before compositing it; `seen` returns whether to continue.
     fn march_pixel(
         &self,
         samples: &impl Samples<R>,
@@ -148,7 +148,7 @@ impl<'a, R: Real> Frame<'a, R> {
         transmittance
     }
 
-    /// What passes nothing: 1 of each number, or the matrix that changes nothing.
+    /// Initial transmittance: 1 per number, or the identity matrix.
     fn all_light(&self) -> Vec<R> {
         let (passed, components) = (self.planned.plan.passed(), self.planned.plan.components());
         let is_one =
@@ -156,7 +156,7 @@ impl<'a, R: Real> Frame<'a, R> {
         (0..passed).map(|n| if is_one(n) { R::from_f64(1.0) } else { R::default() }).collect()
     }
 
-    /// `finish(sums, passed)` of pixel `[x, y]`, marched and stored.
+    /// Marches and stores pixel `[x, y]` and returns `finish(sums, transmittance)`.
     fn finished<T>(&self, samples: &impl Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
         let mut sums = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
         let mut passed = self.march_pixel(samples, pixel, &mut sums, |_| true);
@@ -164,7 +164,8 @@ impl<'a, R: Real> Frame<'a, R> {
         finish(&sums, &passed)
     }
 
-    /// What a step sends to the eye for light from `position`: per material and white for highlights, or a spectrum.
+    /// Sets `source` to the light that a step sends to the eye from the light at `position`: material weights and white
+    /// for the highlights, or a spectrum.
     fn shade(&self, position: usize, ray: &Ray<R>, place: [R; 3], step: &Step<R>, source: &mut [R]) {
         let plan = &self.planned.plan;
         let PositionCounts { ambient, headlight, directional, .. } = plan.positions;
@@ -190,7 +191,7 @@ impl<'a, R: Real> Frame<'a, R> {
         }
     }
 
-    /// Components that are not white alone.
+    /// Number of components, without the white component of the highlights.
     fn reflected_parts(&self) -> usize {
         match self.planned.plan.accumulate {
             Accumulate::Weights { materials } => materials,
@@ -224,7 +225,7 @@ impl<'a, R: Real> Frame<'a, R> {
         }
     }
 
-    /// Adds the white of a step's highlights to `source`.
+    /// Adds the highlights of a step to `source`.
     fn highlight(&self, step: &Step<R>, facing: R, source: &mut [R]) {
         let plan = &self.planned.plan;
         let parts = plan.parts();
@@ -254,16 +255,17 @@ impl<'a, R: Real> Frame<'a, R> {
         }
     }
 
-    /// The materials in use.
+    /// Materials of the plan.
     fn used(&self) -> impl Iterator<Item = &Material> {
         self.planned.materials.iter().filter_map(|&material| self.scene.materials.get(material))
     }
 }
 
-/// Farther than any box.
+/// A distance beyond any box.
 const FAR: f64 = 1e30;
 
-/// Where a ray's coordinate `base + s·direction` is between `low` and `high`; a ray along the faces is, or never is.
+/// Range of `s` where the coordinate `base + s·direction` lies between `low` and `high`. For a ray parallel to the
+/// faces the range is unbounded or empty.
 fn between<R: Real>(base: R, direction: R, low: R, high: R) -> [R; 2] {
     let far = R::from_f64(FAR);
     if direction.abs() < R::from_f64(1e-30) {
@@ -273,7 +275,7 @@ fn between<R: Real>(base: R, direction: R, low: R, high: R) -> [R; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// Adds one premultiplied sample front to back, `A += T·s`; T is one number for all components, or one for each.
+/// Adds one premultiplied sample front to back, `A += T·s`. T has one number for all components or one per component.
 pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[R]) {
     let passed = transmittance.iter().cycle();
     for ((sum, &part), passed) in accumulator.iter_mut().zip(source).zip(passed) {
@@ -281,12 +283,13 @@ pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[
     }
 }
 
-/// The light that passes a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps: docs/theory/march.md).
+/// Returns the transmittance after a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps:
+/// docs/theory/march.md).
 pub fn pass_by<R: Real>(transmittance: R, opacity: R) -> R {
     (-transmittance).mul_add(opacity, transmittance)
 }
 
-/// [`composite`] where T is a matrix, row by row: each component of the sample adds to each of the sum.
+/// [`composite`] for a row-major matrix T: each component of the sample adds to each of the sum.
 pub fn composite_matrix<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[R]) {
     for (sum, row) in accumulator.iter_mut().zip(transmittance.chunks_exact(source.len().max(1))) {
         for (&passed, &part) in row.iter().zip(source) {
@@ -295,7 +298,7 @@ pub fn composite_matrix<R: Real>(accumulator: &mut [R], source: &[R], transmitta
     }
 }
 
-/// [`pass_by`] of matrices of `dimension` rows, `T − T·A`.
+/// [`pass_by`] for matrices with `dimension` rows, `T − T·A`.
 pub fn pass_by_matrix<R: Real>(transmittance: &[R], opacity: &[R], dimension: usize) -> Vec<R> {
     let mut passed = transmittance.to_vec();
     let rows = passed.chunks_exact_mut(dimension.max(1)).zip(transmittance.chunks_exact(dimension.max(1)));
@@ -334,8 +337,9 @@ pub fn march<R: Real>(
     Ok(Film { size, components: planned.plan.components(), accumulators: planes, transmittance })
 }
 
-/// Marches and relights pixel by pixel, so that no more than a row's accumulators are held: linear sRGB and opacity, rows
-/// from the top. With [`plan_full_spectrum`](crate::plan::plan_full_spectrum) it is the truth.
+/// Marches and relights pixel by pixel: linear sRGB and opacity, rows from the top. Never holds the accumulators of a
+/// whole picture. With [`plan_full_spectrum`](crate::plan::plan_full_spectrum) the result is the full-spectrum
+/// reference.
 ///
 /// # Errors
 ///
@@ -351,7 +355,7 @@ pub fn render<R: Real>(
     pixels(scene, planned, samples, size, progress, |sums, passed| relit_pixel(sums, passed, matrices))
 }
 
-/// [`render`] of some pixels, `[x, y]` with y down: linear sRGB and opacity of each, in their order.
+/// [`render`] for the pixels `wanted`, `[x, y]` with y down: linear sRGB and opacity of each, in the same order.
 ///
 /// # Errors
 ///
@@ -365,7 +369,7 @@ pub fn render_pixels<R: Real>(
     wanted: &[[usize; 2]],
     progress: &dyn Progress,
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
-    /// Pixels that are marched between two looks at whether to go on.
+    /// Pixels between two checks for cancellation.
     const AT_ONCE: usize = 32;
     let frame = Frame::<R>::new(scene, planned, size)?;
     let chunks = wanted.len().div_ceil(AT_ONCE);
@@ -378,8 +382,8 @@ pub fn render_pixels<R: Real>(
     Ok(found.concat())
 }
 
-/// What [`march`] leaves of pixel `[x, y]` alone, y down: an accumulation of one pixel. `seen` is shown each sample on the
-/// way, from the eye on.
+/// [`march`] for the single pixel `[x, y]`, y down; the film has one pixel. Calls `seen` for each sample, front to
+/// back.
 ///
 /// # Errors
 ///
@@ -392,7 +396,7 @@ pub fn march_ray<R: Real>(
     progress: &dyn Progress,
     mut seen: impl FnMut(&RaySample<'_, R>),
 ) -> Result<Film<R>, ReferenceError> {
-    /// Samples between two looks at whether to go on.
+    /// Samples between two checks for cancellation.
     const AT_ONCE: usize = 1024;
     let frame = Frame::<R>::new(scene, planned, size)?;
     let mut accumulators = vec![R::default(); planned.plan.components() * planned.positions.len()];
@@ -407,7 +411,7 @@ pub fn march_ray<R: Real>(
     Ok(Film { size: [1, 1], components: planned.plan.components(), accumulators, transmittance })
 }
 
-/// `finish(sums, passed)` of every pixel, marched.
+/// Marches every pixel and returns `finish(sums, transmittance)` of each.
 fn pixels<R: Real, T: Send>(
     scene: &Scene,
     planned: &Planned,
@@ -423,7 +427,7 @@ fn pixels<R: Real, T: Send>(
     Ok(rows.into_iter().flatten().collect())
 }
 
-/// `part(i)` for each of so many parts of a picture, in parallel, reported and cancellable.
+/// Returns `part(i)` for each of `parts` parts, computed in parallel, with progress and cancellation.
 fn in_parallel<T: Send>(
     parts: usize,
     progress: &dyn Progress,

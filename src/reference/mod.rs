@@ -1,4 +1,4 @@
-//! The equations, written to be read: the truth in full spectra, and the planned model in f64 and f32.
+//! Reference renderer, written for readability: full spectra in f64, and the planned model in f64 and f32.
 
 mod march;
 mod samples;
@@ -12,20 +12,20 @@ pub use store::store;
 
 use crate::number::readable;
 
-/// A reference that was not finished.
+/// Error of the reference renderer.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReferenceError {
-    /// Somebody asked it to stop.
+    /// Cancelled by the caller.
     #[error("the reference was cancelled")]
     Cancelled,
-    /// A ray has more samples than can be counted.
+    /// A ray has more samples than the limit.
     #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
     TooManySamples {
         /// Δs in world units.
         step_length: f64,
     },
-    /// The camera looks nowhere.
+    /// The camera has no view direction.
     #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
     Camera,
 }

@@ -1,4 +1,4 @@
-//! What a sample of the volume is: exactly, or as the device's tables and textures have it.
+//! Samples of the volume: exact, or with the device's tables and textures.
 
 use crate::number::{Real, count, unit};
 use crate::plan::Planned;
@@ -6,32 +6,32 @@ use crate::scene::{Interpolation, Lookup, Scene};
 use crate::tables::{self, LabelMap, Steps, Storage, StoredVolume, TransferTable};
 use crate::volume::Volume;
 
-/// What one step does at a sample, laid out as a table entry.
+/// Effect of one step at a sample, in the layout of a table entry.
 #[derive(Clone, Debug, Default)]
 pub struct Step<R> {
-    /// Light gained.
+    /// Light added by the step.
     pub source: Vec<R>,
-    /// Light lost: as many numbers as the plan has for what passes.
+    /// Light removed by the step: as many numbers as the plan's transmittance.
     pub opacity: Vec<R>,
-    /// Unit gradient of the data in the volume's own axes; 0 where there is none or none is needed.
+    /// Unit gradient of the data in the volume's axes; 0 if it vanishes or the plan needs none.
     pub normal: [R; 3],
 }
 
 impl<R: Real> Step<R> {
-    /// Whether light neither comes nor goes.
+    /// Whether the step neither adds nor removes light.
     pub(super) fn does_nothing(&self) -> bool {
         let nothing = R::default();
         self.opacity.iter().chain(&self.source).all(|&number| number == nothing)
     }
 }
 
-/// Something to take samples of.
+/// A source of samples.
 pub trait Samples<R: Real>: Sync {
-    /// Sets `step` to what a step does at `place`, in texture coordinates.
+    /// Sets `step` to the effect of a step at `place`, in texture coordinates.
     fn sample(&self, place: [R; 3], step: &mut Step<R>);
 }
 
-/// The scene itself: the transfer function without a table, the volume without a texture.
+/// The scene itself: transfer function without a table, volume without a texture.
 #[derive(Debug)]
 pub struct Exact<'a> {
     scene: &'a Scene,
@@ -43,7 +43,7 @@ pub struct Exact<'a> {
 }
 
 impl<'a> Exact<'a> {
-    /// Samples of `scene`; `storage` says what NaN and ±∞ count as.
+    /// Creates samples of `scene`. `storage` defines the values of NaN and ±∞.
     #[must_use]
     pub fn new(scene: &'a Scene, planned: &'a Planned, storage: Storage, labels: Option<&'a LabelMap>) -> Self {
         let steps = Steps::new(scene, planned);
@@ -51,8 +51,8 @@ impl<'a> Exact<'a> {
         Self { scene, planned, storage, labels, steps, label_steps }
     }
 
-    /// The data value at `place`, in texture coordinates, and the label that decides there in its stead: its place among
-    /// those that the scene declares.
+    /// Returns the data value at `place`, in texture coordinates, and the label that overrides it: its index among the
+    /// scene's declared labels.
     #[must_use]
     pub fn at(&self, place: [f64; 3]) -> (f64, Option<usize>) {
         let dims = self.scene.volume.geometry.dims;
@@ -63,15 +63,15 @@ impl<'a> Exact<'a> {
         ((high - low).mul_add(normalised, low), usize::from(row).checked_sub(1))
     }
 
-    /// The normalised value of a voxel; indices beyond the grid take its face.
+    /// Normalised value of a voxel; indices are clamped to the grid.
     fn voxel(&self, index: [i64; 3]) -> f64 {
         let volume: &Volume = &self.scene.volume;
         let place = clamped(index, volume.geometry.dims);
         volume.voxels.value(place).map_or(0.0, |stored| self.storage.normalised(stored))
     }
 
-    /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of one
-    /// voxel.
+    /// Derivatives of the normalised value at a voxel, per world unit: central, one-sided at faces, 0 along an axis of
+    /// one voxel.
     fn gradient(&self, index: [i64; 3]) -> [f64; 3] {
         let geometry = &self.scene.volume.geometry;
         std::array::from_fn(|axis| {
@@ -105,7 +105,7 @@ impl Samples<f64> for Exact<'_> {
     }
 }
 
-/// The stored tables and volume, read as the shader reads them. Twin of `sample` in `shaders/march.wgsl`.
+/// Stored tables and volume, read as in the shader. Twin of `sample` in `shaders/march.wgsl`.
 #[derive(Debug)]
 pub struct Stored<'a, R> {
     planned: &'a Planned,
@@ -118,7 +118,7 @@ pub struct Stored<'a, R> {
 }
 
 impl<'a, R: Real> Stored<'a, R> {
-    /// Samples of what a device would read.
+    /// Creates samples of stored tables and a stored volume.
     #[must_use]
     pub fn new(
         planned: &'a Planned,
@@ -177,7 +177,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
 }
 
 impl<R: Real> Stored<'_, R> {
-    /// The table at `coordinate`; twin of `look_up` in `shaders/march.wgsl`.
+    /// Reads the table at `coordinate`. Twin of `look_up` in `shaders/march.wgsl`.
     fn look_up(&self, coordinate: R, step: &mut Step<R>) {
         match self.planned.plan.lookup {
             Lookup::Nearest => entry(self.table, (coordinate + R::from_f64(0.5)).floor().index(), step),
@@ -205,7 +205,7 @@ fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
     step.opacity.extend(table.opacity[i * table.passed..][..table.passed].iter().map(number));
 }
 
-/// Between voxels: `texel` of those around `place` (texture coordinates), x first, or of the nearest.
+/// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel.
 fn interpolate<R: Real, const N: usize>(
     place: [R; 3],
     dims: [usize; 3],
@@ -240,7 +240,7 @@ fn interpolate<R: Real, const N: usize>(
     lerp(plane(0), plane(1), fraction[2])
 }
 
-/// What the four voxels around a place count for in a cubic B-spline.
+/// Weights of the four voxels around a position in a cubic B-spline.
 fn cubic_weights<R: Real>(f: R) -> [R; 4] {
     let number = R::from_f64;
     let rest = number(1.0) - f;
@@ -250,19 +250,19 @@ fn cubic_weights<R: Real>(f: R) -> [R; 4] {
     [first, second, number(1.0) - first - second - last, last]
 }
 
-/// A whole number as an integer.
+/// Converts a whole number to an integer.
 #[expect(clippy::cast_possible_truncation, reason = "voxel indices are small")]
 fn whole<R: Real>(value: R) -> i64 {
     value.to_f64() as i64
 }
 
-/// The voxel that holds `place`.
+/// Linear index of the voxel that contains `place`.
 fn nearest<R: Real>(place: [R; 3], dims: [usize; 3]) -> usize {
     let index = std::array::from_fn(|axis| whole((place[axis] * R::from_f64(count(dims[axis]))).floor()));
     clamped(index, dims)
 }
 
-/// The place of a voxel among the voxels; beyond a face, of the one on the face.
+/// Linear index of a voxel; indices are clamped to the grid.
 fn clamped(index: [i64; 3], dims: [usize; 3]) -> usize {
     let on: [usize; 3] = std::array::from_fn(|axis| usize::try_from(index[axis]).unwrap_or(0).min(dims[axis] - 1));
     on[0] + dims[0] * (on[1] + dims[1] * on[2])

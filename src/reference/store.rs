@@ -1,4 +1,4 @@
-//! How finished accumulators are stored. `shaders/store.wgsl` is its twin.
+//! Rounding of finished accumulators to the storage format. Twin of `shaders/store.wgsl`.
 
 use half::f16;
 
@@ -6,7 +6,8 @@ use crate::number::Real;
 use crate::plan::{ScenePlan, Transmittance};
 use crate::scene::StoreAs;
 
-/// Rounds what a pixel keeps as the plan stores it; one number of what passes stays as it is.
+/// Rounds the accumulators and transmittance of a pixel to the plan's storage format. Grey transmittance is not
+/// rounded.
 pub fn store<R: Real>(plan: &ScenePlan, sums: &mut [R], passed: &mut [R]) {
     if plan.storage == StoreAs::Single {
         return;

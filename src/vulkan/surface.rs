@@ -299,7 +299,8 @@ impl Surface {
             .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32: [red, green, blue, 1.0] } })];
         let cleared: Vec<_> = drawing.cleared.iter().map(|&area| clear(area)).collect();
         if !cleared.is_empty() {
-            // SAFETY: recording inside a render pass; the areas are not empty and lie in the render area.
+            // SAFETY: recording, between the begin and the end of rendering; the areas are not empty and lie in the
+            // render area.
             unsafe { raw.functions.cmd_clear_attachments(commands, &background, &cleared) };
         }
         self.panels.cmd_draw(commands, extent, drawing.ground.pixels_per_point, &drawing.panels).map_err(of_panels)?;
