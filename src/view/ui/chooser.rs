@@ -1,4 +1,4 @@
-//! The dialog in which a file is chosen: what is opened, and where something is saved. It goes on to what is asked about a file.
+//! File dialog to open and save, and the questions that follow about a file.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -12,11 +12,11 @@ use crate::view::action::{Action, File, Leaving, Losing};
 use crate::view::load::{Question, Source};
 use crate::volume::{self, Selection};
 
-/// Points that it takes at first.
+/// Initial size in points.
 const SIZE: Vec2 = vec2(620.0, 380.0);
 
 impl File {
-    /// What the dialog is called.
+    /// Title of the dialog.
     fn title(self) -> &'static str {
         match self {
             Self::Opened => "Open a scene or a volume",
@@ -27,7 +27,7 @@ impl File {
         }
     }
 
-    /// What is done with `path`, once it is chosen.
+    /// Action for the chosen `path`.
     fn action(self, path: PathBuf) -> Action {
         match self {
             Self::Opened => Action::Open(Box::new(Source::of(&path))),
@@ -37,7 +37,7 @@ impl File {
         }
     }
 
-    /// `path`, where it ends in nothing with the end of such files.
+    /// `path`, with the default extension if it has none.
     fn named(self, path: &Path) -> PathBuf {
         match self.kind() {
             Some((_, ending)) if path.extension().is_none() => path.with_extension(ending),
@@ -45,7 +45,7 @@ impl File {
         }
     }
 
-    /// What such files are called that are saved, and what their names end in.
+    /// Name and extension of the kind of file saved.
     fn kind(self) -> Option<(&'static str, &'static str)> {
         match self {
             Self::Opened => None,
@@ -57,27 +57,27 @@ impl File {
     }
 }
 
-/// What is asked at a time.
+/// Current question.
 enum Stage {
-    /// Which file it is to be.
+    /// Which file to open or save.
     File(File, Box<FileDialog>),
-    /// Which volume a scene is to show, and whether it names one, which was moved.
+    /// Which volume a scene shows, and whether the scene names one, which was moved.
     Volume(Box<Source>, bool, Box<FileDialog>),
-    /// How a file is to be read.
+    /// How to read a file.
     Reading(Box<Reading>),
-    /// What becomes of what is not saved.
+    /// What to do with unsaved work.
     Leaving(Leaving),
 }
 
-/// The dialog, while there is one.
+/// The file dialog, if open.
 #[derive(Default)]
 pub struct Chooser {
     stage: Option<Stage>,
-    /// Whether that is to be shown for the first time.
+    /// Whether the stage has not been shown yet.
     is_new: bool,
-    /// The folder that a file was last chosen in.
+    /// Folder of the last chosen file.
     folder: Option<PathBuf>,
-    /// Whether a field had the keyboard in the last frame.
+    /// Whether a field had the keyboard focus in the last frame.
     typed: bool,
 }
 
@@ -97,7 +97,7 @@ impl fmt::Debug for Chooser {
 }
 
 impl Chooser {
-    /// Whether something is asked; nothing else is asked for meanwhile.
+    /// Whether a question is open; there is only one at a time.
     #[must_use]
     pub fn is_open(&self) -> bool {
         self.stage.is_some()
@@ -107,17 +107,17 @@ impl Chooser {
         (self.stage, self.is_new) = (Some(stage), true);
     }
 
-    /// Asks nothing more.
+    /// Closes the dialog.
     pub fn close(&mut self) {
         self.stage = None;
     }
 
-    /// Asks what has to be said before what is at `source` can be read. What is `shown` of a file is what it begins with.
+    /// Asks how to read the file at `source`. The selection `shown` is the initial answer.
     pub fn ask(&mut self, source: Source, question: Question, shown: &Selection) {
         self.begin(Stage::Reading(Box::new(Reading::new(source, question, shown))));
     }
 
-    /// Asks which volume `scene` at `source` is to show: it names none, or one that is not there.
+    /// Asks which volume `scene` at `source` shows, because it names none or one that does not exist.
     pub fn ask_volume(&mut self, source: Source, (scene, is_named): (&Path, bool)) {
         let name = scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let folder = self.folder.as_deref().or(scene.parent());
@@ -127,13 +127,13 @@ impl Chooser {
         self.begin(Stage::Volume(Box::new(source), is_named, Box::new(dialog)));
     }
 
-    /// Asks what becomes of what is not saved.
+    /// Asks what to do with unsaved work.
     pub fn leave(&mut self, leaving: Leaving) {
         self.begin(Stage::Leaving(leaving));
     }
 
-    /// Begins to choose `file`, in the folder of the last one, else in that of `suggested`, whose name a file that is saved has
-    /// at first.
+    /// Opens the dialog for `file` in the last folder, or else in the folder of `suggested`, whose file name is the
+    /// initial name.
     pub fn open(&mut self, file: File, suggested: &Path) {
         let name = &*suggested.file_name().unwrap_or_default().to_string_lossy();
         let folder = self.folder.as_deref().or(suggested.parent());
@@ -142,7 +142,7 @@ impl Chooser {
             dialog = dialog.add_file_filter(KNOWN, Filter::new(is_known)).default_file_filter(KNOWN);
             dialog.pick_file();
         } else {
-            // Files of its kind are listed, and whoever wants another end says so.
+            // The dialog lists files of this kind; another extension must be typed.
             if let Some((kind, ending)) = file.kind() {
                 dialog = dialog.add_save_extension(kind, ending).default_save_extension(kind);
             }
@@ -151,14 +151,14 @@ impl Chooser {
         self.begin(Stage::File(file, Box::new(dialog)));
     }
 
-    /// Shows it, where so much would be lost with what is looked at. What is to be done, once all is said.
+    /// Shows the dialog. `losing` lists the unsaved work. Returns the action after the last answer.
     pub fn show(&mut self, context: &Context, losing: Losing) -> Option<Action> {
         if std::mem::take(&mut self.is_new) {
-            // Keys are no longer for what lies behind.
+            // The widgets behind the dialog lose the keyboard focus.
             leave_field(context);
         }
-        // The library takes the first Escape for the field that has the keyboard. Where something is saved that is the name, and
-        // whoever leaves that leaves the dialog.
+        // The library uses the first Escape to leave the focused field. In a save dialog that is the name field, and
+        // here Escape closes the dialog.
         let escape = self.typed && context.input(|input| input.key_pressed(Key::Escape));
         let picked = match self.stage.as_mut()? {
             Stage::File(file, _) if escape && *file != File::Opened => Some(None),
@@ -177,7 +177,7 @@ impl Chooser {
                 let answer = reading.show(context)?;
                 self.stage = None;
                 match answer {
-                    // What is looked at was given up before it was asked.
+                    // Unsaved work was already handled before this question.
                     Answer::Open(source) => Some(Action::Leave(Leaving::Open(source))),
                     Answer::GivenUp => None,
                 }
@@ -190,13 +190,14 @@ impl Chooser {
         }
     }
 
-    /// What is done with a file that was `picked`.
+    /// Handles the file that was `picked`.
     fn picked(&mut self, stage: Stage, picked: PathBuf) -> Option<Action> {
         self.folder = picked.parent().map(Path::to_owned);
         match stage {
             Stage::File(file, _) => {
                 let path = file.named(&picked);
-                // With the end that it gets, it may be there already: the dialog has not asked whether it may be replaced.
+                // With the extension added, the file may already exist, and the dialog has not asked about replacing
+                // it.
                 if path != picked && path.exists() {
                     self.open(file, &path);
                     return None;
@@ -211,11 +212,11 @@ impl Chooser {
     }
 }
 
-/// What can be opened, and what of it a scene shows.
+/// Names of the file filters for all files that can be opened, and for volumes only.
 const KNOWN: &str = "Scenes and volumes";
 const VOLUMES: &str = "Volumes";
 
-/// A dialog that begins in `folder`, where that is one.
+/// Creates a dialog that starts in `folder`, if that exists.
 fn dialog(title: &str, folder: Option<&Path>) -> FileDialog {
     let dialog = FileDialog::new()
         .title(title)
@@ -229,18 +230,18 @@ fn dialog(title: &str, folder: Option<&Path>) -> FileDialog {
     }
 }
 
-/// The file that is picked in `dialog`, or none, once that is known.
+/// Shows `dialog`. Returns the picked file, or `Some(None)` on cancel, or `None` while it is open.
 fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option<PathBuf>> {
     let window = context.content_rect();
     let is_folder = dialog.selected_entry().is_some_and(DirectoryEntry::is_dir);
     let config = dialog.config_mut();
-    // Whether a file may be replaced is asked while no field has the keyboard. The Enter that has chosen its name does not
-    // answer that, too.
+    // The question about replacing a file appears while no field has the focus. The Enter that confirmed the name must
+    // not also answer it.
     let answers = file == File::Opened || is_folder || context.memory(|memory| memory.focused().is_some());
     config.keybindings.submit = if answers { FileDialogKeyBindings::default().submit } else { Vec::new() };
-    // In the middle, also of a window that grows or shrinks.
+    // Centred, also if the window is resized.
     config.anchor = Some((Align2::CENTER_CENTER, Vec2::ZERO));
-    // In small windows there is no room for places, nor for what the dialog is called.
+    // Small windows have no room for the list of places and the title bar.
     config.show_left_panel = window.width() > SIZE.x;
     config.title_bar = window.height() > SIZE.y;
     config.max_size = Some(window.size() - if config.title_bar { vec2(24.0, 48.0) } else { vec2(14.0, 14.0) });
@@ -250,8 +251,8 @@ fn pick(context: &Context, file: File, dialog: &mut FileDialog) -> Option<Option
     (*dialog.state() != DialogState::Open).then(|| dialog.take_picked())
 }
 
-/// Shows the dialog so that all of it can be read: its search field is black in the light theme, too, and it writes the name of
-/// what is selected in the colour that is behind what is selected.
+/// Shows the dialog in a readable theme. Its search field is black even in the light theme, and it writes the selected
+/// name in the colour of the selection background.
 fn in_its_colours(context: &Context, show: impl FnOnce()) {
     let (theme, style) = (context.options(|options| options.theme_preference), context.style_of(Theme::Dark));
     context.set_theme(Theme::Dark);
@@ -264,10 +265,11 @@ fn in_its_colours(context: &Context, show: impl FnOnce()) {
     context.set_theme(theme);
 }
 
-/// Asks what becomes of what is not saved. What is asked for then, or nothing; `None` while there is no answer.
+/// Asks what to do with unsaved work. Returns the resulting action, or `Some(None)` on cancel, or `None` without an
+/// answer.
 fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Option<Action>> {
     if !losing.anything() {
-        // It is there by now.
+        // Everything has been saved in the meantime.
         return Some(Some(Action::Leave(leaving.clone())));
     }
     let (verb, what) = match leaving {
@@ -309,7 +311,7 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
     shown.inner
 }
 
-/// Whether a file of this name may be a scene or a volume.
+/// Whether the extension of `path` is that of a scene or a volume.
 fn is_known(path: &Path) -> bool {
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     volume::extensions().any(|known| known == ending)

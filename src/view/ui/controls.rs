@@ -1,4 +1,4 @@
-//! What several panels are made of.
+//! Controls shared by several panels.
 
 use std::cell::{Cell, RefCell};
 use std::ops::RangeInclusive;
@@ -16,10 +16,10 @@ use crate::plan::Stale;
 use crate::view::action::Action;
 use crate::view::state::BRIGHTEST;
 
-/// How long it is told that something typed was refused.
+/// Display time of the message about rejected input.
 const LONG_ENOUGH: Duration = Duration::from_secs(5);
 
-/// A collapsible panel. Its badge says in the same words everywhere what its controls make `stale`.
+/// Shows a collapsible panel. Its badge tells what its controls make `stale`.
 pub(super) fn panel(ui: &mut Ui, name: &str, stale: Stale, contents: impl FnOnce(&mut Ui)) {
     let title = RichText::new(name).strong();
     CollapsingHeader::new(title).id_salt(name).default_open(true).show(ui, |ui| {
@@ -33,8 +33,8 @@ pub(super) fn panel(ui: &mut Ui, name: &str, stale: Stale, contents: impl FnOnce
     ui.add_space(4.0);
 }
 
-/// What stands at the left of a line, texts cut off where they are too long for it, and what stands at its right, the outermost
-/// first. Long names would widen the panels.
+/// Shows a line with `left` and `right` contents (outermost first on the right). Truncates long texts, which would
+/// widen the panels.
 pub(super) fn sides(
     ui: &mut Ui,
     asked: &mut Vec<Action>,
@@ -45,13 +45,13 @@ pub(super) fn sides(
     asked.extend([left, right].into_iter().flatten());
 }
 
-/// A choice that looks like one also while it is not taken.
+/// A selectable button with a frame in both states.
 pub(super) fn toggle(ui: &mut Ui, on: bool, text: &str) -> Response {
     ui.add(Button::selectable(on, text).frame_when_inactive(true))
 }
 
-/// A number that is dragged, or typed: what is typed holds, as one step, once Enter or another place is pressed. It is shown
-/// to so many `decimals`, of less than none to tens, hundreds and so on; `with` says the rest of it.
+/// A number field to drag or type in. Typed text is applied as one edit on Enter or on a click elsewhere. The number is
+/// shown with `decimals` decimals; a negative count rounds to tens, hundreds and so on. `with` sets further options.
 pub(super) fn number<N: Numeric>(
     ui: &mut Ui,
     value: &mut N,
@@ -59,7 +59,7 @@ pub(super) fn number<N: Numeric>(
     with: impl FnOnce(DragValue<'_>) -> DragValue<'_>,
 ) -> Response {
     let (before, id, typing) = (*value, ui.next_auto_id(), Typing::new(ui));
-    // What a scene has stays as it is, also where a hand may not go.
+    // An existing value of a scene is not clamped, even outside the range of the control.
     let field = DragValue::new(value).update_while_editing(false).max_decimals(plain_decimals(decimals));
     let field = field.clamp_existing_to_range(false).custom_parser(|text| typing.parsed(text));
     let field = field.custom_formatter(|value, plain| typing.shown::<N>(value, plain, decimals));
@@ -67,7 +67,8 @@ pub(super) fn number<N: Numeric>(
     typing.end(id, response, before, value)
 }
 
-/// A number that is no part of the scene, and is kept as long as the window is open; at first it is as `usual`.
+/// A number field for a value that is not part of the scene and is kept while the window is open. Its initial value is
+/// `usual`.
 pub(super) fn remembered<N: Numeric + Send + Sync>(
     ui: &mut Ui,
     (name, help): (&str, &str),
@@ -85,7 +86,7 @@ pub(super) fn remembered<N: Numeric + Send + Sync>(
     value
 }
 
-/// A slider with such a number beside it, for a factor: typed, it may be any that [`BRIGHTEST`] allows.
+/// A slider with a number field, for a factor. Typed values may exceed `range`, up to [`BRIGHTEST`].
 pub(super) fn slider(
     ui: &mut Ui,
     value: &mut f64,
@@ -93,14 +94,14 @@ pub(super) fn slider(
     decimals: i32,
     with: impl FnOnce(Slider<'_>) -> Slider<'_>,
 ) -> Response {
-    // A slider's answer is now its own, now its field's.
+    // The response may be that of the slider or of its field.
     let (before, id, typing) = (*value, ui.next_auto_id(), Typing::new(ui));
     let slider = Slider::new(value, range).clamping(SliderClamping::Never).max_decimals(plain_decimals(decimals));
     let slider = slider.custom_parser(|text| {
         let number = typing.parsed(text)?;
         let allowed = number.clamp(0.0, BRIGHTEST);
         if number.to_bits() == allowed.to_bits() {
-            // It keeps what is typed, to so many decimals.
+            // The field keeps the typed value, rounded to its decimals.
             typing.typed.set(None);
         }
         Some(allowed)
@@ -110,21 +111,21 @@ pub(super) fn slider(
     typing.end(id, response, before, value)
 }
 
-/// Takes the keyboard from whatever has it: what is typed there holds.
+/// Takes the keyboard focus from the focused field, which applies its text.
 pub(super) fn leave_field(context: &Context) {
     context.memory_mut(|memory| memory.focused().into_iter().for_each(|field| memory.surrender_focus(field)));
 }
 
-/// What is typed into a field.
+/// Input typed into a field.
 #[derive(Default)]
 struct Typing {
-    /// What it showed before.
+    /// Text that the field showed before.
     shown: RefCell<Option<String>>,
-    /// The number that was typed.
+    /// Typed number.
     typed: Cell<Option<f64>>,
-    /// Why what was typed is not taken.
+    /// Message about rejected input.
     refused: RefCell<Option<String>>,
-    /// Whether it is left as it was, because somebody has pressed Escape.
+    /// Whether Escape cancelled the input.
     given_up: bool,
 }
 
@@ -134,7 +135,7 @@ impl Typing {
         if ui.input(|input| input.key_pressed(Key::Escape)) {
             ui.data_mut(|data| data.insert_temp(id, frame));
         }
-        // egui takes what was typed in the frame after it.
+        // egui applies the typed text one frame after the key.
         let given_up = ui.data(|data| data.get_temp::<u64>(id)).is_some_and(|last| frame <= last + 1);
         Self { given_up, ..Self::default() }
     }
@@ -158,12 +159,12 @@ impl Typing {
         number
     }
 
-    /// Says why what was typed was refused, or what became of it. A field that is left as it was has changed nothing, though it
-    /// shows fewer digits than there are.
+    /// Shows why input was rejected or adjusted. A field left unchanged keeps its full-precision value, although it
+    /// shows fewer digits.
     fn end<N: Numeric>(self, id: Id, mut field: Response, before: N, value: &mut N) -> Response {
         self.refused.into_inner().into_iter().for_each(|text| say(&field.ctx, id, text));
         let is = value.to_f64();
-        // Of a whole number decimals may have been typed, and of an f32 more digits than it has.
+        // Tolerances for decimals typed into an integer field and for digits beyond f32 precision.
         let near = |typed: f64| if N::INTEGRAL { 0.999 } else { 1e-6 * typed.abs() };
         if let Some(typed) = self.typed.get().filter(|typed| (typed - is).abs() > near(*typed)) {
             let than = if typed > is { "more" } else { "less" };
@@ -173,7 +174,7 @@ impl Typing {
         show_said(id, &field, is);
         let as_shown =
             || self.shown.borrow().as_deref().and_then(parsed).is_some_and(|shown| shown.to_bits() == is.to_bits());
-        // A slider calls it a change, too, when what is in its field changes.
+        // A slider also reports a change if the text of its field changes.
         if is.to_bits() == before.to_f64().to_bits() || field.lost_focus() && as_shown() {
             *value = before;
             field.flags.remove(Flags::CHANGED);
@@ -182,10 +183,10 @@ impl Typing {
     }
 }
 
-/// Digits that a number may take where it is shown without an exponent.
+/// Longest plain number in characters, before an exponent is used.
 const LONGEST: usize = 11;
 
-/// `value` to so many `decimals`, with an exponent where it would be long without.
+/// Formats `value` with `decimals` decimals, or with an exponent if it would be long.
 pub(super) fn text(value: f64, decimals: i32) -> String {
     shorter(value, format!("{value:.*}", plain_decimals(decimals)), decimals)
 }
@@ -194,7 +195,7 @@ fn plain_decimals(decimals: i32) -> usize {
     usize::try_from(decimals.min(30)).unwrap_or(0)
 }
 
-/// `plain`, or `value` with an exponent where that says as much and is shorter.
+/// Returns `plain`, or `value` with an exponent if that is as precise and shorter.
 fn shorter(value: f64, plain: String, decimals: i32) -> String {
     if plain.len() <= LONGEST || value == 0.0 || !value.is_finite() {
         return plain;
@@ -202,29 +203,29 @@ fn shorter(value: f64, plain: String, decimals: i32) -> String {
     let exponent = whole(value.abs().log10().floor().abs());
     let exponent = i32::try_from(exponent).unwrap_or(0) * if value.abs() < 1.0 { -1 } else { 1 };
     let digits = usize::try_from((exponent + decimals).min(15)).unwrap_or(0);
-    // Without the zeros at its end.
+    // Parsing removes trailing zeros.
     let rounded: f64 = format!("{value:.digits$e}").parse().unwrap_or(value);
     let short = format!("{rounded:e}");
     if short.len() < plain.len() { short } else { plain }
 }
 
-/// The number that `text` is. Spaces may part digits, and a minus may be a long one.
+/// Parses a finite number. Ignores spaces between digits and accepts the minus sign U+2212.
 fn parsed(text: &str) -> Option<f64> {
     let digits: String = text.chars().filter(|letter| !letter.is_whitespace()).collect();
     digits.replace('−', "-").parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// Says beside a field for a while what became of what was typed there.
+/// Shows a temporary message next to a field about its input.
 pub(super) fn say_beside(field: &Response, text: String) {
     say(&field.ctx, field.id, text);
 }
 
-/// What is said beside a field.
+/// Message next to a field.
 #[derive(Clone)]
 struct Said {
     text: String,
     since: Instant,
-    /// Of which number, once that is shown.
+    /// Value of the field when the message was first shown.
     of: Option<f64>,
 }
 
@@ -233,7 +234,7 @@ fn say(context: &Context, field: Id, text: String) {
     context.request_repaint();
 }
 
-/// Shows what is said beside a `field`, which it is called by here, until that can have been read, or the number `is` another one.
+/// Shows the message of `field`, stored under `id`, until its display time ends or the value `is` changes.
 fn show_said(id: Id, field: &Response, is: f64) {
     let id = id.with("said");
     let Some(said) = field.ctx.data(|data| data.get_temp::<Said>(id)) else { return };
@@ -243,7 +244,7 @@ fn show_said(id: Id, field: &Response, is: f64) {
         return;
     }
     field.ctx.request_repaint_after(left);
-    // No tooltip: those are not shown over what was just used. What lies behind it can be clicked.
+    // Not a tooltip, because egui shows none over a widget that was just used. Clicks pass through it.
     Popup::from_response(field)
         .id(id)
         .open(true)
@@ -253,7 +254,7 @@ fn show_said(id: Id, field: &Response, is: f64) {
     field.ctx.data_mut(|data| data.insert_temp(id, Said { of: Some(is), ..said }));
 }
 
-/// What a panel's controls make stale, in two words, in a sentence and in colour.
+/// Badge text, explanation and colour for what a panel makes stale.
 fn word(stale: Stale) -> &'static str {
     if stale < Stale::Accumulators { "relights: at once" } else { "marches: coarse first" }
 }

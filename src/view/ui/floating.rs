@@ -3,18 +3,18 @@
 use egui::style::ScrollStyle;
 use egui::{Id, Pos2, Rect, Ui, Vec2, Window, WindowDrag};
 
-/// Where a window belongs.
+/// Position of a window.
 #[derive(Clone, Copy)]
 struct Place {
-    /// The picture that it was over last, and where it was.
+    /// Picture rectangle and window position in the last frame.
     picture: Rect,
     shown: Pos2,
-    /// Where a hand has put it.
+    /// Position to which the user moved the window.
     put: Option<Pos2>,
 }
 
-/// Shows a window of this `size` over `picture`, and says whether it stays open. It opens `at` this place and stays where it was
-/// put: a picture that is too small for that pushes it aside, and gets it back when there is room again.
+/// Shows a window of this `size` over `picture`. Returns whether it stays open. It opens at `at` and stays where the
+/// user moved it. A picture that is too small pushes it aside, and it returns when there is room again.
 pub(super) fn show(
     ui: &Ui,
     (title, id): (&str, Id),
@@ -35,11 +35,11 @@ pub(super) fn show(
         .resizable(false)
         .constrain_to(picture);
     if !is_same_picture {
-        // A window that is moved by its title takes no place from here.
+        // A window that is dragged by its title ignores `current_pos`.
         window = window.drag_area(WindowDrag::Anywhere).current_pos(put.unwrap_or(at));
     }
     let shown = window.show(ui.ctx(), |ui| {
-        // Where not all fits, a bar says so.
+        // A visible scroll bar shows that the contents do not fit.
         ui.spacing_mut().scroll = ScrollStyle::solid();
         contents(ui);
     });

@@ -1,4 +1,4 @@
-//! The light panel: a slider, a switch, a swatch and a spectrum for each light.
+//! Light panel: slider, switch, swatch and spectrum per light.
 
 use egui::{Checkbox, RichText, Ui, Vec2};
 
@@ -46,7 +46,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 solo.clicked().then(|| Action::Edit(Edit::Solo((!alone).then_some(index))))
             };
             sides(ui, asked, switch, solo);
-            // What the dial gives a light is shown, and taken over by whoever moves the slider.
+            // Under the dial, the slider shows the dial's weight; moving it switches to the sliders.
             let mut weight = if by_slider { stated.map_or(0.0, |slider| slider.weight) } else { share };
             ui.spacing_mut().slider_width = ui.available_width() - 62.0;
             let moved = slider(ui, &mut weight, 0.0..=2.0, 2, |slider| slider.fixed_decimals(2))
@@ -85,7 +85,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     });
 }
 
-/// Says what a number is of, to screen readers and tests.
+/// Names a number for screen readers and tests.
 fn name(response: &egui::Response, of: &str, value: f64) {
     response.widget_info(|| egui::WidgetInfo::slider(true, value, of));
 }

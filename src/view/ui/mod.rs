@@ -1,4 +1,4 @@
-//! The panels: one file each. They show a [`Document`] and answer with [`Action`]s; they change nothing themselves.
+//! The panels, one file each. They show a [`Document`] and return [`Action`]s; they do not modify it.
 
 mod accuracy;
 mod axes;
@@ -41,68 +41,68 @@ use super::probe::Probe;
 use super::state::Document;
 use super::tour::Tour;
 
-/// Narrower windows open with the picture alone.
+/// Window width in points below which the window opens without panels.
 pub const ROOM_FOR_PANELS: f32 = 560.0;
-/// Width of the panels in points: at first, which is the least, and as far as their edge is dragged.
+/// Width of the panels in points: the initial and minimum width, and the maximum.
 const WIDTH: f32 = 300.0;
 const WIDEST: f32 = 520.0;
-/// Points across that are left to the picture.
+/// Minimum width of the picture in points.
 const LEAST_PICTURE: f32 = 240.0;
 
-/// What the panels show.
+/// Input of the panels.
 #[derive(Debug)]
 pub struct Shown<'a> {
-    /// What is looked at; `None` before anything is open.
+    /// The open document; `None` before anything is open.
     pub document: Option<&'a Document>,
-    /// What the last line says.
+    /// Content of the status line.
     pub status: &'a Status,
-    /// What is being opened, until its first picture is there: how far it is (0 to 1, where known), and what is done for it.
+    /// Name of the file being opened, its progress (0 to 1, if known) and current stage, until its first picture.
     pub loading: Option<(&'a str, Option<f32>, &'a str)>,
-    /// What went wrong or was done, the newest last.
+    /// Notices, oldest first.
     pub notices: &'a [Notice],
-    /// Whether the device was lost, and nothing is rendered until somebody asks for it.
+    /// Whether the device was lost and rendering waits for a restart by the user.
     pub stopped: bool,
-    /// Whether something is asked about a file, which keys and the mouse are for.
+    /// Whether a file dialog is open, which then takes keys and mouse.
     pub chooses: bool,
-    /// Whether somebody has asked the window to close.
+    /// Whether the user asked the window to close.
     pub closes: bool,
-    /// Whether it is one of several volumes in a file.
+    /// Whether the file contains more volumes.
     pub several: bool,
-    /// The tour that is played or saved, if one is.
+    /// The tour that is played or saved.
     pub tour: Option<&'a Tour>,
-    /// Whether there are panels beside the picture.
+    /// Whether the panels are visible.
     pub panels: bool,
-    /// Where in the picture a pixel is looked at, in parts of it, and what is known of it.
+    /// Position of the probed pixel as fractions of the picture, and the result of the probe.
     pub probe: Option<(DVec2, Option<&'a Probe>)>,
-    /// What pictures take, and how far from the truth they are.
+    /// Cost and error of pictures.
     pub effort: Effort<'a>,
-    /// Whether the palette's editor is there, and how far solving is.
+    /// State of the palette editor.
     pub design: Design<'a>,
-    /// Width over height of the picture in the last frame.
+    /// Aspect ratio (width / height) of the picture in the last frame.
     pub aspect: f64,
 }
 
-/// Sizes and inks that all panels share.
+/// Sets font sizes and text colours for all panels.
 pub fn style(context: &Context) {
     context.all_styles_mut(|style| {
         let font = egui::FontId::proportional(11.5);
         style.text_styles.insert(egui::TextStyle::Small, font);
-        // egui's own text is at 5 to 1 of what is behind it, and its weak text, which explains, at less than 3 to 1.
+        // egui's text has a contrast of 5:1 to its background; its weak text, used for explanations, has less than 3:1.
         let ink = if style.visuals.dark_mode { 190 } else { 40 };
         style.visuals.widgets.noninteractive.fg_stroke.color = Color32::from_gray(ink);
         style.visuals.weak_text_alpha = 0.75;
     });
 }
 
-/// Shows everything but the picture. What is asked for is added to `asked`; the answer is where the picture belongs.
+/// Shows everything except the picture and adds the user's actions to `asked`. Returns the rectangle of the picture.
 pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
-    // A click that closes it is for nothing else.
+    // A click that closes a popup has no other effect.
     let popup = Popup::is_any_open(ui.ctx());
-    // What the window is cleared with is behind the panels: to fill them again took a tenth of a frame.
+    // The cleared window already has the background colour; a second fill took a tenth of a frame.
     let frame = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
     Panel::bottom("status").frame(frame).show(ui, |ui| status::show(ui, shown));
     let mut meant = Vec::new();
-    // egui may ask for the panels of a frame more than once.
+    // egui may run the panels several times per frame.
     if shown.closes && !asked.contains(&Action::Close) {
         meant.push(Action::Close);
     }
@@ -110,21 +110,22 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
         toolbar::keys(ui, shown, &mut meant);
     }
     if !meant.is_empty() {
-        // What is typed holds first.
+        // The text being typed is applied first.
         controls::leave_field(ui.ctx());
     }
     if shown.panels {
         let widest = WIDEST.min(ui.available_width() - LEAST_PICTURE).max(WIDTH);
         Panel::left("panels").frame(frame).default_size(WIDTH).size_range(WIDTH..=widest).show(ui, |ui| {
-            // What is typed may be wider for a while: the picture, which would be marched anew, keeps its size.
+            // A field may temporarily grow while text is typed. The panel keeps its width, because a new picture size
+            // needs a new march.
             let all = ui.available_rect_before_wrap();
             ui.advance_cursor_after_rect(all);
             let ui = &mut ui.new_child(UiBuilder::new().max_rect(all));
             toolbar::show(ui, shown, asked);
             ui.separator();
             let Some(document) = shown.document else { return };
-            // Beside the controls: a bar over them takes what is meant for them. It is always there: one that comes later
-            // would have widened the panels.
+            // The scroll bar lies next to the controls, because a bar over them would take their clicks. It is always
+            // visible, because a bar that appears later would widen the panels.
             ui.spacing_mut().scroll = ScrollStyle::solid();
             let area = ScrollArea::vertical().auto_shrink(false);
             area.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
@@ -161,13 +162,13 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
     if is_in_use(ui.ctx()) {
         hide_tooltips(ui.ctx());
     }
-    // What is typed above a button holds before what that asks for, too, though it is shown first or later.
+    // Text typed in a field is applied before the action of a button, even one that is shown earlier.
     asked.sort_by_key(|action| !matches!(action, Action::Edit(_)));
     asked.append(&mut meant);
     picture
 }
 
-/// Whether something is held, or was until now: the pointer has not gone on since.
+/// Whether the pointer holds something, or has not moved away since it was released.
 fn is_in_use(context: &Context) -> bool {
     const GONE_ON: f32 = 12.0;
     let id = Id::new("held at");
@@ -183,7 +184,8 @@ fn is_in_use(context: &Context) -> bool {
     })
 }
 
-/// Whoever holds something wants to see it, and egui keeps a tooltip that is there until the pointer has left what it is of.
+/// Hides all tooltips, which would cover what the pointer holds. egui itself keeps a tooltip until the pointer leaves
+/// its widget.
 fn hide_tooltips(context: &Context) {
     let mut seen = context.memory(|memory| memory.areas().visible_layer_ids());
     seen.retain(|layer| layer.order == Order::Tooltip);

@@ -1,4 +1,4 @@
-//! Notices: what went wrong, what was done, and what makes the picture black, over the picture and never instead of it.
+//! Notices over the picture: errors, completed actions, and reasons for a black picture.
 
 use std::time::{Duration, Instant};
 
@@ -12,35 +12,35 @@ use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
 use crate::view::tour::Tour;
 
-/// Points across a notice where there is hardly a picture.
+/// Minimum width of a notice in points.
 const LEAST_WIDTH: f32 = 120.0;
-/// How long it is told that something was done.
+/// Display time of a notice about a completed action.
 const LONG_ENOUGH: Duration = Duration::from_secs(8);
 
-/// Something that is told over the picture.
+/// A notice over the picture.
 #[derive(Clone, Debug)]
 pub struct Notice {
-    /// What is told.
+    /// Text.
     pub text: String,
-    /// When it leaves by itself; `None` stays until it is closed.
+    /// Time at which the notice disappears; `None` until the user closes it.
     pub until: Option<Instant>,
 }
 
 impl Notice {
-    /// That something went wrong, which stays.
+    /// Creates a notice of an error, which stays until it is closed.
     #[must_use]
     pub fn wrong(text: String) -> Self {
         Self { text, until: None }
     }
 
-    /// That something was done, which leaves once it can have been read.
+    /// Creates a notice of a completed action, which disappears after a reading time.
     #[must_use]
     pub fn done(text: String) -> Self {
         Self { text, until: Instant::now().checked_add(LONG_ENOUGH) }
     }
 }
 
-/// Shows them at the bottom right of the picture: what windows over it are closed by is at their top.
+/// Shows the notices at the bottom right of the picture. The top right has the close buttons of floating windows.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let width = (rect.width().min(560.0) - 60.0).max(LEAST_WIDTH);
     let corner = rect.right_bottom() - vec2(8.0, 8.0);
@@ -53,7 +53,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             });
         }
         if let Some(document) = shown.document.filter(|_| shown.loading.is_none()) {
-            // In a smaller picture all is thin.
+            // In a smaller picture every volume is thin.
             let is_large = rect.size().min_elem() >= LEAST_WIDTH;
             if let Some((text, button, step)) =
                 out_of_sight(document, shown.aspect, rect).filter(|_| is_large)
@@ -82,7 +82,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             notice(ui, text, "Close", || asked.push(Action::Dismiss(index)));
         }
     });
-    // Where they begin follows from how large they were in the last frame.
+    // The position depends on the size in the last frame.
     let (id, now) = (area.response.id, area.response.rect);
     if ui.data(|data| data.get_temp(id)) != Some(now) {
         ui.data_mut(|data| data.insert_temp(id, now));
@@ -95,13 +95,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             asked.push(Action::Dismiss(index));
             ui.ctx().request_repaint();
         }
-        // A window at rest draws no frames.
+        // An idle window draws no frames.
         Some((left, _)) => ui.ctx().request_repaint_after(left),
         None => {}
     }
 }
 
-/// What makes the lights shine again.
+/// Edits that turn the lights on again.
 fn lit(document: &Document) -> Vec<Edit> {
     let state = document.state();
     let (count, nodes) = (state.scene.lights.len(), &state.scene.dial.nodes);
@@ -113,7 +113,7 @@ fn lit(document: &Document) -> Vec<Edit> {
     edits.extend((0..count).map(|light| Edit::On(light, true)));
     edits.extend((0..count).map(|light| Edit::Weight(light, 1.0)));
     edits.push(Edit::Master(1.0));
-    // And the dial's, which would be as dark when it is clicked.
+    // Also the dial's nodes, else the picture would be dark again as soon as the dial mixes.
     edits.extend(all_nodes);
     if state.scene.display.exposure <= 0.0 {
         edits.push(Edit::Exposure(1.0));

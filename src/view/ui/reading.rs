@@ -1,4 +1,4 @@
-//! What is asked about a file before it can be read: which of its volumes is meant, or how its voxels lie.
+//! Questions about a file before it can be read: which volume to show, or the layout of headerless voxels.
 
 use egui::{Button, ComboBox, Context, Grid, Id, Key, Modal, Response, RichText, ScrollArea, Ui, WidgetInfo};
 
@@ -6,24 +6,24 @@ use super::controls::{number, toggle};
 use crate::view::load::{Question, Source, Unknown};
 use crate::volume::{ByteOrder, RawLayout, Selection, Several, VoxelType};
 
-/// The question, and the answer so far.
+/// A question with the answer so far.
 #[derive(Debug)]
 pub(super) struct Reading {
     source: Box<Source>,
     question: Question,
-    /// Which of several it is to be.
+    /// Index of the selected volume.
     chosen: usize,
-    /// How headerless voxels lie.
+    /// Layout of headerless voxels.
     layout: RawLayout,
-    /// Whether a field had the keyboard in the last frame, which Enter and Escape were for then.
+    /// Whether a field had the keyboard focus in the last frame, and thus took Enter and Escape.
     typed: bool,
 }
 
-/// What became of a question.
+/// Answer to a question.
 pub(super) enum Answer {
-    /// This is to be opened.
+    /// Open this source.
     Open(Box<Source>),
-    /// Nothing is.
+    /// Cancelled.
     GivenUp,
 }
 
@@ -43,7 +43,7 @@ impl Reading {
         Self { source: Box::new(source), question, chosen: chosen.unwrap_or(0), layout, typed: false }
     }
 
-    /// Shows it in the middle of the window, until there is an answer. A click beside it is none.
+    /// Shows the question in the middle of the window and returns the answer, if any. A click outside is no answer.
     pub(super) fn show(&mut self, context: &Context) -> Option<Answer> {
         let room = (context.content_rect().height() - 130.0).max(40.0);
         let pressed = |key: Key| !self.typed && context.input(|input| input.key_pressed(key));
@@ -66,7 +66,7 @@ impl Reading {
         modal.inner
     }
 
-    /// Whether what is said may be.
+    /// Shows the controls. Returns whether the current answer is valid.
     fn ask(&mut self, ui: &mut Ui, room: f32) -> bool {
         let file = self.question.file.file_name().unwrap_or_default().to_string_lossy();
         match &self.question.unknown {
@@ -117,7 +117,7 @@ impl Reading {
     }
 }
 
-/// One of several, by number.
+/// Selects one of several by number.
 fn one_of(ui: &mut Ui, there: &Several, chosen: &mut usize) {
     let (what, count) = match there {
         Several::Components { count, .. } => ("Component", *count),
@@ -132,7 +132,7 @@ fn one_of(ui: &mut Ui, there: &Several, chosen: &mut usize) {
     });
 }
 
-/// What there is to say of headerless voxels.
+/// Controls for the layout of headerless voxels.
 fn stored(ui: &mut Ui, layout: &mut RawLayout) {
     const AXES: [&str; 3] = ["x", "y", "z"];
     Grid::new("layout").num_columns(2).show(ui, |ui| {
@@ -180,12 +180,12 @@ fn stored(ui: &mut Ui, layout: &mut RawLayout) {
     });
 }
 
-/// Says what a number is of, to screen readers and tests.
+/// Names a number for screen readers and tests.
 fn name(response: &Response, of: &str) {
     response.widget_info(|| WidgetInfo::labeled(egui::WidgetType::DragValue, true, of));
 }
 
-/// Says whether a file of so many bytes has the voxels of `layout`. Whether it has them all.
+/// Shows how the bytes of `layout` compare with the file's. Returns whether the file has enough.
 fn fits(ui: &mut Ui, layout: &RawLayout, there: u64) -> bool {
     let taken = layout.bytes();
     let text = match taken {
