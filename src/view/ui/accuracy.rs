@@ -1,4 +1,4 @@
-//! The accuracy panel: what is computed, how far from the truth it is, and settings by what they were measured to take.
+//! Accuracy panel: the computation, its error against the truth, and settings by measured cost.
 
 use egui::{
     Align2, Button, Color32, FontId, Grid, ProgressBar, RichText, Sense, Stroke, Ui, WidgetInfo, WidgetType, pos2, vec2,
@@ -14,20 +14,20 @@ use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
 use crate::view::state::{Document, Edit, STEPS};
 
-/// What is known of the effort that pictures take.
+/// Cost and error of pictures.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Effort<'a> {
-    /// What is computed for a pixel, where something is.
+    /// The plan, if there is one.
     pub planned: Option<&'a Planned>,
-    /// What was measured, and whether it is of the view that is shown.
+    /// Measured settings, and whether they belong to the current view.
     pub curve: Option<(&'a Curve, bool)>,
-    /// What the setting that was chosen last came to.
+    /// Result of the last choice of a setting.
     pub chosen: Option<&'a str>,
-    /// How far measuring is (0 to 1, where known), and what is measured.
+    /// Progress of a measurement (0 to 1, if known), and its current stage.
     pub running: Option<(Option<f32>, &'a str)>,
 }
 
-/// The presets, with what they ask for.
+/// Presets, with their goals.
 const PRESETS: [(&str, Preset, &str); 3] = [
     ("interactive", Preset::Interactive, "At most 50 ms a frame: fast enough to turn the picture by hand."),
     (
@@ -90,7 +90,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
     });
 }
 
-/// How far colours are off by what carries them.
+/// Colour errors of the colour model.
 fn colours(ui: &mut Ui, planned: &Planned) {
     let Some(model) = &planned.model else {
         ui.label(RichText::new("Another light is exact; errors are of the march, by its steps.").small()).on_hover_text(
@@ -119,7 +119,7 @@ fn colours(ui: &mut Ui, planned: &Planned) {
     });
 }
 
-/// What can be asked for.
+/// Controls to choose a setting by its goal.
 fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         for (name, preset, help) in PRESETS {
@@ -168,11 +168,11 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     }
 }
 
-/// Time against error, both on log scales; a click takes a setting.
+/// Plot of time against error, both on log scales. A click applies a setting.
 fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     let (frame, whole) = ui.allocate_exact_size(vec2(ui.available_width(), 134.0), Sense::hover());
     whole.widget_info(|| WidgetInfo::labeled(WidgetType::Image, true, "time against error"));
-    // Whoever has waited for it sees it, and nobody else is led away from what is looked at.
+    // Scrolls to a new plot only if the panel is in view, so that the user is not led away from another panel.
     let (id, new) = (ui.id().with("measured"), curve.settings.iter().map(|it| it.point.frame_ms).sum::<f64>());
     let known: Option<f64> = ui.data(|data| data.get_temp(id));
     if known != Some(new) {
@@ -181,7 +181,7 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
             whole.scroll_to_me(Some(egui::Align::BOTTOM));
         }
     }
-    // Room for the numbers of the axes.
+    // Leaves room for the axis labels.
     let rect = egui::Rect::from_min_max(frame.min + vec2(34.0, 10.0), frame.max - vec2(12.0, 24.0));
     let visuals = ui.visuals().clone();
     ui.painter().rect_filled(frame, 2.0, visuals.extreme_bg_color);
@@ -198,7 +198,7 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     let front: Vec<_> = curve.settings.iter().enumerate().filter(|(index, _)| curve.is_on_the_front(*index)).collect();
     let line = front.iter().map(|(_, it)| at(it)).collect();
     ui.painter().line(line, Stroke::new(1.0, visuals.weak_text_color()));
-    // One setting can have been measured by two names.
+    // One setting may have been measured under two names.
     let here = curve.settings.iter().position(|it| it.accuracy == *now);
     for (index, it) in curve.settings.iter().enumerate() {
         let (place, is_now) = (at(it), here == Some(index));

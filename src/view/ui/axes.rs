@@ -1,4 +1,4 @@
-//! Where the axes of the world point, in a corner of the picture.
+//! World axes in a corner of the picture.
 
 use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, vec2};
 
@@ -8,21 +8,21 @@ use super::spectrum::narrow;
 use crate::view::camera::Side;
 use crate::view::state::Document;
 
-/// Points from the middle to where an axis ends.
+/// Length of an axis in points.
 const LENGTH: f64 = 20.0;
-/// Points from the middle to the edge of what is drawn.
+/// Radius of the drawing in points.
 const ROOM: f32 = 32.0;
 
-/// The colours of x, y and z, as other programs have them.
+/// Conventional colours of x, y and z.
 pub(super) const COLOURS: [Color32; 3] =
     [Color32::from_rgb(255, 110, 100), Color32::from_rgb(120, 220, 110), Color32::from_rgb(110, 170, 255)];
 
-/// What the ends of the axes are called, those of x, y and z, first the one that looks down the axis.
+/// Labels of the negative and positive ends of x, y and z.
 const ENDS: [[&str; 2]; 3] = [["", "x"], ["", "y"], ["", "z"]];
-/// The same of a patient.
+/// Anatomical labels of the same ends.
 const PATIENT: [[&str; 2]; 3] = [["R", "L"], ["A", "P"], ["I", "S"]];
 
-/// What a side of the volume is called; a patient's left is where x points to.
+/// Name of a side of the volume. In anatomical orientation, +x points to the patient's left.
 pub(super) fn side_name(side: Side, anatomical: bool) -> &'static str {
     match (side, anatomical) {
         (Side::Left, false) | (Side::Right, true) => "Left",
@@ -38,13 +38,13 @@ pub(super) fn side_name(side: Side, anatomical: bool) -> &'static str {
     }
 }
 
-/// The side of a patient that `outward` points to most, a letter.
+/// Anatomical letter of the side that `outward` is closest to.
 pub(super) fn patient_end(outward: DVec3) -> &'static str {
     let axis = outward.abs().max_position();
     PATIENT[axis][usize::from(outward[axis] > 0.0)]
 }
 
-/// Draws them at the bottom left of the picture in `rect`, of a volume of a patient with its sides.
+/// Draws the axes at the bottom left of the picture in `rect`, with anatomical labels for an anatomical volume.
 pub(super) fn show(ui: &Ui, document: &Document, aspect: f64, rect: Rect) {
     let scene = &document.state().scene;
     let Some(view) = scene.camera.view(&scene.volume.geometry, aspect) else { return };
@@ -58,7 +58,7 @@ pub(super) fn show(ui: &Ui, document: &Document, aspect: f64, rect: Rect) {
             }
         }
     }
-    // The nearest last, over the others.
+    // The nearest end last, on top.
     ends.sort_by(|one, other| other.0.total_cmp(&one.0));
     let painter = ui.painter_at(rect);
     painter.circle_filled(middle, ROOM, Color32::from_black_alpha(190));

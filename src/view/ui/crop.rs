@@ -1,4 +1,4 @@
-//! The crop box: which part of the volume is shown, in numbers and by handles on the picture.
+//! Crop box: the part of the volume that is shown, set by numbers and by handles on the picture.
 
 use egui::{Align2, Color32, FontId, Id, Pos2, Rect, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
 use glam::DVec3;
@@ -15,24 +15,24 @@ use crate::view::camera::{Move, Side};
 use crate::view::state::{Document, Edit, THINNEST};
 use crate::volume::Geometry;
 
-/// Points across a handle, and across where it is caught.
+/// Size of a handle and of its grab area in points.
 const HANDLE: f32 = 9.0;
 const CATCH: f32 = 22.0;
-/// Points that a hundredth of the volume must be long on the screen for a hand to drag along it.
+/// Minimum length in points of 1 % of the volume on the screen for a handle to be draggable.
 const SHORTEST_WAY: f32 = 0.6;
-/// Points across what is hardly seen.
+/// Thickness in points below which the volume counts as invisible.
 const THINNEST_SEEN: f32 = 2.0;
-/// Parts of the volume that a hand is as fine as.
+/// Steps per volume length of a dragged handle.
 const PARTS: f64 = 1e4;
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A part of the volume along an axis, as its voxel too.
+/// Text of a fraction of the volume along an axis, with its voxel index.
 fn part_text(document: &Document, axis: usize, part: f64) -> String {
     let last = count(document.state().scene.volume.geometry.dims[axis]) - 1.0;
     format!("{part:.4} of the volume, voxel {:.1} of 0 to {last}", part * last)
 }
 
-/// The side of the patient that an end of an axis of the file is at, behind a space; nothing where the file knows of none.
+/// Anatomical side at an end of a volume axis, after a space; empty if the file has no anatomical orientation.
 fn side(document: &Document, axis: usize, end: usize) -> String {
     let volume = &document.state().scene.volume;
     let outward = volume.geometry.direction.col(axis) * [-1.0, 1.0][end];
@@ -64,7 +64,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             if ui.add_enabled(on, egui::Checkbox::new(&mut shown, "box")).on_hover_text(help).changed() {
                 ui.data_mut(|data| data.insert_temp(hidden(), !shown));
             }
-            // Who wants no box takes the tick away: of a scene without one, all of it is the box.
+            // Without a crop box in the scene, a reset selects the whole volume; only the tick removes the box.
             let all = [DVec3::ZERO, DVec3::ONE];
             let opened = document.opened().crop;
             let (changed, reset) = match opened {
@@ -104,7 +104,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     });
 }
 
-/// What has changed stops before the other side, which stays.
+/// Limits a changed side so that it stops before the opposite side, which stays.
 fn ordered([low, high]: [DVec3; 2], now: [DVec3; 2]) -> [DVec3; 2] {
     [
         DVec3::select(low.cmpne(now[0]), low.min(high - THINNEST).max(DVec3::ZERO), low),
@@ -112,7 +112,7 @@ fn ordered([low, high]: [DVec3; 2], now: [DVec3; 2]) -> [DVec3; 2] {
     ]
 }
 
-/// From the parts of the volume to the picture.
+/// Mapping from fractions of the volume to the picture.
 struct Map<'a> {
     view: View,
     geometry: &'a Geometry,
@@ -120,15 +120,16 @@ struct Map<'a> {
 }
 
 impl Map<'_> {
-    /// Where a point of the volume is before the eye: [`View::seen`].
+    /// View coordinates of a point of the volume ([`View::seen`]).
     fn seen(&self, parts: DVec3) -> DVec3 {
         let last = DVec3::from_array(self.geometry.dims.map(count)) - 1.0;
-        // An axis of one voxel is one voxel thick.
+        // An axis of one voxel has the thickness of one voxel.
         let index = DVec3::select(last.cmpgt(DVec3::ZERO), parts * last, parts - 0.5);
         self.view.seen(self.geometry.world_from_index(index))
     }
 
-    /// Its place on the screen; `None` behind the eye, and where a picture of a few pixels leaves no number.
+    /// Screen position of view coordinates; `None` behind the eye, or if a picture of a few pixels gives no finite
+    /// number.
     fn place(&self, seen: DVec3) -> Option<Pos2> {
         let by = if self.view.parallel { 1.0 } else { seen.z };
         if by <= 1e-6 {
@@ -141,7 +142,7 @@ impl Map<'_> {
 
     fn edge(&self, from: DVec3, to: DVec3) -> Option<[Pos2; 2]> {
         let (mut from, mut to) = (self.seen(from), self.seen(to));
-        // What is behind the eye is cut off.
+        // Clips the part behind the eye.
         let near = 1e-3 * (from - to).length();
         if !self.view.parallel {
             if from.z < near && to.z > near {
@@ -154,8 +155,8 @@ impl Map<'_> {
     }
 }
 
-/// Why nothing of the volume is to be seen in the picture of `rect`, and what would mend it: it lies beside the picture, or
-/// what the crop leaves of it is seen from its edge.
+/// Returns why the volume is not visible in the picture `rect`, and a remedy: it lies outside the picture, is too far
+/// away, or its cropped part is seen edge-on.
 pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Option<(&'static str, &'static str, Move)> {
     let scene = &document.state().scene;
     let geometry = &scene.volume.geometry;
@@ -165,7 +166,7 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     let places: Vec<Option<Pos2>> = corners.map(|corner| map.place(map.seen(corner))).collect();
     let corners: Vec<Pos2> = places.iter().copied().flatten().collect();
     let around = Rect::from_points(&corners);
-    // With a corner behind the eye and another before it, the eye is in the volume or close to it.
+    // If only some corners are behind the eye, the eye is in or close to the volume.
     let is_beside = corners.len() == places.len() && !around.intersects(rect);
     if corners.is_empty() || is_beside {
         return Some(("The volume is beside the picture.", "Reset the camera", Move::Reset));
@@ -180,7 +181,7 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
         let along = || corners.iter().map(|corner| corner.to_vec2().dot(normal));
         along().fold(f32::NEG_INFINITY, f32::max) - along().fold(f32::INFINITY, f32::min)
     };
-    // The shortest way across a convex shape is across one of its edges.
+    // The minimum width of a convex shape is perpendicular to one of its edges.
     let edges = corners.iter().flat_map(|one| corners.iter().map(move |other| (*other - *one).normalized().rot90()));
     let thickness = edges.filter(|normal| *normal != Vec2::ZERO).map(spread).fold(f32::INFINITY, f32::min);
     let thin = (geometry.extent() * (shown[1] - shown[0])).min_position();
@@ -191,10 +192,10 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     (thickness < THINNEST_SEEN).then_some(told)
 }
 
-/// That the crop leaves less of the volume than rays see, and what shows all of it that way. What the scene asks for itself is
-/// meant.
+/// Returns a message if the crop box is thinner than a ray step, and an edit that shows the whole axis. A crop box of
+/// the scene itself is taken as intended.
 pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
-    /// Parts of an axis that are thin of it, however few its slices are.
+    /// Fraction of an axis below which the box counts as thin, however few slices the axis has.
     const SLICE: f64 = 0.1;
     let (crop, scene) = (document.state().crop()?, &document.state().scene);
     if scene.crop == document.opened().crop {
@@ -213,7 +214,7 @@ pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
     Some((text, Edit::Crop(Some(whole))))
 }
 
-/// Shows the box over the picture, where there is one, with a handle on each side.
+/// Shows the box over the picture with a handle on each side.
 pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.loading.is_none()) else { return };
     let state = document.state();
@@ -227,7 +228,7 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
     for from in 0..8_usize {
         for axis in (0..3).filter(|axis| from >> axis & 1 == 0) {
             if let Some(edge) = map.edge(corner(from), corner(from | 1 << axis)) {
-                // Light on dark things and dark on light ones.
+                // Two lines, visible on light and dark backgrounds.
                 painter.line_segment(edge, Stroke::new(2.5, Color32::from_black_alpha(140)));
                 painter.line_segment(edge, Stroke::new(1.0, Color32::WHITE));
             }
@@ -240,13 +241,13 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             (middle[axis], step[axis]) = (crop[end][axis], 0.01);
             let seen = map.seen(middle);
             let at = map.place(seen).filter(|at| rect.contains(*at))?;
-            // A side that faces the eye cannot be dragged along.
+            // A side that faces the eye cannot be dragged.
             let along = map.place(map.seen(middle + step)).map(|there| there - at);
             let along = along.filter(|along| along.length() > SHORTEST_WAY);
             Some((axis, end, at, along, seen.z))
         })
         .collect();
-    // What is caught of those on one spot lies on top: one that can be dragged, and of those the nearest.
+    // Of overlapping handles the topmost takes the pointer: a draggable one, and of those the nearest.
     sides.sort_by(|(.., one, near), (.., other, far)| one.is_some().cmp(&other.is_some()).then(far.total_cmp(near)));
     for (axis, end, at, along, _) in sides {
         let (name, word) = (AXES[axis], ["from", "to"][end]);
@@ -266,7 +267,7 @@ pub(super) fn handles(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Ac
             Stroke::new(1.0, Color32::BLACK),
             egui::StrokeKind::Outside,
         );
-        // Which way it goes, as the axes in the corner have it.
+        // Direction of the handle, labelled like the axes in the corner.
         let sign = if end == 0 { '−' } else { '+' };
         let (beside, font) = (at + vec2(HANDLE, 0.0), FontId::proportional(11.5));
         for (away, colour) in [(vec2(1.0, 1.0), Color32::BLACK), (Vec2::ZERO, fill)] {

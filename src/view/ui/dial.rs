@@ -1,4 +1,4 @@
-//! The light dial: nodes that stand for lights, and a hand between them that mixes them.
+//! Light dial: nodes stand for lights, and the hand between them mixes them.
 
 use egui::{Align2, Key, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
 use glam::DVec2;
@@ -11,13 +11,13 @@ use crate::scene::{Dial, Mixing};
 use crate::view::action::Action;
 use crate::view::state::{Document, Edit, polygon, reset_nodes};
 
-/// Points between the outermost nodes and the edge, for their names.
+/// Margin in points around the outermost nodes, for their names.
 const MARGIN: f32 = 28.0;
 /// Radius of a node in points.
 const NODE: f32 = 7.0;
-/// Nearer than this, in points, the hand is on a node.
+/// Distance in points at which the hand snaps to a node.
 const SNAP: f32 = 9.0;
-/// How far an arrow key moves the hand, as a share of the dial.
+/// Step of an arrow key, in units of the dial's plane.
 const STEP: f64 = 0.02;
 
 /// Shows the dial.
@@ -41,7 +41,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             "Drag the hand between the lights: the nearer, the stronger. Click a node for that light alone. \
              Right-click a node to leave it out, drag it with Shift to move it.",
         );
-        // A line in both cases, so that nothing below moves from under the hand.
+        // One line in both cases, so that the controls below do not move.
         let (now, help) = match document.state().light.mixing {
             Mixing::Sliders => ("The sliders mix: click the dial to let it.", "The nodes and the hand wait."),
             Mixing::Dial => (
@@ -50,7 +50,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             ),
         };
         ui.label(RichText::new(now).small().weak()).on_hover_text(help);
-        // It stays where it is: what stands below would move while a hand reaches for it.
+        // The row is always shown, so that the controls below do not move under the pointer.
         ui.horizontal(|ui| {
             let moved = reset_nodes(document.opened()) != dial.nodes;
             let reset = ui.add_enabled(moved, egui::Button::new("Reset nodes"));
@@ -67,7 +67,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     });
 }
 
-/// From the dial's plane to the screen and back.
+/// Mapping between the dial's plane and the screen.
 #[derive(Clone, Copy)]
 struct Map {
     centre: DVec2,
@@ -77,14 +77,14 @@ struct Map {
 
 impl Map {
     fn new(document: &Document, rect: Rect) -> Self {
-        // Nodes that are moved within where they were leave the map as it is.
+        // The map also covers the nodes of the opened scene, so that nodes moved within these bounds do not change it.
         let (dial, opened) = (&document.state().scene.dial, &document.opened().dial);
         let nodes = || dial.nodes.iter().chain(&opened.nodes).map(|node| node.place);
         let around = |places: &mut dyn Iterator<Item = DVec2>| {
             places.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
         };
         let [low, high] = around(&mut nodes());
-        // Hands are in it, too, but not at the price of the nodes.
+        // The map also covers the hands, but distant ones are clamped so that the nodes do not shrink too far.
         let far = DVec2::splat((high - low).max_element().max(1e-3));
         let hands = dial.situations.iter().map(|situation| situation.hand).chain([document.state().light.hand]);
         let hands = hands.map(|hand| hand.clamp(low - far, high + far));
@@ -105,7 +105,7 @@ impl Map {
     }
 }
 
-/// The map of the dial, which stays as it is while a button is held: a node that is moved must not move the others.
+/// Returns the map of the dial. It stays fixed while a button is held, so that moving a node does not move the others.
 fn held(ui: &Ui, document: &Document, rect: Rect) -> Map {
     let (id, now) = (ui.id().with("map"), Map::new(document, rect));
     let before = ui.data(|data| data.get_temp::<Map>(id)).filter(|_| ui.input(|input| input.pointer.any_down()));
@@ -114,7 +114,7 @@ fn held(ui: &Ui, document: &Document, rect: Rect) -> Map {
     map
 }
 
-/// Where the nodes of the dial of `document` are, were it shown in `rect`.
+/// Returns the positions of the dial's nodes if the dial is shown in `rect`.
 #[must_use]
 pub fn node_places(document: &Document, rect: Rect) -> Vec<Pos2> {
     let map = Map::new(document, rect);
@@ -146,7 +146,7 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, inside: Rect, asked: &mut Vec<
         let colour = if node.on { visuals.text_color() } else { visuals.weak_text_color() };
         if node.on {
             let weight = weights.get(index).copied().unwrap_or(0.0);
-            // What is behind selected text is too pale for a line on white.
+            // The selection background is too pale for a line on white.
             let ink = if visuals.dark_mode { visuals.selection.bg_fill } else { visuals.selection.stroke.color };
             let thick = Stroke::new(0.5 + 3.0 * narrow(weight), ink);
             if state.light.mixing == Mixing::Dial {
@@ -163,7 +163,7 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, inside: Rect, asked: &mut Vec<
     }
 }
 
-/// What the nodes are called, over everything else: also over a hand that lies on a name.
+/// Draws the names of the nodes on top, even over the hand.
 fn names(ui: &Ui, document: &Document, map: &Map) {
     let visuals = ui.visuals();
     for node in &document.state().scene.dial.nodes {
@@ -180,7 +180,7 @@ fn names(ui: &Ui, document: &Document, map: &Map) {
     }
 }
 
-/// The hand here, or exactly on the node that it is near to.
+/// Edit that moves the hand to `pointer`, or exactly onto a nearby node.
 fn snapped(dial: &Dial, map: &Map, pointer: Pos2) -> Edit {
     let near = dial.nodes.iter().position(|node| node.on && map.screen_from_dial(node.place).distance(pointer) < SNAP);
     near.map_or_else(|| Edit::Hand(map.dial_from_screen(pointer)), Edit::HandOnNode)

@@ -1,4 +1,4 @@
-//! The display panel: how colours reach the screen.
+//! Display panel: conversion of colours for the screen.
 
 use egui::{ComboBox, Ui};
 

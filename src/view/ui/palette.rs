@@ -1,4 +1,4 @@
-//! The palette's editor: the matrix of colours, what is asked of each cell and each spectrum, and the way to solve it.
+//! Palette editor: the colour matrix, the targets of its cells and spectra, and the solver.
 
 use egui::{
     Button, Color32, ComboBox, Grid, Id, LayerId, Order, ProgressBar, Rect, RichText, ScrollArea, Sense, Stroke,
@@ -18,28 +18,28 @@ use crate::view::action::Action;
 use crate::view::design::{Look, Side, Step, look, spectrum};
 use crate::view::state::{Edit, State};
 
-/// What is known of the design of a palette.
+/// State of the palette design.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Design<'a> {
-    /// Whether the editor is there.
+    /// Whether the editor is open.
     pub shown: bool,
-    /// How far solving is (0 to 1, where known), and what is done.
+    /// Progress of the solver (0 to 1, if known), and its current stage.
     pub running: Option<(Option<f32>, &'a str)>,
-    /// What excluded itself in what was solved last.
+    /// Conflicts found in the last solution.
     pub conflicts: &'a [Conflict],
 }
 
-/// Width of a cell of the matrix, in points.
+/// Width of a matrix cell in points.
 const WIDE: f32 = 92.0;
 
-/// What the details below the matrix are of.
+/// Subject of the details below the matrix.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Chosen {
     Cell(usize, usize),
     Member(Side, usize),
 }
 
-/// Where the editor lies among what is over the picture.
+/// Layer of the editor window.
 pub(super) fn layer() -> LayerId {
     LayerId::new(Order::Middle, Id::new("palette"))
 }
@@ -48,13 +48,13 @@ pub(super) fn layer() -> LayerId {
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let Some(document) = shown.document.filter(|_| shown.design.shown) else { return };
     let at = rect.left_top() + vec2(8.0, 8.0);
-    // So that all lights are seen, with the names they have.
+    // Wide enough for the columns of all lights with their names.
     let lights = document.state().palette.as_ref().map_or(0, |palette| palette.lights.len());
     let most = (140.0 + 120.0 * narrow(count(lights))).max(504.0);
     let size = vec2(most, (rect.height() - 20.0).max(80.0));
     let open = floating::show(ui, ("Palette", layer().id), rect, (at, size), |ui| {
         let height = (rect.height() - 56.0).max(80.0);
-        // Also in a window that was smaller, and is not any more.
+        // The minimum size lets the area grow again after the window was smaller.
         let width = (rect.width() - 40.0).clamp(80.0, most);
         let area = ScrollArea::both().max_height(height).min_scrolled_height(height).min_scrolled_width(width);
         area.show(ui, |ui| {
@@ -134,7 +134,7 @@ fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>
     });
 }
 
-/// Says whose colours these are, where somebody else looks at the picture.
+/// States the observer of the colours, if the display uses another one.
 fn for_whom(ui: &mut Ui, display: &Display) {
     if display.observer != Observer::default() || display.deficiency.is_some() {
         let text =
@@ -143,7 +143,7 @@ fn for_whom(ui: &mut Ui, display: &Display) {
     }
 }
 
-/// The head of a row or a column.
+/// Header of a row or a column.
 fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member, asked: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
@@ -165,7 +165,7 @@ fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member,
     }
 }
 
-/// Shows the picture under the light `name` alone, where the scene has it.
+/// Button for the picture under the light `name` alone, if the scene has it.
 fn alone(ui: &mut Ui, state: &State, name: &str, asked: &mut Vec<Action>) {
     let Some(index) = state.scene.lights.iter().position(|light| light.name == name) else { return };
     let alone = state.light.solo == Some(index) && state.light.mixing == Mixing::Sliders;
@@ -193,7 +193,7 @@ fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize
         ui.painter().text(left.center(), egui::Align2::CENTER_CENTER, "=", egui::FontId::proportional(11.0), ink);
     }
     if target.is_none() {
-        // Hatched: nothing is asked, not even black.
+        // Hatching marks a cell without a target, unlike a black target.
         let (painter, step) = (ui.painter().with_clip_rect(left), left.width() / 4.0);
         for line in (0_u8..8).map(|line| left.left() + f32::from(line) * step) {
             let ends = [pos2(line, left.top()), pos2(line - left.height(), left.bottom())];
@@ -331,7 +331,7 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
     });
     ui.horizontal(|ui| {
         ui.label("smoothness");
-        // By powers of ten: a millionth is as far from a thousandth as that is from one.
+        // Logarithmic: the steps 10⁻⁶ → 10⁻³ and 10⁻³ → 1 are equal.
         let mut power = member.smoothness.log10();
         let field = number(ui, &mut power, 2, |drag| drag.speed(0.02).range(-12.0..=6.0).prefix("10^"));
         let help = "What bends of the spectrum count beside ΔE00: more is smoother and less exact.";
@@ -341,7 +341,7 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
     });
 }
 
-/// The colour model that is settled before the spectra are, where there is to be one.
+/// Controls of the colour model that is fitted before the spectra, if the palette has one.
 fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         let mut settled = palette.model.is_some();
@@ -362,7 +362,7 @@ fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
     });
 }
 
-/// Shows how far solving is, while something is solved.
+/// Shows the progress of the solver. Returns whether it is running.
 fn is_running(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) -> bool {
     let Some((part, stage)) = design.running else { return false };
     ui.add(part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new).text(RichText::new(stage).small()));
@@ -394,7 +394,7 @@ fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Act
     });
 }
 
-/// What cannot be had, why, and what may help: each by itself, and solved anew at once.
+/// Lists the unsatisfiable targets, the reasons, and possible changes. Each change solves the palette again at once.
 fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Action>) {
     for conflict in design.conflicts.iter().filter(|_| design.running.is_none()) {
         ui.separator();
@@ -417,7 +417,7 @@ fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec
     }
 }
 
-/// The step that goes this way out, where `palette` still has what it is about.
+/// The edit for this way out, if `palette` still has the objects concerned.
 fn changed(palette: &Palette, way: &WayOut) -> Option<Step> {
     let index = |members: &[Member], name: &str| members.iter().position(|member| member.name == name);
     match way {

@@ -1,4 +1,4 @@
-//! The picture: where the camera is moved by hand, by keys, and by buttons.
+//! Camera control over the picture, by mouse, keyboard and buttons.
 
 use egui::{
     Align2, FontId, Frame, Key, Modifiers, PointerButton, ProgressBar, Rect, Sense, StrokeKind, Ui, UiBuilder, vec2,
@@ -17,18 +17,18 @@ use crate::view::action::{Action, File};
 use crate::view::camera::{Move, Side};
 use crate::view::state::{Document, Edit};
 
-/// Degrees that a drag over the whole picture turns.
+/// Rotation in degrees for a drag over the height of the picture.
 const TURN: f64 = 180.0;
-/// Degrees that an arrow key turns.
+/// Rotation in degrees per arrow key.
 const KEY_TURN: f64 = 5.0;
-/// How much nearer a line of the wheel, or a key, goes.
+/// Dolly factor per line of the wheel or per key.
 const NEARER: f64 = 1.1;
 
-/// What the camera does at the mouse.
+/// Help text for the mouse.
 pub(super) const HELP: &str = "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll, wheel to go nearer. Click to look at a pixel.";
 
-/// Moves the camera by what the hand does over the picture, and says what to do where there is none. A click while there is a
-/// `popup` closes that.
+/// Moves the camera by mouse and keyboard. Without a picture, shows the progress of loading or how to open a file. A
+/// click only closes an open `popup`.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, asked: &mut Vec<Action>) {
     if let Some((name, part, stage)) = shown.loading {
         let at = Rect::from_center_size(rect.center(), vec2(rect.width().min(340.0) - 20.0, 60.0));
@@ -45,7 +45,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
         empty(ui, rect, asked);
         return;
     }
-    // The panels' edge is dragged from either side of it.
+    // The handle to resize the panels extends into the picture.
     let edge = if shown.panels { ui.style().interaction.resize_grab_radius_side } else { 0.0 };
     let inside = rect.with_min_x((rect.left() + edge).min(rect.right()));
     let hand = ui.interact(inside, ui.id().with("picture"), Sense::click_and_drag());
@@ -68,7 +68,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
         } else if modifiers.command {
             go(Move::Roll(TURN * right));
         } else {
-            // The volume follows the hand, so the camera goes the other way.
+            // The volume follows the pointer, so the camera moves the opposite way.
             go(Move::Orbit { right: -TURN * right, up: TURN * down });
         }
     }
@@ -77,7 +77,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
     if turned {
         ui.data_mut(|data| data.insert_temp(wheel, hand.hovered()));
     }
-    // egui goes on scrolling for a while: what is left of it belongs to where it began.
+    // egui smooths scrolling over several frames; they count for the place where scrolling began.
     if hand.hovered() && ui.data(|data| data.get_temp(wheel).unwrap_or(true)) {
         let (scrolled, pinched) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let closer = NEARER.powf(f64::from(scrolled) / 50.0) * f64::from(pinched);
@@ -93,7 +93,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, popup: bool, aske
     }
 }
 
-/// The camera by the keyboard.
+/// Camera control by keyboard.
 fn keys(ui: &Ui, go: &mut impl FnMut(Move)) {
     let presses = |key: Key, modifiers: Modifiers| {
         ui.input(|input| {
@@ -118,7 +118,7 @@ fn keys(ui: &Ui, go: &mut impl FnMut(Move)) {
         go(Move::Pan { right: -0.05 * right, up: -0.05 * up });
     }
     let times = |key| presses(key, Modifiers::NONE);
-    // Where `+` is on a keyboard, and whether it takes Shift, is the keyboard's own.
+    // `+` needs Shift on some keyboard layouts.
     let anyhow = |key| presses(key, Modifiers::NONE) + presses(key, Modifiers::SHIFT);
     let nearer =
         anyhow(Key::Plus) + anyhow(Key::Equals) + times(Key::PageUp) - times(Key::Minus) - times(Key::PageDown);

@@ -1,4 +1,4 @@
-//! The probe: what the pixel under the crosshair is, over the picture.
+//! Probe: details of the pixel under the crosshair, over the picture.
 
 use egui::{Color32, Grid, Id, Key, Label, Rect, RichText, ScrollArea, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
@@ -11,29 +11,29 @@ use crate::view::action::Action;
 use crate::view::probe::{Lit, Probe, Share, Stretch};
 use crate::view::state::Document;
 
-/// Parts of a pixel that are told of as more than all of it.
+/// Sum of the pixel shares above which a note is shown, as a multiple of the pixel.
 const MORE_THAN_ALL: f64 = 1.002;
-/// Width of what is in it, in points.
+/// Width of the contents in points.
 const WIDTH: f32 = 300.0;
 
-/// Shows the crosshair and what is known of the pixel.
+/// Shows the crosshair and the probe window.
 pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Action>) {
     let (Some((place, probe)), Some(document)) = (shown.probe, shown.document) else { return };
     let at = rect.min + vec2(narrow(place.x), narrow(place.y)) * rect.size();
     for (width, colour) in [(3.0, Color32::BLACK), (1.0, Color32::WHITE)] {
         ui.painter().circle_stroke(at, 6.0, Stroke::new(width, colour));
     }
-    // It opens beside what is looked at; where it is, and where it was put, it stays.
+    // Opens away from the probed pixel, and stays where it is or where the user moves it.
     let right = (rect.right() - WIDTH - 30.0).max(rect.left());
     let left = if at.x + 20.0 > right { rect.left() + 8.0 } else { right };
-    // Where it is as wide as the picture, it leaves half of that free, where the pixel is.
+    // A window as wide as the picture covers only the half without the pixel.
     let narrow_picture = rect.width() < 1.5 * WIDTH;
     let height = if narrow_picture { 0.5 * rect.height() } else { rect.height() };
     let top = if narrow_picture && at.y < rect.center().y { rect.center().y } else { rect.top() + 8.0 };
     let height = (height - 60.0).max(80.0);
     let size = vec2(WIDTH, height + 40.0);
     let open = floating::show(ui, ("Probe", Id::new("Probe")), rect, (pos2(left, top), size), |ui| {
-        // Also in a window that was smaller, and is not any more.
+        // The minimum size lets the area grow again after the window was smaller.
         let area = ScrollArea::vertical().max_height(height).min_scrolled_height(height);
         area.show(ui, |ui| {
             ui.set_width(WIDTH);
@@ -147,7 +147,7 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
     }
 }
 
-/// What takes light on its way to the eye.
+/// Materials that absorb light on its path to the eye.
 fn absorbers(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32]) {
     let materials = document.state().scene.materials.iter().zip(colours).zip(&probe.absorbed);
     let taking: Vec<_> = materials.filter(|(_, taken)| **taken > 0.0005).collect();
@@ -177,7 +177,7 @@ fn section(ui: &mut Ui, title: &str, help: &str) {
 
 fn lab(lit: &Lit) -> String {
     let Lab([l, a, b]) = lit.shown.lab();
-    // Without the sign of nothing.
+    // Adding 0 removes the sign of −0.
     let [l, a, b] = [l, a, b].map(|number| (10.0 * number).round() / 10.0 + 0.0);
     format!("Lab {l:5.1} {a:6.1} {b:6.1}")
 }
@@ -201,7 +201,7 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
         ui.label(RichText::new("making spectra of the colour model's numbers …").small().weak());
         return;
     };
-    // A light's power has a unit of its own: its curve is drawn as high as the other.
+    // Power and reflectance have different units, so the curves are scaled to equal height.
     let most =
         |spectrum: &crate::spectrum::Spectrum| spectrum.samples().iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let scaled = spectrum.scaled(most(reflectance) / most(spectrum));
@@ -223,7 +223,7 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
     }
 }
 
-/// The second colour of curves.
+/// Second curve colour.
 fn blue(ui: &Ui) -> Color32 {
     if ui.visuals().dark_mode { Color32::from_rgb(120, 150, 220) } else { Color32::from_rgb(30, 70, 170) }
 }
@@ -241,9 +241,9 @@ fn bar(ui: &mut Ui, part: f64, colour: Color32) {
     ui.painter().rect(filled, 2.0, colour, outline, StrokeKind::Inside);
 }
 
-/// What parts there are, with how much of the pixel each is, where that is known, and its part in the light.
+/// Shows the parts of the pixel with their share of it, if known, and of its light.
 fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: impl Fn(&str) -> Option<Color32>) {
-    // Long names do not push the numbers out.
+    // Limits the width of long names.
     Grid::new(id).num_columns(4).spacing([8.0, 3.0]).max_col_width(88.0).show(ui, |ui| {
         for head in ["", "", pixel, light] {
             ui.label(RichText::new(head).small().weak());
@@ -282,7 +282,7 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     }
     let line = |part: &dyn Fn(&Stretch) -> f64| met.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
     let span = if high > low { high - low } else { 1.0 };
-    // With an edge: bars are of any colour.
+    // With an outline, because the bars have any colour.
     for (width, colour) in [(3.0, visuals.extreme_bg_color), (1.0, visuals.text_color())] {
         painter.line(line(&|stretch| (stretch.value - low) / span), Stroke::new(width, colour));
     }
@@ -318,7 +318,7 @@ fn range(ray: &[Stretch]) -> [f64; 2] {
     [values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max)]
 }
 
-/// The colours of what a stretch scatters and absorbs with, mixed.
+/// Mean colour of the materials of a stretch, weighted by their optical depths.
 fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
     let depths: Vec<f64> = stretch.scattering.iter().zip(&stretch.absorption).map(|(one, other)| one + other).collect();
     let all: f64 = depths.iter().sum();
@@ -333,11 +333,11 @@ fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
     Color32::from_rgb(channel(Color32::r as fn(&Color32) -> u8), channel(|it| it.g()), channel(|it| it.b()))
 }
 
-/// Where a stretch is, in the volume and in the world.
+/// Text of a stretch's position in world coordinates and voxels.
 fn place(document: &Document, stretch: &Stretch) -> String {
     let world = document.state().scene.volume.geometry.world_from_index(stretch.place);
     let [x, y, z] = world.to_array().map(|along| readable(format!("{along:.3e}").parse().unwrap_or(along)));
-    // Without the sign of nothing.
+    // Adding 0 removes the sign of −0.
     let [i, j, k] = stretch.place.to_array().map(|along| along.round() + 0.0);
     format!("{x} {y} {z} (near voxel {i} {j} {k})")
 }

@@ -1,4 +1,4 @@
-//! Situations of the light: mixes of the dial with names, to come back to and to tour.
+//! Dial presets: named positions of the dial's hand, to return to and to tour.
 
 use egui::{Id, Key, TextEdit, Ui, WidgetInfo};
 
@@ -9,12 +9,12 @@ use crate::view::action::Action;
 use crate::view::state::{Document, Edit};
 use crate::view::tour::{LONGEST, Tour};
 
-/// How long a tour takes at first, in seconds.
+/// Initial duration of a tour in seconds.
 const SECONDS: f64 = 8.0;
-/// Pictures of a tour that is saved, at first.
+/// Initial number of pictures of a saved tour.
 const FRAMES: u16 = 50;
 
-/// Shows them, and the controls that keep and tour them, where there is a dial.
+/// Shows the presets and the controls to save and tour them, if the scene has a dial.
 pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked: &mut Vec<Action>) {
     let state = document.state();
     let situations = &state.scene.dial.situations;
@@ -26,7 +26,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
     let are_moved = places.any(|(node, opened)| node.place != opened.place);
     panel(ui, "Light situations", Stale::Picture, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
-        // An empty row would be seen.
+        // An empty row would still take space.
         if !situations.is_empty() {
             ui.horizontal_wrapped(|ui| {
                 for (index, situation) in situations.iter().enumerate() {
@@ -48,7 +48,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         }
         let id = Id::new("name of a situation");
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
-        // Where a word is longer, the panels do not get wider: the picture would be marched anew.
+        // Wrapped, because a longer word would widen the panels and cause a new march.
         ui.horizontal_wrapped(|ui| {
             let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(64.0));
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));

@@ -1,4 +1,4 @@
-//! The spectra panel: what materials and lights are made of, and standards that can take their place.
+//! Spectra panel: the spectra of materials and lights, and standard spectra to replace them.
 
 use std::sync::Arc;
 
@@ -15,15 +15,15 @@ use crate::view::action::Action;
 use crate::view::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
 use crate::view::state::{Document, Edit};
 
-/// Where egui keeps the name of the material whose curve is drawn.
+/// egui key of the name of the material whose curve is edited.
 const DRAWN: &str = "spectra: drawn";
 
-/// The material whose curve is drawn.
+/// Material whose curve is edited.
 fn drawn_material(ui: &Ui) -> Option<String> {
     ui.data(|data| data.get_temp::<Option<String>>(Id::new(DRAWN))).flatten()
 }
 
-/// The spectrum of material `index` as a curve from 0 to 1 with handles that can be drawn up and down.
+/// Spectrum of material `index` as a curve from 0 to 1, with handles to drag up and down.
 fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Vec<Action>) {
     let (frame, _) = ui.allocate_exact_size(vec2(ui.available_width().min(264.0), 116.0), Sense::hover());
     let (rect, below) = frame.split_top_bottom_at_y(frame.bottom() - 16.0);
@@ -88,7 +88,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
     });
 }
 
-/// The curve of what a material absorbs.
+/// Absorption curve of a material.
 fn absorbed(ui: &mut Ui, name: &str, absorption: &Absorption) {
     ui.horizontal(|ui| {
         let shape = absorption.spectrum();

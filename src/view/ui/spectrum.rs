@@ -1,4 +1,4 @@
-//! Spectra as small curves, and lights as swatches.
+//! Widgets for spectra and colours.
 
 use egui::{
     Align2, Color32, FontId, Pos2, Rangef, Rect, Response, Sense, Stroke, StrokeKind, Ui, Vec2, WidgetInfo, WidgetType,
@@ -10,7 +10,8 @@ use crate::scene::Display;
 use crate::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::{BANDS, FIRST_NM, LAST_NM, Light, Spectrum, wavelength_nm};
 
-/// The colour of a light at its brightest, to whoever looks at `display`, and its name to screen readers.
+/// Swatch of a light's colour at full brightness, as seen by the observer of `display`. Its name for screen readers is
+/// the colour code.
 pub(super) fn swatch(ui: &mut Ui, light: &Light, display: &Display, side: f32) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
     let code = paint_swatch(ui, light, 1.0, display, rect);
@@ -18,10 +19,10 @@ pub(super) fn swatch(ui: &mut Ui, light: &Light, display: &Display, side: f32) -
     response
 }
 
-/// Paints it in `rect`, `share` times as bright, and says its colour.
+/// Paints the swatch in `rect` at `share` of full brightness and returns its colour code.
 pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, display: &Display, rect: Rect) -> String {
     let LinearSrgb(linear) = linear_srgb_from_xyz(display.observer.xyz_of(light.spectrum()));
-    // Full strength is the brightest that its colour can be on a screen.
+    // Full brightness is the brightest displayable colour of this chromaticity.
     let brightest = linear.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
     let own = LinearSrgb(linear.map(|part| part.max(0.0) / brightest * share.clamp(0.0, 1.0)));
     let code = display_code(display.deficiency.map_or(own, |deficiency| deficiency.seen(own)));
@@ -31,7 +32,7 @@ pub(super) fn paint_swatch(ui: &Ui, light: &Light, share: f64, display: &Display
     code
 }
 
-/// Power over wavelength, from 380 to 780 nm, scaled to fill `size`.
+/// Plots power over wavelength, 380 to 780 nm, scaled to fill `size`.
 pub(super) fn curve(ui: &mut Ui, spectrum: &Spectrum, size: Vec2) -> Response {
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     let samples = spectrum.samples();
@@ -48,8 +49,8 @@ pub(super) fn curve(ui: &mut Ui, spectrum: &Spectrum, size: Vec2) -> Response {
     response
 }
 
-/// Several spectra over wavelength in one frame, from 0 (or the lowest, below it) to the highest, above a strip of the
-/// colours of the wavelengths.
+/// Plots several spectra over wavelength in one frame, from 0 (or the lowest negative sample) to the highest, above a
+/// strip of spectral colours.
 pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> Response {
     let (frame, response) = ui.allocate_exact_size(size, Sense::hover());
     let (rect, strip) = frame.split_top_bottom_at_y(frame.bottom() - 16.0);
@@ -73,7 +74,7 @@ pub(super) fn plot(ui: &mut Ui, curves: &[(&Spectrum, Color32)], size: Vec2) -> 
     response
 }
 
-/// Text in a plot, with an edge that parts it from what lies behind it.
+/// Text in a plot, with an outline in the background colour.
 pub(super) fn readable_text(ui: &Ui, at: Pos2, align: Align2, text: String, size: f32, colour: Color32) {
     let (font, edge) = (FontId::proportional(size), ui.visuals().extreme_bg_color);
     let around = [(-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0)].map(|(x, y)| Vec2::new(x, y));
@@ -82,7 +83,7 @@ pub(super) fn readable_text(ui: &Ui, at: Pos2, align: Align2, text: String, size
     }
 }
 
-/// The colours of the wavelengths and some of their numbers, under a curve as wide as `across`.
+/// Strip of spectral colours with wavelength labels, below a curve that spans `across`.
 pub(super) fn strip(ui: &Ui, across: Rangef, rect: Rect) {
     let x = |nm: f64| across.min + narrow((nm - FIRST_NM) / (LAST_NM - FIRST_NM)) * across.span();
     for band in 0..BANDS - 1 {
@@ -96,11 +97,11 @@ pub(super) fn strip(ui: &Ui, across: Rangef, rect: Rect) {
     }
 }
 
-/// About the colour of light of one wavelength, as a screen can show it.
+/// Approximate display colour of one wavelength band.
 fn of_wavelength(band: usize) -> Color32 {
     let xyz = OBSERVER.each_ref().map(|matching| matching.samples()[band]);
     let LinearSrgb(linear) = linear_srgb_from_xyz(Xyz(xyz));
-    // Beside so much white that nothing is negative, and as bright as the eye sees it, about.
+    // Adds white until no component is negative, and scales to the approximate perceived brightness.
     let white = linear.iter().copied().fold(0.0, f64::min);
     let most = linear.iter().copied().fold(f64::MIN_POSITIVE, f64::max) - white;
     let seen =
@@ -109,13 +110,13 @@ fn of_wavelength(band: usize) -> Color32 {
     Color32::from_hex(&code).unwrap_or(Color32::BLACK)
 }
 
-/// `#rrggbb`.
+/// Formats a colour as `#rrggbb`.
 pub(super) fn code(colour: Color32) -> String {
     let [red, green, blue, _] = colour.to_array();
     format!("#{red:02x}{green:02x}{blue:02x}")
 }
 
-/// A square of a colour as it is shown, and its name to screen readers.
+/// Square of a display colour, named by its code for screen readers.
 pub(super) fn patch(ui: &mut Ui, code: &str, side: f32) -> Response {
     let (rect, response) = ui.allocate_exact_size(Vec2::splat(side), Sense::hover());
     let colour = Color32::from_hex(code).unwrap_or(Color32::BLACK);
@@ -125,7 +126,7 @@ pub(super) fn patch(ui: &mut Ui, code: &str, side: f32) -> Response {
     response
 }
 
-/// A place on the screen.
+/// Converts to f32 for screen coordinates.
 #[expect(clippy::cast_possible_truncation, reason = "pixels need no more")]
 pub(super) fn narrow(number: f64) -> f32 {
     number as f32

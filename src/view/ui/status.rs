@@ -1,30 +1,30 @@
-//! The status line: what is being computed, and what it has cost.
+//! Status line: current work and its cost.
 
 use egui::{RichText, Ui};
 
 use super::Shown;
 use crate::view::engine::Counts;
 
-/// What the status line says.
+/// Content of the status line.
 #[derive(Clone, Debug, Default)]
 pub struct Status {
-    /// The device's name.
+    /// Device name.
     pub device: String,
-    /// Pixels of the picture, across and down.
+    /// Picture size in pixels: width, height.
     pub size: [usize; 2],
-    /// How far the march under way is, 0 to 1.
+    /// Progress of the current march, 0 to 1.
     pub marching: Option<f64>,
-    /// What is at work beside the picture.
+    /// Name of the running background task.
     pub beside: Option<&'static str>,
-    /// Whether the picture is as fine as it gets.
+    /// Whether the picture has its final quality.
     pub finest: bool,
-    /// What was done so far.
+    /// Work done so far.
     pub counts: Counts,
-    /// How long the last frame took, in ms.
+    /// Duration of the last frame in ms.
     pub frame_ms: f64,
 }
 
-/// Shows it.
+/// Shows the status line.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
     let status = shown.status;
     ui.horizontal(|ui| {
@@ -37,7 +37,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>) {
         };
         let Counts { marches, relights, .. } = status.counts;
         let [width, height] = status.size;
-        // The most useful first: what does not fit is cut off at the end.
+        // The most useful parts first, because a long line is truncated at its end.
         let text = format!(
             "{at}  |  {width}×{height}  |  marches {marches}  relights {relights}  |  last frame of the window {:.1} ms  |  {}",
             status.frame_ms, status.device

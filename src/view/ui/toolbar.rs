@@ -1,4 +1,4 @@
-//! The first line: files, steps back and forward, the palette, light or dark, panels or none.
+//! Toolbar: file menu, undo and redo, palette, theme, and visibility of the panels.
 
 use egui::{Area, Button, Key, KeyboardShortcut, Modifiers, Rect, Theme, Ui, vec2};
 
@@ -12,17 +12,17 @@ const UNDO: KeyboardShortcut = KeyboardShortcut::new(Modifiers::COMMAND, Key::Z)
 const REDO: KeyboardShortcut = KeyboardShortcut::new(SHIFT, Key::Z);
 const PANELS: KeyboardShortcut = KeyboardShortcut::new(Modifiers::NONE, Key::F1);
 
-/// A line of the menu of files.
+/// An item of the file menu.
 struct Item {
     text: &'static str,
     help: &'static str,
     action: fn() -> Action,
     shortcut: Option<KeyboardShortcut>,
-    /// Whether it is about what is looked at.
+    /// Whether the item needs an open document.
     saves: bool,
 }
 
-/// Lines of more modifiers come before those of fewer: a shortcut takes more modifiers than it names.
+/// Shortcuts with more modifiers come first, because a shortcut also matches with extra modifiers.
 const FILES: [Item; 10] = [
     Item {
         text: "Open…",
@@ -96,10 +96,10 @@ const FILES: [Item; 10] = [
     },
 ];
 
-/// What keys ask for, with panels or without.
+/// Handles keyboard shortcuts, also without panels.
 pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     let pressed = |shortcut: &KeyboardShortcut| ui.input_mut(|input| input.consume_shortcut(shortcut));
-    // The longer one first, as above.
+    // The longer shortcut first, as above.
     if pressed(&REDO) {
         asked.push(Action::Redo);
     } else if pressed(&UNDO) {
@@ -115,7 +115,7 @@ pub(super) fn keys(ui: &Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     }
 }
 
-/// Shows it.
+/// Shows the toolbar.
 pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     ui.add_space(6.0);
     ui.horizontal_wrapped(|ui| {
@@ -140,13 +140,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         let palette = ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, shown.design.shown, "Palette"));
         if palette.inner.on_hover_text(help).clicked() {
             asked.push(Action::Palette(!shown.design.shown));
-            // It may lie behind the probe.
+            // The editor may lie behind the probe window.
             ui.ctx().move_to_top(palette::layer());
         }
     });
 }
 
-/// The menu of files.
+/// Shows the file menu.
 fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     ui.set_min_width(230.0);
     for item in &FILES {
@@ -166,7 +166,7 @@ fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
     }
 }
 
-/// The way back to the panels.
+/// Button that shows the panels again.
 pub(super) fn opener(ui: &Ui, rect: Rect, asked: &mut Vec<Action>) {
     Area::new("opener".into()).fixed_pos(rect.min + vec2(4.0, 4.0)).show(ui.ctx(), |ui| {
         if ui.button("Panels").on_hover_text("Shows the panels (F1).").clicked() {

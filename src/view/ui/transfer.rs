@@ -1,4 +1,4 @@
-//! The transfer function: intervals over the histogram of the values, each with its material as the light shows it.
+//! Transfer function panel: intervals over the value histogram, in their materials' colours under the current light.
 
 use std::ops::RangeInclusive;
 
@@ -22,11 +22,11 @@ use crate::view::presets::Preset;
 use crate::view::state::{Document, Edit, State};
 use crate::volume::Statistics;
 
-/// Points from the bottom to opacity 1.
+/// Height of opacity 1 in points.
 const HEIGHT: f32 = 110.0;
-/// Points across a handle.
+/// Size of a handle in points.
 const HANDLE: f32 = 9.0;
-/// Parts of the range of values that the ends of an interval are dragged by.
+/// Drag steps over the value range.
 const PARTS: f64 = 1000.0;
 
 const HELP: &str = "Grey: how often each value occurs, on a log scale. Drag an interval's inside to shift it, its corners to \
@@ -42,7 +42,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let map = Map::new(ui, statistics);
             let terms: Vec<Option<Interval>> = state.scene.transfer.terms.iter().map(Interval::of).collect();
             histogram(ui, statistics, &map);
-            // What comes last lies on top: the chosen one over others, and no body over a handle.
+            // The last one lies on top: the chosen interval over others, and handles over all bodies.
             let front = chosen(ui);
             let mut order: Vec<usize> = (0..terms.len()).collect();
             order.sort_by_key(|&index| front == Some(index));
@@ -79,7 +79,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
     });
 }
 
-/// Transfer functions to begin with.
+/// Menu of transfer presets.
 fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &mut Vec<Action>) {
     let Some(statistics) = statistics else { return };
     let menu = ui.menu_button("Presets", |ui| {
@@ -97,7 +97,7 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
     menu.response.on_hover_text("Transfer functions to begin with, in place of this one. A step back undoes it.");
 }
 
-/// What is added where nobody has said anything yet.
+/// Default interval, in the middle of the value range.
 fn middle(statistics: &Statistics) -> Interval {
     let (low, span) = (statistics.min, statistics.max - statistics.min);
     let at = |part: f64| snapped(low + part * span, span);
@@ -110,8 +110,9 @@ fn middle(statistics: &Statistics) -> Interval {
     }
 }
 
-/// What of white light comes from a material that is looked at by itself: what it reflects, or, where it absorbs some wavelengths
-/// more than others, what passes through so much of it that a tenth is left where it absorbs most.
+/// Spectrum of a material by itself under white light: its reflectance. For coloured absorption, multiplied by the
+/// transmission through the thickness that leaves a tenth at the absorption peak (transmission alone if the reflectance
+/// is 0).
 fn seen_of(material: &Material) -> Spectrum {
     let reflected = material.reflectance.spectrum();
     let Some(shape) = material.absorption.as_ref().map(Absorption::spectrum).filter(|it| !is_constant(it)) else {
@@ -121,12 +122,12 @@ fn seen_of(material: &Material) -> Spectrum {
     if *reflected == Spectrum::constant(0.0) { passed } else { &passed * reflected }
 }
 
-/// The colours of the scene's materials under the present light, lit from all its positions.
+/// Colours of the scene's materials under the current light, lit from all its positions.
 pub(super) fn colours(state: &State) -> Vec<Color32> {
     let scene = &state.scene;
     let spectra: Vec<_> = scene.materials.iter().map(seen_of).collect();
     let (materials, places) = (spectra.len(), positions(scene).len());
-    // In the dark, as they are under the scene's light: black squares tell nothing.
+    // In the dark, uses the scene's own light, because black swatches tell nothing.
     let mix = if state.is_lit() { state.mix() } else { Mix::of_scene(scene) };
     let matrices = RelightMatrices::new(&Components::Surfaces(spectra), places, None, &mix, &scene.display);
     let of = |material: usize| -> DVec3 { matrices.colours.iter().skip(material).step_by(materials.max(1)).sum() };
@@ -134,7 +135,7 @@ pub(super) fn colours(state: &State) -> Vec<Color32> {
     (0..materials).map(|material| Color32::from_hex(&code(material)).unwrap_or(Color32::GRAY)).collect()
 }
 
-/// Between values and opacities, and places on the screen.
+/// Mapping between values and opacities, and screen coordinates.
 struct Map {
     rect: Rect,
     low: f64,
@@ -169,15 +170,15 @@ impl Map {
     }
 }
 
-/// `value` in few decimals, as fine as a hand is over values that `span` so much.
+/// Rounds `value` to the precision of a drag over a range of `span`.
 fn snapped(value: f64, span: f64) -> f64 {
     let step = 10.0_f64.powf((span / PARTS).log10().floor());
-    // A decimal, to the bit: what a file and a field say in few digits.
+    // Parsed from text, to be exactly the short decimal that files and fields show.
     let places = usize::try_from(places(span).min(400)).unwrap_or(0);
     format!("{:.places$}", (value / step).round() * step).parse().unwrap_or(value)
 }
 
-/// Decimals that tell a thousandth of `span`; less than none where tens do, or hundreds.
+/// Decimals that resolve a thousandth of `span`; negative for tens, hundreds and so on.
 fn places(span: f64) -> i32 {
     let digits = (span / PARTS).log10().floor();
     let decimals = i32::try_from(whole(digits.abs().min(400.0))).unwrap_or(0);
@@ -199,7 +200,7 @@ fn histogram(ui: &Ui, statistics: &Statistics, map: &Map) {
     }
 }
 
-/// The values at both ends of the histogram.
+/// Shows the values at both ends of the histogram.
 fn ends(ui: &mut Ui, statistics: &Statistics) {
     let places = places(statistics.max - statistics.min);
     let end = |value: f64| RichText::new(text(value, places)).small().weak();
@@ -208,14 +209,14 @@ fn ends(ui: &mut Ui, statistics: &Statistics) {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             ui.label(end(statistics.max));
             ui.with_layout(egui::Layout::top_down(egui::Align::Center), |ui| {
-                // Not over the histogram itself: it would lie on what is dragged there, and on the numbers below.
+                // Not on the histogram, where the tooltip would cover the handles and the numbers below.
                 ui.label(RichText::new("what can be dragged?").small().weak()).on_hover_text(HELP);
             });
         });
     });
 }
 
-/// The opacity of a term over the values, filled with its material's colour.
+/// Plots a term's opacity over the values, filled with its material's colour.
 fn outline(ui: &Ui, term: &Term, map: &Map, colours: &[Color32], chosen: bool) {
     let colour = |material: usize| colours.get(material).copied().unwrap_or(Color32::GRAY);
     let fill = term.material.0.first().map_or(Color32::GRAY, |&(_, material)| colour(material));
@@ -223,7 +224,7 @@ fn outline(ui: &Ui, term: &Term, map: &Map, colours: &[Color32], chosen: bool) {
     let stroke = if chosen { Stroke::new(2.0, strong) } else { Stroke::new(1.0, strong.gamma_multiply(0.8)) };
     let painter = ui.painter().with_clip_rect(map.rect.expand(HANDLE / 2.0));
     let points: Vec<Pos2> = term.opacity.iter().map(|&(value, opacity)| pos2(map.x(value), map.y(opacity))).collect();
-    // Piece by piece: each is convex, the whole of a curve need not be.
+    // Filled piecewise, because each piece is convex but the whole curve may not be.
     for pair in points.windows(2) {
         let foot = |point: Pos2| pos2(point.x, map.rect.bottom());
         let piece = vec![foot(pair[0]), pair[0], pair[1], foot(pair[1])];
@@ -232,7 +233,7 @@ fn outline(ui: &Ui, term: &Term, map: &Map, colours: &[Color32], chosen: bool) {
     painter.line(points, stroke);
 }
 
-/// Whether no value that occurs, and no label, shows anything; and what would.
+/// If no occurring value and no label is visible, returns a button text and an edit that makes something visible.
 pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)> {
     let (statistics, scene) = (document.statistics()?, &document.state().scene);
     let bins = &statistics.histogram;
@@ -261,7 +262,7 @@ pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)>
     Some(("Show all values", Edit::AddInterval(Interval { range, ramp: 0.0, ..middle(statistics) })))
 }
 
-/// What of an interval can be dragged.
+/// Draggable part of an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Part {
     From,
@@ -296,18 +297,18 @@ fn moved(interval: &Interval, map: &Map, part: Part, to: Pos2) -> Interval {
     }
 }
 
-/// `interval` with both its ends shifted by as much, as fine as a file and a field say it.
+/// Shifts both ends of `interval` by the same amount, rounded to the precision of files and fields.
 fn shifted(interval: &Interval, by: f64, map: &Map) -> Interval {
     let places = usize::try_from((places(map.span) + 3).min(400)).unwrap_or(0);
     let range = interval.range.map(|end| format!("{:.places$}", end + by).parse().unwrap_or(end));
     Interval { range, ..*interval }
 }
 
-/// The inside of an interval, which is dragged with both its ends.
+/// Draggable inside of an interval, which moves both its ends.
 fn body(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<Action>) {
     let [low, high] = interval.range.map(|end| map.x(end));
     let inside = Rect::from_x_y_ranges(low..=high, map.y(interval.opacity)..=map.rect.bottom());
-    // What is flat or thin is caught, too.
+    // Flat and thin intervals get a minimum grab area.
     let inside = inside.expand2((Vec2::splat(HANDLE) - inside.size()).max(Vec2::ZERO) / 2.0);
     let inside = inside.intersect(map.rect.expand(HANDLE / 2.0));
     if !inside.is_positive() {
@@ -319,7 +320,7 @@ fn body(ui: &Ui, index: usize, interval: &Interval, map: &Map, asked: &mut Vec<A
     let pointer = hand.interact_pointer_pos().map(|pointer| map.value(pointer.x));
     if let (true, Some(value)) = (hand.is_pointer_button_down_on(), pointer) {
         choose(ui, index);
-        // Where it was caught, which small steps of the hand must not lose.
+        // Interval and value at the start of the drag, so that small pointer moves are not lost to rounding.
         let (was, from) = ui.data_mut(|data| *data.get_temp_mut_or(id, (*interval, value)));
         if hand.dragged() {
             asked.push(Action::Edit(Edit::Interval(index, shifted(&was, value - from, map))));
@@ -366,7 +367,7 @@ fn choose(ui: &Ui, index: usize) {
     ui.data_mut(|data| data.insert_temp(choice(), index));
 }
 
-/// A term in numbers.
+/// A term with its number fields.
 fn row(
     ui: &mut Ui,
     state: &State,
@@ -402,12 +403,12 @@ fn row(
     let Some(interval) = interval else { return };
     let span = statistics.map_or(1.0, |it| it.max - it.min).max(f64::MIN_POSITIVE);
     let mut now = interval;
-    // Long numbers go on in another line: they would widen the panels.
+    // Wrapped, because long numbers would widen the panels.
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         ui.spacing_mut().interact_size.x = 46.0;
         let field = |ui: &mut Ui, value: &mut f64, speed: f64, range: RangeInclusive<f64>, name: &str, help: &str| {
-            // Values in as many digits as their range needs, and parts of the light in four.
+            // Values with the digits that their range needs, opacity with four decimals.
             let decimals = if name == "opacity" { 4 } else { places(span / 10.0) };
             let dragged = number(ui, value, decimals, |drag| drag.speed(speed).range(range)).on_hover_text(help);
             let value = *value;
@@ -426,7 +427,7 @@ fn row(
         let [from, to] = now.range;
         let is_typed = |field: &Response| field.changed() && !field.dragged();
         if from > to {
-            // One that is dragged stops at the other, and one that is typed takes it along.
+            // A dragged end stops at the other; a typed one moves the other along.
             let from_rules = is_typed(&from_field) || !from_field.changed() && to_field.dragged();
             now.range = [if from_rules { from } else { to }; 2];
         }
@@ -478,7 +479,7 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) -> Response
     response.on_hover_text(help)
 }
 
-/// The material that is chosen now, where it is another one.
+/// Returns the newly chosen material, if it changed.
 fn choose_material(ui: &mut Ui, id: (&str, usize), materials: &[Material], now: usize) -> Option<usize> {
     let mut material = now;
     let name = |index: usize| materials.get(index).map_or("", |material| &*material.name);
@@ -490,7 +491,7 @@ fn choose_material(ui: &mut Ui, id: (&str, usize), materials: &[Material], now: 
     (material != now).then_some(material)
 }
 
-/// The label table.
+/// Shows the label table.
 fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Action>) {
     let Some(labels) = state.scene.labels.as_ref().filter(|labels| !labels.declared.is_empty()) else { return };
     let title = RichText::new("Labels").strong();
