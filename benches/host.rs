@@ -5,14 +5,15 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 
+use relume::document::{SceneOptions, load_peer};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::plan::plan;
 use relume::progress::Quiet;
-use relume::scene::{Mix, SceneOptions, load_peer};
+use relume::scene::Mix;
 use relume::tables::{Cells, Storage, TransferTable};
 
 fn host(criterion: &mut Criterion) {
-    let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene");
+    let scene = load_peer(&SceneOptions::default(), &Quiet).expect("the embedded scene").scene;
     let planned = plan(&scene, &Quiet).expect("weights need no fit");
     let statistics = scene.volume.statistics().expect("the phantom has values");
     let storage = Storage::new(&planned.plan, &scene.volume, &statistics);

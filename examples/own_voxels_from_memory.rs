@@ -5,12 +5,13 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use relume::document::{SceneOptions, parse};
 use relume::film::RelightMatrices;
 use relume::output::{Alpha, Depth, Picture, write_png};
 use relume::plan::{plan, plan_full_spectrum};
 use relume::progress::Quiet;
 use relume::reference::{self, Exact};
-use relume::scene::{Mix, SceneOptions, parse};
+use relume::scene::Mix;
 use relume::tables::Storage;
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -40,7 +41,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let geometry = Geometry::unit("ball", [side.into(); 3])?;
-    let mut scene = parse("example", SCENE, Path::new(""), &SceneOptions::default(), &Quiet)?;
+    let mut scene = parse("example", SCENE, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
     scene.volume = Arc::new(Volume::new("ball", Voxels::F64(values), geometry)?);
 
     // The truth: all 81 bands in f64.

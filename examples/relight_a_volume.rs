@@ -4,10 +4,11 @@
 use std::error::Error;
 use std::path::PathBuf;
 
+use relume::document::{SceneOptions, load_embedded};
 use relume::output::write_ready_png;
 use relume::progress::Quiet;
 use relume::render::{Renderer, SceneRenderer};
-use relume::scene::{Mix, SceneOptions, load_embedded};
+use relume::scene::Mix;
 use relume::spectrum::standard::light;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
@@ -16,7 +17,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let size = [200, 200];
 
     // Scene → plan → device → film.
-    let scene = load_embedded(&SceneOptions::default(), &Quiet)?;
+    let scene = load_embedded(&SceneOptions::default(), &Quiet)?.scene;
     let renderer = Renderer::new(Device::open(&DeviceChoice::Auto, Validation::Off)?);
     let on_device = SceneRenderer::new(&renderer, scene, &Quiet)?;
     let film = on_device.march(size, &Quiet)?;

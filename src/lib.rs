@@ -16,7 +16,7 @@
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // Scene → plan → device → film.
-//! let scene = scene::load("scene.toml".as_ref(), &SceneOptions::default(), &Quiet)?;
+//! let scene = document::load("scene.toml".as_ref(), &SceneOptions::default(), &Quiet)?.scene;
 //! let renderer = Renderer::new(Device::open(&DeviceChoice::Auto, Validation::Off)?);
 //! let on_device = SceneRenderer::new(&renderer, scene, &Quiet)?;
 //! let film = on_device.march([800, 800], &Quiet)?;
@@ -54,6 +54,7 @@
 //!
 //! The other modules serve the program and its tests.
 
+pub mod document;
 pub mod film;
 pub mod input;
 pub mod measure;

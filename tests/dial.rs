@@ -2,11 +2,12 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::{DVec2, dvec2};
+use relume::document::{Dial, DialNode, SceneError, SceneFile, SceneOptions, parse};
 use relume::progress::Quiet;
-use relume::scene::{Dial, DialNode, Mix, MixLight, Scene, SceneError, SceneOptions, parse};
+use relume::scene::{Mix, MixLight};
 use relume::spectrum::{Light, Spectrum};
 
-fn scene(more: &str) -> Result<Scene, SceneError> {
+fn scene(more: &str) -> Result<SceneFile, SceneError> {
     let text = format!(
         "version = 1\n[volume]\nphantom = \"slab\"\ndims = [4, 4, 4]\n\
          [lights.a]\nspectrum = \"A\"\n[lights.b]\nspectrum = \"FL11\"\nintensity = 2\n[lights.c]\nspectrum = \"D65\"\n{more}"

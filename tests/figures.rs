@@ -7,8 +7,10 @@ mod support;
 use std::path::Path;
 
 use glam::dvec2;
+use relume::document;
+use relume::document::SceneOptions;
 use relume::progress::Quiet;
-use relume::scene::{self, Mix, Scene, SceneOptions};
+use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::{Lab, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use support::program::Folder;
 
@@ -125,17 +127,18 @@ fn colour(scene: &Scene, material: &str, mix: &Mix) -> Lab {
 #[test]
 fn the_block_of_figure_6_keeps_its_colour_under_every_mix() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/figures/fig6.toml");
-    let definitions = vec![scene::Definition::new("volume.dims=[8,8,8]")];
-    let scene = scene::load(&path, &SceneOptions { definitions, ..SceneOptions::default() }, &Quiet).unwrap();
+    let definitions = vec![document::Definition::new("volume.dims=[8,8,8]")];
+    let file = document::load(&path, &SceneOptions { definitions, ..SceneOptions::default() }, &Quiet).unwrap();
+    let (scene, dial) = (file.scene, file.dial);
     let stated = Mix::of_scene(&scene);
-    let of = |hand| colour(&scene, "block", &scene.dial.mix(hand, &stated));
-    let first = of(scene.dial.nodes[0].place);
+    let of = |hand| colour(&scene, "block", &dial.mix(hand, &stated));
+    let first = of(dial.nodes[0].place);
     let mut worst = 0.0_f64;
     for step in 0..400_u32 {
         let (x, y) = (f64::from(step % 20) / 8.0 - 1.2, f64::from(step / 20) / 8.0 - 1.2);
         worst = worst.max(ciede2000(first, of(dvec2(x, y))));
     }
-    for node in &scene.dial.nodes {
+    for node in &dial.nodes {
         worst = worst.max(ciede2000(first, of(node.place)));
     }
     println!("block of figure 6 under 400 mixes: at most ΔE00 {worst:.3}");

@@ -9,6 +9,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use hostile::{Counting, Place, Reader, most_held};
+use relume::document;
 use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelKind};
 use relume::output::FilmFile;
 use relume::output::film::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored};
@@ -372,7 +373,7 @@ fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
 #[cfg(unix)]
 #[test]
 fn what_never_ends_or_never_begins_is_no_file_for_any_reader() {
-    use relume::scene::{self, SceneOptions};
+    use relume::document::SceneOptions;
     use relume::spectrum::SpectrumSource;
     let folder = tempfile::tempdir().unwrap();
     let pipe = folder.path().join("pipe.toml");
@@ -382,7 +383,7 @@ fn what_never_ends_or_never_begins_is_no_file_for_any_reader() {
         let said = |error: &dyn std::error::Error| format!("{error}: {}", error.source().expect("a cause"));
         let light = SpectrumSource::File { path: path.to_owned(), column: None }.light(Path::new("")).unwrap_err();
         let file = FilmFile::read(path).unwrap_err();
-        let scene = scene::load(path, &SceneOptions::default(), &Quiet).map(drop).unwrap_err();
+        let scene = document::load(path, &SceneOptions::default(), &Quiet).map(drop).unwrap_err();
         let volume = volume::open(path, &Selection::default(), &Quiet).map(drop).unwrap_err();
         for error in [&light as &dyn std::error::Error, &file, &scene, &volume] {
             assert!(said(error).contains(what), "{}", said(error));

@@ -3,19 +3,21 @@
 
 mod support;
 
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::iter;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use relume::document::{Definition, SceneOptions, load_embedded, parse};
 use relume::measure::{
     Cause, Difference, Findings, Knob, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyError, SurveyOptions,
     Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown, trade,
 };
 use relume::plan::plan_full_spectrum;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{Definition, Projection, Scene, SceneOptions, load_embedded, parse};
+use relume::scene::{Projection, Scene};
 use support::program::{Folder, SCENE};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, GLASS, glass_straight_on, parsed};
@@ -148,7 +150,7 @@ fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let models = "model=nodes,rgb-naive,rgb-prefiltered,rgb-fitted";
     // Six materials of the program's own scene, in an eighth of its voxels along each axis: RGB can hold two.
     let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
-    for scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap()] {
+    for scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap().scene] {
         measured(&scene, &[models], |_, rows| {
             let found = NodesBesideRgb::of(rows).unwrap();
             assert_eq!(found.of.len(), 3, "{found:?}");
@@ -324,7 +326,8 @@ fn timed(rows: &[Measured], times: &[f64], apart: f64) -> Vec<Measured> {
 /// The report of them.
 fn page(survey: &Survey<'_>, rows: &[Measured], times: &[f64], apart: f64) -> String {
     let rows = timed(rows, times, apart);
-    let findings = Findings { rows: &rows, refused: &[], close_up: None, interrupted: false };
+    let findings =
+        Findings { rows: &rows, refused: &[], close_up: None, interrupted: false, spectra: &BTreeMap::new() };
     html(survey, &findings).unwrap()
 }
 
@@ -414,7 +417,7 @@ fn every_setting_shows_all_parts_of_its_error() {
         let number = |bar: &str, name: &str| -> f64 {
             bar.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
         };
-        let mut lines = std::collections::BTreeMap::new();
+        let mut lines = BTreeMap::new();
         for bar in drawing.split("<rect").skip(1).filter(|bar| number(bar, "height") > 12.0) {
             let line: &mut (f64, Vec<&str>) =
                 lines.entry(bar.split(" y=\"").nth(1).unwrap().split('"').next()).or_default();
@@ -493,7 +496,7 @@ fn a_setting_can_be_written_as_definitions_of_the_scene() {
             definitions: definitions.iter().map(|text| Definition::new(text)).collect(),
             ..SceneOptions::default()
         };
-        let read = parse("glass", GLASS, Path::new(""), &options, &Quiet).unwrap();
+        let read = parse("glass", GLASS, Path::new(""), &options, &Quiet).unwrap().scene;
         let meant = setting.applied(&scene);
         assert_eq!((read.accuracy, read.transfer), (meant.accuracy, meant.transfer), "{setting}: {definitions:?}");
     }

@@ -420,8 +420,12 @@ fn relighting_what_the_reference_marched_equals_the_reference_under_that_light()
         let rungs = Rungs::new(scene, [16, 16]);
         let marched = rungs.march::<f64>(&rungs.exact());
         for name in ["FL11", "E"] {
-            let mix =
-                Mix::requested(&rungs.mix, &["fill".into(), "key".into()], &[name.parse().unwrap()], Path::new(""));
+            let mix = relume::document::requested(
+                &rungs.mix,
+                &["fill".into(), "key".into()],
+                &[name.parse().unwrap()],
+                Path::new(""),
+            );
             let matrices = support::rungs::in_xyz(&rungs.matrices_under(&mix.unwrap()));
             let (found, _) = relit(&folder, "acc.exr", &["--light", name]);
             assert_same_xyz(&format!("{flags:?} {name}"), &found, &marched.relight(&matrices));

@@ -11,8 +11,8 @@ use std::io::Write as _;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::{DMat3, DVec3};
+use relume::document::SceneOptions;
 use relume::progress::Quiet;
-use relume::scene::SceneOptions;
 use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
 use tempfile::TempDir;
 
@@ -589,7 +589,8 @@ fn a_world_is_a_patients_where_the_space_says_so() {
              kind = \"ambient\"\n"
         );
         files.with("scene.toml", scene.as_bytes());
-        let scene = relume::scene::load(&files.0.path().join("scene.toml"), &SceneOptions::default(), &Quiet).unwrap();
+        let scene =
+            relume::document::load(&files.0.path().join("scene.toml"), &SceneOptions::default(), &Quiet).unwrap().scene;
         assert_eq!(scene.volume.anatomical, anatomical, "what a scene says of its axes is not said by the file");
     }
 }

@@ -8,6 +8,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::DVec3;
+use relume::document;
+use relume::document::SceneFile;
+use relume::document::SceneOptions;
 use relume::measure::Stopwatch;
 use relume::model::random::Random;
 use relume::palette::{
@@ -15,7 +18,7 @@ use relume::palette::{
     solve,
 };
 use relume::progress::{Progress, Quiet};
-use relume::scene::{self, Scene, SceneOptions};
+use relume::scene::Scene;
 use relume::spectrum::colour::{
     Lab, LinearSrgb, OBSERVER, Xyz, ciede2000, d65_white, lab_from_xyz, linear_srgb_from_xyz, xyz, xyz_from_lab, xyz_of,
 };
@@ -678,9 +681,9 @@ fn what_is_wrong_with_a_palette_file_is_told_where_it_stands() {
 
 // ---- scenes ----
 
-fn scene(palette: &str, rest: &str) -> Result<Scene, scene::SceneError> {
+fn scene(palette: &str, rest: &str) -> Result<SceneFile, document::SceneError> {
     let text = format!("version = 1\n{rest}\n[volume]\nphantom = \"slab\"\ndims = [4, 4, 4]\n{palette}\n");
-    scene::parse("a scene", &text, &examples(), &SceneOptions::default(), &Quiet)
+    document::parse("a scene", &text, &examples(), &SceneOptions::default(), &Quiet)
 }
 
 #[test]
@@ -691,6 +694,8 @@ fn a_scene_takes_its_spectra_from_a_palette() {
         "",
     )
     .unwrap();
+    assert_eq!(used.inputs, [examples().join("background.toml")]);
+    let used = used.scene;
     let names: Vec<&str> = used.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(names, ["tissue", "vessel"]);
     assert!(used.materials[1].xray && used.materials[1].reflectance == palette.materials[2]);
@@ -703,21 +708,21 @@ fn a_scene_takes_its_spectra_from_a_palette() {
         let seen = xyz(&used.lights[1].spectrum, &used.materials[1].reflectance).0[axis];
         assert!((seen - palette.cell(2, 1).unwrap().xyz.0[axis]).abs() <= 1e-12);
     }
-    assert_eq!(used.inputs, [examples().join("background.toml")]);
 }
 
 #[test]
 fn a_palette_stands_in_a_scene_too() {
     let text = SMALL.replace("version = 1\n", "").replace('[', "[palette.").replace("= [palette.", "= [");
-    let used = scene(&text, "").unwrap();
+    let used = scene(&text, "").unwrap().scene;
     assert_eq!(used.materials.len(), 2);
     assert_eq!(used.materials[0].reflectance, standard::reflectance("white 9.5").unwrap());
     let define = |definition: &str| {
         let text = format!("version = 1\n[volume]\nphantom = \"slab\"\ndims = [4, 4, 4]\n{text}");
-        let options = SceneOptions { definitions: vec![scene::Definition::new(definition)], ..SceneOptions::default() };
-        scene::parse("a scene", &text, Path::new(""), &options, &Quiet)
+        let options =
+            SceneOptions { definitions: vec![document::Definition::new(definition)], ..SceneOptions::default() };
+        document::parse("a scene", &text, Path::new(""), &options, &Quiet)
     };
-    let dark = define("palette.cells.flesh.day=#202020").unwrap();
+    let dark = define("palette.cells.flesh.day=#202020").unwrap().scene;
     let seen = |scene: &Scene| xyz(&scene.lights[0].spectrum, &scene.materials[1].reflectance).0[1];
     assert!(seen(&dark) < 0.5 * seen(&used));
     let error = define("palette.cells.flesh.day=gray").unwrap_err().to_string();
@@ -738,11 +743,11 @@ fn a_definition_that_says_nothing_new_leaves_a_designed_scene_as_it_is() {
         skin = { zeta = "#8f8f8f", alpha = "#40a040" }
         bone = { zeta = "as skin" }
         "##;
-    let with = |definitions: Vec<scene::Definition>| {
+    let with = |definitions: Vec<document::Definition>| {
         let options = SceneOptions { definitions, ..SceneOptions::default() };
-        scene::parse("a scene", text, Path::new(""), &options, &Quiet).unwrap()
+        document::parse("a scene", text, Path::new(""), &options, &Quiet).unwrap().scene
     };
-    let (plain, defined) = (with(Vec::new()), with(vec![scene::Definition::new("display.exposure=1")]));
+    let (plain, defined) = (with(Vec::new()), with(vec![document::Definition::new("display.exposure=1")]));
     assert_eq!(plain.lights, defined.lights);
     assert_eq!(plain.materials, defined.materials);
     // What is designed is the palette of the scene.

@@ -7,9 +7,11 @@ mod support;
 use std::path::Path;
 
 use glam::DVec3;
+use relume::document;
+use relume::document::SceneOptions;
 use relume::progress::Quiet;
 use relume::render::Renderer;
-use relume::scene::{self, Scene, SceneOptions};
+use relume::scene::Scene;
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
 use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, in_xyz, with_renderer};
@@ -34,10 +36,10 @@ fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
         "#
     );
     let options = SceneOptions {
-        definitions: changes.iter().map(|&change| scene::Definition::new(change)).collect(),
+        definitions: changes.iter().map(|&change| document::Definition::new(change)).collect(),
         ..SceneOptions::default()
     };
-    scene::parse(
+    document::parse(
         "the test's scene",
         &text,
         &Path::new(env!("CARGO_MANIFEST_DIR")).join("data/palettes"),
@@ -45,6 +47,7 @@ fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
         &Quiet,
     )
     .unwrap()
+    .scene
 }
 
 /// What a picture of a scene under one of its lights is.

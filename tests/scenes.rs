@@ -6,11 +6,14 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
+use relume::document;
+use relume::document::{Definition, SceneOptions};
 use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{self, AccumulateAs, Definition, Scene, SceneOptions, positions};
+use relume::scene::{AccumulateAs, Scene, positions};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::tables::TransferTable;
 use relume::volume::phantom::Phantom;
 
 use support::rungs::{Rungs, with_renderer};
@@ -44,23 +47,23 @@ fn quartered(dims: [usize; 3]) -> SceneOptions {
 
 fn load(name: &str, options: &SceneOptions) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/scenes").join(name);
-    scene::load(&path, options, &Quiet).unwrap()
+    document::load(&path, options, &Quiet).unwrap().scene
 }
 
 /// Two lights that relighting can tell apart, and no material that nothing shows.
 fn check(scene: &Scene) {
-    assert_eq!(positions(scene).len(), 2, "{}", scene.source);
+    assert_eq!(positions(scene).len(), 2, "{}", scene.name);
     let used = plan(scene, &Quiet).unwrap().materials;
     let unused: Vec<_> = (0..scene.materials.len())
         .filter(|material| !used.contains(material))
         .map(|material| &scene.materials[material].name)
         .collect();
-    assert_eq!(unused, [""; 0], "{}", scene.source);
+    assert_eq!(unused, [""; 0], "{}", scene.name);
 }
 
 #[test]
 fn the_default_scene_shows_all_its_materials() {
-    check(&scene::load_embedded(&quartered(Phantom::Frog.dims()), &Quiet).unwrap());
+    check(&document::load_embedded(&quartered(Phantom::Frog.dims()), &Quiet).unwrap().scene);
 }
 
 #[test]
@@ -98,12 +101,12 @@ fn planned(rungs: &Rungs) -> (Accumulate, Transmittance, usize) {
 /// The device's picture against all 81 bands, in every pixel: within the tolerance of the scene, or exact but for rounding.
 fn shows_its_colours(rungs: &Rungs) {
     let truth = rungs.stored_truth();
-    assert!(truth.iter().any(|colour| colour.y > 0.1), "{} is dark", rungs.scene.source);
+    assert!(truth.iter().any(|colour| colour.y > 0.1), "{} is dark", rungs.scene.name);
     with_renderer(|renderer| {
         let shown = rungs.gpu(renderer).relight(&rungs.xyz_matrices());
         let worst = shown.iter().zip(&truth).map(|(one, other)| difference(*one, *other)).fold(0.0, f64::max);
         let limit = if rungs.planned.model.is_some() { rungs.scene.accuracy.tolerance } else { WEIGHTS_DEVICE };
-        assert!(worst <= limit, "{}: ΔE00 {worst}", rungs.scene.source);
+        assert!(worst <= limit, "{}: ΔE00 {worst}", rungs.scene.name);
     });
 }
 
@@ -190,4 +193,48 @@ fn the_inked_frog_is_the_same_by_weights_and_by_k_numbers() {
     check(&weights.scene);
     shows_its_colours(&weights);
     shows_its_colours(&spectral);
+}
+
+/// Builds a table of `entries` (default: automatic) for an interval one value wide, from 31000.
+fn table(entries: &str) -> Option<TransferTable> {
+    let text = format!(
+        "version = 1\n[volume]\nphantom = \"slab\"\n[materials.m]\nreflectance = 0.5\n[transfer]\n{entries}\n\
+         [[transfer.intervals]]\nmaterial = \"m\"\nrange = [31000, 31001]\nopacity = 0.5\n"
+    );
+    let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet);
+    scene.ok().and_then(|file| {
+        let scene = file.scene;
+        plan(&scene, &Quiet).ok().map(|planned| TransferTable::new(&scene, &planned, [0.0, 65535.0]))
+    })
+}
+
+/// Opacity of [`table`] at the voxel value `value`.
+fn opacity_at(value: f64, entries: &str) -> f64 {
+    table(entries).map_or(f64::NAN, |table| {
+        // One entry for each of the 65,536 values, or fewer.
+        let last = u32::try_from(table.entries() - 1).unwrap();
+        let place = value / 65535.0 * f64::from(last);
+        let before = (0..last).rev().find(|&entry| f64::from(entry) <= place).unwrap_or(0);
+        let at = |entry: u32| f64::from(table.opacity[entry as usize]);
+        (at(before + 1) - at(before)).mul_add(place - f64::from(before), at(before))
+    })
+}
+
+#[test]
+fn active_are_the_places_that_an_active_entry_counts_at() {
+    assert_eq!(table("").map(|table| (table.entries(), table.active())), Some((65536, [30999.0, 31002.0])));
+}
+
+#[test]
+fn an_interval_one_value_wide_survives_in_16_bit_data() {
+    for value in [31000.0, 31001.0] {
+        assert!((opacity_at(value, "") - 0.5).abs() <= 1e-6, "opacity at {value}: {}", opacity_at(value, ""));
+    }
+    for value in [30999.0, 31002.0] {
+        assert!(opacity_at(value, "").abs() <= 1e-6, "opacity at {value}: {}", opacity_at(value, ""));
+    }
+    // Fewer entries lose the interval: the narrowest feature determines their number.
+    for entries in ["entries = 1024", "entries = 4096"] {
+        assert!(opacity_at(31000.0, entries) < 0.25, "{entries}: {}", opacity_at(31000.0, entries));
+    }
 }

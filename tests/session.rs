@@ -7,29 +7,33 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
+use relume::document;
+use relume::document::Source;
+use relume::document::design::{self, Spectra, Step};
+use relume::document::moves::{Move, Side};
+use relume::document::session;
+use relume::document::{Definition, SceneFile, SceneOptions};
+use relume::document::{Document, Edit, Mixing, SessionError, State};
+use relume::document::{Question, Unknown};
 use relume::palette::{Member, ModelTerm};
 use relume::progress::Quiet;
-use relume::scene::{self, AccumulateAs, Accuracy, Definition, Interval, Scene, SceneOptions};
+use relume::scene::{AccumulateAs, Accuracy, Interval, Scene};
 use relume::spectrum::deficiency::Deficiency;
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{Reflectance, Spectrum};
-use relume::view::camera::{Move, Side};
-use relume::view::design::{self, Spectra, Step};
-use relume::view::load::{Question, Source, Unknown};
-use relume::view::{Document, Edit, Mixing, SessionError, State, session};
 use relume::volume::{Selection, Several};
 use support::program::{Folder, SCENE, labelled};
 
-fn scene() -> Scene {
+fn scene() -> SceneFile {
     parse(&format!("# a frog\n{}", labelled()))
 }
 
-fn parse(text: &str) -> Scene {
-    scene::parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+fn parse(text: &str) -> SceneFile {
+    document::parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
 }
 
 /// The text of the session and the scene that it is.
-fn saved(document: &Document) -> (String, Scene) {
+fn saved(document: &Document) -> (String, SceneFile) {
     let text =
         session::text(Path::new("session.toml"), &Source::default(), document.opened(), document.state()).unwrap();
     let scene = parse(&text);
@@ -42,7 +46,7 @@ fn interval(material: usize) -> Interval {
 
 fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
     let accumulate = if dimension.is_some() { AccumulateAs::Spectral } else { AccumulateAs::Auto };
-    Accuracy { step_length, dimension, accumulate, ..scene().accuracy }
+    Accuracy { step_length, dimension, accumulate, ..scene().scene.accuracy }
 }
 
 /// Edits of every kind, one after the other.
@@ -87,7 +91,7 @@ fn edits() -> Vec<Edit> {
         Edit::ResetTransfer,
         Edit::Accuracy(accuracy(1.3, None)),
         Edit::Accuracy(accuracy(0.7, Some(5))),
-        Edit::Design(Step::Take(Arc::new(design::wished(&scene())))),
+        Edit::Design(Step::Take(Arc::new(design::wished(&scene().scene)))),
         Edit::Design(Step::Open(design::Side::Material, 0, false)),
         Edit::Design(Step::Open(design::Side::Light, 1, true)),
         Edit::Design(Step::Bounds(design::Side::Light, 1, [0.0, 4.0])),
@@ -106,8 +110,8 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
     let mut document = Document::new(scene());
     for edit in edits() {
         document.edit(&edit);
-        let (text, scene) = saved(&document);
-        let (state, opened) = (document.state(), Document::new(scene));
+        let (text, file) = saved(&document);
+        let (state, opened) = (document.state(), Document::new(file));
         let (ours, theirs) = (&state.scene, opened.state());
         let view = |scene: &Scene| scene.camera.view(&scene.volume.geometry, 1.5).unwrap();
         assert_eq!(view(&theirs.scene), view(ours), "{edit:?}: {text}");
@@ -115,7 +119,7 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         let labels = |scene: &Scene| scene.labels.as_ref().unwrap().declared.clone();
         assert_eq!(labels(&theirs.scene), labels(ours), "{edit:?}: {text}");
         assert_eq!(theirs.scene.crop, ours.crop, "{edit:?}: {text}");
-        assert_eq!(theirs.scene.dial, ours.dial, "{edit:?}: {text}");
+        assert_eq!(theirs.dial, state.dial, "{edit:?}: {text}");
         assert_eq!(theirs.scene.display, ours.display, "{edit:?}: {text}");
         assert_eq!(theirs.scene.accuracy, ours.accuracy, "{edit:?}: {text}");
         assert_eq!(theirs.scene.materials, ours.materials, "{edit:?}: {text}");
@@ -127,7 +131,7 @@ fn a_session_opens_as_it_was_saved_to_the_bit() {
         };
         assert_eq!(asked(theirs), asked(state), "{edit:?}: {text}");
         assert_eq!(theirs.mix(), state.mix(), "{edit:?}: {text}");
-        assert_eq!(theirs.scene.opening_mix(), state.mix(), "{edit:?}: {text}");
+        assert_eq!(opened.opened().opening_mix(), state.mix(), "{edit:?}: {text}");
         assert_eq!(theirs.light.sliders, state.light.sliders, "{edit:?}: {text}");
         assert_eq!(saved(&opened).0, text, "saved again, after {edit:?}");
         assert!(text.starts_with("# a frog\n"), "comments are kept: {text}");
@@ -142,14 +146,14 @@ fn nothing_changed_is_the_scene_itself() {
 
 #[test]
 fn paths_of_a_session_start_where_those_of_the_scene_did() {
-    let opened = Scene { base: PathBuf::from("/data/frogs"), ..scene() };
+    let opened = SceneFile { base: PathBuf::from("/data/frogs"), ..scene() };
     let document = Document::new(opened);
     let text =
         |path: &str| session::text(Path::new(path), &Source::default(), document.opened(), document.state()).unwrap();
     assert!(!text("/data/frogs/session.toml").contains("base ="));
     let elsewhere = text("/elsewhere/session.toml");
     assert!(elsewhere.contains("base = \"/data/frogs\"\n"), "{elsewhere}");
-    let scene = scene::parse("test", &elsewhere, Path::new("/elsewhere"), &SceneOptions::default(), &Quiet).unwrap();
+    let scene = document::parse("test", &elsewhere, Path::new("/elsewhere"), &SceneOptions::default(), &Quiet).unwrap();
     assert_eq!(scene.base, Path::new("/data/frogs"));
 }
 
@@ -157,12 +161,12 @@ fn paths_of_a_session_start_where_those_of_the_scene_did() {
 fn what_the_command_line_has_changed_is_saved() {
     let definitions = vec![Definition::new("display.exposure=3"), Definition::new("accuracy.k=5")];
     let options = SceneOptions { definitions, ..SceneOptions::default() };
-    let opened = scene::parse("test", SCENE, Path::new(""), &options, &Quiet).unwrap();
-    let (_, scene) = saved(&Document::new(opened));
+    let opened = document::parse("test", SCENE, Path::new(""), &options, &Quiet).unwrap();
+    let scene = saved(&Document::new(opened)).1.scene;
     assert_eq!((scene.display.exposure, scene.accuracy.dimension), (3.0, Some(5)));
 
     let smaller = SceneOptions { downsample: Some([2, 2, 1]), ..SceneOptions::default() };
-    let opened = scene::parse("test", SCENE, Path::new(""), &smaller, &Quiet).unwrap();
+    let opened = document::parse("test", SCENE, Path::new(""), &smaller, &Quiet).unwrap();
     let document = Document::new(opened);
     let source = Source { path: None, options: smaller };
     let refused = session::text(Path::new("session.toml"), &source, document.opened(), document.state());
@@ -176,10 +180,10 @@ fn a_curve_of_the_transfer_function_stays_or_goes() {
     assert_eq!(document.state().scene.transfer.terms.len(), 3);
     document.edit(&Edit::AddInterval(interval(0)));
     let (text, scene) = saved(&document);
-    assert_eq!(scene.transfer, document.state().scene.transfer, "{text}");
+    assert_eq!(scene.scene.transfer, document.state().scene.transfer, "{text}");
     document.edit(&Edit::RemoveTerm(3));
     let (text, scene) = saved(&document);
-    assert_eq!(scene.transfer, document.state().scene.transfer, "{text}");
+    assert_eq!(scene.scene.transfer, document.state().scene.transfer, "{text}");
 }
 
 #[test]
@@ -200,7 +204,7 @@ fn intervals_that_no_scene_may_state_are_not_made() {
             document.edit(&Edit::Label(0, 0, number));
             document.edit(&Edit::Label(7, 9, number));
             let (text, scene) = saved(&document);
-            assert_eq!(scene.transfer, document.state().scene.transfer, "{changed:?}: {text}");
+            assert_eq!(scene.scene.transfer, document.state().scene.transfer, "{changed:?}: {text}");
         }
     }
 }
@@ -231,24 +235,24 @@ fn a_situation_keeps_its_name_to_itself_and_which_nodes_are_out() {
     document.edit(&Edit::Keep(String::new()));
     document.edit(&Edit::Rename(0, "dusk".to_owned()));
     let names = |document: &Document| -> Vec<String> {
-        document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
+        document.state().dial.situations.iter().map(|situation| situation.name.clone()).collect()
     };
     assert_eq!(names(&document), ["evening", "dusk"], "an empty name is none, and one that is taken is not given");
     document.edit(&Edit::NodeOn(0, true));
     document.edit(&Edit::Situation(1));
-    assert!(!document.state().scene.dial.nodes[0].on, "the node is out again");
+    assert!(!document.state().dial.nodes[0].on, "the node is out again");
     document.edit(&Edit::Hand(DVec2::new(0.3, 0.1)));
     document.edit(&Edit::Keep("dusk".to_owned()));
-    assert_eq!(document.state().scene.dial.situations[1].hand, DVec2::new(0.3, 0.1));
+    assert_eq!(document.state().dial.situations[1].hand, DVec2::new(0.3, 0.1));
     assert_eq!(names(&document).len(), 2);
     document.undo();
-    assert_eq!(document.state().scene.dial.situations[1].hand, DVec2::new(0.2, 0.1));
+    assert_eq!(document.state().dial.situations[1].hand, DVec2::new(0.2, 0.1));
 }
 
 #[test]
 fn a_situation_restores_exactly_which_nodes_take_part_whatever_the_dial_had_when_it_was_saved() {
     let mut document = Document::new(scene());
-    let on = |state: &State| state.scene.dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>();
+    let on = |state: &State| state.dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
     document.edit(&Edit::Keep("all".to_owned()));
     document.edit(&Edit::NodeOn(1, false));
@@ -262,7 +266,7 @@ fn a_situation_restores_exactly_which_nodes_take_part_whatever_the_dial_had_when
     for (situation, expected) in [(1, [true, true]), (2, [true, false]), (1, [true, true])] {
         opened.edit(&Edit::Situation(situation));
         assert_eq!(on(opened.state()), expected);
-        let name = opened.state().scene.dial.situations[situation].name.clone();
+        let name = opened.state().dial.situations[situation].name.clone();
         let (dial, _) = opened.opened().dial.situation(&name).unwrap();
         assert_eq!(dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>(), expected, "on the command line, too");
     }
@@ -275,7 +279,7 @@ fn a_crop_is_what_a_scene_may_state_whatever_is_asked_for() {
         for other in [0.0, 0.5, 1.0] {
             document.edit(&Edit::Crop(Some([DVec3::splat(number), DVec3::splat(other)])));
             let (text, scene) = saved(&document);
-            assert_eq!(scene.crop, document.state().scene.crop, "{number} to {other}: {text}");
+            assert_eq!(scene.scene.crop, document.state().scene.crop, "{number} to {other}: {text}");
         }
     }
     document.edit(&Edit::Crop(Some([DVec3::splat(0.25), DVec3::splat(0.75)])));
@@ -290,24 +294,24 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     let steps: Vec<u8> = header.bytes().chain(0..128).collect();
     let folder = folder.with("steps.nrrd", steps).with("foot_8x4x2.raw", (0..64).collect::<Vec<u8>>());
     let saved_of = |source: &Source| {
-        let (scene, _) = source.scene(&Quiet).unwrap();
+        let (scene, _) = source.read(&Quiet).unwrap();
         let document = Document::new(scene);
         let text = session::text(&folder.path("s.toml"), source, document.opened(), document.state()).unwrap();
-        (document.opened().clone(), parse(&text))
+        (document.opened().scene.clone(), parse(&text).scene)
     };
 
     let mut source = Source::of(&folder.path("steps.nrrd"));
-    let error = source.scene(&Quiet).unwrap_err();
+    let error = source.read(&Quiet).unwrap_err();
     let there = Unknown::Which(Several::Times(2));
     assert_eq!(error.question(), Some(Question { file: folder.path("steps.nrrd"), unknown: there.clone() }));
     let scene = SCENE.replace("phantom = \"frog\"", "file = \"steps.nrrd\"");
     std::fs::write(folder.path("of_steps.toml"), scene).unwrap();
-    let question = Source::of(&folder.path("of_steps.toml")).scene(&Quiet).unwrap_err().question();
+    let question = Source::of(&folder.path("of_steps.toml")).read(&Quiet).unwrap_err().question();
     assert_eq!(question, Some(Question { file: folder.path("steps.nrrd"), unknown: there }), "and not the scene");
     // What is chosen is of the volume: labels are not asked about.
     let mut labelled = Source::of(&folder.path("scene.toml"));
     labelled.options.labels = Some(folder.path("steps.nrrd"));
-    let error = labelled.scene(&Quiet).unwrap_err();
+    let error = labelled.read(&Quiet).unwrap_err();
     assert_eq!(error.question(), None, "{error}");
     source.options.selection.time = Some(1);
     let (opened, again) = saved_of(&source);
@@ -316,7 +320,7 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     assert_eq!((view.forward, view.up), (DVec3::Y, DVec3::Z), "a patient is looked at from the front");
 
     let mut source = Source::of(&folder.path("foot_8x4x2.raw"));
-    let question = source.scene(&Quiet).unwrap_err().question().map(|question| question.unknown);
+    let question = source.read(&Quiet).unwrap_err().question().map(|question| question.unknown);
     let Some(Unknown::Layout { bytes: 64, guess: Some(guess) }) = question else { panic!("{question:?}") };
     assert_eq!(guess.dims, [8, 4, 2]);
     source.options.raw = Some(*guess);
@@ -328,7 +332,7 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     scene.options.raw = source.options.raw.clone();
     assert_eq!(scene.bare_volume(), None);
 
-    let error = Source::of(&folder.path("none.raw")).scene(&Quiet).unwrap_err();
+    let error = Source::of(&folder.path("none.raw")).read(&Quiet).unwrap_err();
     assert_eq!(error.question(), None, "{error}");
 }
 
@@ -336,8 +340,8 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
 fn a_volume_alone_shows_all_of_it_in_daylight_and_one_material_under_each_other_light() {
     let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\n\n";
     let folder = Folder::new().with("v.nrrd", header.bytes().chain(0..64).collect::<Vec<u8>>());
-    let (scene, _) = Source::of(&folder.path("v.nrrd")).scene(&Quiet).unwrap();
-    let state = State::new(scene);
+    let (scene, _) = Source::of(&folder.path("v.nrrd")).read(&Quiet).unwrap();
+    let state = State::new(&scene);
     let palette = state.palette.as_deref().unwrap();
     let name = |members: &[Member], index: usize| members[index].name.clone();
     for row in 0..palette.materials.len() {
@@ -360,18 +364,18 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     let text = SCENE.replace("phantom = \"frog\"\ndims = [32, 30, 18]", "file = \"steps.nrrd\"\ntime = 1");
     let folder = Folder::new().with("steps.nrrd", steps).with("steps.toml", text);
     let stated = Source::of(&folder.path("steps.toml"));
-    let (scene, _) = stated.scene(&Quiet).unwrap();
+    let (scene, _) = stated.read(&Quiet).unwrap();
     let time = |time| Selection { time: Some(time), ..Selection::default() };
-    assert_eq!(scene.volume.selection, time(1));
-    assert_eq!(parse(SCENE).volume.selection, Selection::default());
+    assert_eq!(scene.scene.volume.selection, time(1));
+    assert_eq!(parse(SCENE).scene.volume.selection, Selection::default());
     let mut other = stated.reselected();
-    let question = other.scene(&Quiet).unwrap_err().question();
+    let question = other.read(&Quiet).unwrap_err().question();
     assert_eq!(question.map(|question| question.unknown), Some(Unknown::Which(Several::Times(2))));
     other.options.selection.time = Some(0);
     assert!(other.is_another_of(&stated) && !stated.is_another_of(&other));
-    let (first, statistics) = other.scene(&Quiet).unwrap();
+    let (first, statistics) = other.read(&Quiet).unwrap();
     assert!(statistics.min.abs() < 1e-9 && (statistics.max - 63.0).abs() < 1e-9, "the first half: {statistics:?}");
-    assert_eq!(first.volume.selection, time(0));
+    assert_eq!(first.scene.volume.selection, time(0));
     let document = Document::new(scene).beside(first, true);
     let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
     assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");
@@ -384,10 +388,10 @@ fn a_scene_whose_volume_is_not_there_is_known_to_lack_that_alone() {
     let folder = Folder::new().with("without.toml", without).with("missing.toml", missing);
     for (name, is_named) in [("without.toml", false), ("missing.toml", true)] {
         let path = folder.path(name);
-        let error = Source::of(&path).scene(&Quiet).unwrap_err();
+        let error = Source::of(&path).read(&Quiet).unwrap_err();
         assert_eq!(error.scene_without_volume(), Some((&*path, is_named)), "{error}");
     }
-    let error = Source::of(&folder.path("gone.toml")).scene(&Quiet).unwrap_err();
+    let error = Source::of(&folder.path("gone.toml")).read(&Quiet).unwrap_err();
     assert_eq!(error.scene_without_volume(), None, "{error}");
 }
 
@@ -401,11 +405,11 @@ fn a_volume_that_was_moved_is_read_as_the_scene_says_and_keeps_its_labels() {
     let labels: Vec<u8> = header.bytes().chain([2; 64]).collect();
     let folder = Folder::new().with("moved.raw", [7; 64]).with("labels.nrrd", labels).with("moved.toml", text);
     let source = Source::of(&folder.path("moved.toml"));
-    let error = source.scene(&Quiet).unwrap_err();
+    let error = source.read(&Quiet).unwrap_err();
     let (_, is_named) = error.scene_without_volume().unwrap();
     assert!(is_named, "{error}");
-    let (scene, _) = source.with_volume(&folder.path("moved.raw"), is_named).scene(&Quiet).unwrap();
-    assert_eq!(scene.volume.geometry.dims, [4; 3]);
-    assert!(scene.labels.is_some());
+    let (scene, _) = source.with_volume(&folder.path("moved.raw"), is_named).read(&Quiet).unwrap();
+    assert_eq!(scene.scene.volume.geometry.dims, [4; 3]);
+    assert!(scene.scene.labels.is_some());
     assert!(scene.text.contains("moved.raw"), "{}", scene.text);
 }

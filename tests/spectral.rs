@@ -4,11 +4,12 @@
 mod support;
 
 use glam::DVec3;
+use relume::document::{SceneOptions, parse};
 use relume::film::Film;
 use relume::number::Real;
 use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, SceneLight, SceneOptions, parse};
+use relume::scene::{AccumulateAs, SceneLight};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::{Spectrum, standard};
 use relume::volume::{Geometry, Volume, Voxels};

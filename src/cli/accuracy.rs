@@ -3,8 +3,8 @@
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 
+use relume::document::Definition;
 use relume::model::ModelKind;
-use relume::scene::Definition;
 
 /// Heading in `--help`.
 const COLOUR: &str = "Colour accuracy, in place of the scene's [accuracy]";

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use glam::DVec2;
 
+use relume::document::Dial;
 use relume::output::numbered;
-use relume::scene::{Dial, Mix};
+use relume::scene::Mix;
 
 use super::CliError;
 

@@ -8,11 +8,13 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use serde_json::json;
 use toml::Table;
 
+use relume::document;
+use relume::document::{Definition, SceneFile, SceneOptions};
 use relume::measure::Stopwatch;
 use relume::output::{write_atomically, write_ready_png};
 use relume::progress::Progress;
 use relume::render::{Renderer, SceneRenderer};
-use relume::scene::{self, Definition, Mix, Scene, SceneOptions};
+use relume::scene::Mix;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::scene::{DefineArgs, size};
@@ -82,10 +84,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         .map_err(|error| CliError::Failed(format!("the folder {} cannot be made: {error}", args.output.display())))?;
     let (mut rows, mut panels, mut outputs) = (Vec::new(), Vec::new(), Vec::new());
     let mut text = String::new();
-    for (name, scene, loaded) in scenes {
-        let names = scene.dial.situations.iter().map(|situation| args.output.join(format!("{}.png", situation.name)));
+    for (name, file, loaded) in scenes {
+        let SceneFile { scene, dial, inputs, .. } = file;
+        let names = dial.situations.iter().map(|situation| args.output.join(format!("{}.png", situation.name)));
         let names: Vec<PathBuf> = names.collect();
-        let inputs: Vec<&Path> = scene.inputs.iter().map(PathBuf::as_path).collect();
+        let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
         files::check_outputs(&names.iter().collect::<Vec<_>>(), &inputs)?;
 
         let on_device = SceneRenderer::new(&renderer, scene, progress)?;
@@ -96,9 +99,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let marched = clock.read();
         let relight = renderer.relight_display(&accumulators)?;
         let stated = Mix::of_scene(scene);
-        for (situation, path) in scene.dial.situations.iter().zip(&names) {
-            let (dial, _) = scene.dial.situation(&situation.name).map_err(CliError::Failed)?;
-            let mix = dial.mix(situation.hand, &stated);
+        for (situation, path) in dial.situations.iter().zip(&names) {
+            let (of_situation, _) = dial.situation(&situation.name).map_err(CliError::Failed)?;
+            let mix = of_situation.mix(situation.hand, &stated);
             let clock = Stopwatch::start();
             relight.run(&on_device.matrices(&mix))?;
             let relit = clock.read();
@@ -149,13 +152,13 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
 }
 
 /// Scene of the figure `name`, on a phantom.
-pub(super) fn scene(name: &str, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, CliError> {
+pub(super) fn scene(name: &str, options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, CliError> {
     let text = FIGURES.into_iter().find(|(known, ..)| *known == name).map_or("", |(_, text, _)| text);
-    Ok(scene::parse(name, text, Path::new(""), options, progress)?)
+    Ok(document::parse(name, text, Path::new(""), options, progress)?)
 }
 
 /// Scene of a figure, on the volume from the command line if given.
-fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Progress) -> Result<Scene, CliError> {
+fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Progress) -> Result<SceneFile, CliError> {
     let volume = if is_frog { &args.volume_frog } else { &args.volume_engine };
     let mut options = SceneOptions { volume: volume.clone(), ..SceneOptions::default() };
     if volume.is_some() {
@@ -167,7 +170,7 @@ fn load(args: &Args, name: &str, figure: &str, is_frog: bool, progress: &dyn Pro
         }
     }
     options.definitions.extend(args.define.definitions());
-    Ok(scene::parse(name, figure, Path::new(""), &options, progress)?)
+    Ok(document::parse(name, figure, Path::new(""), &options, progress)?)
 }
 
 /// Returns `key=value` for a value; a table whose other keys stay gives one definition per key.

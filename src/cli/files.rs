@@ -8,13 +8,14 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::Value;
 
+use relume::document::{Dial, DialNode, Situation};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::output::film::{
     Components as FileComponents, Dial as FileDial, Node as FileNode, Situation as FileSituation, Stored,
 };
 use relume::output::{Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, write_exr, write_png};
 use relume::plan::Transmittance;
-use relume::scene::{Dial, DialNode, Display, Mix, MixLight, Situation};
+use relume::scene::{Display, Mix, MixLight};
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
 use relume::tables::Reflected;
 

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use relume::document::SceneFile;
 use relume::input;
 use relume::model::ColourModel;
 use relume::number::{brief, readable};
@@ -69,10 +70,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             };
             of_volume(&volume, &args.voxel)
         }
-        (None, Some(_)) => of_volume(&args.scene.load(progress)?.volume, &args.voxel),
+        (None, Some(_)) => of_volume(&args.scene.load(progress)?.scene.volume, &args.voxel),
         _ => {
-            let scene = args.scene.load(progress)?;
-            of_scene(&scene, &plan(&scene, progress)?, &args.voxel)
+            let file = args.scene.load(progress)?;
+            of_scene(&file, &plan(&file.scene, progress)?, &args.voxel)
         }
     }
 }
@@ -120,8 +121,8 @@ fn is_scene(path: &Path) -> bool {
 }
 
 /// Whether the slider of a light is on when the scene opens.
-fn is_on(scene: &Scene, name: &str) -> bool {
-    let mut lights = scene.lights.iter().zip(&scene.light.sliders);
+fn is_on(file: &SceneFile, name: &str) -> bool {
+    let mut lights = file.scene.lights.iter().zip(&file.light.sliders);
     lights.any(|(light, slider)| light.name == name && slider.on)
 }
 
@@ -289,12 +290,13 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
     Report { text, json }
 }
 
-fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
+fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
+    let scene = &file.scene;
     let statistics = scene.volume.statistics()?;
     let storage = Storage::new(&planned.plan, &scene.volume, &statistics);
     let sampled = sampled(&scene.volume, voxels)?;
     let (volume, geometry) = (&scene.volume, &scene.volume.geometry);
-    let mut text = format!("{}\n", scene.source);
+    let mut text = format!("{}\n", scene.name);
     let mut line = |name: &str, value: &str| {
         let _ = writeln!(text, "  {name:<10} {value}");
     };
@@ -329,12 +331,12 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
                 Placement::Directional(direction) => format!("from the direction {}", list(direction)),
                 Placement::Point(point) => format!("from {}", list(point)),
             };
-            let off = if is_on(scene, &light.name) { "" } else { ", off as it opens" };
+            let off = if is_on(file, &light.name) { "" } else { ", off as it opens" };
             format!("{} ({place}, intensity {}{off})", light.name, light.intensity)
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
-    let situations: Vec<&str> = scene.dial.situations.iter().map(|situation| situation.name.as_str()).collect();
+    let situations: Vec<&str> = file.dial.situations.iter().map(|situation| situation.name.as_str()).collect();
     if !situations.is_empty() {
         line("situations", &situations.join(", "));
     }
@@ -343,7 +345,7 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
         let _ = writeln!(text, "  {sentence}");
     }
     let json = json!({
-        "scene": scene.source,
+        "scene": scene.name,
         "volume": {
             "source": volume.source,
             "dims": geometry.dims,
@@ -373,7 +375,7 @@ fn of_scene(scene: &Scene, planned: &Planned, voxels: &[[usize; 3]]) -> Result<R
                     Placement::Point(point) => ("point", Some(point)),
                 };
                 let place = place.map(|place| place.to_array());
-                let on = is_on(scene, &light.name);
+                let on = is_on(file, &light.name);
                 json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity, "on": on})
             })
             .collect::<Vec<_>>(),

@@ -1,5 +1,6 @@
 //! `relume measure`: cost and error of each setting of a scene, with the causes of the error.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
@@ -101,8 +102,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
     let outputs: Vec<&PathBuf> = args.output.iter().collect();
     let kinds: Vec<ReportKind> = outputs.iter().map(|path| report_kind(path)).collect::<Result<_, _>>()?;
-    let scene = args.scene.load(progress)?;
-    let inputs: Vec<_> = scene.inputs.iter().chain(&args.scene.scene).map(PathBuf::as_path).collect();
+    let file = args.scene.load(progress)?;
+    let scene = &file.scene;
+    let inputs: Vec<_> = file.inputs.iter().chain(&args.scene.scene).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
     let renderer = Renderer::new(Device::open(&args.device, Validation::Off)?);
     let options = SurveyOptions {
@@ -111,7 +113,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         runs: args.runs.into(),
     };
     let choice = match args.goal.goal() {
-        Some(goal) => Some(goal::chosen(&renderer, &scene, &Mix::of_scene(&scene), args.size, goal, progress)?),
+        Some(goal) => Some(goal::chosen(&renderer, scene, &Mix::of_scene(scene), args.size, goal, progress)?),
         None => None,
     };
     settings.extend(
@@ -122,11 +124,11 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             .collect::<Vec<_>>(),
     );
     progress.report("marching the truth", 0, settings.len() as u64);
-    let mut survey = Survey::new(&renderer, &scene, &settings, options, progress)?;
+    let mut survey = Survey::new(&renderer, scene, &settings, options, progress)?;
     let outcome = measure(&mut survey, &settings, progress)?;
     for (path, kind) in outputs.iter().zip(kinds) {
         match kind {
-            ReportKind::Html => write_text(path, &page(&mut survey, &outcome, progress)?)?,
+            ReportKind::Html => write_text(path, &page(&mut survey, &outcome, &file.stated_spectra(), progress)?)?,
             ReportKind::Svg => write_text(path, &trade(&outcome.rows))?,
             ReportKind::Png => {
                 if !write_drawing(path, &trade(&outcome.rows), 1.5)? {
@@ -199,7 +201,12 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
 }
 
 /// HTML page of the report.
-fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> Result<String, CliError> {
+fn page(
+    survey: &mut Survey<'_>,
+    outcome: &Outcome,
+    spectra: &BTreeMap<String, String>,
+    progress: &dyn Progress,
+) -> Result<String, CliError> {
     // Skipped after a cancellation; the finished rows are reported.
     let close_up = match outcome.rows.first() {
         Some(own) if !outcome.interrupted => survey.close_up(own, progress)?,
@@ -210,6 +217,7 @@ fn page(survey: &mut Survey<'_>, outcome: &Outcome, progress: &dyn Progress) -> 
         refused: &outcome.refused,
         close_up: close_up.as_ref(),
         interrupted: outcome.interrupted,
+        spectra,
     };
     Ok(html(survey, &findings)?)
 }
@@ -222,7 +230,7 @@ fn json(survey: &Survey<'_>, options: &SurveyOptions, outcome: &Outcome) -> Valu
     let refused: Vec<Value> =
         outcome.refused.iter().map(|(setting, why)| json!({"setting": setting, "why": why})).collect();
     json!({
-        "scene": survey.scene().source,
+        "scene": survey.scene().name,
         "device": survey.device(),
         "size": options.size,
         "pixels": survey.pixels().len(),
@@ -237,7 +245,7 @@ fn json(survey: &Survey<'_>, options: &SurveyOptions, outcome: &Outcome) -> Valu
 fn text(survey: &Survey<'_>, outcome: &Outcome) -> String {
     let mut text = format!(
         "{} on {}\nΔE00 against the full spectrum, in {} pixels that show something; * marks what no other setting beats\n\n{}",
-        survey.scene().source,
+        survey.scene().name,
         survey.device(),
         survey.pixels().len(),
         to_text(&outcome.rows)

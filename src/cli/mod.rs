@@ -22,6 +22,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use relume::document::SceneError;
 use relume::measure::{ChoiceError, LadderError, ModelTableError, NeedError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
@@ -30,7 +31,6 @@ use relume::plan::PlanError;
 use relume::progress::Progress;
 use relume::reference::ReferenceError;
 use relume::render::RenderError;
-use relume::scene::SceneError;
 use relume::volume::VolumeError;
 use relume::vulkan::VulkanError;
 use terminal::{INTERRUPTED, Terminal};

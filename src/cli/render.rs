@@ -135,15 +135,16 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
-    let scene = args.scene.load(progress)?;
+    let file = args.scene.load(progress)?;
+    let scene = file.scene.clone();
     let lights = args.lights.files();
-    let inputs: Vec<&Path> = scene.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
+    let inputs: Vec<&Path> = file.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
     let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
     let mix = match args.lights.lights[..] {
-        [] => scene.opening_mix(),
+        [] => file.opening_mix(),
         _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
     };
     let choice = match args.goal.goal() {
@@ -163,11 +164,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };
+    let film_file =
+        |film: Film<f32>| FilmFile::of_march(&scene, &planned, &file.opening_mix(), (&file.dial).into(), film);
     if let Some(path) = &args.accumulators {
         let pixels = Film { size: args.size, components: 0, accumulators: Vec::new(), transmittance: Vec::new() };
         let refused = |why: String| CliError::Failed(format!("--accumulators {}: {why}", path.display()));
-        let file = FilmFile::of_march(&scene, &planned, pixels).map_err(|error| refused(error.to_string()))?;
-        file.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
+        let header = film_file(pixels).map_err(|error| refused(error.to_string()))?;
+        header.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
     }
     let loaded = clock.read();
 
@@ -210,7 +213,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             files::write_spectra(path, &components, positions.len(), background, &mix, accumulation, linear)?;
     }
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
-        FilmFile::of_march(&scene, &planned, accumulation)?.write(path)?;
+        film_file(accumulation)?.write(path)?;
     }
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use relume::document;
+use relume::document::{Definition, LightRequest, SceneFile, SceneOptions};
 use relume::progress::Progress;
-use relume::scene::{self, Definition, LightRequest, Mix, Scene, SceneOptions};
+use relume::scene::Mix;
 use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
 
 use super::CliError;
@@ -141,12 +143,13 @@ impl SceneArgs {
         }
     }
 
-    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<Scene, CliError> {
+    pub(crate) fn load(&self, progress: &dyn Progress) -> Result<SceneFile, CliError> {
         let options = self.options();
-        let scene = match &self.scene {
-            Some(path) => scene::load(path, &options, progress)?,
-            None => scene::load_embedded(&options, progress)?,
+        let file = match &self.scene {
+            Some(path) => document::load(path, &options, progress)?,
+            None => document::load_embedded(&options, progress)?,
         };
+        let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
         for note in scene.volume.notes.iter().chain(labels) {
             tracing::warn!("{note}");
@@ -157,7 +160,7 @@ impl SceneArgs {
                 path.display()
             );
         }
-        Ok(scene)
+        Ok(file)
     }
 }
 
@@ -172,7 +175,7 @@ impl LightArgs {
         if self.lights.is_empty() {
             return Ok(stated);
         }
-        Ok(Mix::requested(&stated, positions, &self.lights, Path::new(""))?)
+        Ok(document::requested(&stated, positions, &self.lights, Path::new(""))?)
     }
 }
 

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
+use relume::document::{SceneOptions, load_embedded, load_peer};
 use relume::output::write_atomically;
 use relume::plan::plan;
 use relume::progress::Progress;
 use relume::render::shaders_of;
-use relume::scene::{Scene, SceneOptions, Shading, load_embedded, load_peer};
+use relume::scene::{Scene, Shading};
 use relume::shader::Shader;
 
 use super::{CliError, Report};
@@ -32,9 +33,9 @@ pub(crate) struct Args {
 /// Shaders of the embedded scene, and of the benchmark scene for comparisons with other renderers, shaded and unshaded.
 fn variants(progress: &dyn Progress) -> Result<Vec<(String, Shader)>, CliError> {
     let options = SceneOptions::default();
-    let peer = load_peer(&options, progress)?;
+    let peer = load_peer(&options, progress)?.scene;
     let unshaded = Scene { shading: Shading::None, ..peer.clone() };
-    let scenes = [("default", load_embedded(&options, progress)?), ("peer", peer), ("peer_unshaded", unshaded)];
+    let scenes = [("default", load_embedded(&options, progress)?.scene), ("peer", peer), ("peer_unshaded", unshaded)];
     let mut variants = Vec::new();
     for (name, scene) in scenes {
         for (stage, shader) in shaders_of(&plan(&scene, &relume::progress::Quiet)?.plan)? {

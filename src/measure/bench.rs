@@ -73,7 +73,7 @@ impl<'a> Bench<'a> {
     ) -> Result<Self, ChoiceError> {
         let Drawn { ladder, showing } = drawn(scene, mix, size, most, seed, progress)?;
         if ladder.pixels.is_empty() {
-            return Err(ChoiceError::Nothing { source_name: scene.source.clone() });
+            return Err(ChoiceError::Nothing { source_name: scene.name.clone() });
         }
         let planned = plan(scene, progress)?;
         let statistics = ladder.statistics().clone();

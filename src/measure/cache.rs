@@ -54,7 +54,7 @@ impl Known {
         if let Some(folder) = path.parent() {
             std::fs::create_dir_all(folder).map_err(failed)?;
         }
-        let file = File { scene: scene.source.clone(), device: device.to_owned(), points: self.points.clone() };
+        let file = File { scene: scene.name.clone(), device: device.to_owned(), points: self.points.clone() };
         let text = serde_json::to_vec_pretty(&file).map_err(|error| failed(error.into()))?;
         write_atomically(path, |sink| sink.write_all(&text))
     }
@@ -90,16 +90,17 @@ fn hash_voxels(volume: &Volume, hasher: &mut impl Hasher) {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::document::{SceneOptions, load_embedded};
     use crate::model::ErrorSummary;
     use crate::progress::Quiet;
-    use crate::scene::{SceneOptions, load_embedded};
 
     #[test]
     fn another_scene_device_or_size_knows_nothing_of_this_one() {
         let folder = tempfile::tempdir().unwrap();
         let cache = folder.path().join("made/when/needed");
-        let scene =
-            load_embedded(&SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() }, &Quiet).unwrap();
+        let scene = load_embedded(&SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() }, &Quiet)
+            .unwrap()
+            .scene;
         let error = ErrorSummary { mean: 0.1, p95: 0.2, max: 0.3 };
         let point = Point { frame_ms: 2.5, cpu_ms: 4.5, frames: 3, error, at_most: 0.25 };
         let (setting, mix) = (Setting::default(), Mix::of_scene(&scene));

@@ -6,12 +6,13 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::model::ModelTableError;
+use crate::document::{SceneOptions, parse};
 use crate::film::{Film, RelightMatrices};
 use crate::number::Real;
 use crate::plan::{Planned, plan, plan_for};
 use crate::progress::Progress;
 use crate::reference::{self, Stored};
-use crate::scene::{Mix, Scene, SceneOptions, parse};
+use crate::scene::{Mix, Scene};
 use crate::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
 use crate::spectrum::standard;
 use crate::tables::{Storage, StoredVolume, TransferTable};
@@ -41,7 +42,7 @@ pub fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTab
     const STEPS: [f64; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
     let mut marches = Vec::new();
     for step in STEPS {
-        let mut scene = parse("the slab", SLAB, Path::new(""), &SceneOptions::default(), progress)?;
+        let mut scene = parse("the slab", SLAB, Path::new(""), &SceneOptions::default(), progress)?.scene;
         scene.accuracy.step_length = step;
         let planned = plan(&scene, progress)?;
         let Film { accumulators, transmittance, .. } = march::<f32>(&scene, &planned, [1, 1], progress)?;
@@ -75,7 +76,7 @@ pub struct RelitRow {
 ///
 /// [`ModelTableError`] when a march or a fit fails or `progress` asks to stop.
 pub fn relit_against_rendered(progress: &dyn Progress) -> Result<Vec<RelitRow>, ModelTableError> {
-    let scene = parse("glass", GLASS, Path::new(""), &SceneOptions::default(), progress)?;
+    let scene = parse("glass", GLASS, Path::new(""), &SceneOptions::default(), progress)?.scene;
     let planned = plan(&scene, progress)?;
     let kept = march::<f32>(&scene, &planned, SIZE, progress)?;
     let exact = march::<f64>(&scene, &planned, SIZE, progress)?;

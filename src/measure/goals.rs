@@ -8,12 +8,13 @@ use super::bench::Bench;
 use super::choice::{Choice, ChoiceError, DIMENSIONS, Goal, Pixels, SCALES, Wanted, choose, setting, voxels};
 use super::clock::summary;
 use super::setting::{Knob, Setting, Value};
+use crate::document::{SceneError, SceneOptions, parse};
 use crate::model::ErrorSummary;
 use crate::model::random::Random;
 use crate::number::count;
 use crate::progress::{Progress, Quiet};
 use crate::render::Renderer;
-use crate::scene::{Mix, Scene, SceneError, SceneOptions, parse};
+use crate::scene::{Mix, Scene};
 use crate::vulkan::DeviceKind;
 
 /// Pixels across and down of the pictures.
@@ -46,7 +47,7 @@ impl GoalScene {
     /// [`SceneError`].
     pub fn new(seed: u64) -> Result<Self, SceneError> {
         let text = text(&mut Random::new(9000 + seed), seed % 2 == 1);
-        let scene = parse(&format!("scene {seed}"), &text, Path::new(""), &SceneOptions::default(), &Quiet)?;
+        let scene = parse(&format!("scene {seed}"), &text, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
         let asked = match seed % 3 {
             0 => 3.0,
             1 => 1.0,

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::clock::{Stopwatch, summary};
+use crate::document::SceneError;
 use crate::model::random::Random;
 use crate::model::{
     Amplification, ChainClass, Cloud, ColourModel, ErrorSummary, Ingredients, LARGEST_DEPTH, ModelError, ModelKind,
@@ -13,7 +14,6 @@ use crate::number::count;
 use crate::plan::PlanError;
 use crate::progress::Progress;
 use crate::reference::ReferenceError;
-use crate::scene::SceneError;
 use crate::spectrum::{Kind, Light, Spectrum, SpectrumError, standard};
 use crate::volume::VolumeError;
 

@@ -9,13 +9,14 @@ use serde::Serialize;
 
 use super::leaping::{Leaping, occupancy};
 use super::rungs::{RungError, Rungs};
+use crate::document::{SceneError, SceneOptions, parse};
 use crate::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use crate::progress::{Progress, Quiet};
 use crate::reference::{Samples, Step, march};
 use crate::render::{RenderError, Renderer, SceneRenderer, shaders_of};
 use crate::scene::{
-    AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneError, SceneLight,
-    SceneOptions, Shading, StoreAs, VolumeAs, parse,
+    AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneLight, Shading, StoreAs,
+    VolumeAs,
 };
 use crate::spectrum::{Absorption, Reflectance, Spectrum, SpectrumError};
 use crate::volume::{VolumeError, phantom};
@@ -439,8 +440,8 @@ pub fn need_rows(renderer: &Renderer, progress: &dyn Progress) -> Result<Vec<Nee
 
 fn row(renderer: &Renderer, need: &Need) -> Result<NeedRow, NeedError> {
     let base = || {
-        let scene = parse("least", LEAST, Path::new(""), &SceneOptions::default(), &Quiet);
-        scene.map_err(|error| NeedError::Scene(need.name, error))
+        let file = parse("least", LEAST, Path::new(""), &SceneOptions::default(), &Quiet);
+        file.map(|file| file.scene).map_err(|error| NeedError::Scene(need.name, error))
     };
     let mut scene = base()?;
     (need.without)(&mut scene);

@@ -237,7 +237,7 @@ impl<'a> Survey<'a> {
         let looked_at = lattice.pixels();
         let mut ladder = Ladder::new(scene, Mix::of_scene(scene), options.size, &looked_at, finest, progress)?;
         if ladder.pixels.is_empty() {
-            return Err(SurveyError::Nothing { looked_at: looked_at.len(), source_name: scene.source.clone() });
+            return Err(SurveyError::Nothing { looked_at: looked_at.len(), source_name: scene.name.clone() });
         }
         let truth = ladder.truth(progress)?;
         Ok(Self {

@@ -31,12 +31,7 @@ impl Stale {
     #[must_use]
     pub fn between(before: &Scene, planned: &Planned, after: &Scene) -> Self {
         let Scene {
-            source: _,
-            text: _,
-            base: _,
-            inputs: _,
-            dial: _,
-            light: _,
+            name: _,
             volume,
             labels,
             materials,

@@ -172,7 +172,7 @@ impl SceneRenderer {
             march.step(&self.renderer)?;
         }
         let relight = self.renderer.relight_display(&march.finish(&self.renderer)?)?;
-        relight.run(&self.matrices(&self.scene.opening_mix()))?;
+        relight.run(&self.matrices(&Mix::of_scene(&self.scene)))?;
         Ok(())
     }
 }

@@ -160,7 +160,7 @@ impl Camera {
 /// The unit vector along `vector`; `None` where that points nowhere. One that is a unit vector already stays as it is, so
 /// that what was written to a file is the same when it is read.
 #[must_use]
-pub(super) fn unit(vector: DVec3) -> Option<DVec3> {
+pub(crate) fn unit(vector: DVec3) -> Option<DVec3> {
     let is_unit = (vector.length_squared() - 1.0).abs() <= 8.0 * f64::EPSILON;
     if is_unit { Some(vector) } else { vector.try_normalize() }
 }

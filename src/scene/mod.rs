@@ -1,45 +1,29 @@
 //! What a picture is of: materials, transfer function, lights, camera and the volume they belong to.
 
 mod camera;
-mod define;
-mod dial;
-mod file;
 mod lights;
-mod mixing;
 mod transfer;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
-pub(crate) use camera::centre;
 pub use camera::{Aim, Camera, Projection, View};
-pub use define::Definition;
-pub(crate) use dial::along;
-pub use dial::{Dial, DialNode, Situation};
-pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
-pub use lights::{LightRequest, Mix, MixLight, Placement, Position, positions};
-pub use mixing::{LightState, Mixing, Slider};
+pub(crate) use camera::{centre, unit};
+pub(crate) use lights::INTENSITY;
+pub use lights::{Mix, MixLight, Placement, Position, positions};
 pub(crate) use transfer::depth_from_opacity;
 pub use transfer::{Interval, Lookup, MaterialCurve, Medium, OPAQUE_DEPTH, Term, Transfer};
 
 use crate::model::ModelKind;
-use crate::palette::PaletteError;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
-use crate::spectrum::{Absorption, Light, Reflectance, SpectrumError};
-use crate::volume::{Volume, VolumeError};
+use crate::spectrum::{Absorption, Light, Reflectance};
+use crate::volume::Volume;
 
-/// Everything that settles a picture, resolved: no names to look up, no files to read.
+/// Everything a picture depends on, resolved: no names to look up, no files to read.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Where the scene was read from; heads messages.
-    pub source: String,
-    /// The text that says all this: the scene file, with what was changed about its keys.
-    pub text: Arc<str>,
-    /// Where the relative paths in it start.
-    pub base: PathBuf,
-    /// The files that were read for it, but for the scene file itself: of the volume, the labels, the palette and the spectra.
-    pub inputs: Vec<PathBuf>,
+    /// Name, for messages and reports.
+    pub name: String,
     /// The grey values.
     pub volume: Arc<Volume>,
     /// Labels on the same grid, where the scene has them.
@@ -50,10 +34,6 @@ pub struct Scene {
     pub transfer: Transfer,
     /// In the order of their names.
     pub lights: Vec<SceneLight>,
-    /// The lights on the light dial.
-    pub dial: Dial,
-    /// How the lights are mixed as the scene opens.
-    pub light: LightState,
     /// Whether lights shade by direction at all.
     pub shading: Shading,
     /// A surface behind everything, lit by every light; `None` is black and costs nothing.
@@ -283,97 +263,4 @@ pub struct Display {
     pub observer: Observer,
     /// Which cones are missing in those whom it is a preview for; `None` has all.
     pub deficiency: Option<Deficiency>,
-}
-
-/// A scene that cannot be, or cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// The scene's text is not what a scene may say; `at` is `file:line:column`.
-    #[error("{at}: {message}")]
-    Invalid {
-        /// `file:line:column`.
-        at: String,
-        /// What is wrong, and what is allowed.
-        message: String,
-    },
-    /// The scene file cannot be read.
-    #[error("cannot read the scene {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A spectrum of the scene cannot be had.
-    #[error("{at}: {what}")]
-    Spectrum {
-        /// `file:line:column`.
-        at: String,
-        /// Which spectrum, by its key.
-        what: String,
-        /// Why.
-        source: SpectrumError,
-    },
-    /// The scene's palette cannot be had.
-    #[error("{scene} has no palette to take its spectra from")]
-    Palette {
-        /// The scene.
-        scene: String,
-        /// Why.
-        source: PaletteError,
-    },
-    /// The scene's volume cannot be had.
-    #[error("{scene} has no volume to show")]
-    Volume {
-        /// The scene.
-        scene: String,
-        /// Why.
-        source: VolumeError,
-    },
-    /// The labels of its voxels cannot be had.
-    #[error("{scene} has no labels to show")]
-    Labels {
-        /// The scene.
-        scene: String,
-        /// Why.
-        source: VolumeError,
-    },
-    /// The file is no scene and no volume that is read.
-    #[error(transparent)]
-    NoScene(VolumeError),
-    /// No volume is named, neither in the scene nor beside it.
-    #[error("{scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
-    NoVolume {
-        /// The scene.
-        scene: String,
-    },
-    /// Labels lie on another grid than the values.
-    #[error("the labels {labels} have {theirs:?} voxels, the volume {volume} has {ours:?}; they must be the same grid")]
-    LabelGrid {
-        /// The label file.
-        labels: String,
-        /// Its dimensions.
-        theirs: [usize; 3],
-        /// The volume's file.
-        volume: String,
-        /// Its dimensions.
-        ours: [usize; 3],
-    },
-    /// `--light` asks for a light or a position that is not there.
-    #[error("--light {request}: {message}")]
-    LightRequest {
-        /// As asked.
-        request: String,
-        /// What is wrong and what is there.
-        message: String,
-    },
-    /// A `-D key=value`, or a flag that stands for one, cannot be applied, or makes the scene one that cannot be.
-    #[error("{given}: {message}")]
-    Define {
-        /// The flag, as given.
-        given: String,
-        /// What is wrong.
-        message: String,
-    },
 }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use glam::DVec2;
 
-use super::design::Step;
-use super::load::Source;
-use super::state::Edit;
+use crate::document::Edit;
+use crate::document::Source;
+use crate::document::design::Step;
 use crate::measure::Goal;
 
 /// A file that is chosen in a dialog.
@@ -99,7 +99,7 @@ pub enum Action {
     Measure(Option<Goal>),
     /// The palette's editor, or none.
     Palette(bool),
-    /// A palette for the materials that show, which can be had: [`super::design::offer`].
+    /// A palette for the materials that show, which can be had: [`crate::document::design::offer`].
     Offer,
     /// The open spectra of the palette are found, and take effect; with a step, those of the palette after it, which is taken
     /// together with them.

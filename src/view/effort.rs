@@ -107,10 +107,10 @@ pub fn measure(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::document::{SceneError, SceneOptions, load_embedded};
     use crate::measure::Setting;
     use crate::model::ErrorSummary;
     use crate::progress::Quiet;
-    use crate::scene::{SceneError, SceneOptions, load_embedded};
 
     fn point(frame_ms: f64, p95: f64) -> Point {
         Point { frame_ms, error: ErrorSummary { mean: p95, p95, max: p95 }, ..Point::default() }
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn the_front_is_what_nothing_beats() -> Result<(), SceneError> {
         let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
-        let scene = load_embedded(&options, &Quiet)?;
+        let scene = load_embedded(&options, &Quiet)?.scene;
         let tried = [(9.0, 0.1), (1.0, 3.0), (4.0, 3.0), (5.0, 0.5), (9.0, 0.2)];
         let tried = tried.map(|(ms, error)| (Setting::default(), point(ms, error)));
         let curve = Curve::new(&scene, [3, 4], &tried);

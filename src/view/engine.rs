@@ -10,7 +10,7 @@ use glam::DVec2;
 use super::export::Snapshot;
 use super::load::Loaded;
 use super::probe::Pixel;
-use super::state::State;
+use crate::document::State;
 use crate::film::{Components, RelightMatrices};
 use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
@@ -152,8 +152,8 @@ impl Engine {
     /// Makes pictures of what was `loaded`; nothing is marched yet.
     #[must_use]
     pub fn new(loaded: Loaded) -> Self {
-        let on_device = loaded.on_device;
-        let state = State::new(on_device.scene().clone());
+        let Loaded { on_device, file, .. } = loaded;
+        let state = State::new(&file);
         Self {
             on_device,
             size: [0; 2],

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use crate::document::State;
 use crate::film::RelightMatrices;
 use crate::output::{self, OutputError, Picture, PictureKind, write_exr, write_ready_png};
 use crate::render::{DeviceFilm, RenderError, Renderer};
-use crate::scene::Scene;
 
 /// Why a picture, or what it is made of, could not be saved.
 #[derive(Debug, thiserror::Error)]
@@ -62,11 +62,12 @@ impl Snapshot {
     /// # Errors
     ///
     /// [`ExportError`]; then `path` is what it was.
-    pub fn write_accumulators(&self, scene: &Scene, path: &Path) -> Result<(), ExportError> {
+    pub fn write_accumulators(&self, state: &State, path: &Path) -> Result<(), ExportError> {
         PictureKind::require_exr(path)?;
         let accumulation = self.renderer.read(&self.accumulators)?;
         let planned = &self.accumulators.planned;
-        Ok(output::FilmFile::of_march(scene, planned, accumulation)?.write(path)?)
+        Ok(output::FilmFile::of_march(&state.scene, planned, &state.mix(), (&state.dial).into(), accumulation)?
+            .write(path)?)
     }
 }
 

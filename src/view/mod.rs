@@ -4,34 +4,26 @@
 //! Those know no window and no toolkit; `window` and `ui`, of the feature `window`, put them on a screen.
 
 pub mod action;
-pub mod camera;
-pub mod design;
 pub mod effort;
 pub mod engine;
 pub mod export;
 pub mod job;
 pub mod load;
-pub mod presets;
 pub mod probe;
 pub mod prober;
 #[cfg(feature = "window")]
 mod screen;
 pub mod script;
-pub mod session;
-pub mod state;
 pub mod tour;
 #[cfg(feature = "window")]
 pub mod ui;
 #[cfg(feature = "window")]
 pub mod window;
 
-pub use crate::scene::{LightState, Mixing, Slider};
 pub use action::Action;
 pub use engine::{Counts, Engine};
-pub use load::{LoadError, Loaded, Source};
+pub use load::{LoadError, Loaded};
 pub use probe::Probe;
 pub use script::{Script, ScriptError};
-pub use session::SessionError;
-pub use state::{Document, Edit, State};
 #[cfg(feature = "window")]
 pub use window::{Options, Report, ViewError, run};

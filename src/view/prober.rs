@@ -7,7 +7,7 @@ use glam::DVec2;
 use super::engine::Engine;
 use super::job::Job;
 use super::probe::{Pixel, Probe, ProbeError, Ray};
-use super::state::State;
+use crate::document::State;
 use crate::film::Components;
 use crate::model::ColourModel;
 use crate::render::RenderError;

@@ -9,10 +9,10 @@ use std::str::FromStr;
 use glam::{DVec2, DVec3};
 
 use super::action::Action;
-use super::camera::{self, Move};
-use super::design::{Side, Step};
-use super::load::Source;
-use super::state::{Edit, State};
+use crate::document::Source;
+use crate::document::design::{Side, Step};
+use crate::document::moves::{self, Move};
+use crate::document::{Edit, State};
 use crate::input;
 use crate::measure::{Goal, Preset};
 use crate::palette::Target;
@@ -274,7 +274,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "dolly" => Command::Camera(Move::Dolly(numbers::<f64, 1>(verb, rest)?[0])),
         "roll" => Command::Camera(Move::Roll(numbers::<f64, 1>(verb, rest)?[0])),
         "axis" => {
-            let sides = camera::Side::ALL.map(|side| (format!("{side:?}").to_lowercase(), side));
+            let sides = moves::Side::ALL.map(|side| (format!("{side:?}").to_lowercase(), side));
             let found = sides.iter().find(|(name, _)| *name == text());
             let names = || sides.each_ref().map(|(name, _)| name.as_str()).join(", ");
             let (_, side) = found.ok_or_else(|| format!("{verb} SIDE, one of: {}", names()))?;
@@ -396,8 +396,8 @@ impl About {
             found.ok_or_else(|| format!("there is no {name:?}; there are: {}", names.join(", ")))
         };
         let light = || find(state.scene.lights.iter().map(|light| light.name.as_str()).collect());
-        let node = || find(state.scene.dial.nodes.iter().map(|node| node.light.as_str()).collect());
-        let situation = || find(state.scene.dial.situations.iter().map(|one| one.name.as_str()).collect());
+        let node = || find(state.dial.nodes.iter().map(|node| node.light.as_str()).collect());
+        let situation = || find(state.dial.situations.iter().map(|one| one.name.as_str()).collect());
         let material = || find(state.scene.materials.iter().map(|material| material.name.as_str()).collect());
         let labels = || state.scene.labels.iter().flat_map(|labels| &labels.declared);
         let label = || find(labels().map(|entry| entry.name.as_str()).collect());

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use super::state::Edit;
+use crate::document::Edit;
 
 /// Longest tour, in seconds.
 pub const LONGEST: f64 = 3600.0;

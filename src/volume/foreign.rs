@@ -104,7 +104,7 @@ fn is_mrc(beginning: &[u8]) -> bool {
     beginning.get(208..211) == Some(b"MAP") && !is_text(beginning)
 }
 
-/// The header length, 348 bytes, in either byte order. The successor, NIfTI, has a magic word in addition.
+/// The header length, 348 bytes, in either byte order. The successor, `NIfTI`, has a magic word in addition.
 fn is_analyze(beginning: &[u8]) -> bool {
     matches!(beginning, [0x5c, 0x01, 0, 0, ..] | [0, 0, 0x01, 0x5c, ..])
 }
@@ -121,7 +121,7 @@ fn is_text(beginning: &[u8]) -> bool {
     !text.is_empty() && !text.contains(|letter: char| letter.is_control() && !letter.is_ascii_whitespace())
 }
 
-/// TIFF and BigTIFF, in either byte order.
+/// TIFF and `BigTIFF`, in either byte order.
 fn is_tiff(beginning: &[u8]) -> bool {
     matches!(beginning, [b'I', b'I', 42 | 43, 0, ..] | [b'M', b'M', 0, 42 | 43, ..])
 }

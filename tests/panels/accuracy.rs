@@ -2,10 +2,11 @@
 
 use egui::Vec2;
 use egui_kittest::kittest::Queryable;
+use relume::document::Edit;
 use relume::measure::{Goal, Point, Preset, Setting};
 use relume::model::ErrorSummary;
+use relume::view::Action;
 use relume::view::effort::Curve;
-use relume::view::{Action, Edit};
 
 use crate::app::{App, document};
 

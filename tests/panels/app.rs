@@ -8,22 +8,25 @@ use egui::{Event, Key, Modifiers, PointerButton, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::document;
+use relume::document::SceneOptions;
+use relume::document::design::{self, Step};
+use relume::document::{Document, Edit, SceneFile};
 use relume::palette::Conflict;
 use relume::progress::Quiet;
-use relume::scene::{self, Interval, Mix, SceneOptions};
+use relume::scene::{Interval, Mix};
 use relume::view::action::Losing;
-use relume::view::design::{self, Step};
 use relume::view::effort::Curve;
 use relume::view::probe::{Pixel, Ray};
 use relume::view::tour::Tour;
 use relume::view::ui::{self, Chooser, Design, Effort, Notice, Shown, Status};
-use relume::view::{Action, Document, Edit, Probe};
+use relume::view::{Action, Probe};
 
 use crate::support::program::{DIAL, Folder, SCENE};
 
 pub(crate) fn document() -> Document {
     let text = format!("{SCENE}{DIAL}");
-    Document::new(scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
+    Document::new(document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
 }
 
 /// A palette for what it shows.
@@ -127,7 +130,7 @@ pub(crate) fn light_names(mix: &Mix) -> Vec<&str> {
 /// A document whose histogram is known, in a window that is tall enough for all panels.
 pub(crate) fn with_histogram() -> Harness<'static, App> {
     let document = document();
-    let statistics = document.opened().volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume.statistics().unwrap();
     App::open(Vec2::new(1280.0, 2000.0), Some(document.with_statistics(statistics)))
 }
 
@@ -137,6 +140,12 @@ pub(crate) fn intervals(window: &Harness<'_, App>) -> Vec<Interval> {
 }
 
 /// What a picture of four pixels of the scene has in its first.
+/// The scene file of a document as edited, with the mix it opened with.
+pub(crate) fn reopened(document: &Document) -> SceneFile {
+    let state = document.state();
+    SceneFile { scene: state.scene.clone(), dial: state.dial.clone(), ..document.opened().clone() }
+}
+
 pub(crate) fn probed() -> Probe {
     probed_of(&document())
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use egui::{Event, Key, Modifiers, MouseWheelUnit, Pos2, TouchPhase, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use relume::view::camera::{Move, Side};
-use relume::view::{Action, Document, Edit};
+use relume::document::moves::{Move, Side};
+use relume::document::{Document, Edit};
+use relume::view::Action;
 
 use crate::app::{App, document, wide};
 
@@ -46,8 +47,8 @@ fn plus_goes_nearer_with_shift_and_without() {
 #[test]
 fn the_sides_of_a_patient_are_called_so() {
     for (anatomical, names) in [(false, ["Left", "Front", "Top"]), (true, ["Right", "Anterior", "Superior"])] {
-        let mut scene = document().state().scene.clone();
-        Arc::make_mut(&mut scene.volume).anatomical = anatomical;
+        let mut scene = document().opened().clone();
+        Arc::make_mut(&mut scene.scene.volume).anatomical = anatomical;
         let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(Document::new(scene)));
         window.run();
         for (name, side) in names.into_iter().zip([Side::Left, Side::Front, Side::Top]) {

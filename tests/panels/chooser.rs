@@ -7,10 +7,11 @@ use egui::accesskit::Role;
 use egui::{Event, Key, Modifiers, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
-use relume::scene::SceneOptions;
+use relume::document::SceneOptions;
+use relume::document::Source;
+use relume::document::{Question, Unknown};
 use relume::view::Action;
 use relume::view::action::{File, Leaving, Losing};
-use relume::view::load::{Question, Source, Unknown};
 use relume::volume::{RawLayout, Selection, Several, VoxelType};
 
 use crate::app::{App, document, drag_along, is_painted, wide};

@@ -4,8 +4,8 @@ use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
-use relume::view::Edit;
-use relume::view::camera::{Move, Side};
+use relume::document::Edit;
+use relume::document::moves::{Move, Side};
 
 use crate::app::{App, document, drag_along, is_painted, retype, type_into, wide};
 

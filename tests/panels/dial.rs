@@ -4,10 +4,10 @@ use egui::{Event, Modifiers, PointerButton, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::document::{Document, Edit, Mixing};
 use relume::view::ui;
-use relume::view::{Document, Edit, Mixing};
 
-use crate::app::{App, document, drag_along, light_names, wide};
+use crate::app::{App, document, drag_along, light_names, reopened, wide};
 
 #[test]
 fn the_hand_of_the_dial_is_dragged_and_snaps_onto_a_node() {
@@ -57,9 +57,9 @@ fn a_node_that_is_off_keeps_its_place_and_comes_back_to_it() {
     document.edit(&Edit::Hand(DVec2::new(0.4, 0.2)));
     assert_eq!(light_names(&document.state().mix()), ["lamp"]);
     document.edit(&Edit::NodeOn(0, true));
-    assert_eq!(document.state().scene.dial.nodes[0].place, DVec2::new(0.5, 0.25));
+    assert_eq!(document.state().dial.nodes[0].place, DVec2::new(0.5, 0.25));
     document.edit(&Edit::ResetDial);
-    assert_eq!(document.state().scene.dial, document.opened().dial);
+    assert_eq!(document.state().dial, document.opened().dial);
 }
 
 #[test]
@@ -67,12 +67,12 @@ fn nodes_that_a_session_has_left_out_are_brought_back() {
     let mut document = document();
     document.edit(&Edit::NodeOn(1, false));
     // As it opens again once it was saved.
-    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(document.state().scene.clone())));
+    let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(reopened(&document))));
     window.run();
     window.get_by_label("Reset nodes").click();
     window.run();
     let on = |window: &Harness<'_, App>| {
-        let nodes = &window.state().document.as_ref().unwrap().state().scene.dial.nodes;
+        let nodes = &window.state().document.as_ref().unwrap().state().dial.nodes;
         nodes.iter().map(|node| node.on).collect::<Vec<_>>()
     };
     assert_eq!(on(&window), [true, true]);
@@ -119,7 +119,7 @@ fn nodes_are_put_on_a_regular_polygon() {
     window.run();
     window.get_by_label("Polygon").click();
     window.run();
-    let nodes = &window.state().document.as_ref().unwrap().state().scene.dial.nodes;
+    let nodes = &window.state().document.as_ref().unwrap().state().dial.nodes;
     assert!((nodes[0].place + nodes[1].place).length() < 1e-9 && (nodes[0].place.length() - 1.0).abs() < 1e-9);
 }
 
@@ -163,5 +163,5 @@ fn what_stands_below_the_dial_stays_where_it_is_as_nodes_are_left_out() {
     assert_eq!(below(&window), before);
     window.get_by_label("Reset nodes").click();
     window.run();
-    assert!(window.state().document.as_ref().unwrap().state().scene.dial.nodes[0].on);
+    assert!(window.state().document.as_ref().unwrap().state().dial.nodes[0].on);
 }

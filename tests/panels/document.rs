@@ -4,13 +4,15 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DVec2;
+use relume::document;
+use relume::document::SceneOptions;
+use relume::document::design::{self, Spectra};
+use relume::document::moves::Move;
+use relume::document::{Document, Edit};
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::scene::{self, Accuracy, Interval, SceneOptions};
+use relume::scene::{Accuracy, Interval};
 use relume::spectrum::observer::Observer;
-use relume::view::camera::Move;
-use relume::view::design::{self, Spectra};
-use relume::view::{Document, Edit};
 
 use crate::app::{document, offered};
 use crate::support::program::SCENE;
@@ -114,7 +116,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     before.edit(&Edit::HandOnNode(1));
     before.edit(&Edit::RemoveTerm(0));
     let scene = before.opened().clone();
-    assert!(before.lies_as(&scene));
+    assert!(before.lies_as(&scene.scene));
     let after = before.clone().beside(scene.clone(), false);
     assert!(after.state().writes_as(before.state()), "also a transfer function that was changed");
     let mut back = after.clone();
@@ -122,20 +124,20 @@ fn another_time_step_is_looked_at_as_the_one_before() {
         back.undo();
     }
     assert!(
-        back.is_saved() && !after.is_saved() && back.state().scene.camera == scene.camera,
+        back.is_saved() && !after.is_saved() && back.state().scene.camera == scene.scene.camera,
         "with the same steps back"
     );
     // What nobody has changed is what the other volume opens with, where its values are others.
     let mut other = scene.clone();
-    other.transfer.terms.remove(0);
+    other.scene.transfer.terms.remove(0);
     let untouched = Document::new(scene.clone());
-    for (alike, terms) in [(true, &scene.transfer), (false, &other.transfer)] {
+    for (alike, terms) in [(true, &scene.scene.transfer), (false, &other.scene.transfer)] {
         let after = untouched.clone().beside(other.clone(), alike);
         assert!(after.is_saved() && after.state().scene.transfer == *terms, "{alike}");
     }
     let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
-    let smaller = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    assert!(!before.lies_as(&smaller), "another grid is another thing");
+    let smaller = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    assert!(!before.lies_as(&smaller.scene), "another grid is another thing");
 }
 
 #[test]

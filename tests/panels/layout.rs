@@ -7,9 +7,12 @@ use egui::{Event, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::document;
+use relume::document::SceneOptions;
+use relume::document::{Document, Edit};
 use relume::progress::Quiet;
-use relume::scene::{self, Projection, SceneOptions};
-use relume::view::{Action, Document, Edit};
+use relume::scene::Projection;
+use relume::view::Action;
 
 use crate::app::{App, click_at, document, drag_along, is_painted, probed, wide, with_histogram};
 use crate::support::program::{DIAL, SCENE};
@@ -25,7 +28,7 @@ fn an_empty_window_of_any_size_shows_what_to_do() {
 #[test]
 fn the_bar_of_the_panels_lies_over_no_control() {
     let document = document();
-    let statistics = document.opened().volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume.statistics().unwrap();
     let mut window = wide(document.with_statistics(statistics));
     window.run();
     let solo = window.get_all_by_label("solo").next().unwrap().rect();
@@ -136,7 +139,7 @@ fn long_names_do_not_widen_the_panels() {
     for name in ["flesh", "day"] {
         let long = format!("{name}-{}", "of-a-very-long-name-".repeat(5));
         let text = text.replace(name, &long);
-        let scene = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
         let mut window = App::open(Vec2::new(1280.0, 2000.0), Some(Document::new(scene)));
         window.run();
         assert!((window.state().place.left() - narrow).abs() < 1.0, "{name}: {}", window.state().place.left());

@@ -4,10 +4,11 @@ use egui::Vec2;
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::document::moves::{Move, Side};
+use relume::document::{Document, Edit, Mixing};
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::view::camera::{Move, Side};
-use relume::view::{Action, Document, Edit, Mixing};
+use relume::view::Action;
 
 use crate::app::{App, document, light_names, wide};
 

@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
+use relume::document::Edit;
+use relume::document::moves::{Move, Side};
 use relume::scene::Accuracy;
-use relume::view::Edit;
-use relume::view::camera::{Move, Side};
 use relume::view::ui::Notice;
 
 use crate::app::{document, wide};

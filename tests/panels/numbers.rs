@@ -6,9 +6,12 @@ use egui::{Event, Key, Modifiers, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
+use relume::document;
+use relume::document::SceneOptions;
+use relume::document::{Document, Edit};
 use relume::progress::Quiet;
-use relume::scene::{self, Interval, SceneOptions};
-use relume::view::{Action, Document, Edit};
+use relume::scene::Interval;
+use relume::view::Action;
 
 use crate::app::{App, click_at, document, intervals, is_painted, retype, type_into, wide, with_histogram};
 use crate::support::program::{DIAL, SCENE};
@@ -42,7 +45,7 @@ fn a_typed_number_holds_once_enter_is_pressed_and_is_one_step_back() {
 fn a_number_that_no_hand_may_reach_stays_as_the_scene_has_it() {
     // A step that no field goes down to, and more exposure than its slider has.
     let text = format!("{SCENE}{DIAL}[accuracy]\nstep = 0.001\n[display]\nexposure = 1000\n");
-    let scene = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(scene)));
     window.run();
     assert!(window.state().asked.is_empty(), "{:?}", window.state().asked);
@@ -188,7 +191,7 @@ fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
         let mut document = document();
         let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
         document.edit(&Edit::Interval(0, Interval { range: [1.234_567_89 * scale, 2.0 * scale], ..stated }));
-        let mut statistics = document.opened().volume.statistics().unwrap();
+        let mut statistics = document.opened().scene.volume.statistics().unwrap();
         (statistics.min, statistics.max) = (-3.0 * scale, 3.0 * scale);
         let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();
@@ -212,7 +215,7 @@ fn values_that_differ_in_their_last_digits_alone_can_be_typed() {
         let stated = Interval::of(&document.state().scene.transfer.terms[0]).unwrap();
         let interval = Interval { range: [low + 0.3 * span, low + 0.6 * span], ramp: 0.0, ..stated };
         document.edit(&Edit::Interval(0, interval));
-        let mut statistics = document.opened().volume.statistics().unwrap();
+        let mut statistics = document.opened().scene.volume.statistics().unwrap();
         (statistics.min, statistics.max) = (low, low + span);
         let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();

@@ -5,10 +5,13 @@ use std::path::Path;
 use egui::{Event, Key, Modifiers, PointerButton, Vec2};
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
+use relume::document;
+use relume::document::SceneOptions;
+use relume::document::moves::Move;
+use relume::document::{Document, Edit};
 use relume::progress::Quiet;
-use relume::scene::{self, Interval, SceneOptions};
-use relume::view::camera::Move;
-use relume::view::{Action, Document, Edit};
+use relume::scene::Interval;
+use relume::view::Action;
 
 use crate::app::{click_at, document, probed, probed_of, wide};
 use crate::support::program::SCENE;
@@ -92,7 +95,7 @@ fn what_colours_the_light_that_passes_is_named() {
         "[materials.flesh]",
         "[materials.stain]\nreflectance = 0\nabsorption = { 380 = 1, 560 = 1, 580 = 0, 780 = 0 }\n[materials.flesh]",
     );
-    let scene = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let mut document = Document::new(scene);
     document.edit(&Edit::AddInterval(Interval {
         material: document.state().scene.materials.iter().position(|material| material.name == "stain").unwrap(),

@@ -5,9 +5,10 @@ use egui::{Event, Key, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
-use relume::view::{Action, Document, Edit};
+use relume::document::{Document, Edit};
+use relume::view::Action;
 
-use crate::app::{App, document, light_names};
+use crate::app::{App, document, light_names, reopened};
 
 #[test]
 fn situations_are_kept_renamed_and_forgotten() {
@@ -17,7 +18,7 @@ fn situations_are_kept_renamed_and_forgotten() {
     window.run();
     let names = |window: &Harness<'_, App>| -> Vec<String> {
         let document = window.state().document.as_ref().unwrap();
-        document.state().scene.dial.situations.iter().map(|situation| situation.name.clone()).collect()
+        document.state().dial.situations.iter().map(|situation| situation.name.clone()).collect()
     };
     let type_name = |window: &mut Harness<'_, App>, name: &str| {
         let field = window.get_by_role(Role::TextInput);
@@ -43,14 +44,14 @@ fn situations_are_kept_renamed_and_forgotten() {
 #[test]
 fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
     let mut document = document();
-    let here = document.state().scene.dial.nodes[1].place;
-    assert_eq!(document.state().scene.dial.situations[0].hand, here);
+    let here = document.state().dial.nodes[1].place;
+    assert_eq!(document.state().dial.situations[0].hand, here);
     for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::NodePlace(0, here), Edit::ResetDial] {
         document.edit(&edit);
         document.edit(&Edit::Situation(0));
         assert_eq!(light_names(&document.state().mix()), ["lamp"], "{edit:?}");
-        let now = document.state().scene.dial.nodes[1].place;
-        assert_eq!(document.state().scene.dial.situations[0].hand, now, "{edit:?}");
+        let now = document.state().dial.nodes[1].place;
+        assert_eq!(document.state().dial.situations[0].hand, now, "{edit:?}");
     }
     // One that is left out for now goes along, too, and what is shown stays it, wherever the other node is.
     document.edit(&Edit::NodePlace(0, DVec2::new(0.7, 0.1)));
@@ -58,7 +59,7 @@ fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
     document.edit(&Edit::NodeOn(1, false));
     for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::ResetDial] {
         document.edit(&edit);
-        let dial = &document.state().scene.dial;
+        let dial = &document.state().dial;
         assert_eq!(dial.situations[0].hand, dial.nodes[1].place, "{edit:?}");
     }
 }
@@ -76,7 +77,7 @@ fn enter_keeps_a_situation_and_moved_nodes_are_told_of_where_it_lies_between_the
     window.key_press(Key::Enter);
     window.run();
     let names = |window: &Harness<'_, App>| -> Vec<String> {
-        let dial = &window.state().document.as_ref().unwrap().state().scene.dial;
+        let dial = &window.state().document.as_ref().unwrap().state().dial;
         dial.situations.iter().map(|situation| situation.name.clone()).collect()
     };
     assert_eq!(names(&window), ["evening", "noon"]);
@@ -99,7 +100,7 @@ fn a_name_that_is_taken_is_said_to_be_replaced() {
     window.get_by_label("Replace").click();
     window.run();
     let document = window.state().document.as_ref().unwrap();
-    let situations = &document.state().scene.dial.situations;
+    let situations = &document.state().dial.situations;
     assert_eq!((situations.len(), situations[0].hand), (1, DVec2::new(0.2, 0.1)));
 }
 
@@ -130,7 +131,7 @@ fn a_situation_that_looks_as_what_is_seen_is_shown_as_the_one_that_is() {
     let index = document.situation();
     assert!(index.is_some());
     // As a session opens, which says where the hand is and not what that is called.
-    let mut again = Document::new(document.state().scene.clone());
+    let mut again = Document::new(reopened(&document));
     assert_eq!(again.situation(), None, "sliders mix");
     again.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
     assert_eq!(again.situation(), index);

@@ -6,11 +6,12 @@ use egui::{Event, Modifiers, PointerButton, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
+use relume::document;
+use relume::document::Document;
+use relume::document::SceneOptions;
 use relume::progress::Quiet;
-use relume::scene::{self, SceneOptions};
 use relume::spectrum::Spectrum;
 use relume::spectrum::colour::{LinearSrgb, OBSERVER, Xyz, display_code, linear_srgb_from_xyz};
-use relume::view::Document;
 
 use crate::app::{App, document};
 use crate::support::program::SCENE;
@@ -63,8 +64,8 @@ fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
     for (shape, of) in shapes.into_iter().zip(["flesh", "flesh", "clear"]) {
         let text =
             SCENE.replace("[materials.flesh]", shape).replace("material = \"flesh\"", &format!("material = \"{of}\""));
-        let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-        let material = opened.materials.iter().find(|material| material.name == of).unwrap();
+        let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+        let material = opened.scene.materials.iter().find(|material| material.name == of).unwrap();
         let passes = material.absorption.as_ref().unwrap().spectrum().samples().map(|depth| {
             let is_flat = shape.contains("0.5");
             if is_flat { 1.0 } else { 0.1_f64.powf(depth) }
@@ -72,6 +73,7 @@ fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
         let reflects = if of == "clear" { Spectrum::constant(1.0) } else { material.reflectance.spectrum().clone() };
         let seen = &Spectrum::from_samples(passes) * &reflects;
         let colour: DVec3 = opened
+            .scene
             .lights
             .iter()
             .map(|light| {

@@ -4,9 +4,10 @@ use egui::{Key, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
-use relume::view::camera::Move;
+use relume::document::moves::Move;
+use relume::document::{Document, Edit};
+use relume::view::Action;
 use relume::view::tour::Tour;
-use relume::view::{Action, Document, Edit};
 
 use crate::app::{App, document, is_painted, type_into};
 

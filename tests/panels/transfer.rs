@@ -6,11 +6,16 @@ use egui::accesskit::Role;
 use egui::{Event, Key, Modifiers, PointerButton, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use relume::document;
+use relume::document::SceneOptions;
+use relume::document::{Document, Edit};
 use relume::progress::Quiet;
-use relume::scene::{self, Interval, SceneOptions};
-use relume::view::{Action, Document, Edit};
+use relume::scene::Interval;
+use relume::view::Action;
 
-use crate::app::{App, click_at, document, drag_along, intervals, is_painted, type_into, wide, with_histogram};
+use crate::app::{
+    App, click_at, document, drag_along, intervals, is_painted, reopened, type_into, wide, with_histogram,
+};
 use crate::support::program::SCENE;
 
 #[test]
@@ -96,8 +101,8 @@ fn reset_transfer_is_there_where_a_label_alone_has_changed() {
     let more = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
     let scene = SCENE.replace("dims =", "phantom_labels = true\ndims =");
     let text = format!("{scene}{more}");
-    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    let stated = opened.labels.as_ref().unwrap().declared.clone();
+    let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let stated = opened.scene.labels.as_ref().unwrap().declared.clone();
     let mut document = Document::new(opened);
     document.edit(&Edit::Label(0, 0, 0.75));
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
@@ -128,7 +133,7 @@ fn a_transfer_function_that_shows_no_value_says_so() {
     window.run();
     assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
     let mut document = document();
-    let statistics = document.opened().volume.statistics().unwrap();
+    let statistics = document.opened().scene.volume.statistics().unwrap();
     for index in [0, 1] {
         let stated = Interval::of(&document.state().scene.transfer.terms[index]).unwrap();
         document.edit(&Edit::Interval(index, Interval { range: [1e4, 2e4], ..stated }));
@@ -141,7 +146,7 @@ fn a_transfer_function_that_shows_no_value_says_so() {
     window.run();
     assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
     // Where it opened so, there is nothing to go back to.
-    let mut window = wide(Document::new(document.state().scene.clone()).with_statistics(statistics));
+    let mut window = wide(Document::new(reopened(&document)).with_statistics(statistics));
     window.run();
     window.get_by_label("Show all values").click();
     window.run();
@@ -168,9 +173,9 @@ fn what_an_interval_absorbs_is_a_number_where_its_material_absorbs() {
         "[materials.flesh]\nabsorption = { gaussian = [{ centre = 527, sigma = 17, height = 1.0 }], base = 0.02 }",
     );
     assert_ne!(text, SCENE);
-    let opened = scene::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    let shown = opened.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
-    let of_flesh = shown.map(|material| opened.materials[material].name == "flesh").collect::<Vec<_>>();
+    let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
+    let shown = opened.scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap().material);
+    let of_flesh = shown.map(|material| opened.scene.materials[material].name == "flesh").collect::<Vec<_>>();
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(opened)));
     window.run();
     for (index, absorbs) in of_flesh.iter().enumerate() {

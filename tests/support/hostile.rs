@@ -8,11 +8,12 @@ use std::io::{Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use relume::document;
+use relume::document::{Definition, SceneOptions};
 use relume::output::FilmFile;
 use relume::palette::{self, Palette};
 use relume::plan;
 use relume::progress::{Progress, Quiet};
-use relume::scene::{self, Definition, SceneOptions};
 use relume::spectrum::{Column, SpectrumSource};
 use relume::volume::{self, Selection, VolumeError};
 
@@ -208,7 +209,8 @@ impl Place {
             return None;
         }
         let options = SceneOptions { definitions, ..SceneOptions::default() };
-        let scene = scene::parse("scene.toml", &text, self.folder.path(), &options, &Patience::of(QUESTIONS)).ok()?;
+        let scene =
+            document::parse("scene.toml", &text, self.folder.path(), &options, &Patience::of(QUESTIONS)).ok()?.scene;
         let said = plan::plan_full_spectrum(&scene).explain(&scene);
         if is_chosen {
             plan::plan(&scene, &Patience::of(QUESTIONS)).ok();

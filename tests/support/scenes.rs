@@ -7,8 +7,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
+use relume::document::{SceneOptions, parse};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, LabelEntry, Labels, Scene, SceneOptions, parse};
+use relume::scene::{AccumulateAs, LabelEntry, Labels, Scene};
 use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum};
 use relume::volume::{Geometry, Volume, Voxels};
 
@@ -159,6 +160,7 @@ const MORE: &str = r#"
 pub fn parsed(text: &str) -> Scene {
     parse("the test's scene", text, Path::new(""), &SceneOptions::default(), &Quiet)
         .unwrap_or_else(|error| panic!("{error:?}\n{text}"))
+        .scene
 }
 
 /// The scene that `text` describes, with `volume` in it.

@@ -3,9 +3,11 @@
 use glam::DVec3;
 use serde::Serialize;
 
+use relume::document;
+use relume::document::{Definition, SceneOptions};
 use relume::model::ModelKind;
 use relume::progress::Progress;
-use relume::scene::{self, AccumulateAs, Definition, Material, Placement, Scene, SceneLight, SceneOptions, Shading};
+use relume::scene::{AccumulateAs, Material, Placement, Scene, SceneLight, Shading};
 use relume::spectrum::{Absorption, Spectrum};
 
 use super::{Args, CliError, figures};
@@ -124,9 +126,9 @@ impl Case {
             options.definitions.extend(keys.iter().map(|key| Definition::new(key)));
         }
         Ok(match self.subject {
-            Subject::Peer => scene::load_peer(&options, progress)?,
-            Subject::Default => scene::load_embedded(&options, progress)?,
-            Subject::Figure(name) => figures::scene(name, &options, progress)?,
+            Subject::Peer => document::load_peer(&options, progress)?.scene,
+            Subject::Default => document::load_embedded(&options, progress)?.scene,
+            Subject::Figure(name) => figures::scene(name, &options, progress)?.scene,
         })
     }
 

@@ -23,9 +23,9 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use super::rungs::{RungError, Rungs};
+use crate::document::SceneError;
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
-use crate::scene::SceneError;
 use crate::spectrum::SpectrumError;
 use crate::volume::VolumeError;
 

@@ -3,8 +3,8 @@
 use super::left::{Left, worst};
 use super::slab::{GREEN, Picture, Slab};
 use super::{Answer, Bound, Extreme, ExtremeError, Group, Rung};
+use crate::document::SceneError;
 use crate::model::{Amplification, LARGEST_DIMENSION};
-use crate::scene::SceneError;
 use crate::spectrum::Spectrum;
 
 pub(super) fn extremes() -> Vec<Extreme> {

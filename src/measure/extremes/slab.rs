@@ -7,11 +7,12 @@ use glam::DVec3;
 
 use super::ExtremeError;
 use super::left::{Left, relative, worst};
+use crate::document::{SceneOptions, parse};
 use crate::measure::rungs::Rungs;
 use crate::number::count;
 use crate::plan::plan_full_spectrum;
 use crate::progress::Quiet;
-use crate::scene::{Aim, Camera, Projection, Scene, SceneOptions, parse};
+use crate::scene::{Aim, Camera, Projection, Scene};
 use crate::volume::{Geometry, Volume, Voxels};
 
 /// A scene and its picture size.
@@ -194,7 +195,7 @@ impl Slab {
 /// Parses the scene in `text` and gives it `volume`, viewed along z.
 pub(super) fn scene_of(text: &str, volume: Volume) -> Result<Scene, ExtremeError> {
     let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = [2, 2, 2]\n");
-    let mut scene = parse("an extreme", &text, Path::new(""), &SceneOptions::default(), &Quiet)?;
+    let mut scene = parse("an extreme", &text, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
     scene.camera = straight_on(&volume.geometry);
     scene.volume = Arc::new(volume);
     Ok(scene)

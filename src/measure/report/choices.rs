@@ -58,7 +58,7 @@ pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
         "For each purpose the fastest of those measured, where its times do not overlap with those of the scene's own. What is \
          within 5 % of the least error by mean, p95 and worst is as exact as was measured. One knob is turned at a time."
     };
-    let given = survey.scene().source.split_once(" with ").map_or_else(String::new, |(_, given)| {
+    let given = survey.scene().name.split_once(" with ").map_or_else(String::new, |(_, given)| {
         format!(" What else was given for this scene (<code>{}</code>) is given again.", escaped(given))
     });
     format!("{by}{given}")
@@ -159,7 +159,7 @@ fn flags(survey: &Survey<'_>, row: &Measured) -> String {
 
 /// A whole command.
 fn command(survey: &Survey<'_>, flags: &str) -> String {
-    let source = &survey.scene().source;
+    let source = &survey.scene().name;
     let given = source.split_once(" with ").map_or("", |(_, given)| given);
     let (file, picture) = match file(source) {
         None => (String::new(), "-o picture.png".to_owned()),

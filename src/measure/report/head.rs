@@ -1,5 +1,6 @@
 //! Head of the page: what was measured, on which device and under which light.
 
+use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::Findings;
@@ -26,13 +27,16 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
     let mut lines = vec![
         format!(
             "<small>{}; Relume {}{}</small>",
-            escaped(&scene.source),
+            escaped(&scene.name),
             env!("CARGO_PKG_VERSION"),
             SystemTime::now()
                 .duration_since(UNIX_EPOCH)
                 .map_or_else(|_| String::new(), |now| format!("; {}", day(now.as_secs())))
         ),
-        format!("Light: {}. Only this was measured: nothing here is said of other light.", escaped(&light(scene))),
+        format!(
+            "Light: {}. Only this was measured: nothing here is said of other light.",
+            escaped(&light(scene, findings.spectra))
+        ),
         format!(
             "{} in pictures of {width}×{height}, with the truth: the full spectrum in f64, in steps of {} voxels (an eighth of the \
              shortest measured).",
@@ -96,15 +100,13 @@ fn processor() -> Option<String> {
 }
 
 /// Lights with their intensities, and the observer.
-fn light(scene: &Scene) -> String {
-    let text: toml::Table = scene.text.parse().unwrap_or_default();
-    let spectrum = |name: &str| Some(text.get("lights")?.get(name)?.get("spectrum")?.as_str()?.to_owned());
+fn light(scene: &Scene, spectra: &BTreeMap<String, String>) -> String {
     let lights: Vec<String> = Mix::of_scene(scene)
         .0
         .iter()
         .filter(|light| light.weight > 0.0)
         .map(|light| {
-            let spectrum = spectrum(&light.name).map_or_else(String::new, |spectrum| format!("{spectrum}, "));
+            let spectrum = spectra.get(&light.name).map_or_else(String::new, |spectrum| format!("{spectrum}, "));
             format!("{} ({spectrum}intensity {})", light.name, readable(light.weight))
         })
         .collect();

@@ -17,6 +17,7 @@ mod trust;
 mod verdict;
 mod words;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::setting::Setting;
@@ -40,6 +41,8 @@ pub struct Findings<'a> {
     pub close_up: Option<&'a CloseUp>,
     /// Whether the measurement was cancelled.
     pub interrupted: bool,
+    /// Stated spectra of the lights, by the lights' names.
+    pub spectra: &'a BTreeMap<String, String>,
 }
 
 const STYLE: &str = include_str!("style.css");
@@ -125,7 +128,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     let words = words::words(&page);
     let top = head::head(survey, findings, trust);
     let said = verdict::verdict(survey.scene(), findings, &carried, trust);
-    let title = escaped(&choices::title(&survey.scene().source));
+    let title = escaped(&choices::title(&survey.scene().name));
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
          <title>What accuracy costs: {title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>What accuracy costs: {title}</h1>\n\

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Component, Components, Dial, FilmFile, Light, Node, Position, PositionKind, Situation, Stored};
+use super::{Component, Components, Dial, FilmFile, Light, Position, PositionKind, Stored};
 use crate::film;
 use crate::film::Film;
 use crate::output::OutputError;
@@ -16,7 +16,13 @@ impl FilmFile {
     /// # Errors
     ///
     /// [`OutputError::Matrix`] if the transmittance is a matrix.
-    pub fn of_march(scene: &Scene, planned: &Planned, accumulation: Film<f32>) -> Result<Self, OutputError> {
+    pub fn of_march(
+        scene: &Scene,
+        planned: &Planned,
+        opening: &Mix,
+        dial: Dial,
+        accumulation: Film<f32>,
+    ) -> Result<Self, OutputError> {
         if planned.plan.transmittance == Transmittance::Mixed {
             return Err(OutputError::Matrix);
         }
@@ -37,10 +43,10 @@ impl FilmFile {
                 Placement::Point(point) => PositionKind::Point(point.to_array()),
             },
         });
-        let (stated, opening) = (Mix::of_scene(scene), scene.opening_mix());
+        let stated = Mix::of_scene(scene);
         let shown = |light: &MixLight| {
             let found = opening.0.iter().find(|one| (&one.name, one.position) == (&light.name, light.position));
-            Some(found.map_or(0.0, |one| one.weight)).filter(|_| opening != stated)
+            Some(found.map_or(0.0, |one| one.weight)).filter(|_| *opening != stated)
         };
         let lights = stated.0.iter().map(|light| Light {
             name: light.name.clone(),
@@ -49,24 +55,6 @@ impl FilmFile {
             shown: shown(light),
             spectrum: *light.spectrum.spectrum().samples(),
         });
-        let nodes = scene.dial.nodes.iter().map(|node| Node {
-            light: node.light.clone(),
-            place: node.place.to_array(),
-            on: node.on,
-        });
-        let situations = scene.dial.situations.iter().map(|situation| Situation {
-            name: situation.name.clone(),
-            caption: situation.caption.clone(),
-            hand: situation.hand.to_array(),
-            off: situation.off.clone(),
-            on: situation.on.clone(),
-        });
-        let dial = Dial {
-            normalise: scene.dial.normalise,
-            master: scene.dial.master,
-            nodes: nodes.collect(),
-            situations: situations.collect(),
-        };
         Ok(Self {
             width: accumulation.size[0],
             height: accumulation.size[1],

@@ -76,8 +76,8 @@
 //! | `error` | with `matrix`: `mean`, `p95` and `max` of the ΔE00 of W over the cloud |
 //! | `unseen` | the same over the spectra outside the fit, if measured |
 //!
-//! **The picture** has at each pixel the XYZ Σ_p Σ_i c(p, i) · W(p, i), where W(p) is the sum of weight · W over the
-//! lights at position p. The background adds Σ_p Σ_i T(i) · (P background)(i) · W(p, i), or, for a single T, T times
+//! **The picture** has at each pixel the XYZ `Σ_p Σ_i c(p, i) · W(p, i)`, where W(p) is the sum of weight · W over the
+//! lights at position p. The background adds `Σ_p Σ_i T(i) · (P background)(i) · W(p, i)`, or, for a single T, T times
 //! its exact XYZ under all lights.
 
 mod march;

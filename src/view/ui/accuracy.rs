@@ -6,13 +6,13 @@ use egui::{
 
 use super::controls::{number, panel, remembered};
 use super::spectrum::narrow;
+use crate::document::{Document, Edit, STEPS};
 use crate::measure::{Goal, Preset};
 use crate::plan::Planned;
 use crate::plan::Stale;
 use crate::scene::Accuracy;
 use crate::view::action::Action;
 use crate::view::effort::{Curve, Measured};
-use crate::view::state::{Document, Edit, STEPS};
 
 /// Cost and error of pictures.
 #[derive(Clone, Copy, Debug, Default)]

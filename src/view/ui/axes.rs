@@ -5,8 +5,8 @@ use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, vec2};
 use glam::DVec3;
 
 use super::spectrum::narrow;
-use crate::view::camera::Side;
-use crate::view::state::Document;
+use crate::document::Document;
+use crate::document::moves::Side;
 
 /// Length of an axis in points.
 const LENGTH: f64 = 20.0;

@@ -8,8 +8,9 @@ use egui_file_dialog::{DialogState, DirectoryEntry, FileDialog, FileDialogKeyBin
 
 use super::controls::leave_field;
 use super::reading::{Answer, Reading};
+use crate::document::Question;
+use crate::document::Source;
 use crate::view::action::{Action, File, Leaving, Losing};
-use crate::view::load::{Question, Source};
 use crate::volume::{self, Selection};
 
 /// Initial size in points.

@@ -11,10 +11,10 @@ use egui::{
     Sense, Sides, Slider, SliderClamping, Ui, Vec2, WidgetInfo,
 };
 
+use crate::document::BRIGHTEST;
 use crate::number::whole;
 use crate::plan::Stale;
 use crate::view::action::Action;
-use crate::view::state::BRIGHTEST;
 
 /// Display time of the message about rejected input.
 const LONG_ENOUGH: Duration = Duration::from_secs(5);

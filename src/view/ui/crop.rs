@@ -7,12 +7,12 @@ use super::Shown;
 use super::axes::{COLOURS, patient_end};
 use super::controls::{number, panel, say_beside};
 use super::spectrum::narrow;
+use crate::document::moves::{Move, Side};
+use crate::document::{Document, Edit, THINNEST};
 use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::View;
 use crate::view::action::Action;
-use crate::view::camera::{Move, Side};
-use crate::view::state::{Document, Edit, THINNEST};
 use crate::volume::Geometry;
 
 /// Size of a handle and of its grab area in points.
@@ -66,7 +66,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             }
             // Without a crop box in the scene, a reset selects the whole volume; only the tick removes the box.
             let all = [DVec3::ZERO, DVec3::ONE];
-            let opened = document.opened().crop;
+            let opened = document.opened().scene.crop;
             let (changed, reset) = match opened {
                 Some(_) => (document.state().scene.crop != opened, Edit::ResetCrop),
                 None => (crop.is_some_and(|crop| crop != all), Edit::Crop(Some(all))),
@@ -198,7 +198,7 @@ pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
     /// Fraction of an axis below which the box counts as thin, however few slices the axis has.
     const SLICE: f64 = 0.1;
     let (crop, scene) = (document.state().crop()?, &document.state().scene);
-    if scene.crop == document.opened().crop {
+    if scene.crop == document.opened().scene.crop {
         return None;
     }
     let geometry = &scene.volume.geometry;

@@ -5,11 +5,11 @@ use glam::DVec2;
 
 use super::controls::panel;
 use super::spectrum::{narrow, paint_swatch, readable_text};
+use crate::document::{Dial, Mixing};
+use crate::document::{Document, Edit, polygon, reset_nodes};
 use crate::number::count;
 use crate::plan::Stale;
-use crate::scene::{Dial, Mixing};
 use crate::view::action::Action;
-use crate::view::state::{Document, Edit, polygon, reset_nodes};
 
 /// Margin in points around the outermost nodes, for their names.
 const MARGIN: f32 = 28.0;
@@ -22,7 +22,7 @@ const STEP: f64 = 0.02;
 
 /// Shows the dial.
 pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
-    let dial = &document.state().scene.dial;
+    let dial = &document.state().dial;
     if dial.nodes.len() < 2 {
         return;
     }
@@ -78,7 +78,7 @@ struct Map {
 impl Map {
     fn new(document: &Document, rect: Rect) -> Self {
         // The map also covers the nodes of the opened scene, so that nodes moved within these bounds do not change it.
-        let (dial, opened) = (&document.state().scene.dial, &document.opened().dial);
+        let (dial, opened) = (&document.state().dial, &document.opened().dial);
         let nodes = || dial.nodes.iter().chain(&opened.nodes).map(|node| node.place);
         let around = |places: &mut dyn Iterator<Item = DVec2>| {
             places.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], at| [low.min(at), high.max(at)])
@@ -118,12 +118,12 @@ fn held(ui: &Ui, document: &Document, rect: Rect) -> Map {
 #[must_use]
 pub fn node_places(document: &Document, rect: Rect) -> Vec<Pos2> {
     let map = Map::new(document, rect);
-    document.state().scene.dial.nodes.iter().map(|node| map.screen_from_dial(node.place)).collect()
+    document.state().dial.nodes.iter().map(|node| map.screen_from_dial(node.place)).collect()
 }
 
 fn nodes(ui: &Ui, document: &Document, map: &Map, inside: Rect, asked: &mut Vec<Action>) {
     let state = document.state();
-    let dial = &state.scene.dial;
+    let dial = &state.dial;
     let weights = dial.weights(state.light.hand);
     let visuals = ui.visuals().clone();
     for (index, node) in dial.nodes.iter().enumerate() {
@@ -166,7 +166,7 @@ fn nodes(ui: &Ui, document: &Document, map: &Map, inside: Rect, asked: &mut Vec<
 /// Draws the names of the nodes on top, even over the hand.
 fn names(ui: &Ui, document: &Document, map: &Map) {
     let visuals = ui.visuals();
-    for node in &document.state().scene.dial.nodes {
+    for node in &document.state().dial.nodes {
         let place = map.screen_from_dial(node.place);
         let colour = if node.on { visuals.text_color() } else { visuals.weak_text_color() };
         let below = (place - map.middle).y >= 0.0;
@@ -190,7 +190,7 @@ fn move_hand(ui: &Ui, document: &Document, map: &Map, inside: Rect, hand: &Respo
     let light = &document.state().light;
     if let (true, Some(pointer)) = (hand.dragged() || hand.clicked(), hand.interact_pointer_pos()) {
         let pointer = pointer.clamp(inside.min, inside.max);
-        asked.push(Action::Edit(snapped(&document.state().scene.dial, map, pointer)));
+        asked.push(Action::Edit(snapped(&document.state().dial, map, pointer)));
     }
     if hand.has_focus() {
         let keys = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowDown, Key::ArrowUp];

@@ -3,11 +3,11 @@
 use egui::{ComboBox, Ui};
 
 use super::controls::{panel, slider, toggle};
+use crate::document::{Document, Edit};
 use crate::plan::Stale;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
-use crate::view::state::{Document, Edit};
 
 /// Shows the display panel.
 pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {

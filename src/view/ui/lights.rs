@@ -4,10 +4,10 @@ use egui::{Checkbox, RichText, Ui, Vec2};
 
 use super::controls::{number, panel, sides, slider, toggle};
 use super::spectrum::{curve, swatch};
+use crate::document::Mixing;
+use crate::document::{BRIGHTEST, Document, Edit};
 use crate::plan::Stale;
-use crate::scene::Mixing;
 use crate::view::action::Action;
-use crate::view::state::{BRIGHTEST, Document, Edit};
 
 /// Shows the light panel.
 pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {

@@ -38,8 +38,8 @@ use glam::DVec2;
 
 use super::action::Action;
 use super::probe::Probe;
-use super::state::Document;
 use super::tour::Tour;
+use crate::document::Document;
 
 /// Window width in points below which the window opens without panels.
 pub const ROOM_FOR_PANELS: f32 = 560.0;

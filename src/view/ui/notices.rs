@@ -7,9 +7,9 @@ use egui::{Align2, Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 use super::Shown;
 use super::crop::{out_of_sight, too_thin};
 use super::transfer::nothing_shown;
-use crate::scene::Mixing;
+use crate::document::Mixing;
+use crate::document::{Document, Edit};
 use crate::view::action::Action;
-use crate::view::state::{Document, Edit};
 use crate::view::tour::Tour;
 
 /// Minimum width of a notice in points.
@@ -104,7 +104,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
 /// Edits that turn the lights on again.
 fn lit(document: &Document) -> Vec<Edit> {
     let state = document.state();
-    let (count, nodes) = (state.scene.lights.len(), &state.scene.dial.nodes);
+    let (count, nodes) = (state.scene.lights.len(), &state.dial.nodes);
     let all_nodes = (0..nodes.len()).map(|node| Edit::NodeOn(node, true));
     if state.light.mixing == Mixing::Dial && nodes.iter().all(|node| !node.on) {
         return all_nodes.collect();

@@ -8,15 +8,16 @@ use egui::{
 use super::controls::{number, toggle};
 use super::spectrum::{curve, narrow, plot};
 use super::{Shown, floating};
+use crate::document::Mixing;
+use crate::document::design::{Look, Side, Step, look, spectrum};
+use crate::document::{Edit, State};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::{capital, count};
 use crate::palette::{Conflict, Member, ModelTerm, NATURAL, Palette, Target, WayOut};
-use crate::scene::{Display, Mixing, Scene};
+use crate::scene::{Display, Scene};
 use crate::spectrum::colour::{Xyz, display_code, linear_srgb_from_xyz};
 use crate::spectrum::observer::Observer;
 use crate::view::action::Action;
-use crate::view::design::{Look, Side, Step, look, spectrum};
-use crate::view::state::{Edit, State};
 
 /// State of the palette design.
 #[derive(Clone, Copy, Debug, Default)]

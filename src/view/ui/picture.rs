@@ -10,12 +10,12 @@ use super::Shown;
 use super::axes::side_name;
 use super::controls::{panel, toggle};
 use super::spectrum::narrow;
+use crate::document::moves::{Move, Side};
+use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::Projection;
 use crate::view::action::{Action, File};
-use crate::view::camera::{Move, Side};
-use crate::view::state::{Document, Edit};
 
 /// Rotation in degrees for a drag over the height of the picture.
 const TURN: f64 = 180.0;

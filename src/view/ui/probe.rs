@@ -5,11 +5,11 @@ use egui::{Color32, Grid, Id, Key, Label, Rect, RichText, ScrollArea, Sense, Str
 use super::spectrum::{code, narrow, patch, plot};
 use super::transfer::colours;
 use super::{Shown, floating};
+use crate::document::Document;
 use crate::number::{brief, readable};
 use crate::spectrum::colour::Lab;
 use crate::view::action::Action;
 use crate::view::probe::{Lit, Probe, Share, Stretch};
-use crate::view::state::Document;
 
 /// Sum of the pixel shares above which a note is shown, as a multiple of the pixel.
 const MORE_THAN_ALL: f64 = 1.002;

@@ -3,7 +3,8 @@
 use egui::{Button, ComboBox, Context, Grid, Id, Key, Modal, Response, RichText, ScrollArea, Ui, WidgetInfo};
 
 use super::controls::{number, toggle};
-use crate::view::load::{Question, Source, Unknown};
+use crate::document::Source;
+use crate::document::{Question, Unknown};
 use crate::volume::{ByteOrder, RawLayout, Selection, Several, VoxelType};
 
 /// A question with the answer so far.

@@ -3,10 +3,10 @@
 use egui::{Id, Key, TextEdit, Ui, WidgetInfo};
 
 use super::controls::{panel, remembered, toggle};
+use crate::document::{Document, Edit};
+use crate::document::{Mixing, Situation};
 use crate::plan::Stale;
-use crate::scene::{Mixing, Situation};
 use crate::view::action::Action;
-use crate::view::state::{Document, Edit};
 use crate::view::tour::{LONGEST, Tour};
 
 /// Initial duration of a tour in seconds.
@@ -17,12 +17,12 @@ const FRAMES: u16 = 50;
 /// Shows the presets and the controls to save and tour them, if the scene has a dial.
 pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked: &mut Vec<Action>) {
     let state = document.state();
-    let situations = &state.scene.dial.situations;
-    if state.scene.dial.nodes.len() < 2 {
+    let situations = &state.dial.situations;
+    if state.dial.nodes.len() < 2 {
         return;
     }
     let here = document.situation();
-    let mut places = state.scene.dial.nodes.iter().zip(&document.opened().dial.nodes);
+    let mut places = state.dial.nodes.iter().zip(&document.opened().dial.nodes);
     let are_moved = places.any(|(node, opened)| node.place != opened.place);
     panel(ui, "Light situations", Stale::Picture, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
@@ -39,7 +39,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
                 }
             });
         }
-        let nodes = &state.scene.dial.nodes;
+        let nodes = &state.dial.nodes;
         let between = |situation: &Situation| !nodes.iter().any(|node| node.lies_at(situation.hand));
         if are_moved && situations.iter().any(between) {
             let text = "Nodes were moved: between them, a situation is another light than it was.";

@@ -7,13 +7,13 @@ use egui::{ComboBox, Id, Rect, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, Wi
 use super::accuracy::Effort;
 use super::controls::{panel, sides};
 use super::spectrum::{curve, narrow, plot, strip};
+use crate::document::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
+use crate::document::{Document, Edit};
 use crate::number::count;
 use crate::plan::Stale;
 use crate::scene::Scene;
 use crate::spectrum::{Absorption, BANDS, Kind, Spectrum, standard, wavelength_nm};
 use crate::view::action::Action;
-use crate::view::design::{BANDS_PER_HANDLE, HANDLES, Side, Spectra};
-use crate::view::state::{Document, Edit};
 
 /// egui key of the name of the material whose curve is edited.
 const DRAWN: &str = "spectra: drawn";
@@ -70,7 +70,7 @@ fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Ve
 pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: &mut Vec<Action>) {
     let fitted = effort.planned.is_some_and(|planned| planned.model.is_some());
     panel(ui, "Spectra", if fitted { Stale::Tables } else { Stale::Picture }, |ui| {
-        let (scene, opened) = (&document.state().scene, document.opened());
+        let (scene, opened) = (&document.state().scene, &document.opened().scene);
         for (index, (now, then)) in scene.materials.iter().zip(&opened.materials).enumerate() {
             let back = (now.reflectance.spectrum(), then.reflectance.spectrum());
             row(ui, scene, opened, Side::Material, &now.name, back, asked);

@@ -125,9 +125,9 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
                 asked.push(action);
             }
         };
-        let has = |can: fn(&crate::view::Document) -> bool| shown.document.is_some_and(can);
-        button(ui, has(crate::view::Document::can_undo), "Undo", "A step back (Ctrl+Z).", Action::Undo);
-        button(ui, has(crate::view::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
+        let has = |can: fn(&crate::document::Document) -> bool| shown.document.is_some_and(can);
+        button(ui, has(crate::document::Document::can_undo), "Undo", "A step back (Ctrl+Z).", Action::Undo);
+        button(ui, has(crate::document::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
         button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));
         let other = match ui.theme() {
             Theme::Dark => Theme::Light,

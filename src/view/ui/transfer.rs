@@ -10,6 +10,8 @@ use glam::DVec3;
 
 use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
+use crate::document::presets::Preset;
+use crate::document::{Document, Edit, State};
 use crate::film::{Components, RelightMatrices};
 use crate::number::{count, whole};
 use crate::plan::Stale;
@@ -18,8 +20,6 @@ use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions
 use crate::spectrum::colour::{LinearSrgb, display_code};
 use crate::spectrum::{Absorption, Spectrum};
 use crate::view::action::Action;
-use crate::view::presets::Preset;
-use crate::view::state::{Document, Edit, State};
 use crate::volume::Statistics;
 
 /// Height of opacity 1 in points.
@@ -66,7 +66,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             if ui.button("Add interval").on_hover_text(help).clicked() {
                 asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
             }
-            let opened = document.opened();
+            let opened = &document.opened().scene;
             let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
             let changed = state.scene.transfer != opened.transfer || labels(&state.scene) != labels(opened);
             presets(ui, state, document.statistics(), asked);
@@ -255,7 +255,7 @@ pub(super) fn nothing_shown(document: &Document) -> Option<(&'static str, Edit)>
         return None;
     }
     let declared = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
-    if scene.transfer != document.opened().transfer || declared(scene) != declared(document.opened()) {
+    if scene.transfer != document.opened().scene.transfer || declared(scene) != declared(&document.opened().scene) {
         return Some(("Reset transfer", Edit::ResetTransfer));
     }
     let range = [statistics.min, statistics.max];

@@ -4,16 +4,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use super::{NEWS_OF_MEASURING, Viewer, Woken};
+use crate::document::design::{self, Spectra, Step};
+use crate::document::{Document, Edit};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::palette::{self, Conflict, Palette, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::RenderError;
 use crate::view::action::Action;
-use crate::view::design::{self, Spectra, Step};
 use crate::view::effort::{self, Curve};
 use crate::view::job::Job;
 use crate::view::prober::StepError;
-use crate::view::state::{Document, Edit};
 use crate::vulkan::VulkanError;
 
 /// Palettes whose conflicts are remembered.

@@ -3,12 +3,12 @@
 use egui::Rect;
 
 use super::{MOST_LOSSES, ViewError, Viewer, Woken};
+use crate::document::{Document, Edit, OpenError, SceneFile, Source};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::view::action::Leaving;
 use crate::view::engine::Engine;
-use crate::view::load::{LoadError, Loaded, Loading, Source};
-use crate::view::state::{Document, Edit};
+use crate::view::load::{LoadError, Loaded, Loading};
 use crate::volume::Selection;
 use crate::vulkan::VulkanError;
 
@@ -17,7 +17,7 @@ impl Viewer {
     pub(super) fn open(&mut self, source: Source) {
         // What is asked there is of what was to be opened before.
         self.chooser.close();
-        self.load(source.clone(), false, move |renderer, progress| source.load(renderer, progress));
+        self.load(source.clone(), false, move |renderer, progress| Loaded::open(renderer, source, progress));
     }
 
     /// Opens another of the volumes in the file that is looked at.
@@ -29,11 +29,12 @@ impl Viewer {
     pub(super) fn restore(&mut self) {
         self.lost.stopped = false;
         let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
-        let (scene, statistics) = (document.state().scene.clone(), document.statistics().cloned());
+        let file = SceneFile { scene: document.state().scene.clone(), ..document.opened().clone() };
+        let statistics = document.statistics().cloned();
         let source = self.source.clone();
         self.load(source.clone(), true, move |renderer, progress| {
-            let statistics = statistics.map_or_else(|| scene.volume.statistics(), Ok)?;
-            Loaded::prepare(renderer, scene, statistics, source, progress)
+            let statistics = statistics.map_or_else(|| file.scene.volume.statistics(), Ok).map_err(OpenError::from)?;
+            Loaded::prepare(renderer, file, statistics, source, progress)
         });
     }
 
@@ -76,7 +77,9 @@ impl Viewer {
             Err(error) => {
                 // Nobody is there to answer a script's, and what is being asked is not taken away: the error says it, too.
                 let opened = opened.filter(|_| !self.is_scripted() && !self.chooser.is_open());
-                match (opened, error.question(), error.scene_without_volume()) {
+                let of_source = error.of_source();
+                let question = of_source.and_then(OpenError::question);
+                match (opened, question, of_source.and_then(OpenError::scene_without_volume)) {
                     (Some(source), Some(question), _) => {
                         let none = Selection::default();
                         let shown = if source.is_another_of(&self.source) { &self.selection } else { &none };
@@ -134,11 +137,13 @@ impl Viewer {
         let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
         let alike = but_time(&scene.volume.selection) == but_time(&self.selection);
         match self.document.as_ref().filter(|_| loaded.source.is_another_of(&self.source)) {
-            Some(before) if before.lies_as(scene) => Some(before.clone().beside(scene.clone(), alike)),
+            Some(before) if before.lies_as(scene) => Some(before.clone().beside(loaded.file.clone(), alike)),
             Some(_) if self.losing().changes => None,
             // Its lights are there to choose from, and not meant together.
-            _ if loaded.source.bare_volume().is_some() => Some(Document::starting(scene.clone(), &Edit::HandOnNode(0))),
-            _ => Some(Document::new(scene.clone())),
+            _ if loaded.source.bare_volume().is_some() => {
+                Some(Document::starting(loaded.file.clone(), &Edit::HandOnNode(0)))
+            }
+            _ => Some(Document::new(loaded.file.clone())),
         }
     }
 

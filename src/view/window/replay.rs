@@ -8,12 +8,12 @@ use winit::event::WindowEvent;
 use winit::event_loop::ActiveEventLoop;
 
 use super::{ViewError, Viewer};
+use crate::document::design::Spectra;
+use crate::document::{Document, Edit};
 use crate::scene::Interval;
 use crate::view::action::Action;
-use crate::view::design::Spectra;
 use crate::view::engine::Engine;
 use crate::view::script::{self, Command, Input};
-use crate::view::state::{Document, Edit};
 
 /// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
 const PATIENCE: u32 = 120;

@@ -4,15 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Viewer, Woken};
+use crate::document::Edit;
+use crate::document::Source;
+use crate::document::session;
 use crate::output::numbered;
-use crate::scene::Scene;
 use crate::view::action::File;
 use crate::view::engine::Engine;
 use crate::view::export::ExportError;
 use crate::view::job::Job;
-use crate::view::load::Source;
-use crate::view::session;
-use crate::view::state::Edit;
 use crate::view::tour::Tour;
 
 /// What is still to be written.
@@ -178,8 +177,7 @@ impl Viewer {
         if !engine.is_finest() {
             return;
         }
-        let state = document.state();
-        let scene = Scene { light: state.light.clone(), ..state.scene.clone() };
+        let state = document.state().clone();
         let Some(snapshot) = engine.snapshot().map(Arc::new) else { return };
         for export in std::mem::take(&mut self.saving.waiting) {
             let snapshot = Arc::clone(&snapshot);
@@ -190,8 +188,8 @@ impl Viewer {
                 }
                 Export::Accumulators(path) => {
                     let there = format!("The accumulators are {}.", whole_path(&path));
-                    let scene = scene.clone();
-                    self.begin(Some(there), move || snapshot.write_accumulators(&scene, &path));
+                    let state = state.clone();
+                    self.begin(Some(there), move || snapshot.write_accumulators(&state, &path));
                 }
             }
         }

@@ -165,8 +165,8 @@ pub fn gaussian(dims: [usize; 3]) -> Result<Volume, VolumeError> {
     closed_form("gaussian", dims, |[x, y, z]| (-(x * x + y * y + z * z) / (2.0 * GAUSSIAN_SIGMA.powi(2))).exp())
 }
 
-/// The test signal of Marschner and Lobb (Visualization 1994), `float32`; every axis goes from −1 to 1: `(1 − sin(πz/2)
-/// + α(1 + ρ(√(x² + y²)))) / (2(1 + α))`, `ρ(r) = cos(2π f cos(πr/2))`, f = 6, α = ¼.
+/// The test signal of Marschner and Lobb (Visualization 1994), `float32`; every axis goes from −1 to 1:
+/// `(1 − sin(πz/2) + α(1 + ρ(√(x² + y²)))) / (2(1 + α))`, `ρ(r) = cos(2π f cos(πr/2))`, f = 6, α = ¼.
 ///
 /// # Errors
 ///

@@ -17,18 +17,18 @@ use toml::{Spanned, Table};
 
 use keys::*;
 
-use super::camera::unit;
 use super::define::{Definition, byte_of, define, path_at, responsible};
-use super::lights::{INTENSITY, chain, warn_below_zero};
-use super::{
-    Accuracy, Aim, Camera, Dial, Display, LabelEntry, Labels, LightState, Material, MaterialCurve, OPAQUE_DEPTH,
-    Placement, Projection, Scene, SceneError, SceneLight, Situation, Term, Transfer,
-};
+use super::light_request::{chain, warn_below_zero};
+use super::{Dial, LightState, SceneError, SceneFile, Situation};
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
 use crate::number::{brief, count, readable, unsigned};
 use crate::palette::{self, Member, Misplaced};
 use crate::progress::Progress;
+use crate::scene::{
+    Accuracy, Aim, Camera, Display, INTENSITY, LabelEntry, Labels, Material, MaterialCurve, OPAQUE_DEPTH, Placement,
+    Projection, Scene, SceneLight, Term, Transfer, unit,
+};
 use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
 use crate::written::{place, with_suggestion};
@@ -60,7 +60,7 @@ pub struct SceneOptions {
 /// # Errors
 ///
 /// [`SceneError`]: what cannot be read, or where in the file something is not as it may be.
-pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
+pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let volume = || SceneError::Invalid {
         at: path.display().to_string(),
@@ -101,7 +101,7 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
 /// # Errors
 ///
 /// As [`load`]: `options` can ask for what is not there.
-pub fn load_embedded(options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
+pub fn load_embedded(options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     parse("the default scene", DEFAULT, Path::new(""), options, progress)
 }
 
@@ -110,7 +110,7 @@ pub fn load_embedded(options: &SceneOptions, progress: &dyn Progress) -> Result<
 /// # Errors
 ///
 /// As [`load`]: `options` can ask for what is not there.
-pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<Scene, SceneError> {
+pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     parse("the peer scene", PEER, Path::new(""), options, progress)
 }
 
@@ -128,9 +128,9 @@ pub fn parse(
     base: &Path,
     options: &SceneOptions,
     progress: &dyn Progress,
-) -> Result<Scene, SceneError> {
+) -> Result<SceneFile, SceneError> {
     let stated = Text { name: name.to_owned(), text, changed: None };
-    let file: SceneFile = stated.deserialize()?;
+    let file: Root = stated.deserialize()?;
     if options.definitions.is_empty() {
         return stated.resolve(file, base, options, progress);
     }
@@ -322,12 +322,7 @@ impl Text<'_> {
     }
 
     /// Takes what the scene's palette designs for what the scene leaves out; the files that it was read from.
-    fn use_palette(
-        &self,
-        file: &mut SceneFile,
-        base: &Path,
-        progress: &dyn Progress,
-    ) -> Result<Vec<PathBuf>, SceneError> {
+    fn use_palette(&self, file: &mut Root, base: &Path, progress: &dyn Progress) -> Result<Vec<PathBuf>, SceneError> {
         let Some(stated) = &file.palette else { return Ok(Vec::new()) };
         let failed = |source| SceneError::Palette { scene: self.name.clone(), source };
         let mut inputs = Vec::new();
@@ -390,11 +385,11 @@ impl Text<'_> {
 
     fn resolve(
         &self,
-        mut file: SceneFile,
+        mut file: Root,
         base: &Path,
         options: &SceneOptions,
         progress: &dyn Progress,
-    ) -> Result<Scene, SceneError> {
+    ) -> Result<SceneFile, SceneError> {
         if *file.version.get_ref() != 1 {
             let message = format!("version = {}; this program reads version 1", file.version.get_ref());
             return Err(self.invalid(&file.version, message));
@@ -464,32 +459,30 @@ impl Text<'_> {
         let spectra = reflectances.chain(file.lights.values().flat_map(|light| &light.get_ref().spectrum));
         inputs.extend(spectra.filter_map(|source| source.get_ref().file(base)));
         inputs.extend(volume.files.iter().chain(labels.iter().flat_map(|labels| &labels.volume.files)).cloned());
-        Ok(Scene {
-            text: self.text.into(),
-            base: base.clone(),
-            inputs,
-            source: match self.changed {
-                Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
-                None => self.name.clone(),
-            },
+        let name = match self.changed {
+            Some((_, definitions)) => format!("{} with {}", self.name, all_given(definitions)),
+            None => self.name.clone(),
+        };
+        let display = Display {
+            exposure,
+            adapt: file.display.adapt,
+            observer: file.display.observer,
+            deficiency: file.display.deficiency,
+        };
+        let scene = Scene {
+            name,
             volume: Arc::new(volume),
             labels,
             materials,
             transfer,
             lights,
-            dial,
-            light,
             shading: file.shading,
             background,
             camera,
             crop,
             accuracy,
-            display: Display {
-                exposure,
-                adapt: file.display.adapt,
-                observer: file.display.observer,
-                deficiency: file.display.deficiency,
-            },
-        })
+            display,
+        };
+        Ok(SceneFile { scene, dial, light, text: self.text.into(), base: base.clone(), inputs })
     }
 }

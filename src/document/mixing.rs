@@ -2,14 +2,15 @@
 
 use glam::DVec2;
 
-use super::{Dial, Mix, Scene, SceneLight};
+use super::Dial;
+use crate::scene::{Mix, SceneLight};
 
 /// How the lights of a scene are mixed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightState {
     /// What decides: the sliders or the dial.
     pub mixing: Mixing,
-    /// A slider for each of [`Scene::lights`].
+    /// A slider for each of [`Scene::lights`](crate::scene::Scene::lights).
     pub sliders: Vec<Slider>,
     /// The only light that the sliders let shine, by its index.
     pub solo: Option<usize>,
@@ -77,13 +78,5 @@ impl LightState {
     fn slider(&self, index: usize) -> f64 {
         let slider = self.sliders.get(index).filter(|slider| slider.on);
         slider.filter(|_| self.solo.is_none_or(|solo| solo == index)).map_or(0.0, |slider| slider.weight)
-    }
-}
-
-impl Scene {
-    /// The mix that the scene opens with: that of all its lights, where it says no other.
-    #[must_use]
-    pub fn opening_mix(&self) -> Mix {
-        self.light.mix(Mix::of_scene(self), &self.lights, &self.dial)
     }
 }

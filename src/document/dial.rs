@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec2;
 
-use super::{Mix, MixLight};
 use crate::number::count;
+use crate::output::film;
+use crate::scene::{Mix, MixLight};
 
 /// Nodes of lights on a plane. The nearer the hand is to a node, the more its light shines: with the distances `d`,
 /// a node weighs `(1/d_i) / Σ 1/d_j` over the nodes that are on.
@@ -206,4 +207,24 @@ impl Mix {
 /// Exactly `from` at 0 and `to` at 1.
 fn between(from: DVec2, to: DVec2, part: f64) -> DVec2 {
     from * (1.0 - part) + to * part
+}
+
+impl From<&Dial> for film::Dial {
+    fn from(dial: &Dial) -> Self {
+        let node =
+            |node: &DialNode| film::Node { light: node.light.clone(), place: node.place.to_array(), on: node.on };
+        let situation = |situation: &Situation| film::Situation {
+            name: situation.name.clone(),
+            caption: situation.caption.clone(),
+            hand: situation.hand.to_array(),
+            off: situation.off.clone(),
+            on: situation.on.clone(),
+        };
+        Self {
+            normalise: dial.normalise,
+            master: dial.master,
+            nodes: dial.nodes.iter().map(node).collect(),
+            situations: dial.situations.iter().map(situation).collect(),
+        }
+    }
 }

@@ -1,30 +1,27 @@
-//! What is looked at and how: the scene, how its lights are mixed, and what of it can be undone. No GPU, no window.
+//! The state of a document: the scene, dial, mix and palette, and the edits that change them.
 
 use std::mem::Discriminant;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use super::camera::{self, Move};
 use super::design::{self, Spectra, Step};
+use super::moves::{self, Move};
+use super::{Dial, DialNode, LightState, Mixing, SceneFile, Situation, Slider, along};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
-use crate::scene::{
-    Accuracy, Dial, DialNode, Interval, LabelEntry, Labels, LightState, Mix, Mixing, Scene, Situation, Slider, along,
-};
+use crate::scene::{Accuracy, Interval, LabelEntry, Mix, Scene};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
-use crate::volume::Statistics;
-
-/// Steps that can be undone.
-const DEPTH: usize = 200;
 
 /// Everything a person can change, and nothing else.
 #[derive(Clone, Debug)]
 pub struct State {
-    /// The scene as it is now. What edits change of it (camera, crop, dial, display) differs from what was opened.
+    /// The scene as edited.
     pub scene: Scene,
+    /// The light dial.
+    pub dial: Dial,
     /// How its lights are mixed.
     pub light: LightState,
     /// What is asked of spectra that are designed together, where something is.
@@ -105,7 +102,7 @@ pub enum Edit {
 
 impl Edit {
     /// What tells it from other kinds: the hand on a node is on its way as anywhere else.
-    fn kind(&self) -> Discriminant<Self> {
+    pub(super) fn kind(&self) -> Discriminant<Self> {
         match self {
             Self::HandOnNode(_) => std::mem::discriminant(&Self::Hand(DVec2::ZERO)),
             other => std::mem::discriminant(other),
@@ -155,7 +152,7 @@ impl Edit {
 
 /// The nodes of the dial where `opened` has them, all of them taking part: a session may have left some out.
 #[must_use]
-pub fn reset_nodes(opened: &Scene) -> Vec<DialNode> {
+pub fn reset_nodes(opened: &SceneFile) -> Vec<DialNode> {
     opened.dial.nodes.iter().map(|node| DialNode { on: true, ..node.clone() }).collect()
 }
 
@@ -166,7 +163,7 @@ pub fn polygon(dial: &Dial) -> Vec<DialNode> {
 }
 
 /// The nodes that take part in a situation, by its index, where the dial has them as the scene was opened with.
-fn take_part(dial: &mut Dial, opened: &Scene, index: usize) {
+fn take_part(dial: &mut Dial, opened: &SceneFile, index: usize) {
     let Some(situation) = dial.situations.get(index) else { return };
     for (node, stated) in dial.nodes.iter_mut().zip(&opened.dial.nodes) {
         node.on = situation.has_on(stated);
@@ -237,15 +234,15 @@ impl State {
 
     /// The state in which `scene` opens: the picture that `relume render` makes of it.
     #[must_use]
-    pub fn new(scene: Scene) -> Self {
-        let (light, palette) = (scene.light.clone(), design::stated(&scene));
-        Self { scene, light, palette }
+    pub fn new(file: &SceneFile) -> Self {
+        let SceneFile { scene, dial, light, .. } = file.clone();
+        Self { scene, dial, light, palette: design::stated(file) }
     }
 
     /// The lights that shine now, from the positions of the scene.
     #[must_use]
     pub fn mix(&self) -> Mix {
-        self.light.mix(Mix::of_scene(&self.scene), &self.scene.lights, &self.scene.dial)
+        self.light.mix(Mix::of_scene(&self.scene), &self.scene.lights, &self.dial)
     }
 
     /// How much each of the scene's lights shines, as a multiple of its stated intensity: what sliders would show.
@@ -271,28 +268,22 @@ impl State {
     pub fn master(&self) -> (bool, f64) {
         match self.light.mixing {
             Mixing::Sliders => (self.light.normalise, self.light.master),
-            Mixing::Dial => (self.scene.dial.normalise, self.scene.dial.master),
+            Mixing::Dial => (self.dial.normalise, self.dial.master),
         }
     }
 
     /// Whether both states write the same session.
     #[must_use]
     pub fn writes_as(&self, other: &Self) -> bool {
-        let Self { scene, light, palette } = self;
+        let Self { scene, dial, light, palette } = self;
         // Taken apart without `..`: a new field does not compile until it is decided here whether sessions have it.
         let Scene {
-            source: _,
-            text: _,
-            base: _,
-            inputs: _,
+            name: _,
             volume: _,
             labels: _,
             materials,
             transfer,
             lights,
-            dial,
-            // As the scene opened: `State::light` is what sessions have.
-            light: _,
             shading: _,
             background,
             camera,
@@ -301,15 +292,15 @@ impl State {
             display,
         } = scene;
         let to = &other.scene;
-        (light, palette) == (&other.light, &other.palette)
+        (dial, light, palette) == (&other.dial, &other.light, &other.palette)
             && (camera, crop, accuracy, display) == (&to.camera, &to.crop, &to.accuracy, &to.display)
             && (materials, lights, background) == (&to.materials, &to.lights, &to.background)
-            && (transfer, dial, declared(scene)) == (&to.transfer, &to.dial, declared(to))
+            && (transfer, declared(scene)) == (&to.transfer, declared(to))
     }
 
-    fn apply(&mut self, edit: &Edit, opened: &Scene) {
+    pub(super) fn apply(&mut self, edit: &Edit, opened: &SceneFile) {
         let shares = self.shares();
-        let (light, scene) = (&mut self.light, &mut self.scene);
+        let (light, dial, scene) = (&mut self.light, &mut self.dial, &mut self.scene);
         match *edit {
             Edit::Weight(index, weight) => {
                 if light.mixing == Mixing::Dial {
@@ -339,70 +330,70 @@ impl State {
             Edit::Mix(mixing) => light.mixing = mixing,
             Edit::Normalise(on) => match light.mixing {
                 Mixing::Sliders => light.normalise = on,
-                Mixing::Dial => scene.dial.normalise = on,
+                Mixing::Dial => dial.normalise = on,
             },
             Edit::Master(master) => match light.mixing {
                 Mixing::Sliders => light.master = factor(master),
-                Mixing::Dial => scene.dial.master = factor(master),
+                Mixing::Dial => dial.master = factor(master),
             },
             Edit::Hand(hand) => (light.mixing, light.hand) = (Mixing::Dial, finite(hand)),
             Edit::HandOnNode(index) => {
-                if let Some(node) = scene.dial.nodes.get(index) {
+                if let Some(node) = dial.nodes.get(index) {
                     (light.mixing, light.hand) = (Mixing::Dial, node.place);
                 }
             }
             Edit::NodePlace(index, place) => {
-                let mut nodes = scene.dial.nodes.clone();
+                let mut nodes = dial.nodes.clone();
                 if let Some(node) = nodes.get_mut(index) {
                     node.place = finite(place);
-                    scene.dial.rearrange(nodes, &opened.dial.nodes);
+                    dial.rearrange(nodes, &opened.dial.nodes);
                 }
             }
             Edit::NodeOn(index, on) => {
-                if let Some(node) = scene.dial.nodes.get_mut(index) {
+                if let Some(node) = dial.nodes.get_mut(index) {
                     node.on = on;
                 }
             }
             Edit::ResetDial | Edit::Polygon => {
-                let nodes = if *edit == Edit::Polygon { polygon(&scene.dial) } else { reset_nodes(opened) };
+                let nodes = if *edit == Edit::Polygon { polygon(dial) } else { reset_nodes(opened) };
                 // A hand on a node stays on it.
-                if let Some(node) = scene.dial.nodes.iter().position(|node| node.on && node.lies_at(light.hand)) {
+                if let Some(node) = dial.nodes.iter().position(|node| node.on && node.lies_at(light.hand)) {
                     light.hand = nodes.get(node).map_or(light.hand, |node| node.place);
                 }
-                scene.dial.rearrange(nodes, &opened.dial.nodes);
+                dial.rearrange(nodes, &opened.dial.nodes);
             }
             Edit::Situation(index) => {
-                if let Some(hand) = scene.dial.situations.get(index).map(|situation| situation.hand) {
-                    take_part(&mut scene.dial, opened, index);
+                if let Some(hand) = dial.situations.get(index).map(|situation| situation.hand) {
+                    take_part(dial, opened, index);
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
                 }
             }
             Edit::Keep(ref name) => {
                 // All of them: which ones the dial itself has off may be another when it is opened again.
-                let (on, off): (Vec<_>, Vec<_>) = scene.dial.nodes.iter().partition(|node| node.on);
+                let (on, off): (Vec<_>, Vec<_>) = dial.nodes.iter().partition(|node| node.on);
                 let [on, off] = [on, off].map(|nodes| nodes.into_iter().map(|node| node.light.clone()).collect());
                 let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off, on };
-                match scene.dial.situations.iter_mut().find(|situation| situation.name == *name) {
+                match dial.situations.iter_mut().find(|situation| situation.name == *name) {
                     Some(situation) => *situation = kept(std::mem::take(&mut situation.caption)),
                     None if name.is_empty() => {}
-                    None => scene.dial.situations.push(kept(String::new())),
+                    None => dial.situations.push(kept(String::new())),
                 }
             }
             Edit::Rename(index, ref name) => {
-                let is_free = !name.is_empty() && scene.dial.situations.iter().all(|one| one.name != *name);
-                if let Some(situation) = scene.dial.situations.get_mut(index).filter(|_| is_free) {
+                let is_free = !name.is_empty() && dial.situations.iter().all(|one| one.name != *name);
+                if let Some(situation) = dial.situations.get_mut(index).filter(|_| is_free) {
                     situation.name.clone_from(name);
                 }
             }
             Edit::Forget(index) => {
-                if index < scene.dial.situations.len() {
-                    scene.dial.situations.remove(index);
+                if index < dial.situations.len() {
+                    dial.situations.remove(index);
                 }
             }
             Edit::Tour(step, of) => {
-                let stops: Vec<DVec2> = scene.dial.situations.iter().map(|situation| situation.hand).collect();
+                let stops: Vec<DVec2> = dial.situations.iter().map(|situation| situation.hand).collect();
                 if let Some((at, hand)) = along(&stops, step, of) {
-                    take_part(&mut scene.dial, opened, at);
+                    take_part(dial, opened, at);
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
                 }
             }
@@ -411,7 +402,7 @@ impl State {
             Edit::Crop(parts) => {
                 scene.crop = parts.map(|parts| crop_from_parts(parts, scene.volume.geometry.dims));
             }
-            Edit::ResetCrop => scene.crop = opened.crop,
+            Edit::ResetCrop => scene.crop = opened.scene.crop,
             Edit::Intervals(ref intervals) => {
                 let allowed = intervals.iter().filter_map(|interval| interval.allowed(&scene.materials));
                 scene.transfer.terms = allowed.map(|interval| interval.term()).collect();
@@ -419,7 +410,7 @@ impl State {
             Edit::Exposure(exposure) => scene.display.exposure = factor(exposure),
             Edit::Adapt(adapt) => scene.display.adapt = adapt,
             Edit::Camera(step, aspect) => {
-                scene.camera = camera::moved(&scene.camera, &opened.camera, &scene.volume.geometry, aspect, step);
+                scene.camera = moves::moved(&scene.camera, &opened.scene.camera, &scene.volume.geometry, aspect, step);
             }
             Edit::Interval(index, interval) => {
                 if let (Some(interval), Some(term)) =
@@ -451,8 +442,8 @@ impl State {
                 }
             }
             Edit::ResetTransfer => {
-                scene.transfer.clone_from(&opened.transfer);
-                scene.labels.clone_from(&opened.labels);
+                scene.transfer.clone_from(&opened.scene.transfer);
+                scene.labels.clone_from(&opened.scene.labels);
             }
             Edit::Design(ref step) => redesign(&mut self.palette, step, scene),
             Edit::Spectra(ref spectra) => {
@@ -465,13 +456,13 @@ impl State {
             }
         }
         light.situation = match *edit {
-            Edit::Situation(index) => Some(index).filter(|&index| index < scene.dial.situations.len()),
-            Edit::Keep(ref name) => scene.dial.situations.iter().position(|situation| situation.name == *name),
-            Edit::Tour(..) => scene.dial.situations.iter().rposition(|situation| situation.hand == light.hand),
+            Edit::Situation(index) => Some(index).filter(|&index| index < dial.situations.len()),
+            Edit::Keep(ref name) => dial.situations.iter().position(|situation| situation.name == *name),
+            Edit::Tour(..) => dial.situations.iter().rposition(|situation| situation.hand == light.hand),
             // On a node it is that light alone, wherever the others are.
             Edit::NodePlace(..) | Edit::ResetDial | Edit::Polygon => light.situation.filter(|&index| {
-                let is_on = scene.dial.nodes.iter().any(|node| node.on && node.lies_at(light.hand));
-                is_on && scene.dial.situations.get(index).is_some_and(|situation| situation.hand == light.hand)
+                let is_on = dial.nodes.iter().any(|node| node.on && node.lies_at(light.hand));
+                is_on && dial.situations.get(index).is_some_and(|situation| situation.hand == light.hand)
             }),
             Edit::Exposure(_)
             | Edit::Adapt(_)
@@ -482,196 +473,5 @@ impl State {
             _ if edit.leaves_light() => light.situation,
             _ => None,
         };
-    }
-}
-
-/// A scene that is looked at, with what was done to it.
-#[derive(Clone, Debug)]
-pub struct Document {
-    opened: Scene,
-    statistics: Option<Statistics>,
-    now: State,
-    /// As it was opened, or saved last.
-    saved: State,
-    past: Vec<State>,
-    future: Vec<State>,
-    /// The kind of the edits that are one step back together, while a hand is at it.
-    gesture: Vec<Discriminant<Edit>>,
-}
-
-impl Document {
-    /// A scene that was just opened.
-    #[must_use]
-    pub fn new(scene: Scene) -> Self {
-        let now = State::new(scene.clone());
-        let saved = now.clone();
-        Self { opened: scene, statistics: None, now, saved, past: Vec::new(), future: Vec::new(), gesture: Vec::new() }
-    }
-
-    /// A scene that was just opened, with `edit` made before anybody looks.
-    #[must_use]
-    pub fn starting(scene: Scene, edit: &Edit) -> Self {
-        let mut document = Self::new(scene);
-        document.now.apply(edit, &document.opened);
-        document.save();
-        document
-    }
-
-    /// It is saved as it is now.
-    pub fn save(&mut self) {
-        self.saved = self.now.clone();
-    }
-
-    /// Whether it is as it was opened, or saved last.
-    #[must_use]
-    pub fn is_saved(&self) -> bool {
-        self.now.writes_as(&self.saved)
-    }
-
-    /// The same, where the values of its volume are known to have `statistics`.
-    #[must_use]
-    pub fn with_statistics(self, statistics: Statistics) -> Self {
-        Self { statistics: Some(statistics), ..self }
-    }
-
-    /// Whether the volume of `scene` lies on the same grid.
-    #[must_use]
-    pub fn lies_as(&self, scene: &Scene) -> bool {
-        scene.volume.geometry == self.opened.volume.geometry
-    }
-
-    /// Another volume of the same file, on the same grid, where `scene` opens with it: looked at as the one before, with the same
-    /// steps back. A transfer function that nobody has changed gives way to that of `scene`, but where the values of both are
-    /// `alike`, as those of time steps are.
-    #[must_use]
-    pub fn beside(self, scene: Scene, alike: bool) -> Self {
-        let before = &self.opened;
-        let onto = |state: State| {
-            let now = state.scene;
-            let labels = match (now.labels, &scene.labels) {
-                (Some(now), Some(read)) => Some(Labels { declared: now.declared, ..read.clone() }),
-                (_, read) => read.clone(),
-            };
-            let keeps = alike || now.transfer != before.transfer;
-            let scene = Scene {
-                source: scene.source.clone(),
-                text: Arc::clone(&scene.text),
-                base: scene.base.clone(),
-                inputs: scene.inputs.clone(),
-                volume: Arc::clone(&scene.volume),
-                labels,
-                transfer: if keeps { now.transfer } else { scene.transfer.clone() },
-                ..now
-            };
-            State { scene, ..state }
-        };
-        let [past, future] = [self.past, self.future].map(|states| states.into_iter().map(onto).collect());
-        let [now, saved] = [self.now, self.saved].map(onto);
-        Self { now, saved, past, future, statistics: None, gesture: Vec::new(), opened: scene.clone() }
-    }
-
-    /// What the values of its volume are like, where that is known.
-    #[must_use]
-    pub fn statistics(&self) -> Option<&Statistics> {
-        self.statistics.as_ref()
-    }
-
-    /// The scene as it was opened.
-    #[must_use]
-    pub fn opened(&self) -> &Scene {
-        &self.opened
-    }
-
-    /// How it is now.
-    #[must_use]
-    pub fn state(&self) -> &State {
-        &self.now
-    }
-
-    /// The situation that is shown, by its index: the one that was asked for, else the first that looks the same.
-    #[must_use]
-    pub fn situation(&self) -> Option<usize> {
-        let (light, dial) = (&self.now.light, &self.now.scene.dial);
-        let is_shown = |situation: &Situation| {
-            let mut nodes = dial.nodes.iter().zip(&self.opened.dial.nodes);
-            light.mixing == Mixing::Dial
-                && situation.hand == light.hand
-                && nodes.all(|(node, stated)| node.on == situation.has_on(stated) && node.place == stated.place)
-        };
-        let asked = light.situation.filter(|&index| index < dial.situations.len());
-        asked.or_else(|| dial.situations.iter().position(is_shown))
-    }
-
-    /// Changes it. Until [`Self::rest`], edits of one kind are one step back, also where others come between: a camera is turned
-    /// while a tour is played. Returns whether anything has changed.
-    pub fn edit(&mut self, edit: &Edit) -> bool {
-        let before = self.now.clone();
-        self.now.apply(edit, &self.opened);
-        if self.now.writes_as(&before) {
-            return false;
-        }
-        let kind = edit.kind();
-        if !self.gesture.contains(&kind) {
-            self.gesture.push(kind);
-            self.past.push(before);
-            if self.past.len() > DEPTH {
-                self.past.remove(0);
-            }
-        }
-        self.future.clear();
-        true
-    }
-
-    /// How it would be after `edit`, which is not made.
-    #[must_use]
-    pub fn preview(&self, edit: &Edit) -> State {
-        let mut state = self.now.clone();
-        state.apply(edit, &self.opened);
-        state
-    }
-
-    /// The hand has let go: the next edit is a step back of its own. One that ended where it began is none.
-    pub fn rest(&mut self) {
-        for _ in self.gesture.drain(..) {
-            let nothing = |before: &State| self.now.writes_as(before);
-            if self.past.last().is_some_and(nothing) {
-                self.past.pop();
-            }
-        }
-    }
-
-    /// The hand has let go while a tour is played: what it does next is a step back of its own, and the tour goes on as the one that
-    /// it is.
-    pub fn rest_beside_tour(&mut self) {
-        let tour = Edit::Tour(0, 0).kind();
-        self.gesture.retain(|kind| *kind == tour);
-    }
-
-    /// Whether there is a step back.
-    #[must_use]
-    pub fn can_undo(&self) -> bool {
-        !self.past.is_empty()
-    }
-
-    /// Whether there is a step forward.
-    #[must_use]
-    pub fn can_redo(&self) -> bool {
-        !self.future.is_empty()
-    }
-
-    /// Undoes the last step. Returns whether there was one.
-    pub fn undo(&mut self) -> bool {
-        let Some(before) = self.past.pop() else { return false };
-        self.gesture.clear();
-        self.future.push(std::mem::replace(&mut self.now, before));
-        true
-    }
-
-    /// Redoes the last step undone. Returns whether there was one.
-    pub fn redo(&mut self) -> bool {
-        let Some(after) = self.future.pop() else { return false };
-        self.gesture.clear();
-        self.past.push(std::mem::replace(&mut self.now, after));
-        true
     }
 }

@@ -10,10 +10,9 @@ use glam::DVec2;
 use toml_edit::{Array, DocumentMut, InlineTable, Item, Table, TableLike, TomlError, Value, value};
 
 use super::design::{self, Side};
-use super::load::Source;
-use super::state::State;
+use super::{Dial, LightState, Mixing, SceneFile, Source, State};
 use crate::output::{OutputError, write_atomically};
-use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Dial, Interval, LightState, Mixing, Projection, Scene};
+use crate::scene::{AccumulateAs, Accuracy, Aim, Camera, Interval, Projection, Scene};
 use crate::spectrum::Spectrum;
 use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
@@ -66,7 +65,7 @@ pub enum SessionError {
 /// # Errors
 ///
 /// [`SessionError`]; then `path` is what it was.
-pub fn save(path: &Path, source: &Source, opened: &Scene, state: &State) -> Result<(), SessionError> {
+pub fn save(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> Result<(), SessionError> {
     let text = text(path, source, opened, state)?;
     Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
 }
@@ -76,8 +75,8 @@ pub fn save(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
 /// # Errors
 ///
 /// [`SessionError`].
-pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Result<String, SessionError> {
-    let unreadable = |source| SessionError::Text { name: opened.source.clone(), source };
+pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> Result<String, SessionError> {
+    let unreadable = |source| SessionError::Text { name: opened.scene.name.clone(), source };
     let mut document: DocumentMut = opened.text.parse().map_err(unreadable)?;
     let [base, folder] = [&*opened.base, path.parent().unwrap_or(Path::new(""))].map(place);
     let base = base?;
@@ -87,28 +86,28 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
         document.insert("base", value(utf8(&base)?));
     }
     volume(&mut document, source)?;
-    let scene = &state.scene;
+    let (scene, then) = (&state.scene, &opened.scene);
     // What a volume without a scene opens with is in no file.
     let bare = source.bare_volume().is_some();
-    if scene.camera != opened.camera || bare {
+    if scene.camera != then.camera || bare {
         document.insert("camera", Item::Table(camera(&scene.camera)));
     }
-    if scene.transfer != opened.transfer || bare {
+    if scene.transfer != then.transfer || bare {
         transfer(table(&mut document, "transfer")?, scene)?;
     }
     if bare {
         table(&mut document, "transfer")?.insert("opacity_length", value(scene.transfer.opacity_length));
     }
-    labels(&mut document, scene, opened)?;
+    labels(&mut document, scene, then)?;
     let palette = state.palette.as_ref().filter(|_| state.palette != design::stated(opened));
     let open = palette.map_or_else(Vec::new, |palette| design::open(scene, palette));
-    spectra(&mut document, scene, opened, &open)?;
+    spectra(&mut document, scene, then, &open)?;
     if let Some(palette) = palette {
         let text: DocumentMut = design::text(scene, palette).parse().map_err(unreadable)?;
         document.insert("palette", Item::Table(without_places(text.as_table())));
     }
-    accuracy(&mut document, &scene.accuracy, &opened.accuracy)?;
-    if scene.display != opened.display {
+    accuracy(&mut document, &scene.accuracy, &then.accuracy)?;
+    if scene.display != then.display {
         let display = table(&mut document, "display")?;
         display.insert("exposure", value(scene.display.exposure));
         display.insert("adapt", value(scene.display.adapt));
@@ -121,7 +120,7 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
             None => display.remove("deficiency"),
         };
     }
-    if scene.crop != opened.crop {
+    if scene.crop != then.crop {
         document.remove("crop");
         if let Some([min, max]) = scene.crop {
             let mut crop = Table::new();
@@ -130,8 +129,8 @@ pub fn text(path: &Path, source: &Source, opened: &Scene, state: &State) -> Resu
             document.insert("crop", Item::Table(crop));
         }
     }
-    if scene.dial != opened.dial {
-        dial(table(&mut document, "dial")?, &scene.dial);
+    if state.dial != opened.dial {
+        dial(table(&mut document, "dial")?, &state.dial);
     }
     document.remove("mix");
     let dark = dark(&document);

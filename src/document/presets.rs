@@ -135,7 +135,7 @@ fn hounsfield(statistics: &Statistics) -> Option<f64> {
 /// The value below which this part of the voxels is that are not air.
 fn quantile(statistics: &Statistics, part: f64) -> f64 {
     let bins = &statistics.histogram;
-    let first = super::load::threshold(bins);
+    let first = super::source::threshold(bins);
     let voxels = |bin: &u64| count(usize::try_from(*bin).unwrap_or(usize::MAX));
     let wanted = part * bins.iter().skip(first).map(voxels).sum::<f64>();
     let width = (statistics.max - statistics.min) / count(bins.len());

@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use serde::Deserialize;
 use toml::{Spanned, Value};
 
-use super::super::{AccumulateAs, Gradients, Interpolation, Lookup, Mixing, Shading, StoreAs, VolumeAs};
+use crate::document::Mixing;
 use crate::model::ModelKind;
 use crate::palette::PaletteFile;
+use crate::scene::{AccumulateAs, Gradients, Interpolation, Lookup, Shading, StoreAs, VolumeAs};
 use crate::spectrum::SpectrumSource;
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
@@ -20,7 +21,7 @@ pub(super) type At<T> = Spanned<T>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SceneFile {
+pub(super) struct Root {
     pub(super) version: At<i64>,
     pub(super) base: Option<PathBuf>,
     #[serde(default)]

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use super::SceneFile;
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::{
@@ -96,9 +97,9 @@ pub struct Look {
     pub difference: Option<f64>,
 }
 
-/// The palette that `scene` was opened with. One that cannot be read is none: the scene would not have opened.
-pub(super) fn stated(scene: &Scene) -> Option<Arc<Palette>> {
-    palette::of_scene(&scene.source, &scene.text, &scene.base).ok().flatten().map(Arc::new)
+/// The palette of a scene file. One that cannot be read is `None`: the scene would not have opened.
+pub(super) fn stated(file: &SceneFile) -> Option<Arc<Palette>> {
+    palette::of_scene(&file.scene.name, &file.text, &file.base).ok().flatten().map(Arc::new)
 }
 
 /// The material of a row, by its name.
@@ -297,7 +298,7 @@ pub fn wished(scene: &Scene) -> Palette {
         }
     }
     Palette {
-        source: scene.source.clone(),
+        source: scene.name.clone(),
         inputs: Vec::new(),
         materials: shown.iter().map(|it| member(&it.name, None, NATURAL)).collect(),
         lights: lights.iter().map(|it| member(&it.name, Some(it.spectrum.spectrum().clone()), LAMP)).collect(),
@@ -415,15 +416,15 @@ impl Spectra {
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
+    use crate::document::{SceneOptions, load_embedded, parse};
     use crate::progress::Quiet;
-    use crate::scene::{SceneOptions, parse};
 
     fn scene() -> Scene {
         let text = "version = 1\n[volume]\nphantom = \"slab\"\ndims = [3, 3, 3]\n[materials.a]\nreflectance = \"orange\"\n\
                     [materials.b]\nreflectance = \"cyan\"\n[materials.unseen]\nreflectance = 0.5\n\
                     [lights.day]\nspectrum = \"D65\"\n[lights.lamp]\nspectrum = \"A\"\n[transfer]\nintervals = [\n\
                     { material = \"a\", range = [0, 9], opacity = 0.1 }, { material = \"b\", range = [10, 20], opacity = 0.1 }]\n";
-        parse("test", text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
+        parse("test", text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap().scene
     }
 
     #[test]
@@ -472,7 +473,7 @@ mod tests {
     #[test]
     fn what_is_offered_for_the_program_s_own_scene_can_be_had() {
         let options = SceneOptions { downsample: Some([16; 3]), ..Default::default() };
-        let scene = crate::scene::load_embedded(&options, &Quiet).unwrap();
+        let scene = load_embedded(&options, &Quiet).unwrap().scene;
         let solution = palette::solve(&offer(&scene, &Quiet).unwrap(), &Quiet).unwrap();
         assert_eq!(solution.conflicts, []);
         assert!(solution.worst() <= 2.0, "ΔE00 {}", solution.worst());

@@ -1,0 +1,66 @@
+//! Documents: a scene together with its file, its light dial and mix, and the history of its edits. No GPU, no window.
+
+mod define;
+pub mod design;
+mod dial;
+mod error;
+mod file;
+mod history;
+mod light_request;
+mod mixing;
+pub mod moves;
+pub mod presets;
+pub mod session;
+mod source;
+mod state;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+pub use define::Definition;
+pub(crate) use dial::along;
+pub use dial::{Dial, DialNode, Situation};
+pub use error::SceneError;
+pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
+pub use history::Document;
+pub use light_request::{LightRequest, requested};
+pub use mixing::{LightState, Mixing, Slider};
+pub use session::SessionError;
+pub use source::{OpenError, Question, Source, Unknown};
+pub use state::{BRIGHTEST, Edit, STEPS, State, THINNEST, polygon, reset_nodes};
+
+use crate::scene::{Mix, Scene};
+
+/// A scene file as read: the scene, and what people edit around it.
+#[derive(Clone, Debug)]
+pub struct SceneFile {
+    /// The scene.
+    pub scene: Scene,
+    /// The lights on the light dial.
+    pub dial: Dial,
+    /// The mix of the lights as the scene opens.
+    pub light: LightState,
+    /// The text of the file with its definitions applied.
+    pub text: Arc<str>,
+    /// The folder of its relative paths.
+    pub base: PathBuf,
+    /// The files it names: volume, labels, palette and spectra.
+    pub inputs: Vec<PathBuf>,
+}
+
+impl SceneFile {
+    /// The mix that the scene opens with: all lights as stated, unless the file says otherwise.
+    #[must_use]
+    pub fn opening_mix(&self) -> Mix {
+        self.light.mix(Mix::of_scene(&self.scene), &self.scene.lights, &self.dial)
+    }
+
+    /// The spectrum of each light as the text states it, by the light's name; without spectra stated in numbers.
+    #[must_use]
+    pub fn stated_spectra(&self) -> BTreeMap<String, String> {
+        let text: toml::Table = self.text.parse().unwrap_or_default();
+        let stated = |name: &str| Some(text.get("lights")?.get(name)?.get("spectrum")?.as_str()?.to_owned());
+        self.scene.lights.iter().filter_map(|light| Some((light.name.clone(), stated(&light.name)?))).collect()
+    }
+}
