@@ -15,18 +15,34 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("volume", &["input", "memory", "progress", "number"]),
     ("model", &["spectrum", "progress", "number"]),
     ("palette", &["input", "model", "spectrum", "progress", "number", "written"]),
-    ("scene", &["input", "palette", "model", "spectrum", "volume", "progress", "number", "written"]),
+    ("scene", &["model", "spectrum", "volume", "number"]),
     ("plan", &["scene", "model", "spectrum", "progress", "number"]),
     ("film", &["plan", "scene", "model", "spectrum", "number"]),
-    ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number", "progress"]),
+    ("tables", &["film", "plan", "scene", "model", "spectrum", "volume", "number"]),
     ("reference", &["film", "tables", "plan", "scene", "volume", "progress", "number"]),
     ("shader", &[]),
     ("vulkan", &[]),
     ("render", &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "progress", "number"]),
     ("output", &["film", "plan", "scene", "input", "model", "spectrum"]),
     (
+        "document",
+        &[
+            "input",
+            "output",
+            "palette",
+            "scene",
+            "model",
+            "spectrum",
+            "volume",
+            "progress",
+            "number",
+            "written",
+        ],
+    ),
+    (
         "measure",
         &[
+            "document",
             "input",
             "output",
             "vulkan",
@@ -46,6 +62,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "view",
         &[
+            "document",
             "input",
             "output",
             "measure",
@@ -67,6 +84,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "cli",
         &[
+            "document",
             "view",
             "input",
             "measure",
