@@ -11,7 +11,8 @@ use codespan_reporting::{
     term,
 };
 use naga::{
-    ArraySize, Block, Expression, Handle, Literal, Module, ResourceBinding, ShaderStage, Span, Statement, TypeInner,
+    AddressSpace, ArraySize, Block, Expression, Handle, ImageClass, Literal, Module, ResourceBinding, ShaderStage,
+    Span, Statement, TypeInner,
     back::spv,
     proc::Layouter,
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
@@ -118,16 +119,55 @@ impl Constants {
     }
 }
 
-/// A compiled compute shader.
+/// Kind of a shader binding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BindingKind {
+    /// `var<storage>`
+    Storage,
+    /// `var<uniform>`
+    Uniform,
+    /// `texture_3d`
+    Texture,
+    /// `sampler`
+    Sampler,
+    /// `texture_storage_2d_array`
+    StorageImage,
+}
+
+/// A compiled compute shader. Only [`compile`] makes one, so naga has validated it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Shader {
-    /// SPIR-V 1.5.
-    pub words: Vec<u32>,
-    /// Names of the resources in use; the i-th is at binding i of group 0.
-    pub resources: Vec<String>,
+    words: Vec<u32>,
+    resources: Vec<String>,
+    bindings: Vec<BindingKind>,
+    push_constant_bytes: u32,
 }
 
 impl Shader {
+    /// SPIR-V 1.5.
+    #[must_use]
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Names of the resources in use; the i-th is at binding i of group 0.
+    #[must_use]
+    pub fn resources(&self) -> &[String] {
+        &self.resources
+    }
+
+    /// Kinds of the [`resources`](Self::resources).
+    #[must_use]
+    pub fn bindings(&self) -> &[BindingKind] {
+        &self.bindings
+    }
+
+    /// Size of its `var<immediate>`, a multiple of 4; 0 without one.
+    #[must_use]
+    pub fn push_constant_bytes(&self) -> u32 {
+        self.push_constant_bytes
+    }
+
     /// Number of instructions in its functions, without regard to loop counts.
     #[must_use]
     pub fn instructions(&self) -> usize {
@@ -163,7 +203,7 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, 
     text.validate(&module)?;
     resolve_branches(&mut module);
     naga::compact::compact(&mut module, naga::compact::KeepUnused::No);
-    let resources = number_resources(&mut module);
+    let (resources, bindings) = number_resources(&mut module).into_iter().unzip();
     let info = text.validate(&module)?;
     let options = spv::Options {
         lang_version: (1, 5),
@@ -175,7 +215,7 @@ pub fn compile(parts: &[(&str, &str)], constants: &Constants) -> Result<Shader, 
     let entry = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: ENTRY_POINT.to_owned() };
     let words = spv::write_vec(&module, &info, &options, Some(&entry))
         .map_err(|source| ShaderError::Write { name: text.name(), source })?;
-    Ok(Shader { words, resources })
+    Ok(Shader { words, resources, bindings, push_constant_bytes: push_constant_bytes(&module) })
 }
 
 /// Replaces each `if` with a constant condition by the branch that is taken.
@@ -256,21 +296,36 @@ fn needs_emit(expression: &Expression) -> bool {
     !expression.needs_pre_emit()
 }
 
-/// Numbers the module's resources 0, 1, … in the order of their bindings, and returns their names in that order.
-fn number_resources(module: &mut Module) -> Vec<String> {
+/// Numbers the module's resources 0, 1, … in the order of their bindings, and returns their names and kinds in that
+/// order.
+fn number_resources(module: &mut Module) -> Vec<(String, BindingKind)> {
     let mut bound: Vec<_> = module
         .global_variables
         .iter()
         .filter_map(|(handle, variable)| variable.binding.map(|binding| (binding.group, binding.binding, handle)))
         .collect();
     bound.sort_by_key(|&(group, binding, _)| (group, binding));
-    let mut names = Vec::new();
+    let mut resources = Vec::new();
     for (number, (_, _, handle)) in (0..).zip(bound) {
         let variable = module.global_variables.get_mut(handle);
         variable.binding = Some(ResourceBinding { group: 0, binding: number });
-        names.push(variable.name.clone().unwrap_or_default());
+        let kind = match (variable.space, &module.types[variable.ty].inner) {
+            (AddressSpace::Uniform, _) => BindingKind::Uniform,
+            (_, TypeInner::Sampler { .. }) => BindingKind::Sampler,
+            (_, TypeInner::Image { class: ImageClass::Storage { .. }, .. }) => BindingKind::StorageImage,
+            (_, TypeInner::Image { .. }) => BindingKind::Texture,
+            _ => BindingKind::Storage,
+        };
+        resources.push((variable.name.clone().unwrap_or_default(), kind));
     }
-    names
+    resources
+}
+
+/// Size of the module's `var<immediate>`; 0 without one.
+fn push_constant_bytes(module: &Module) -> u32 {
+    let mut immediates =
+        module.global_variables.iter().filter(|(_, variable)| variable.space == AddressSpace::Immediate);
+    immediates.next().map_or(0, |(_, variable)| module.types[variable.ty].inner.size(module.to_ctx()))
 }
 
 /// Layout of a struct field.

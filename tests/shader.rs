@@ -54,7 +54,7 @@ fn equal_texts_give_equal_words() {
 #[test]
 fn spirv_val_accepts_the_words() {
     let shader = compile(&[("everything.wgsl", EVERYTHING)], &constants()).unwrap();
-    let bytes: Vec<u8> = shader.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let bytes: Vec<u8> = shader.words().iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut child = Command::new("spirv-val")
         .args(["--target-env", "vulkan1.2", "-"])
         .stdin(Stdio::piped())
@@ -76,21 +76,21 @@ fn what_a_constant_switches_off_is_neither_compiled_nor_bound() {
             if (EXTRA) { let more = extra[0]; out[0] = twice(more); } else { out[0] = 1.0; }
         }";
     let with = |extra| compile(&[("x.wgsl", source)], &Constants::new().bool("EXTRA", extra)).unwrap();
-    assert_eq!(with(true).resources, ["out", "extra"]);
-    assert_eq!(with(false).resources, ["out"]);
+    assert_eq!(with(true).resources(), ["out", "extra"]);
+    assert_eq!(with(false).resources(), ["out"]);
     let plain = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
         @compute @workgroup_size(1) fn main() { out[0] = 1.0; }";
     // Of the switch only its own declaration is left: OpTypeBool and OpConstantFalse.
     let declaration = 2 + 3;
     let plain = compile(&[("x.wgsl", plain)], &Constants::new()).unwrap();
-    assert_eq!(with(false).words.len(), plain.words.len() + declaration);
+    assert_eq!(with(false).words().len(), plain.words().len() + declaration);
 }
 
 #[test]
 fn constants_set_the_workgroup_size() {
     let shader = compile(&[("everything.wgsl", EVERYTHING)], &constants()).unwrap();
     // OpExecutionMode (16, six words): entry point, LocalSize (17), x, y, z.
-    let local_size = shader.words.windows(6).find(|window| window[0] == (6 << 16 | 16) && window[2] == 17);
+    let local_size = shader.words().windows(6).find(|window| window[0] == (6 << 16 | 16) && window[2] == 17);
     assert_eq!(&local_size.expect("no LocalSize")[3..], [8, 8, 1]);
 }
 
@@ -101,7 +101,7 @@ fn constants_reach_the_words_with_all_their_bits() {
     for value in [0.1_f32, 1.0, -0.0, 1e-7, f32::MIN_POSITIVE, f32::MAX, 16_777_215.0] {
         let shader = compile(&[("x.wgsl", source)], &Constants::new().f32("X", value)).unwrap();
         // OpConstant (43, four words): type, result, value.
-        let found = shader.words.windows(4).any(|window| window[0] == (4 << 16 | 43) && window[3] == value.to_bits());
+        let found = shader.words().windows(4).any(|window| window[0] == (4 << 16 | 43) && window[3] == value.to_bits());
         assert!(found, "{value} is not in the module");
     }
 }

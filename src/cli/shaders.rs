@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut names = Vec::new();
     for (name, shader) in variants(progress)? {
         let path = args.folder.join(format!("{name}.spv"));
-        let bytes: Vec<u8> = shader.words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let bytes: Vec<u8> = shader.words().iter().flat_map(|word| word.to_le_bytes()).collect();
         if args.write {
             write_atomically(&path, |file| file.write_all(&bytes))?;
         } else {

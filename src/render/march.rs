@@ -417,26 +417,25 @@ impl Renderer {
         let transmittance =
             StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
 
-        let (pipeline, set) =
-            self.bind(source(plan, Dispatching { tables, ..self.dispatching }), unsigned(size_of::<Band>()), |name| {
-                Some(match name {
-                    "march_uniform" => Resource::Uniform(&march),
-                    "shading_uniform" => Resource::Uniform(&shading),
-                    "volume" => Resource::Texture(&uploaded.volume),
-                    "volume_sampler" => Resource::Sampler(&sampler),
-                    "occupancy" => Resource::Storage(&occupied),
-                    "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
-                    "accumulators" => Resource::StorageImage(&accumulators),
-                    "transmittances" => Resource::StorageImage(&transmittance),
-                    _ => {
-                        let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
-                        match tables {
-                            TableMemory::Storage => Resource::Storage(buffer),
-                            TableMemory::Uniform => Resource::Uniform(buffer),
-                        }
+        let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
+            Some(match name {
+                "march_uniform" => Resource::Uniform(&march),
+                "shading_uniform" => Resource::Uniform(&shading),
+                "volume" => Resource::Texture(&uploaded.volume),
+                "volume_sampler" => Resource::Sampler(&sampler),
+                "occupancy" => Resource::Storage(&occupied),
+                "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                "accumulators" => Resource::StorageImage(&accumulators),
+                "transmittances" => Resource::StorageImage(&transmittance),
+                _ => {
+                    let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
+                    match tables {
+                        TableMemory::Storage => Resource::Storage(buffer),
+                        TableMemory::Uniform => Resource::Uniform(buffer),
                     }
-                })
-            })?;
+                }
+            })
+        })?;
 
         let slice = self.dispatching.slice.min(longest_slice(plan));
         let dispatching = Dispatching { slice, ..self.dispatching };
@@ -958,8 +957,9 @@ mod tests {
     /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
     #[test]
     fn four_spectral_materials_march_with_the_shader_of_three_colours() {
-        let words =
-            |materials| source(&plan_of(materials), Dispatching::default()).compile().map(|shader| shader.words).ok();
+        let words = |materials| {
+            source(&plan_of(materials), Dispatching::default()).compile().map(|shader| shader.words().to_vec()).ok()
+        };
         assert!(words(3).is_some(), "the shader compiles");
         assert_eq!(words(3), words(4), "the same words for three weights and four");
         assert_ne!(words(4), words(5), "a fifth needs another vector");

@@ -266,7 +266,6 @@ impl Renderer {
     fn bind<'a>(
         &self,
         source: Source,
-        push_constant_bytes: u32,
         named: impl Fn(&str) -> Option<Resource<'a>>,
     ) -> Result<(ComputePipeline, ResourceSet), RenderError> {
         let pipelines = || self.shared.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
@@ -287,9 +286,8 @@ impl Renderer {
             Some(made) => made,
             None => {
                 let shader = source.compile()?;
-                let kinds: Vec<_> = bound(&shader.resources)?.iter().map(Resource::kind).collect();
-                let pipeline = ComputePipeline::new(&self.device, name, &shader.words, &kinds, push_constant_bytes)?;
-                pipelines().keep(source, Made { pipeline, resources: shader.resources })
+                let pipeline = ComputePipeline::new(&self.device, name, &shader)?;
+                pipelines().keep(source, Made { pipeline, resources: shader.resources().to_vec() })
             }
         };
         let set = ResourceSet::new(&self.device, name, &made.pipeline, &bound(&made.resources)?)?;

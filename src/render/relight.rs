@@ -125,7 +125,7 @@ impl Renderer {
         let columns = [unsigned(film.size[0]), unsigned(film.size[1]).div_ceil(ROWS)];
         let met =
             is_lit_again(target).then(|| StorageImage::new(device, "met", Format::R32Uint, columns, 1)).transpose()?;
-        let (pipeline, set) = self.bind(source(plan, target), 0, |name| {
+        let (pipeline, set) = self.bind(source(plan, target), |name| {
             Some(match name {
                 "relight" => Resource::Uniform(&uniform),
                 "accumulators" => Resource::StorageImage(&film.accumulators),

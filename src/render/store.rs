@@ -33,7 +33,7 @@ impl Renderer {
     fn in_half(&self, finished: &StorageImage) -> Result<StorageImage, RenderError> {
         let ([width, height], layers) = (finished.extent(), finished.layers());
         let stored = StorageImage::new(&self.device, finished.name(), Format::Rgba16Float, [width, height], layers)?;
-        let (pipeline, set) = self.bind(source(), 0, |name| match name {
+        let (pipeline, set) = self.bind(source(), |name| match name {
             "finished" => Some(Resource::StorageImage(finished)),
             "stored" => Some(Resource::StorageImage(&stored)),
             _ => None,

@@ -42,7 +42,7 @@ pub use limits::Limits;
 pub use memory::give_back_freed;
 pub use pipeline::ComputePipeline;
 pub use record::Recorder;
-pub use resources::{BindingKind, Resource, ResourceSet};
+pub use resources::{Resource, ResourceSet};
 pub use sampler::{Filter, Sampler};
 pub use submission::Submission;
 #[cfg(feature = "window")]

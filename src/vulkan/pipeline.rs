@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::{BindingKind, Device, ResourceSet, VulkanError, error::check_limit, handle::Owned};
+use super::{Device, ResourceSet, VulkanError, error::check_limit, handle::Owned, resources::descriptor_type};
+use crate::shader::{BindingKind, Shader};
 
 /// A compute pipeline. Clones share it.
 #[derive(Clone, Debug)]
@@ -21,32 +22,20 @@ struct Inner {
 }
 
 impl ComputePipeline {
-    /// Creates a pipeline from the compute shader `spirv`, whose entry point is `main`.
-    ///
-    /// `spirv` must have been validated by naga. `bindings` lists what the shader expects at bindings 0, 1, … of group
-    /// 0. `push_constant_bytes` (a multiple of 4, possibly 0) is the size of its `var<immediate>`.
+    /// Creates a pipeline from a compute shader.
     ///
     /// # Errors
     ///
-    /// [`VulkanError::TooLarge`] for more push constants than the device has, [`VulkanError::Misuse`] for a size that
-    /// is not a multiple of 4, [`VulkanError::Call`] if the driver rejects the shader.
-    pub fn new(
-        device: &Device,
-        name: &str,
-        spirv: &[u32],
-        bindings: &[BindingKind],
-        push_constant_bytes: u32,
-    ) -> Result<Self, VulkanError> {
+    /// [`VulkanError::TooLarge`] for more push constants than the device has, [`VulkanError::Call`] if the driver rejects
+    /// the shader.
+    pub fn new(device: &Device, name: &str, shader: &Shader) -> Result<Self, VulkanError> {
+        let (bindings, push_constant_bytes) = (shader.bindings(), shader.push_constant_bytes());
         let limit = device.limits().max_push_constant_bytes;
         check_limit(name, "its push constants in bytes", push_constant_bytes.into(), limit.into())?;
-        if !push_constant_bytes.is_multiple_of(4) {
-            let mistake = format!("{push_constant_bytes} bytes of push constants are no multiple of 4");
-            return Err(VulkanError::misuse(name, mistake));
-        }
         let raw = device.raw();
 
-        let info = vk::ShaderModuleCreateInfo::default().code(spirv);
-        // SAFETY: `info` borrows `spirv`, which outlives the call; naga has validated the module.
+        let info = vk::ShaderModuleCreateInfo::default().code(shader.words());
+        // SAFETY: `info` borrows `shader`, which outlives the call; naga has validated the module.
         let made = unsafe { raw.functions.create_shader_module(&info, None) };
         let module = Owned::new(raw, name, "vkCreateShaderModule", made, ash::Device::destroy_shader_module)?;
 
@@ -55,7 +44,7 @@ impl ComputePipeline {
             .map(|(binding, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(binding)
-                    .descriptor_type(kind.raw())
+                    .descriptor_type(descriptor_type(*kind))
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })

@@ -5,32 +5,16 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::{Buffer, ComputePipeline, Device, Image3d, Sampler, StorageImage, VulkanError, handle::Owned, image};
+use crate::shader::BindingKind;
 
-/// Kind of a shader binding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum BindingKind {
-    /// `var<storage>`
-    Storage,
-    /// `var<uniform>`
-    Uniform,
-    /// `texture_3d`
-    Texture,
-    /// `sampler`
-    Sampler,
-    /// `texture_storage_2d_array`
-    StorageImage,
-}
-
-impl BindingKind {
-    /// Vulkan descriptor type.
-    pub(super) fn raw(self) -> vk::DescriptorType {
-        match self {
-            Self::Storage => vk::DescriptorType::STORAGE_BUFFER,
-            Self::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
-            Self::Texture => vk::DescriptorType::SAMPLED_IMAGE,
-            Self::Sampler => vk::DescriptorType::SAMPLER,
-            Self::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
-        }
+/// Vulkan descriptor type of a binding.
+pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        BindingKind::Texture => vk::DescriptorType::SAMPLED_IMAGE,
+        BindingKind::Sampler => vk::DescriptorType::SAMPLER,
+        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
     }
 }
 
@@ -133,8 +117,10 @@ impl ResourceSet {
         }
         let raw = device.raw();
 
-        let sizes: Vec<_> =
-            bindings.iter().map(|kind| vk::DescriptorPoolSize::default().ty(kind.raw()).descriptor_count(1)).collect();
+        let sizes: Vec<_> = bindings
+            .iter()
+            .map(|kind| vk::DescriptorPoolSize::default().ty(descriptor_type(*kind)).descriptor_count(1))
+            .collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: `info` borrows `sizes`, which outlives the call.
         let made = unsafe { raw.functions.create_descriptor_pool(&info, None) };
@@ -155,8 +141,10 @@ impl ResourceSet {
             .zip(&bindings)
             .zip(buffer_infos.iter().zip(&image_infos))
             .map(|((binding, kind), (buffer, image))| {
-                let write =
-                    vk::WriteDescriptorSet::default().dst_set(set).dst_binding(binding).descriptor_type(kind.raw());
+                let write = vk::WriteDescriptorSet::default()
+                    .dst_set(set)
+                    .dst_binding(binding)
+                    .descriptor_type(descriptor_type(*kind));
                 match kind {
                     BindingKind::Storage | BindingKind::Uniform => write.buffer_info(buffer),
                     BindingKind::Texture | BindingKind::Sampler | BindingKind::StorageImage => write.image_info(image),
