@@ -32,7 +32,9 @@ struct March {
     width: u32,
     cells: vec3u,
     height: u32,
+    crop_low: vec3f,
     active_low: f32,
+    crop_high: vec3f,
     active_high: f32,
 }
 
@@ -70,6 +72,8 @@ struct Ray {
     base: vec3f,
     direction: vec3f,
     start: f32,
+    // Steps from `start` to the first sample.
+    offset: f32,
     samples: u32,
     view: vec3f,
 }
@@ -97,6 +101,18 @@ fn between(base: f32, direction: f32, low: f32, high: f32) -> vec2f {
     return vec2f(min(a, b), max(a, b));
 }
 
+// Where a ray enters and leaves the box, from the eye onwards.
+fn clip(eye: f32, base: vec3f, direction: vec3f, low: vec3f, high: vec3f) -> vec2f {
+    let x = between(base.x, direction.x, low.x, high.x);
+    let y = between(base.y, direction.y, low.y, high.y);
+    let z = between(base.z, direction.z, low.z, high.z);
+    return vec2f(max(max(eye, x.x), max(y.x, z.x)), min(min(x.y, y.y), z.y));
+}
+
+fn first_behind(s: f32, start: f32) -> f32 {
+    return max(ceil((s - start) / march.step_length - 0.5), 0.0);
+}
+
 fn ray_through(pixel: vec2u) -> Ray {
     let u = (f32(pixel.x) + 0.5) * march.pixel_width - 1.0;
     let v = 1.0 - (f32(pixel.y) + 0.5) * march.pixel_height;
@@ -105,19 +121,18 @@ fn ray_through(pixel: vec2u) -> Ray {
     let length = sqrt(fma(v * v, march.spread_v, fma(u * u, march.spread_u, 1.0)));
     let direction = slant / length;
 
-    // Clips the ray to the box, from the eye onwards.
-    let x = between(base.x, direction.x, march.low.x, march.high.x);
-    let y = between(base.y, direction.y, march.low.y, march.high.y);
-    let z = between(base.z, direction.z, march.low.z, march.high.z);
-    let near = max(max(-(march.eye_distance * length), x.x), max(y.x, z.x));
-    let far = min(min(x.y, y.y), z.y);
-    let steps = ceil((far - near) / march.step_length - 0.5);
-    let samples = select(0u, min(u32(max(steps, 0.0)), march.samples), far > near);
-    return Ray(base, direction, near, samples, -(direction * march.local_scale));
+    // Samples are numbered from the volume's box; the crop box selects some of them. Rays start at the eye.
+    let eye = -(march.eye_distance * length);
+    let start = clip(eye, base, direction, march.low, march.high).x;
+    let shown = clip(eye, base, direction, march.crop_low, march.crop_high);
+    let first = first_behind(shown.x, start);
+    let steps = max(first_behind(shown.y, start) - first, 0.0);
+    let samples = select(0u, min(u32(steps), march.samples), shown.y > shown.x);
+    return Ray(base, direction, start, first + 0.5, samples, -(direction * march.local_scale));
 }
 
 fn place_of(ray: Ray, n: u32) -> vec3f {
-    let s = fma(f32(n) + 0.5, march.step_length, ray.start);
+    let s = fma(f32(n) + ray.offset, march.step_length, ray.start);
     return fma(vec3f(s), ray.direction, ray.base);
 }
 

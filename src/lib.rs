@@ -7,10 +7,11 @@
 //! # One march, two lights
 //!
 //! ```no_run
+//! use relume::document::{self, SceneOptions};
 //! use relume::output::write_ready_png;
 //! use relume::progress::Quiet;
 //! use relume::render::{Renderer, SceneRenderer};
-//! use relume::scene::{self, Mix, SceneOptions};
+//! use relume::scene::Mix;
 //! use relume::spectrum::standard;
 //! use relume::vulkan::{Device, DeviceChoice, Validation};
 //!
@@ -44,10 +45,12 @@
 //! | read or make volumes | [`volume`] |
 //! | state spectra and colours | [`spectrum`] |
 //! | design spectra | [`palette`] |
-//! | describe a scene, read a scene file | [`scene`] |
+//! | describe a scene | [`scene`] |
+//! | read a scene file, edit, save a session | [`document`] |
 //! | see which features a scene needs, and why | [`plan`], [`model`] |
 //! | render on a device | [`render`], [`vulkan`] |
 //! | render the truth on the CPU | [`mod@reference`] |
+//! | composite films, compute relight matrices | [`film`] |
 //! | write pictures, read and write film files | [`output`] |
 //! | measure time and error of settings | [`measure`] |
 //! | follow or cancel long work | [`progress`] |

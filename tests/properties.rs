@@ -328,3 +328,57 @@ fn bands_slices_workgroups_and_where_tables_are_change_no_byte() {
         }
     }
 }
+
+/// The crop box selects samples of the whole volume and moves none (docs/theory/march.md), so films of the two sides of a
+/// plane composite to the film of the whole.
+#[test]
+fn a_march_cut_anywhere_is_the_front_part_over_the_back_part() {
+    let mixed = scenes::parsed(&scenes::GLASS.replace("[accuracy]", "[accuracy]\nmodel = \"peercy\"\nk = 4"));
+    let scenes = [
+        ("grey", scenes::named("diffuse_three")),
+        ("coloured", scenes::named("coloured_three")),
+        ("labels", scenes::named("coloured_labels")),
+        ("mixed", mixed),
+    ];
+    for (name, mut scene) in scenes {
+        scene.accuracy.termination = 0.0;
+        let whole = Rungs::new(scene.clone(), SIZE);
+        let geometry = &scene.volume.geometry;
+        let forward = geometry.direction.inverse() * scene.camera.view(geometry, 1.0).unwrap().forward;
+        let axis = forward.abs().max_position();
+        let last = DVec3::from_array(geometry.dims.map(|n| f64::from(u32::try_from(n).unwrap()))) - 1.0;
+        for cut in [0.21, 0.5, 0.83] {
+            let (mut low, mut high) = ([DVec3::ZERO, last], [DVec3::ZERO, last]);
+            (low[1][axis], high[0][axis]) = (cut * last[axis], cut * last[axis]);
+            let parts = if forward[axis] > 0.0 { [low, high] } else { [high, low] };
+            let parts = parts.map(|crop| {
+                let scene = Scene { crop: Some(crop), ..scene.clone() };
+                Rungs::planned(scene, whole.planned.clone(), SIZE)
+            });
+            let exact = |rungs: &Rungs| rungs.march::<f64>(&rungs.exact());
+            let what = format!("{name}, cut at {cut}");
+            same_film(&what, &exact(&parts[0]).over(&exact(&parts[1])).unwrap(), &exact(&whole), 1e-13);
+            with_renderer(|renderer| {
+                let [front, back] = parts.each_ref().map(|part| part.gpu(renderer));
+                let what = format!("{what}, on the device");
+                same_film(&what, &front.over(&back).unwrap(), &whole.gpu(renderer), 2e-6);
+            });
+        }
+    }
+    let film = Film { size: [1, 1], components: 1, accumulators: vec![0.5_f64], transmittance: vec![0.5] };
+    assert_eq!(film.over(&Film { size: [2, 1], ..film.clone() }), None, "films of different sizes");
+}
+
+/// Numbers of both films differ by `limit` of the largest at most.
+fn same_film<R: relume::number::Real>(what: &str, found: &Film<R>, expected: &Film<R>, limit: f64) {
+    let numbers = |film: &Film<R>| -> [Vec<f64>; 2] {
+        [&film.accumulators, &film.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
+    };
+    for (found, expected) in numbers(found).iter().zip(&numbers(expected)) {
+        assert_eq!(found.len(), expected.len(), "{what}");
+        let largest = expected.iter().fold(0.0_f64, |most, number| most.max(number.abs()));
+        assert!(largest > 0.0, "{what}: nothing shows");
+        let worst = found.iter().zip(expected).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max);
+        assert!(worst <= limit * largest, "{what}: {worst} of {largest}");
+    }
+}

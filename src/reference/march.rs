@@ -17,8 +17,10 @@ use crate::tables::{PositionTable, RayTable};
 struct Ray<R> {
     base: [R; 3],
     direction: [R; 3],
-    /// Start of the samples in world units from `base`.
+    /// Where the ray enters the volume, in units of length from `base`.
     start: R,
+    /// Steps from `start` to the first sample.
+    offset: R,
     /// Number of samples.
     samples: usize,
     /// Direction to the eye in the volume's axes.
@@ -28,7 +30,7 @@ struct Ray<R> {
 /// A sample along a ray.
 #[derive(Clone, Copy, Debug)]
 pub struct RaySample<'a, R> {
-    /// Index from 0 at the ray's entry; the sample lies `index + ½` steps behind it.
+    /// Index from 0 at the first sample in the crop box.
     pub index: usize,
     /// Position in texture coordinates.
     pub place: [R; 3],
@@ -86,20 +88,22 @@ impl<'a, R: Real> Frame<'a, R> {
         let length = (v * v).mul_add(spread_v, (u * u).mul_add(spread_u, one)).sqrt();
         let direction = slant.map(|component| component / length);
 
-        // Clips the ray to the box, starting at the eye.
-        let mut near = -(R::from_f64(rays.eye_distance) * length);
-        let mut far = R::from_f64(FAR);
-        let (low, high) = (from(rays.low), from(rays.high));
-        for axis in 0..3 {
-            let [enter, leave] = between(base[axis], direction[axis], low[axis], high[axis]);
-            near = near.max(enter);
-            far = far.min(leave);
-        }
-        let steps = ((far - near) / self.step_length - half).ceil();
-        let samples = if far > near { steps.max(R::default()).index().min(rays.samples as usize) } else { 0 };
+        // Samples are numbered from the volume's box; the crop box selects some of them. Rays start at the eye.
+        let eye = -(R::from_f64(rays.eye_distance) * length);
+        let clip = |low: [R; 3], high: [R; 3]| {
+            (0..3).fold([eye, R::from_f64(FAR)], |[near, far], axis| {
+                let [enter, leave] = between(base[axis], direction[axis], low[axis], high[axis]);
+                [near.max(enter), far.min(leave)]
+            })
+        };
+        let [start, _] = clip(from(rays.low), from(rays.high));
+        let [near, far] = clip(from(rays.crop_low), from(rays.crop_high));
+        let first_behind = |s: R| ((s - start) / self.step_length - half).ceil().max(R::default());
+        let (first, end) = (first_behind(near), first_behind(far));
+        let samples = if far > near { (end - first).max(R::default()).index().min(rays.samples as usize) } else { 0 };
         let local_scale = from(rays.local_scale);
         let view = std::array::from_fn(|axis| -(direction[axis] * local_scale[axis]));
-        Ray { base, direction, start: near, samples, view }
+        Ray { base, direction, start, offset: first + half, samples, view }
     }
 
     /// Marches pixel `[x, y]`: adds the light of its steps to `sums`, position by position, and returns the
@@ -117,7 +121,7 @@ impl<'a, R: Real> Frame<'a, R> {
         let mut step = Step::default();
         let mut source = vec![R::default(); self.planned.plan.components()];
         for n in 0..ray.samples {
-            let s = (R::from_f64(count(n)) + R::from_f64(0.5)).mul_add(self.step_length, ray.start);
+            let s = (R::from_f64(count(n)) + ray.offset).mul_add(self.step_length, ray.start);
             let place = std::array::from_fn(|axis| s.mul_add(ray.direction[axis], ray.base[axis]));
             samples.sample(place, &mut step);
             if !seen(&RaySample { index: n, place, transmittance: &transmittance }) {

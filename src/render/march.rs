@@ -113,9 +113,10 @@ pub struct MarchUniform {
     pub width: u32,
     pub cells: [u32; 3],
     pub height: u32,
+    pub crop_low: [f32; 3],
     pub active_low: f32,
+    pub crop_high: [f32; 3],
     pub active_high: f32,
-    pub spare: [f32; 2],
 }
 
 /// One dispatch's share, as `shaders/march.wgsl` has it.
@@ -326,9 +327,10 @@ impl MarchUniform {
             width: unsigned(size[0]),
             cells: uploaded.cells.dims.map(unsigned),
             height: unsigned(size[1]),
+            crop_low: vector(rays.crop_low),
             active_low: rounded(active_low),
+            crop_high: vector(rays.crop_high),
             active_high: rounded(active_high),
-            spare: [0.0; 2],
         }
     }
 }

@@ -12,7 +12,8 @@ use crate::volume::Geometry;
 /// With u and v the pixel's centre from −1 to 1 (right and up), its ray is
 /// `base + u·base_u + v·base_v + s·(direction + u·direction_u + v·direction_v)/√(1 + u²·spread_u + v²·spread_v)`,
 /// with s in units of the smallest spacing, so that volumes of every size stay within the range of f32. Samples lie at
-/// s₀ + (n + ½)Δs; the ray enters the box at s₀, or starts there if the eye is inside.
+/// s₀ + (n + ½)Δs; the ray enters the volume at s₀, or starts there if the eye is inside. The crop box selects some of
+/// these samples and moves none, so films of adjacent crop boxes composite to the film of their union.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayTable {
     /// `base` of the ray formula: a point in or near the volume.
@@ -33,10 +34,14 @@ pub struct RayTable {
     pub spread_u: f64,
     /// tan² of half the vertical field of view; 0 for parallel rays.
     pub spread_v: f64,
-    /// Lower corner of the crop box.
+    /// Lower corner of the volume.
     pub low: DVec3,
-    /// Upper corner of the crop box.
+    /// Upper corner of the volume.
     pub high: DVec3,
+    /// Lower corner of the crop box.
+    pub crop_low: DVec3,
+    /// Upper corner of the crop box.
+    pub crop_high: DVec3,
     /// Macrocells along the texture: scales texture coordinates to macrocells, before `cell_offset` is added.
     pub cell_scale: DVec3,
     /// Position of the texture's edge relative to voxel 0, in macrocells; negative.
@@ -45,7 +50,7 @@ pub struct RayTable {
     pub local_scale: DVec3,
     /// Step length Δs in units of length.
     pub step_length: f64,
-    /// Number of samples on the longest ray.
+    /// Number of samples in the crop box on the longest ray.
     pub samples: u32,
 }
 
@@ -83,16 +88,22 @@ impl RayTable {
             (eye_distance * half_u, eye_distance * half_v, half_u, half_v)
         };
 
-        let [first, last] = scene.crop.unwrap_or([DVec3::ZERO, dims - 1.0]);
+        let all = [DVec3::ZERO, dims - 1.0];
         // An axis with a single voxel is one voxel thick.
         let thin = dims.cmpeq(DVec3::ONE);
-        let low = DVec3::select(thin, DVec3::ZERO, (first + 0.5) / dims);
-        let high = DVec3::select(thin, DVec3::ONE, (last + 0.5) / dims);
-        let longest = ((high - low) * dims * geometry.spacing).length();
-        let samples = (longest / scene.accuracy.step_length).ceil() + 1.0;
-        if samples > MOST_SAMPLES {
+        let texture_box = |[first, last]: [DVec3; 2]| {
+            [(first, DVec3::ZERO), (last, DVec3::ONE)]
+                .map(|(at, of_thin)| DVec3::select(thin, of_thin, (at + 0.5) / dims))
+        };
+        let ([low, high], [crop_low, crop_high]) = (texture_box(all), texture_box(scene.crop.unwrap_or(all)));
+        let most_samples = |low: DVec3, high: DVec3| {
+            let longest = ((high - low) * dims * geometry.spacing).length();
+            (longest / scene.accuracy.step_length).ceil() + 1.0
+        };
+        if most_samples(low, high) > MOST_SAMPLES {
             return None;
         }
+        let samples = most_samples(crop_low, crop_high);
         let unit = unit_length(geometry);
         let cell = count(CELL);
         Some(Self {
@@ -107,6 +118,8 @@ impl RayTable {
             spread_v,
             low,
             high,
+            crop_low,
+            crop_high,
             cell_scale: dims / cell,
             cell_offset: DVec3::splat(-0.5 / cell),
             local_scale: geometry.spacing / unit * dims,

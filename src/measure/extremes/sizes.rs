@@ -77,13 +77,16 @@ fn picture(size: [usize; 2]) -> Extreme {
     })
 }
 
-/// A cube of `width` about the middle of a volume as crop box.
+/// A cube of `width` about the middle of a volume as crop box. Along the rays its faces lie between samples: a sample on
+/// a face is inside or outside as the numbers round.
 fn crop(name: &str, width: f64) -> Extreme {
     let slab = Slab { dims: [9, 9, 9], opacity: 0.3, step: 0.25, ..Slab::default() };
     let asked = slab.clone();
     let scene = move || -> Result<Vec<Picture>, ExtremeError> {
         let mut scene = asked.scene()?;
-        let (middle, half) = (DVec3::splat(4.0), DVec3::splat(0.5 * width));
+        let half = DVec3::splat(0.5 * width);
+        let steps = (half.z / asked.step).floor() * asked.step;
+        let middle = DVec3::new(4.0, 4.0, 4.0 - steps + half.z);
         scene.crop = Some([middle - half, middle + half]);
         scene.camera.projection = Projection::Orthographic { height: Some(0.5 * width) };
         Ok(vec![Picture::of(scene)])
