@@ -276,8 +276,8 @@ fn flags_of_headerless_volumes_that_do_not_fit_are_refused() {
     folder.refused(1, &["info", "foot_2x4x8_uint8.raw"], &["--dims 2x4x8 --type uint8"]);
     folder.refused(1, &["info", "v.raw", "--dims", "4x4x5", "--type", "uint8"], &["64", "80"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4"], &["--type"]);
-    folder.refused(2, &["info", "v.raw", "--dims", "4x4", "--type", "uint8"], &["three whole numbers"]);
-    folder.refused(2, &["info", "v.raw", "--dims", "4x4x0", "--type", "uint8"], &["from 1"]);
+    folder.refused(2, &["info", "v.raw", "--dims", "4x4", "--type", "uint8"], &["three integers"]);
+    folder.refused(2, &["info", "v.raw", "--dims", "4x4x0", "--type", "uint8"], &["at least 1"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4", "--type", "uint9"], &["unknown voxel type", "float64"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4", "--type", "uint8", "--spacing", "1x0x1"], &["positive"]);
     folder.refused(
@@ -303,10 +303,10 @@ fn flags_that_info_has_no_use_for_are_refused() {
         &["info", "scene.toml", "--voxel", "32,0,0"],
         &["--voxel [32, 0, 0] is outside the volume's [32"],
     );
-    folder.refused(2, &["info", "--labels", "v.mhd"], &["--labels", "name a scene"]);
-    folder.refused(2, &["info", "--downsample", "2x2x2"], &["--downsample", "name a scene"]);
-    folder.refused(2, &["info", "--voxel", "0,0,0"], &["--voxel", "name a scene"]);
-    folder.refused(2, &["info", "--dims", "4x4x4", "--type", "uint8"], &["--dims", "name a scene"]);
+    folder.refused(2, &["info", "--labels", "v.mhd"], &["--labels", "a scene or a volume"]);
+    folder.refused(2, &["info", "--downsample", "2x2x2"], &["--downsample", "a scene or a volume"]);
+    folder.refused(2, &["info", "--voxel", "0,0,0"], &["--voxel", "a scene or a volume"]);
+    folder.refused(2, &["info", "--dims", "4x4x4", "--type", "uint8"], &["--dims", "a scene or a volume"]);
 }
 
 #[test]
@@ -418,10 +418,10 @@ fn lights_that_are_not_there_are_refused() {
 #[test]
 fn flags_that_no_workload_has_a_use_for_are_refused() {
     let folder = Folder::new();
-    let volume = "--volume does nothing here";
+    let volume = "--volume has no effect";
     folder.refused(2, &["bench", "default", "--volume", "frog.mhd"], &[volume]);
     folder.refused(2, &["bench", "default", "model", "--volume", "frog.mhd"], &[volume]);
-    folder.refused(2, &["bench", "model", "--time", "1"], &["--time does nothing here"]);
+    folder.refused(2, &["bench", "model", "--time", "1"], &["--time has no effect"]);
 }
 
 #[test]
@@ -640,7 +640,7 @@ fn what_is_no_accumulator_file_is_refused() {
     for (name, words) in [
         ("scene.toml", "scene.toml"),
         ("short.exr", "short.exr"),
-        ("p.exr", "not an accumulator file"),
+        ("p.exr", "p.exr is not a film file"),
         ("gone.exr", "No such file"),
     ] {
         folder.refused(1, &["relight", name, "-o", "q.png"], &[words]);
@@ -731,7 +731,7 @@ fn voxels_that_are_not_a_number_take_the_smallest_value_and_are_counted() {
     let voxels: Vec<u8> = [f32::NAN, 100.0, f32::NAN, f32::NAN].iter().flat_map(|value| value.to_le_bytes()).collect();
     let (pixel, said) = odd_pixel(ODD, "1 1 4", "MET_FLOAT", &voxels, &[]);
     assert_opacity(pixel, 1.0 - 0.5_f64.powi(3), 3);
-    assert!(said.starts_with("warning: 3 voxels are not a number") && said.contains("100"), "{said}");
+    assert!(said.starts_with("warning: 3 voxels are NaN") && said.contains("100"), "{said}");
 }
 
 #[test]

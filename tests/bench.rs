@@ -156,16 +156,16 @@ fn an_earlier_run_is_kept_to_within_the_budget() {
     assert_eq!(outcome.json()["against"]["dearer"][0]["what"], "bytes of the volume");
 
     before["rows"][0]["device"] = "another".into();
-    against(&before, &ample).assert_refused(1, &["measured on another", "times do not compare"]);
+    against(&before, &ample).assert_refused(1, &["before.json: its times are from another,"]);
     before["rows"][0]["device"] = Value::Null;
     before["rows"][0]["id"] = "something else".into();
-    against(&before, &ample).assert_refused(1, &["none of its rows was measured now"]);
+    against(&before, &ample).assert_refused(1, &["before.json: it has no row of this run"]);
     against(&Value::Null, &ample).assert_refused(1, &["before.json", "no rows"]);
     // Before anything is measured: this scene has nothing that could be.
     let nothing = ["bench", "default", "--against", "nothing.json", "-D", "volume.dims=[0,0,0]"];
     folder.refused(1, &nothing, &["--against nothing.json", "`relume bench --json`"]);
-    folder.refused(2, &["bench", "model", "--against", "before.json"], &["--against does nothing here"]);
-    folder.refused(2, &["bench", "peer", "-o", "costs.txt"], &["ends in .html"]);
+    folder.refused(2, &["bench", "model", "--against", "before.json"], &["--against has no effect"]);
+    folder.refused(2, &["bench", "peer", "-o", "costs.txt"], &["costs.txt", ".html"]);
 }
 
 /// Every feature of a plan: with it, the plan differs in it alone; without it, nothing is dearer but what the feature saves,

@@ -139,7 +139,7 @@ fn a_component_is_chosen_by_flag_or_by_the_scene() {
     folder.refused(1, &["info", "rgb.nrrd", "--component", "3"], &["--component 3", "3 components"]);
     folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--time", "1"], &["--time 1", "1 time step"]);
     folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--array", "ct"], &["--array ct"]);
-    folder.refused(2, &["info", "--component", "0"], &["--component does nothing here"]);
+    folder.refused(2, &["info", "--component", "0"], &["--component has no effect"]);
     let outcome = folder.done(&["info", "rgb.nrrd", "--component", "1", "--json"]).json();
     assert_eq!((&outcome["min"], &outcome["max"], &outcome["components"]), (&1.0.into(), &22.0.into(), &3.into()));
     assert!(folder.done(&["info", "rgb.nrrd", "--component", "1"]).out.contains("one of 3"));
@@ -198,7 +198,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
     folder.done(&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"]);
     let text = folder.done(&["info", "acc.exr"]).out;
     for word in
-        ["an accumulator file, for relume relight", "32 × 32", "bone, flesh, white", "lamp, day", "lamp@lamp=0.5"]
+        ["acc.exr: a film file", "32 × 32", "bone, flesh, white", "lamp, day", "lamp@lamp=0.5"]
     {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
@@ -208,7 +208,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
         ["accumulators", "components", "lights", "model", "positions", "situations", "size", "warnings"]
     );
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
-    assert!(folder.done(&["info", "--help"]).out.contains("an accumulator file (.exr)"));
+    assert!(folder.done(&["info", "--help"]).out.contains("film file (.exr)"));
 }
 
 #[test]
@@ -628,7 +628,7 @@ fn labels_that_are_not_used_or_not_declared_are_reported() {
         assert_eq!(err.lines().count(), 1, "{err}");
     }
     for err in warnings(&folder, &[&flags[..], &["-D", "labels.3={material=\"flesh\",opacity=1}"]].concat()) {
-        assert!(err.starts_with("warning: labels that the scene does not declare") && err.contains("7 ("), "{err}");
+        assert!(err.starts_with("warning: undeclared labels") && err.contains("7 ("), "{err}");
     }
     let declared = warnings(&folder, &["-D", "labels.3={material=\"flesh\",opacity=1}"]);
     assert_eq!(declared, ["", ""], "labels that are not there are no matter");
@@ -885,5 +885,5 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
     }
     let all_off = ["--dial", "0,0", "--nodes-off", "lamp", "--nodes-off", "day"];
     let outcome = folder.done(&[&["relight", "acc.exr", "-o", "p.png"], &all_off[..]].concat());
-    assert!(outcome.err.starts_with("warning: no light of the dial is on"), "{}", outcome.err);
+    assert!(outcome.err.starts_with("warning: all nodes of the dial are off"), "{}", outcome.err);
 }

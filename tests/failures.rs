@@ -263,7 +263,7 @@ fn ctrl_c_keeps_the_rows_of_a_benchmark_on_a_whole_page() {
         assert!(json["interrupted"] == true && !json["rows"].as_array().unwrap().is_empty(), "{json}");
         let page = std::fs::read_to_string(folder.path("costs.html")).unwrap();
         assert!(page.starts_with("<!") && page.trim_end().ends_with("</html>"), "{page}");
-        assert!(page.contains("Interrupted: these are the rows"), "{page}");
+        assert!(page.contains("Interrupted: only the finished rows"), "{page}");
         assert_eq!(folder.names(), ["costs.html", "scene.toml"], "nothing unfinished is left");
         if slowest.last().is_some_and(|took| *took <= AT_ONCE) {
             return;

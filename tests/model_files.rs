@@ -262,7 +262,7 @@ fn a_file_that_another_program_wrote_is_relit() {
     let sum: Vec<DVec3> = lamp.iter().zip(&red).map(|(one, other)| *one + *other).collect();
     assert_same_xyz("mix", &mix, &sum);
     let text = folder.done(&["info", "hand.exr"]).out;
-    assert!(text.contains("2 nodes (500, 600 nm)") && text.contains("has a colour"), "{text}");
+    assert!(text.contains("2 nodes (500, 600 nm)") && text.contains("transmittance is coloured"), "{text}");
     let json = folder.done(&["info", "hand.exr", "--json"]).json();
     assert_eq!((&json["model"]["k"], &json["model"]["nodes_nm"][1]), (&2.into(), &600.0.into()));
 }

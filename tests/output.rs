@@ -485,7 +485,7 @@ fn wrong_channels_are_refused_by_name() {
     let pixels = [0.0; 3];
     write_exr(&path, &Picture::new(1, 1, &pixels).unwrap()).unwrap();
     let error = FilmFile::read(&path).unwrap_err();
-    assert!(error.to_string().ends_with("is not an accumulator file: it has no attribute `relume`"), "{error}");
+    assert!(error.to_string().contains("attribute `relume`"), "{error}");
     fs::write(&path, b"\x89PNG\r\n").unwrap();
     assert!(matches!(FilmFile::read(&path), Err(OutputError::Damaged { .. })));
     assert!(matches!(FilmFile::read(&folder.path().join("absent")), Err(OutputError::Read { .. })));

@@ -7,7 +7,7 @@ use relume::document::Definition;
 use relume::model::ModelKind;
 
 /// Heading in `--help`.
-const COLOUR: &str = "Colour accuracy, in place of the scene's [accuracy]";
+const COLOUR: &str = "Colour accuracy (overrides [accuracy] of the scene)";
 
 /// What pixels store of a spectrum.
 #[derive(Debug, Args)]

@@ -16,7 +16,7 @@ use super::{CliError, Report, files};
 
 const EXAMPLES: &str = "\
 Examples:
-  relume design palette.toml                          the colours that can be had, and what cannot
+  relume design palette.toml                          the reached colours, and the targets in conflict
   relume design palette.toml -o solved.toml --report palette.html
 
 The keys of a palette file are in docs/PALETTE.md; a scene takes its spectra from one with [palette] use = \"FILE\".";
@@ -50,7 +50,7 @@ fn kind(path: &Path) -> Result<Kind, CliError> {
         Some("svg") => Ok(Kind::Svg),
         Some("png") => Ok(Kind::Png),
         _ => Err(CliError::Usage(format!(
-            "cannot tell what kind of report {} is to be: end its name in .html, .svg or .png",
+            "{}: unknown kind of report; end its name in .html, .svg or .png",
             path.display()
         ))),
     }
@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 const PIXELS: f32 = 1.5;
                 if !write_drawing(path, &svg, PIXELS)? {
                     tracing::warn!(
-                        "{}: this system has no fonts, so the picture has no text; .svg and .html have it",
+                        "{}: this system has no fonts, so the picture has no text; write .svg or .html for text",
                         path.display()
                     );
                 }
@@ -130,12 +130,12 @@ fn text(solution: &Solution) -> String {
         table.push(line);
     }
     let mut text = format!(
-        "{}: what each material is to look like under each light → what it looks like, and their ΔE00\n{}",
+        "{}: target colour of each material under each light → reached colour, and their ΔE00\n{}",
         palette.source,
         aligned(&table)
     );
     if beyond {
-        text.push_str("! a colour that sRGB cannot show; the code is the clipped one\n");
+        text.push_str("! outside sRGB; the colour code is clipped\n");
     }
     text.push_str(&format!("The largest ΔE00 is {:.4}.\n\n", solution.worst()));
     let mut table = vec![["spectrum", "", "lowest", "highest", "at bounds", "negative"].map(str::to_owned).to_vec()];

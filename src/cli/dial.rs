@@ -12,7 +12,7 @@ use relume::scene::Mix;
 use super::CliError;
 
 /// Heading in `--help`.
-const DIAL: &str = "Light dial (its nodes stand for the lights; [dial] of the scene says where they lie)";
+const DIAL: &str = "Light dial (one node per light, at the positions of [dial] in the scene)";
 
 /// The dial and the position or path of its hand.
 #[derive(Debug, Args)]
@@ -94,13 +94,13 @@ impl DialArgs {
             (None, None) if self.nodes_off.is_empty() => return Ok(None),
             (None, None) => {
                 return Err(CliError::Usage(
-                    "--nodes-off changes the dial: say where its hand is, by --dial, --situation, --sweep or --tour"
+                    "--nodes-off needs a position of the hand: add --dial, --situation, --sweep or --tour"
                         .into(),
                 ));
             }
         };
         if !dial.nodes.iter().any(|node| node.on) {
-            tracing::warn!("no light of the dial is on, so the picture is black");
+            tracing::warn!("all nodes of the dial are off: the picture is black");
         }
         Ok(Some(Hand { places, moves, dial }))
     }

@@ -26,7 +26,7 @@ pub(super) fn run(
         (true, _) => to_csv(&rows),
         (_, true) => to_markdown(&rows),
         _ => {
-            let end = if all { "" } else { "\ninterrupted: these are the extremes that were asked before\n" };
+            let end = if all { "" } else { "\ninterrupted: only the finished extremes are listed\n" };
             format!("The extremes on {}\n\n{}{end}", info.name, to_text(&rows))
         }
     };

@@ -22,10 +22,10 @@ use super::{CliError, Report, files};
 
 const EXAMPLES: &str = "\
 Examples:
-  relume figures -o figures                           on volumes made by formulas
+  relume figures -o figures                           on phantoms
   relume figures -o figures --volume-frog frog.mhd --labels frogtissue.mhd --volume-engine engine.vti
 
-Writes 1a.png to 7c.png, and figures.html with all of them and what they show.";
+Writes 1a.png to 7c.png, and figures.html with all pictures and captions.";
 
 /// The figures: name, scene, and whether it shows the frog.
 const FIGURES: [(&str, &str, bool); 4] = [
@@ -81,7 +81,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         scenes.push((name, scene, clock.read()));
     }
     std::fs::create_dir_all(&args.output)
-        .map_err(|error| CliError::Failed(format!("the folder {} cannot be made: {error}", args.output.display())))?;
+        .map_err(|error| CliError::Failed(format!("cannot make the folder {}: {error}", args.output.display())))?;
     let (mut rows, mut panels, mut outputs) = (Vec::new(), Vec::new(), Vec::new());
     let mut text = String::new();
     for (name, file, loaded) in scenes {
@@ -108,7 +108,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             let rgb: Vec<u8> =
                 relight.read()?.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
             write_ready_png(path, args.size[0], args.size[1], &rgb)?;
-            let read = |error| CliError::Failed(format!("{} cannot be read back: {error}", path.display()));
+            let read = |error| CliError::Failed(format!("cannot read {} back: {error}", path.display()));
             let png = std::fs::read(path).map_err(read)?;
             let _ = writeln!(text, "{:<4} {}  {}", situation.name, path.display(), situation.caption);
             let lights = mix.0.iter().map(|light| json!({"name": light.name, "weight": light.weight}));
@@ -133,7 +133,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let sheet = args.output.join("figures.html");
     write_atomically(&sheet, |out| out.write_all(contact_sheet(&panels).as_bytes()))?;
-    let _ = writeln!(text, "all of them with what they show: {}", sheet.display());
+    let _ = writeln!(text, "all pictures with captions: {}", sheet.display());
     Ok(Report {
         text,
         json: json!({

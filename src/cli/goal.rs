@@ -14,7 +14,7 @@ use super::CliError;
 use super::accuracy::tolerance;
 
 /// Heading in `--help`.
-const CHOICE: &str = "Accuracy for time: a setting chosen by measurements of this scene on this device";
+const CHOICE: &str = "Accuracy against time: measures settings of this scene on this device, and chooses one";
 
 /// Goal of a picture.
 #[derive(Debug, Args)]
@@ -98,11 +98,11 @@ pub(crate) fn checked(
         _ => None,
     };
     let measured =
-        found.map_or_else(|| "nothing is shown, so nothing was measured".to_owned(), |it| it.sentence(asked));
+        found.map_or_else(|| "no pixel shows the volume: no error was measured".to_owned(), |it| it.sentence(asked));
     if let (Some(asked), Some(found)) = (asked, &found)
         && found.difference.delta_e.p95 > asked
     {
-        tracing::warn!("the picture is off by more than was asked for: {measured}");
+        tracing::warn!("the error of the picture is above the limit: {measured}");
     }
     let json = json!({
         "setting": choice.setting,

@@ -26,11 +26,11 @@ use super::{CliError, Report};
 const EXAMPLES: &str = "\
 Examples:
   relume info                                   the Vulkan devices
-  relume info head.mhd --voxel 10,20,30         what a volume holds
+  relume info head.mhd --voxel 10,20,30         the contents of a volume
   relume info ct.raw --dims 512x512x200 --type int16 --json
-  relume info scene.toml                        what a scene shows, and what a picture of it costs";
+  relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), an accumulator file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.
@@ -48,18 +48,18 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     match (&args.scene.scene, &args.scene.volume) {
         (None, None) if args.scene.define.is_empty() && args.scene.accuracy.given().is_empty() => {
             let all = ["--labels", "--downsample", "--component", "--time", "--array", "--dims", "--voxel"];
-            args.refuse(&all, "name a scene or a volume for it")?;
+            args.refuse(&all, "it needs a scene or a volume")?;
             of_devices()
         }
         (Some(path), None) if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) => {
             let flags = ["-D", "--labels", "--downsample", "--dims", "--voxel"];
-            let why = format!("{} is no scene and no volume", path.display());
+            let why = format!("{} is a film file; the flag is for scenes and volumes", path.display());
             args.refuse(&flags, &why)?;
             args.refuse_accuracy(&why)?;
             Ok(of_accumulators(path, &FilmFile::read(path)?))
         }
         (Some(path), None) if !is_scene(path) => {
-            let why = format!("{} is a volume; it is for scenes", path.display());
+            let why = format!("{} is a volume; the flag is for scenes", path.display());
             args.refuse(&["-D", "--labels"], &why)?;
             args.refuse_accuracy(&why)?;
             let selection = args.scene.selection.selection();
@@ -82,7 +82,7 @@ impl Args {
     /// Refuses flags for colour accuracy.
     fn refuse_accuracy(&self, why: &str) -> Result<(), CliError> {
         match self.scene.accuracy.given().first() {
-            Some(flag) => Err(CliError::Usage(format!("{flag} does nothing here: {why}"))),
+            Some(flag) => Err(CliError::Usage(format!("{flag} has no effect: {why}"))),
             None => Ok(()),
         }
     }
@@ -101,7 +101,7 @@ impl Args {
             ("--voxel", !self.voxel.is_empty()),
         ];
         match given.iter().find(|(flag, given)| *given && flags.contains(flag)) {
-            Some((flag, _)) => Err(CliError::Usage(format!("{flag} does nothing here: {why}"))),
+            Some((flag, _)) => Err(CliError::Usage(format!("{flag} has no effect: {why}"))),
             None => Ok(()),
         }
     }
@@ -193,13 +193,13 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     };
     line("voxels", &format!("{} of {}", by(&geometry.dims), volume.voxels.type_name()));
     if volume.components > 1 {
-        line("components", &format!("one of {} is read", volume.components));
+        line("components", &format!("{}, one of which is read", volume.components));
     }
     line("spacing", &by(&geometry.spacing.to_array().map(brief)));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
     if volume.anatomical {
-        line("world", "anatomical: x to a patient's left, y to the back, z to the head (LPS)");
+        line("world", "anatomical: x to the patient's left, y to the back, z to the head (LPS)");
     }
     line(
         "values",
@@ -208,7 +208,7 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     line(
         "histogram",
         &format!(
-            "{}  (64 bins from the least value to the greatest; heights are logarithms)",
+            "{}  (64 bins from the smallest value to the largest; heights are logarithmic)",
             bars(&statistics.histogram)
         ),
     );
@@ -253,13 +253,13 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
         Components::Surfaces(surfaces) => (surfaces.iter().map(|surface| surface.name.clone()).collect(), None),
         Components::Model(Stored { model, .. }) => (Vec::new(), Some(model)),
     };
-    let mut text = format!("{}: an accumulator file, for relume relight\n", path.display());
+    let mut text = format!("{}: a film file, for relume relight\n", path.display());
     let mut lines = vec![("size", format!("{} × {}", file.width, file.height))];
     match model {
         None => lines.push(("components", or_none(&components.join(", ")))),
         Some(model) => {
             let worst = model.worst();
-            let passes = if file.is_coloured() { "what passes has a colour" } else { "what passes is grey" };
+            let passes = if file.is_coloured() { "transmittance is coloured" } else { "transmittance is grey" };
             lines.push(("model", format!("{}; {passes}", model.description())));
             let of = format!("{:.3} on average, p95 {:.3}, at most {:.3}", worst.mean, worst.p95, worst.max);
             lines.push(("ΔE00", format!("{of} under its lights")));
@@ -331,7 +331,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                 Placement::Directional(direction) => format!("from the direction {}", list(direction)),
                 Placement::Point(point) => format!("from {}", list(point)),
             };
-            let off = if is_on(file, &light.name) { "" } else { ", off as it opens" };
+            let off = if is_on(file, &light.name) { "" } else { ", off initially" };
             format!("{} ({place}, intensity {}{off})", light.name, light.intensity)
         })
         .collect();
@@ -340,7 +340,7 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
     if !situations.is_empty() {
         line("situations", &situations.join(", "));
     }
-    text.push_str("what a picture of it takes\n");
+    text.push_str("cost of a picture\n");
     for sentence in explanation(scene, planned, &storage) {
         let _ = writeln!(text, "  {sentence}");
     }

@@ -23,15 +23,15 @@ use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
 Examples:
-  relume measure -o report.html                       every knob of the scene that is part of the program
+  relume measure -o report.html                       every knob of the built-in scene
   relume measure scene.toml --sweep k=3..12,step=0.25..4 --csv
   relume measure scene.toml --sweep model=nodes,rgb-fitted --sweep storage=f16 --markdown
-  relume measure --extremes                           what comes out at the extremes, beside what must
+  relume measure --extremes                           results at extreme inputs, compared with their bounds
 
-Errors are ΔE00 (1 can just be seen side by side) against the full spectrum of 81 wavelengths in f64, with exact samples at
-an eighth of the shortest step and rays followed to their ends, in pixels of the picture that show something. They are split
-by cause, rung by rung: step, termination, basis, tables and storage, rounding, device; the parts need not add up. Times are
-medians; a frame is a march and a relight. * marks settings that no other beats.";
+Errors are ΔE00 (1 is just visible side by side) against the truth: the full spectrum of 81 wavelengths in f64, exact samples
+at an eighth of the shortest step, and no early ray termination. Only pixels that show the volume count. Errors are split by
+cause, rung by rung: step, termination, basis, tables and storage, rounding, device; the parts need not add up. Times are
+medians; a frame is a march and a relight. * marks settings on the Pareto front: no other is both faster and more accurate.";
 
 /// Arguments of `relume measure`.
 #[derive(Debug, clap::Args)]
@@ -93,7 +93,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         // clap's group of arguments does not include the positional argument.
         if let Some(scene) = &args.scene.scene {
             return Err(CliError::Usage(format!(
-                "the argument '--extremes' cannot be used with a scene, {}: it has its own",
+                "the argument '--extremes' cannot be used with a scene, {}: it has scenes of its own",
                 scene.display()
             )));
         }
@@ -164,7 +164,7 @@ fn report_kind(path: &std::path::Path) -> Result<ReportKind, CliError> {
         Some("html" | "htm") => Ok(ReportKind::Html),
         Some("svg") => Ok(ReportKind::Svg),
         Some("png") => Ok(ReportKind::Png),
-        _ => Err(CliError::Usage(format!("{}: a report ends in .html, .svg or .png", path.display()))),
+        _ => Err(CliError::Usage(format!("{}: unknown kind of report; end its name in .html, .svg or .png", path.display()))),
     }
 }
 
@@ -244,7 +244,7 @@ fn json(survey: &Survey<'_>, options: &SurveyOptions, outcome: &Outcome) -> Valu
 
 fn text(survey: &Survey<'_>, outcome: &Outcome) -> String {
     let mut text = format!(
-        "{} on {}\nΔE00 against the full spectrum, in {} pixels that show something; * marks what no other setting beats\n\n{}",
+        "{} on {}\nΔE00 against the full spectrum, in {} pixels that show the volume; * marks the Pareto front of time and error\n\n{}",
         survey.scene().name,
         survey.device(),
         survey.pixels().len(),
@@ -257,7 +257,7 @@ fn text(survey: &Survey<'_>, outcome: &Outcome) -> String {
         text.push_str(&format!("\n{}\n", found.sentence()));
     }
     if outcome.interrupted {
-        text.push_str("\ninterrupted: these are the settings that were measured before\n");
+        text.push_str("\ninterrupted: only the finished settings are listed\n");
     }
     text
 }

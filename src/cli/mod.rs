@@ -51,14 +51,14 @@ struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
-  relume render -o frog.png                           the scene that is part of the program
-  relume view                                         the same in a window, its lights at hand
-  relume info head.mhd                                what a volume holds
+  relume render -o frog.png                           the built-in scene
+  relume view                                         the same in a window, with controls for its lights
+  relume info head.mhd                                the contents of a volume
   relume render scene.toml -o day.png --accumulators acc.exr
   relume relight acc.exr --light A -o evening.png     the same view under a light bulb
-  relume design palette.toml --report palette.html    spectra that merge, vanish and keep their colour
+  relume design palette.toml --report palette.html    spectra for the target colours of a palette
 
-The keys of a scene file are in docs/SCENE.md. `relume help COMMAND` says more about a command.
+The keys of a scene file are in docs/SCENE.md. `relume help COMMAND` describes a command.
 Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 interrupted.";
 
 #[derive(Debug, Subcommand)]
@@ -122,7 +122,7 @@ pub(crate) enum CliError {
     #[cfg(feature = "window")]
     #[error(transparent)]
     Script(#[from] relume::view::ScriptError),
-    #[error("interrupted; the pictures that were written are whole")]
+    #[error("interrupted; finished pictures are complete")]
     Cancelled,
     #[error("{0}")]
     Usage(String),

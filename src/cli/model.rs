@@ -21,8 +21,8 @@ pub(crate) fn learn(model: &mut ColourModel, mix: &Mix, tolerance: f64, way_out:
         let ErrorSummary { mean, max, .. } = matrix.worst();
         if max > tolerance {
             tracing::warn!(
-                "the colour model was not planned for the light {name}: colours under it may differ by ΔE00 {max:.2} \
-                 ({mean:.2} on average), which is over the tolerance of {tolerance}; {way_out}"
+                "the light {name} is not in the plan of the colour model: its colours may be off by ΔE00 {max:.2} \
+                 ({mean:.2} on average), and the tolerance is {tolerance}; {way_out}"
             );
         }
     }
@@ -48,7 +48,7 @@ impl Learnt {
             let ErrorSummary { mean, p95, max } = matrix.worst();
             let tried = match matrix.unseen {
                 Some(_) => "",
-                None => " on the colours that it was fitted on, and more on others",
+                None => " on the colours of its fit, more on others",
             };
             format!(
                 "{name} is new to the colour model: ΔE00 {mean:.3} on average, p95 {p95:.3}, at most {max:.3}{tried}\n"

@@ -54,7 +54,7 @@ pub(crate) struct Args {
 
 /// Parses the year of an observer.
 fn observer(year: &str) -> Result<Observer, String> {
-    Observer::ALL.into_iter().find(|one| one.to_string() == year).ok_or_else(|| "it is 1931 or 1964".to_owned())
+    Observer::ALL.into_iter().find(|one| one.to_string() == year).ok_or_else(|| "an observer is 1931 or 1964".to_owned())
 }
 
 /// Settings that are fixed since the file was rendered.
@@ -81,7 +81,7 @@ impl Planned {
         ];
         match given.iter().find(|(_, given)| *given) {
             Some((flag, _)) => Err(CliError::Usage(format!(
-                "{flag} is for `relume render`: what pixels keep was chosen when this file was rendered; render again with it"
+                "{flag} is for `relume render`: a film file fixes what pixels store; render again with {flag}"
             ))),
             None => Ok(()),
         }
@@ -115,7 +115,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let (Components::Surfaces(_), Some(_)) = (&saved.components, args.tolerance) {
         let file = args.accumulators.display();
         return Err(CliError::Usage(format!(
-            "--tolerance does nothing here: {file} keeps weights of materials, which are exact for every light"
+            "--tolerance has no effect: {file} stores material weights, which are exact for every light"
         )));
     }
     let clock = Stopwatch::start();

@@ -130,7 +130,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     check_memory(args)?;
     if let Some(flag) = unused_by_the_reference(args) {
         return Err(CliError::Usage(format!(
-            "{flag} does nothing here: --reference computes all wavelengths, and fits no colour model but for --accumulators"
+            "{flag} has no effect: --reference computes all wavelengths, and uses a colour model for --accumulators only"
         )));
     }
 
@@ -257,8 +257,8 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
 /// Fits the colour model, if there is one, to the lights of `mix` that were not in its plan.
 fn learn(scene: &Scene, planned: &mut Planned, mix: &Mix) -> Result<Option<Learnt>, CliError> {
     let way_out = match scene.accuracy.dimension {
-        None => "add --replan to plan it for this light too",
-        Some(_) => "add --replan to plan it for this light too, or take a larger --k",
+        None => "add --replan to plan the model for this light too",
+        Some(_) => "add --replan to plan the model for this light too, or set a larger --k",
     };
     let Some(model) = planned.model.as_mut().map(Arc::make_mut) else { return Ok(None) };
     Ok(Some(super::model::learn(model, mix, scene.accuracy.tolerance, way_out)?))
@@ -284,7 +284,7 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
     let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
     match memory::available_bytes() {
         Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
-            "a picture of {width}×{height} takes {bytes} bytes, and {available} are free: make it smaller with --size"
+            "a picture of {width}×{height} needs {bytes} bytes, and {available} are free; set a smaller --size"
         ))),
         _ => Ok(()),
     }
@@ -294,10 +294,10 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
 pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
     if statistics.not_a_number > 0 {
         let count = statistics.not_a_number;
-        tracing::warn!("{count} voxels are not a number; they take the smallest value, {}", readable(statistics.min));
+        tracing::warn!("{count} voxels are NaN; they get the smallest value, {}", readable(statistics.min));
     }
     if statistics.infinite > 0 {
-        tracing::warn!("{} voxels are infinite; they take the ends of the range", statistics.infinite);
+        tracing::warn!("{} voxels are infinite; they get the smallest or the largest finite value", statistics.infinite);
     }
 }
 
@@ -309,7 +309,7 @@ fn warn_of_storage(storage: &Storage, whole: bool) {
     let limit = if whole { visible.min(0.25) } else { visible };
     if storage.loss > limit {
         tracing::warn!(
-            "values are stored as {:?} over {} to {}, which moves them by up to {:.1e}",
+            "values are stored as {:?} over {} to {}, with an error of up to {:.1e}",
             storage.format,
             readable(storage.domain[0]),
             readable(storage.domain[1]),
@@ -331,17 +331,17 @@ fn warn_of_undeclared(labels: Option<&LabelMap>) {
             0 => {}
             more => listed.push(format!("and {more} more")),
         }
-        tracing::warn!("labels that the scene does not declare follow the transfer function: {}", listed.join(", "));
+        tracing::warn!("undeclared labels, rendered by the transfer function: {}", listed.join(", "));
     }
 }
 
 /// Warns of the causes of a black picture; `occupied` is the number of occupied macrocells, if known.
 fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option<usize>) {
     if planned.materials.is_empty() && !(0..scene.materials.len()).any(|material| scene.absorbs(material)) {
-        tracing::warn!("the scene shows no material: give its transfer function intervals with an opacity above 0");
+        tracing::warn!("the scene shows no material; add intervals with an opacity above 0 to its transfer function");
     } else if occupied == Some(0) {
         tracing::warn!(
-            "nothing in {} is visible: its transfer function is 0 over all its values (`relume info` of the scene says which)",
+            "nothing in {} is visible: the transfer function is 0 over all its values (`relume info` of the scene prints their range)",
             scene.volume.source
         );
     }

@@ -58,7 +58,7 @@ impl DefineArgs {
 }
 
 /// Heading in `--help`.
-const SEVERAL: &str = "Volumes with several numbers per voxel, time steps or arrays";
+const SEVERAL: &str = "Volumes with several components, time steps or arrays";
 
 /// Choice of one volume from a file with several.
 #[derive(Debug, Args)]
@@ -156,7 +156,7 @@ impl SceneArgs {
         }
         if let (Some(path), Some([])) = (&self.labels, scene.labels.as_ref().map(|labels| &labels.declared[..])) {
             tracing::warn!(
-                "--labels {}: the scene declares no labels ([labels.N]), so they are not used",
+                "--labels {}: the scene declares no labels ([labels.N]), so the file is not used",
                 path.display()
             );
         }
@@ -182,7 +182,7 @@ impl LightArgs {
 /// Parses `AxBxC`, whole numbers from 1.
 pub(crate) fn three(text: &str) -> Result<[usize; 3], String> {
     let numbers = split(text, |part| part.parse().ok().filter(|&n: &usize| n > 0));
-    numbers.ok_or_else(|| "write three whole numbers from 1, such as 2x2x1".to_owned())
+    numbers.ok_or_else(|| "write three integers of at least 1, such as 2x2x1".to_owned())
 }
 
 /// Parses `AxBxC`, positive numbers.
@@ -211,7 +211,7 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     match size {
         Some([width, height]) if width.max(height) <= LARGEST && width.saturating_mul(height) > MOST_PIXELS => {
             Err(format!(
-                "{width}×{height} are {} pixels; a picture has at most {MOST_PIXELS}",
+                "{width}×{height} is {} pixels; a picture has at most {MOST_PIXELS}",
                 width.saturating_mul(height)
             ))
         }

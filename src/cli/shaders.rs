@@ -57,7 +57,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
                 .map_err(|error| CliError::Failed(format!("cannot read {}: {error}", path.display())))?;
             if committed != bytes {
                 let message =
-                    format!("{} is not what shaders/ compiles to; run `relume shaders --write`", path.display());
+                    format!("{} differs from the output of shaders/; run `relume shaders --write`", path.display());
                 return Err(CliError::Failed(message));
             }
         }

@@ -71,7 +71,7 @@ impl Terminal {
         let has_rows = Arc::new(AtomicBool::new(false));
         let heard = end_soon(&interrupted, &has_rows).and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
         if let Err(error) = heard {
-            tracing::warn!("Ctrl-C will end the program at once: {error}");
+            tracing::warn!("cannot handle Ctrl-C, which will end the program at once: {error}");
         }
         // Handled so that the signal does not kill the program: the write beyond `ulimit -f` then fails and is
         // reported.
@@ -222,7 +222,7 @@ where
 #[cfg(feature = "window")]
 pub(super) fn end_without_display() -> ! {
     relume::output::discard_unfinished();
-    complain(&super::CliError::Failed("the display of the window is gone".to_owned()));
+    complain(&super::CliError::Failed("lost the connection to the display".to_owned()));
     signal_hook::low_level::exit(1)
 }
 

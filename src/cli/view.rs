@@ -9,10 +9,10 @@ use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
 Examples:
-  relume view                                 the scene that is part of the program
+  relume view                                 the built-in scene
   relume view scene.toml
-  relume view head.mhd                        a volume: materials by its histogram
-  relume view --frames 100 --json             draws 100 frames, and says how long they took";
+  relume view head.mhd                        a volume, with materials chosen by its histogram
+  relume view --frames 100 --json             draws 100 frames and prints their times";
 
 /// Arguments of `relume view`.
 #[derive(Debug, clap::Args)]
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
         report.frames, report.counts.marches, report.counts.relights
     );
     if report.relit_ms[0] > 0.0 {
-        text.push_str(&format!("frames in which nothing but the light changed took {:.1} ms\n", report.relit_ms[0]));
+        text.push_str(&format!("frames in which only the light changed took {:.1} ms\n", report.relit_ms[0]));
     }
     let mut json = serde_json::to_value(&report).map_err(|error| CliError::Failed(error.to_string()))?;
     if args.script.is_some() || args.frames.is_some() {
@@ -81,6 +81,6 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
     let Args { scene, size, device, frames, script, validation } = args;
     tracing::debug!("asked for {scene:?} {size:?} {device:?} {frames:?} {script:?} {validation}");
     Err(CliError::Failed(
-        "this build of Relume has no window (the feature `window` is off); `relume render` writes pictures".to_owned(),
+        "this build of Relume has no window (the feature `window` is off); use `relume render` for pictures".to_owned(),
     ))
 }

@@ -49,13 +49,13 @@ impl<'a> Earlier<'a> {
     pub(super) fn read(path: &'a Path, device: &str) -> Result<Self, CliError> {
         let wrong = |problem: &str| CliError::Failed(format!("--against {}: {problem}", path.display()));
         let bytes = relume::input::read(path, LONGEST)
-            .map_err(|error| wrong(&format!("{error}; `relume bench --json` prints what it takes")))?;
+            .map_err(|error| wrong(&format!("{error}; the flag takes the output of `relume bench --json`")))?;
         let mut stored: Value = serde_json::from_slice(&bytes)
-            .map_err(|error| wrong(&format!("this is not what `relume bench --json` prints: {error}")))?;
+            .map_err(|error| wrong(&format!("not the output of `relume bench --json`: {error}")))?;
         let rows = stored["rows"].as_array_mut().map(std::mem::take).filter(|rows| !rows.is_empty());
-        let rows = rows.ok_or_else(|| wrong("there are no rows of `relume bench --json` in it"))?;
+        let rows = rows.ok_or_else(|| wrong("the file has no rows of `relume bench --json`"))?;
         if let Some(other) = rows.iter().filter_map(|row| row["device"].as_str()).find(|other| *other != device) {
-            return Err(wrong(&format!("it was measured on {other}, and this is {device}: times do not compare")));
+            return Err(wrong(&format!("its times are from {other}, and this device is {device}; compare runs of one device")));
         }
         Ok(Self { path, rows })
     }
@@ -89,7 +89,7 @@ impl Against {
             }
         }
         if compared == 0 {
-            let problem = "none of its rows was measured now: name the same workloads";
+            let problem = "it has no row of this run; name the same workloads";
             return Err(CliError::Failed(format!("--against {}: {problem}", path.display())));
         }
         let (file, new) = (path.display().to_string(), rows.len() - compared);
@@ -104,13 +104,13 @@ impl Against {
     /// Formats the comparison as text.
     pub(super) fn text(&self) -> String {
         let Self { file, budget_percent, compared, new, dearer } = self;
-        let more = if *new > 0 { format!("; {new} are not in it") } else { String::new() };
+        let more = if *new > 0 { format!("; {new} are not in the file") } else { String::new() };
         let verdict = match dearer.len() {
-            0 => format!("none costs over {budget_percent} % more"),
-            1 => format!("1 number is over {budget_percent} % more"),
-            many => format!("{many} numbers are over {budget_percent} % more"),
+            0 => format!("no cost is over {budget_percent} % higher"),
+            1 => format!("1 cost is over {budget_percent} % higher"),
+            many => format!("{many} costs are over {budget_percent} % higher"),
         };
-        let mut text = format!("\nbeside {file}: {compared} rows compared{more}; {verdict}\n");
+        let mut text = format!("\n{file}: {compared} rows compared{more}; {verdict}\n");
         for Dearer { id, what, before, now } in dearer {
             let percent = 100.0 * (now / before - 1.0);
             text.push_str(&format!("  {id}: {what}: {before:.2} → {now:.2} (+{percent:.0} %)\n"));
@@ -120,7 +120,7 @@ impl Against {
 }
 
 /// Converts a number of bytes; the rounding above 2⁵³ is far below any budget.
-#[expect(clippy::cast_precision_loss, reason = "it is compared within per cents")]
+#[expect(clippy::cast_precision_loss, reason = "the comparison is in per cent")]
 fn float(bytes: u64) -> f64 {
     bytes as f64
 }

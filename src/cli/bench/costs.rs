@@ -21,8 +21,8 @@ struct Ratio {
 
 impl Ratio {
     fn sentence(&self) -> String {
-        let paper = self.paper.map_or_else(String::new, |paper| format!("; the paper has {paper}"));
-        format!("{}: {:.2} (at most {} is asked for{paper})", self.name, self.ours, self.most)
+        let paper = self.paper.map_or_else(String::new, |paper| format!("; paper: {paper}"));
+        format!("{}: {:.2} (limit {}{paper})", self.name, self.ours, self.most)
     }
 }
 
@@ -43,7 +43,7 @@ impl<'a> Costs<'a> {
 
     /// Clock of the compared times.
     fn clock(&self) -> &'static str {
-        if self.software { "CPU time of all threads" } else { "time on the wall" }
+        if self.software { "CPU time of all threads" } else { "wall time" }
     }
 
     /// Median march time in ms of the first matching row.
@@ -106,12 +106,12 @@ impl<'a> Costs<'a> {
             .find(|row| row.workload == "paper" && row.line == "spectra, k = 8" && row.size == [800, 800]);
         if let Some(wall) = relit.and_then(|row| row.relight.wall_ms) {
             said.push(format!(
-                "800×800 of k = 8 are relit {:.0} times a second on the wall (at least 180 are asked for; the paper has 7).",
+                "Relights of 800×800 pixels with k = 8: {:.0} per second of wall time (goal: at least 180; paper: 7).",
                 1e3 / wall.median
             ));
         }
         if self.interrupted {
-            said.push("Interrupted: these are the rows that were measured before.".to_owned());
+            said.push("Interrupted: only the finished rows are listed.".to_owned());
         }
         said
     }
@@ -175,8 +175,8 @@ impl<'a> Costs<'a> {
             add(format!("relight, {line}"), &|row| row.relight.cost_ms(self.software), line);
         }
         let about = format!(
-            "The peers' frog, shaded, under one light; {}, medians. The paper's renderer took 1.25 times as long for spectra as \
-             for RGB at 400×400, and 1.29 times at 800×800, and relit 7 pictures of 800×800 a second.",
+            "The benchmark scene, shaded, under one light; {}, medians. The paper's renderer took 1.25 times as long for spectra \
+             as for RGB at 400×400, 1.29 times at 800×800, and relit 7 pictures of 800×800 per second.",
             self.clock()
         );
         (!rows.is_empty()).then_some(CostTable { head: "The paper's table".to_owned(), about, rows: table })
@@ -203,7 +203,7 @@ impl<'a> Costs<'a> {
         let time = |times: Option<relume::measure::Summary>| {
             times.map_or_else(String::new, |it| format!("{:.2} ({:.2}–{:.2})", it.median, it.min, it.max))
         };
-        #[expect(clippy::cast_precision_loss, reason = "it is shown to three places")]
+        #[expect(clippy::cast_precision_loss, reason = "two decimals are shown")]
         let megabytes = |bytes: u64| format!("{:.2}", bytes as f64 / 1e6);
         let cells = |row: &Row| {
             vec![
@@ -224,15 +224,15 @@ impl<'a> Costs<'a> {
             ]
         };
         let rows = std::iter::once(heads.map(str::to_owned).to_vec()).chain(self.rows.iter().map(cells)).collect();
-        let about = "Medians (smallest–largest). Device: by the device's own clock, where it has one.".to_owned();
+        let about = "Medians (smallest–largest). Device: GPU timestamps, if the device has them.".to_owned();
         CostTable { head: "All rows".to_owned(), about, rows }
     }
 
     /// Curve per varied quantity.
     fn curves(&self) -> Vec<CostCurve> {
         let heads = [
-            ("k", "numbers of a colour model, k"),
-            ("positions", "positions that light comes from"),
+            ("k", "dimension of the colour model, k"),
+            ("positions", "light positions"),
             ("pixels", "pixels"),
             ("voxels", "voxels"),
         ];

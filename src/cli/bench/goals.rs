@@ -14,7 +14,7 @@ pub(super) fn run(scenes: u16, device: &DeviceChoice, progress: &dyn Progress) -
     let renderer = Renderer::new(Device::open(device, Validation::Off)?);
     let (mut rows, mut interrupted): (Vec<(u64, GoalRow)>, bool) = (Vec::new(), false);
     for seed in 0..u64::from(scenes) {
-        progress.report("choosing for seeded scenes", seed, scenes.into());
+        progress.report("choosing settings for seeded scenes", seed, scenes.into());
         match goal_row(&renderer, &GoalScene::new(seed)?, &Silent(progress)) {
             Ok(row) => rows.extend(row.map(|row| (seed, row))),
             Err(_) if progress.cancelled() && !rows.is_empty() => {
@@ -48,9 +48,9 @@ fn text(
     missed: &[String],
 ) -> String {
     let mut text = format!(
-        "--max-error of seeded scenes: p95 of ΔE00 over all pixels that show anything; samples a voxel and pixel; CPU time of a frame\n\
-         (on the wall where the device is none of software), beside the cheapest setting that would have kept what is asked for: of\n\
-         steps a sixteenth of an octave apart, every k and several scales; at the end, over the fewest samples and over its time\n\
+        "--max-error on seeded scenes. Chosen setting: p95 of ΔE00 over all pixels that show the volume, and its ratio to the goal;\n\
+         samples per voxel and pixel; CPU ms per frame (wall ms on a GPU). Cheapest setting that meets the goal, of steps a sixteenth\n\
+         of an octave apart, every k and several scales: the same. Last two columns: samples and time of chosen over cheapest\n\
          {:>5}  {:>5}  {:<22} {:>6} {:>5}  {:>7}  {:>6}   {:<22} {:>6}  {:>7}  {:>6}   {:>7}  {:>4}\n",
         "scene",
         "asked",
@@ -84,15 +84,15 @@ fn text(
     }
     if let Some(found) = summary {
         text.push_str(&format!(
-            "\n{} of {scenes} scenes show what can be asked for. {} of them, {:.0} %, keep it (at least {:.0} % is asked for); the worst is\n\
-             {:.2} of it.\n\n\
+            "\n{} of {scenes} scenes show the volume. {} of them, {:.0} %, meet the goal (limit: at least {:.0} %); the worst error is\n\
+             {:.2} of the goal.\n\n\
              {:<52} {:>6} {:>6} {:>7} {:>8}\n",
             found.scenes,
             found.kept,
             100.0 * found.share(),
             100.0 * GoalSummary::KEPT,
             found.worst,
-            format!("cost over the cheapest (p95 at most {} is asked for)", GoalSummary::COST),
+            format!("cost over the cheapest (limit of p95: {})", GoalSummary::COST),
             "median",
             "p95",
             "dearest",
@@ -104,7 +104,7 @@ fn text(
         }
     }
     if interrupted {
-        text.push_str("\ninterrupted: these are the scenes that were measured before\n");
+        text.push_str("\ninterrupted: only the finished scenes are listed\n");
     }
     if !missed.is_empty() {
         text.push_str(&format!("missed: {}\n", missed.join("; ")));

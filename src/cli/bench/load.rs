@@ -77,7 +77,7 @@ pub(super) fn run(
         median(row.open.cpu_ms),
         row.open_mb_s,
         row.stream
-            .map_or("reading the bytes of its files".to_owned(), |stream| format!("inflating its {stream} stream")),
+            .map_or("reading its files' bytes".to_owned(), |stream| format!("inflating its {stream} stream")),
         median(row.bare.wall_ms),
         median(row.bare.cpu_ms),
         row.bare_mb_s,
@@ -236,7 +236,7 @@ fn payload(mut files: Vec<PathBuf>) -> io::Result<Vec<Part>> {
 fn write_phantom(path: &Path) -> Result<(), CliError> {
     let engine = Volume::phantom(Phantom::Engine, Some([SIDE; 3]))?;
     let Voxels::U8(voxels) = &engine.voxels else {
-        return Err(CliError::Failed("the engine is not of 8 bits".to_owned()));
+        return Err(CliError::Failed("the engine phantom does not have 8 bits".to_owned()));
     };
     let write = || -> io::Result<()> {
         let mut file = File::create(path)?;

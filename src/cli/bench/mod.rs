@@ -35,18 +35,18 @@ const EXAMPLES: &str = "\
 Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
-  relume bench load --volume ct.nrrd                  reading, beside what decodes its bytes
-  relume bench palette --frames 1                     how exact designed palettes are, and how long they take
-  relume bench model --scenes 100                     errors of colour models, and whether automatic k keeps its word
-  relume bench needs                                  that a scene pays only for what it uses
-  relume bench goals --scenes 50                      whether --max-error is kept, and what it costs over the least
+  relume bench load --volume ct.nrrd                  reading a volume, compared with decoding its bytes
+  relume bench palette --frames 1                     errors of designed palettes, and the time to solve them
+  relume bench model --scenes 100                     errors of colour models; does automatic k keep the tolerance?
+  relume bench needs                                  does a scene pay only for the features it uses?
+  relume bench goals --scenes 50                      is --max-error kept, and at what cost over the cheapest setting?
   relume bench all -o costs.html --json > costs.json  every scene and size, the paper's table, cost against k, lights, …
-  relume bench all --against costs.json               the same again: ends with 1 where anything has become dearer
+  relume bench all --against costs.json               the same again; exits with 1 if any cost has grown
 
 Times are medians over the frames: CPU time of all threads, and wall time; --json has {median, min, max} of each.
-startup_ms, from the start of the program to its first picture, is that of the first row of a process (n = 1), and null
-in the others: the device is open by then. peak_mb is the most memory that the process has held so far, rows before
-included. Ctrl-C keeps the rows that are finished.";
+startup_ms is the time from the start of the program to its first picture. Only the first row has it (n = 1); the others
+have null, because the device is already open. peak_mb is the peak memory of the process so far, earlier rows included.
+Ctrl-C keeps the finished rows.";
 
 /// Arguments of `relume bench`.
 #[derive(Debug, clap::Args)]
@@ -108,7 +108,7 @@ impl Progress for Silent<'_> {
 /// Parses a percentage from 0.
 fn percent(text: &str) -> Result<f64, String> {
     let percent: Option<f64> = text.parse().ok().filter(|percent: &f64| percent.is_finite() && *percent >= 0.0);
-    percent.ok_or_else(|| format!("{text:?} is not a number of per cent from 0 on"))
+    percent.ok_or_else(|| format!("{text:?} is not a percentage of at least 0"))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
@@ -232,7 +232,7 @@ enum BenchShading {
 pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Result<Report, CliError> {
     if let (true, Some(flag)) = (args.workloads.iter().all(Workload::is_fixed), args.accuracy.given().first()) {
         return Err(CliError::Usage(format!(
-            "{flag} does nothing here: these workloads say what pixels keep, or have none"
+            "{flag} has no effect: these workloads fix what pixels store, or have no pixels"
         )));
     }
     for flag in args.accuracy.given() {
@@ -240,13 +240,13 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
         let fixed: Vec<String> = fixed.collect();
         if !fixed.is_empty() {
             tracing::warn!(
-                "{flag} is for the other workloads: {} have or say themselves what pixels keep",
+                "{flag} has no effect on {}: they fix what pixels store, or have no pixels",
                 fixed.join(", ")
             );
         }
     }
     if !args.define.is_empty() && args.workloads.iter().all(|workload| !workload.makes_frames()) {
-        return Err(CliError::Usage("-D does nothing here: these workloads have no scene".to_owned()));
+        return Err(CliError::Usage("-D has no effect: these workloads have no scene".to_owned()));
     }
     let selection = args.selection.selection();
     let of_volumes = [
@@ -258,19 +258,19 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     if let Some((flag, _)) = of_volumes.iter().find(|(_, given)| *given)
         && !args.workloads.iter().any(Workload::takes_volume)
     {
-        return Err(CliError::Usage(format!("{flag} does nothing here: these workloads have what they show")));
+        return Err(CliError::Usage(format!("{flag} has no effect: these workloads have volumes of their own")));
     }
     let framed = args.makes_frames();
     let flags =
         [("--size", args.size.is_some()), ("--against", args.against.is_some()), ("--output", args.output.is_some())];
     for (flag, given) in flags {
         if given && !framed {
-            return Err(CliError::Usage(format!("{flag} does nothing here: these workloads make no frames")));
+            return Err(CliError::Usage(format!("{flag} has no effect: these workloads make no frames")));
         }
     }
     if let Some(output) = &args.output {
         if !output.extension().is_some_and(|extension| extension == "html" || extension == "htm") {
-            return Err(CliError::Usage(format!("{}: a page of costs ends in .html", output.display())));
+            return Err(CliError::Usage(format!("{}: the report is HTML; end its name in .html", output.display())));
         }
         let inputs: Vec<_> = args.volume.iter().chain(&args.against).map(PathBuf::as_path).collect();
         files::check_outputs(&[output], &inputs)?;

@@ -96,17 +96,17 @@ fn settings(lights: usize) -> Vec<ModelSetting> {
 /// Formats the consistency checks: step length and relighting must not change colours.
 fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
     let mut text =
-        "\nStep halved, in a homogeneous coloured slab 64 thick, k = 8, marched in f32: what that changes at most.\n\
+        "\nStep halved in a homogeneous coloured slab of thickness 64, k = 8, marched in f32: largest relative change.\n\
                     step  relative change\n"
             .to_owned();
     for row in halved {
         text.push_str(&format!("{:>4}  {:>15.1e}\n", row.step, row.changed));
     }
     text.push_str(
-        "\nRelit from stored f32 numbers under a light that the plan did not know (glass_shells.toml): the largest difference\n\
-         from a render in f64 with the same model, as a share of 1e-5 of each of X, Y, Z plus 1e-6; and from one planned for the\n\
-         light, in ΔE00, beside the errors that the two models report for it.\n\
-         light      same model  planned for it  reported  and\n",
+        "\nRelit from a film in f32 under a light that was not in the plan (glass_shells.toml). Largest difference from an f64 render\n\
+         with the same model, as a share of 1e-5 of each of X, Y, Z plus 1e-6; and from one with the light in its plan, in ΔE00,\n\
+         with the errors that the two models report for the light.\n\
+         light      same model  replanned       reported  replanned\n",
     );
     for row in relit {
         let [learnt, replanned] = row.reported;
@@ -128,9 +128,9 @@ fn text(
     let numbers = |error: &ErrorSummary| format!("{:.3}/{:.2}/{:.2}", error.mean, error.p95, error.max);
     let scenes = models.first().map_or(0, |row| row.scenes);
     let mut text = format!(
-        "Colour models on spectra they were not fitted on: ΔE00 mean/p95/max over {scenes} scenes of ColorChecker patches.\n\
+        "Colour models on unseen spectra: ΔE00 mean/p95/max over {scenes} scenes of ColorChecker patches.\n\
          a: one reflection, b: two or three, c: one behind an absorber (optical depth up to 20), d0: grey rays, d1: \
-         coloured rays.\n(unclamped: absorptions that amplify are kept, to show what the model does by itself)\n\
+         coloured rays.\n(unclamped: without the clamp of amplifying absorption, to show the model itself)\n\
          {:<20} {:<9} {:<7} {:>9} {:>3}  {:<18}",
         "model", "", "lights", "materials", "k", "all"
     );
@@ -154,12 +154,12 @@ fn text(
         text.push_str(&format!("  {:>6.0}  {:>12.1}\n", row.fit_ms, row.new_light_ms));
     }
     text.push_str(&format!(
-        "\nEight nodes beside RGB, mean ΔE00 (at least {LEAST_RATIO} times smaller is asked for):\n"
+        "\nEight nodes compared with RGB, mean ΔE00 (goal: at least {LEAST_RATIO} times smaller):\n"
     ));
     for (lights, found) in beside {
         text.push_str(&format!("{lights:<7} {}\n", found.sentence()));
     }
-    text.push_str("\nAutomatic k of nodes: what the largest ΔE00 on unseen spectra is, as a share of the tolerance.\n");
+    text.push_str("\nAutomatic k of nodes: largest ΔE00 on unseen spectra, as a share of the tolerance.\n");
     text.push_str("tolerance  scenes  refused  kept   worst/tolerance  median k  largest k\n");
     for summary in summaries {
         text.push_str(&format!(
@@ -175,7 +175,7 @@ fn text(
     }
     if let Some(slowest) = automatic.iter().max_by(|one, two| one.fit_ms.total_cmp(&two.fit_ms)) {
         text.push_str(&format!(
-            "The slowest choice took {:.0} ms (scene {}, tolerance {}).\n",
+            "The slowest choice of k took {:.0} ms (scene {}, tolerance {}).\n",
             slowest.fit_ms, slowest.scene, slowest.tolerance
         ));
     }

@@ -39,7 +39,7 @@ fn text(rows: &[NeedRow]) -> String {
             if without == with { without.to_string() } else { format!("{without} → {with}") }
         };
         let trade = if row.saves.is_empty() { String::new() } else { format!("saves {}", row.saves.join(", ")) };
-        let told = if row.holds() { trade } else { "NOT MODELLED AS IT SHOULD BE".to_owned() };
+        let told = if row.holds() { trade } else { "DIFFERS FROM THE PREDICTION".to_owned() };
         table.push([
             row.name.to_owned(),
             of(0, 1),
@@ -55,8 +55,8 @@ fn text(rows: &[NeedRow]) -> String {
     }
     let width = |column: usize| table.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
     let widths: [usize; 10] = std::array::from_fn(width);
-    let mut text = "What a scene without a feature takes → what it takes with it. The picture without it is compared with that of a\n\
-                    plan that has everything switched on to no effect.\n\n"
+    let mut text = "Cost of a scene without a feature → with it. The picture without it is compared with that of a plan in which every\n\
+                    feature is on, but has no effect.\n\n"
         .to_owned();
     for row in &table {
         let cells: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();

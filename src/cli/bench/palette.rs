@@ -74,7 +74,7 @@ pub(super) fn run(times: u32, progress: &dyn Progress) -> Result<Report, CliErro
 
 fn text(rows: &[Row]) -> String {
     let mut text =
-        "Palettes: the largest ΔE00 of a cell; of what cannot be had, the least rms ΔE00 and the one reached\n\
+        "Palettes: largest ΔE00 of a target; of conflicting targets, the least possible rms ΔE00 and the reached one\n\
                     palette                     size   largest   least reached   wall ms    CPU ms\n"
             .to_owned();
     let number = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.3}"));
