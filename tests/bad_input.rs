@@ -276,7 +276,7 @@ fn flags_of_headerless_volumes_that_do_not_fit_are_refused() {
     folder.refused(1, &["info", "foot_2x4x8_uint8.raw"], &["--dims 2x4x8 --type uint8"]);
     folder.refused(1, &["info", "v.raw", "--dims", "4x4x5", "--type", "uint8"], &["64", "80"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4"], &["--type"]);
-    folder.refused(2, &["info", "v.raw", "--dims", "4x4", "--type", "uint8"], &["three integers"]);
+    folder.refused(2, &["info", "v.raw", "--dims", "4x4", "--type", "uint8"], &["three whole numbers"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x0", "--type", "uint8"], &["at least 1"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4", "--type", "uint9"], &["unknown voxel type", "float64"]);
     folder.refused(2, &["info", "v.raw", "--dims", "4x4x4", "--type", "uint8", "--spacing", "1x0x1"], &["positive"]);

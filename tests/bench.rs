@@ -180,8 +180,8 @@ fn a_scene_pays_only_for_what_it_uses() {
         let NeedRow { picture_difference, picture_limit, .. } = row;
         assert!(picture_difference <= picture_limit, "{name}: {picture_difference} > {picture_limit}");
         let saves: &[&str] = match name {
-            "leaping over empty space" => &["samples"],
-            "gradients from values around" => &["bytes of the volume"],
+            "empty-space skipping" => &["samples"],
+            "central gradients" => &["bytes of the volume"],
             // Numbers are stored as they are summed up.
             "pixels in 32 bits" => &["dispatches"],
             _ => &[],

@@ -276,7 +276,7 @@ fn the_report_is_one_file_that_needs_nothing_else() {
         ["--sweep", "k=3,4", "--sweep", "model=nodes,rgb-fitted", "--sweep", "step=0.5,2", "--sweep", "storage=f16"];
     let outputs = ["-o", "report.html", "-o", "trade.svg", "-o", "trade.png"];
     let outcome = folder.done(&[&MEASURE[..], &sweeps, &outputs].concat());
-    assert!(outcome.out.contains("k = 8 nodes move colours by"), "{}", outcome.out);
+    assert!(outcome.out.contains("k = 8 nodes have a mean ΔE00 of"), "{}", outcome.out);
     assert!(outcome.out.lines().any(|line| line.starts_with("as the scene says")), "{}", outcome.out);
     let page = std::fs::read_to_string(folder.path("report.html")).unwrap();
     let rest = page.replace("http://www.w3.org/2000/svg", "");

@@ -182,7 +182,7 @@ impl LightArgs {
 /// Parses `AxBxC`, whole numbers from 1.
 pub(crate) fn three(text: &str) -> Result<[usize; 3], String> {
     let numbers = split(text, |part| part.parse().ok().filter(|&n: &usize| n > 0));
-    numbers.ok_or_else(|| "write three integers of at least 1, such as 2x2x1".to_owned())
+    numbers.ok_or_else(|| "write three whole numbers of at least 1, such as 2x2x1".to_owned())
 }
 
 /// Parses `AxBxC`, positive numbers.

@@ -143,7 +143,7 @@ struct Kept {
 #[non_exhaustive]
 pub enum ChoiceError {
     /// No setting reaches the goal.
-    #[error("no setting keeps {asked} here; {nearest}")]
+    #[error("no setting of this scene reaches {asked}; {nearest}")]
     None {
         /// The goal.
         asked: String,
@@ -151,7 +151,7 @@ pub enum ChoiceError {
         nearest: String,
     },
     /// No pixel shows the volume, so that no error can be measured.
-    #[error("{source_name} shows nothing in this picture, so that no error can be measured")]
+    #[error("no pixel of this picture shows {source_name}, so no error can be measured")]
     Nothing {
         /// The scene.
         source_name: String,
@@ -460,20 +460,20 @@ impl<'a> Curve<'a> {
             return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| ChoiceError::None {
                 asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
                 nearest: nearest.map_or_else(String::new, |(setting, point)| {
-                    format!("{setting} comes nearest, with {}; allow more, or take --reference", short(point.error.p95))
+                    format!("the nearest is {setting}, with {}; allow a larger error, or use --reference", short(point.error.p95))
                 }),
             }));
         };
         let Kept { setting, point, broken, .. } = best;
         let beyond = broken.map_or_else(String::new, |(beyond, broken)| {
             format!(
-                "; with {beyond} it is {}, and may be {} where pixels were not looked at",
+                "; with {beyond} it is {}, and up to {} in unmeasured pixels",
                 short(broken.error.p95),
                 short(broken.at_most)
             )
         });
         let why = format!(
-            "{setting} is the cheapest of the settings tried whose ΔE00 is within {asked} in 95 of 100 pixels, with some to spare: {} in {} ms{beyond}",
+            "{setting} is the fastest of the tried settings within ΔE00 {asked} in 95 of 100 pixels, with a margin: ΔE00 {} in {} ms{beyond}",
             short(point.error.p95),
             short(point.frame_ms)
         );
@@ -595,7 +595,7 @@ impl<'a> Curve<'a> {
         let closest = self.tried.iter().filter(fits).min_by(|one, two| one.1.error.p95.total_cmp(&two.1.error.p95));
         if let Some((setting, point)) = closest.cloned() {
             let why = format!(
-                "{setting} is the closest to the truth of the settings tried that take no more than {asked} ms, with some to spare: ΔE00 {} in 95 of 100 pixels, in {} ms",
+                "{setting} is the most accurate of the tried settings within {asked} ms a frame, with a margin: ΔE00 {} in 95 of 100 pixels, in {} ms",
                 short(point.error.p95),
                 short(point.frame_ms)
             );
@@ -606,7 +606,7 @@ impl<'a> Curve<'a> {
             asked: format!("{asked} ms a frame"),
             nearest: fastest.map_or_else(String::new, |(setting, point)| {
                 format!(
-                    "{setting} takes {} ms; take fewer pixels (--size, or a smaller window), or more time",
+                    "the fastest is {setting}, with {} ms; allow more time, or fewer pixels (--size, or a smaller window)",
                     short(point.frame_ms)
                 )
             }),
@@ -646,7 +646,7 @@ impl<'a> Curve<'a> {
     fn chosen(&self, setting: Setting, point: Point, mut why: String) -> Choice {
         let [[across, down], [width, height]] = [setting.marched_size(self.size), self.size];
         if [across, down] != self.size {
-            why.push_str(&format!("; {across}×{down} pixels are marched, and enlarged to {width}×{height}"));
+            why.push_str(&format!("; marched at {across}×{down} pixels and enlarged to {width}×{height}"));
         }
         Choice { setting, point, from_cache: self.measured == 0, why, tried: self.tried.clone() }
     }
@@ -656,7 +656,7 @@ impl<'a> Curve<'a> {
         if self.measured > 0
             && let Err(error) = self.known.write(self.scene, &self.device)
         {
-            tracing::warn!("what was measured is not kept: {error}");
+            tracing::warn!("cannot cache the measurements: {error}");
         }
     }
 }

@@ -113,10 +113,10 @@ impl NodesBesideRgb {
         let tried: Vec<&str> = self.of.iter().map(|kind| kind.name()).collect();
         let times = match self.ratio() {
             ratio if ratio.is_finite() => format!("{} times smaller", short(ratio)),
-            _ => "nothing beside it".to_owned(),
+            _ => "the nodes have no error".to_owned(),
         };
         format!(
-            "k = 8 nodes move colours by ΔE00 {} on average, the best RGB ({best}, of {}) by {}: {times}.",
+            "k = 8 nodes have a mean ΔE00 of {}, the best RGB ({best}, of {}) has {}: {times}.",
             short(*nodes),
             tried.join(", "),
             short(*rgb)

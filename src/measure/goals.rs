@@ -276,12 +276,12 @@ impl GoalSummary {
         let mut missed = Vec::new();
         let (kept, asked) = (100.0 * self.share(), 100.0 * Self::KEPT);
         if kept < asked || kept.is_nan() {
-            missed.push(format!("{kept:.1} % of the scenes keep what is asked for, and at least {asked:.0} % are to"));
+            missed.push(format!("{kept:.1} % of the scenes meet the goal; the limit is at least {asked:.0} %"));
         }
         for (what, ratios) in [("samples", self.samples), ("time", self.time)] {
             if ratios.p95.is_nan() || ratios.p95 > Self::COST {
                 missed.push(format!(
-                    "95 of 100 scenes take up to {:.2} times the {what} of the cheapest, and {} is the most that they may",
+                    "95 of 100 scenes take up to {:.2} times the {what} of the cheapest setting; the limit is {}",
                     ratios.p95,
                     Self::COST
                 ));
@@ -313,7 +313,7 @@ mod tests {
         assert_eq!(with(&one_in_twenty, 40), Some(Vec::new()), "95 of 100 are asked for");
         let missed = with(&[&one_in_twenty[..], &[row(f64::NAN, f64::NAN, 1.4)]].concat(), 40).unwrap_or_default();
         assert_eq!(missed.len(), 3, "{missed:?}");
-        assert!(missed[0].starts_with("92.5 % of the scenes keep"), "{missed:?}");
+        assert!(missed[0].starts_with("92.5 % of the scenes"), "{missed:?}");
         assert!(missed[1].contains("up to 1.40 times the samples"), "{missed:?}");
         assert_eq!(GoalSummary::of(&[]), None);
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 #[non_exhaustive]
 pub enum MeasureError {
     /// The pictures differ in their number of samples, or the samples do not fill rows of this width.
-    #[error("cannot compare {actual} samples with {expected}, in rows of {width} pixels of {channels} channels")]
+    #[error("cannot compare {actual} samples with {expected} ({width} pixels per row, {channels} channels)")]
     Shape {
         /// Samples of the picture under test.
         actual: usize,

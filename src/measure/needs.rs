@@ -141,7 +141,7 @@ impl NeedRow {
 #[non_exhaustive]
 pub enum NeedError {
     /// A scene could not be made.
-    #[error("the scene for {0:?} cannot be made")]
+    #[error("cannot make the scene of the feature {0:?}")]
     Scene(&'static str, #[source] SceneError),
     /// A volume could not be made.
     #[error(transparent)]
@@ -276,24 +276,24 @@ fn needs() -> Vec<Need> {
             },
             |plan| plan.accumulate = Accumulate::Weights { materials: 5 },
         ),
-        need("light from a side, shaded", as_it_is, shaded, |plan| {
+        need("a directional light, shaded", as_it_is, shaded, |plan| {
             plan.shading = Some(ShadingTerms { diffuse: true, specular: None });
             (plan.positions.ambient, plan.positions.directional) = (0, 1);
         }),
         need(
-            "a second position of light",
+            "a second light position",
             shaded,
             |scene| light(scene, "second", Placement::Directional(DVec3::X), 1.0),
             |plan| plan.positions.directional = 2,
         ),
         need(
-            "a lamp at a point",
+            "a point light",
             shaded,
             |scene| light(scene, "lamp", Placement::Point(DVec3::new(-50.0, 0.0, 0.0)), 1.0),
             |plan| plan.positions.point = 1,
         ),
         need(
-            "light from everywhere beside it",
+            "an ambient light in addition",
             shaded,
             |scene| light(scene, "sky", Placement::Ambient, 0.5),
             |plan| plan.positions.ambient = 1,
@@ -308,7 +308,7 @@ fn needs() -> Vec<Need> {
             |plan| plan.shading = Some(ShadingTerms { diffuse: true, specular: Some(TWO_EXPONENTS) }),
         ),
         need(
-            "shares of shading that differ",
+            "different shading coefficients",
             shaded_spectral,
             |scene| scene.materials[0].ambient = 0.7,
             |plan| {
@@ -318,7 +318,7 @@ fn needs() -> Vec<Need> {
             },
         ),
         need(
-            "absorption that colours",
+            "coloured absorption",
             spectral,
             |scene| {
                 let dye = Spectrum::gaussian(480.0, 40.0, 1.0).and_then(Absorption::new).ok();
@@ -330,7 +330,7 @@ fn needs() -> Vec<Need> {
             |plan| plan.transmittance = Transmittance::Coloured,
         ),
         choice(
-            "gradients from values around",
+            "central gradients",
             shaded,
             [Gradients::Packed, Gradients::Central],
             |scene| &mut scene.accuracy.gradients,
@@ -372,14 +372,14 @@ fn needs() -> Vec<Need> {
             |plan| &mut plan.storage,
         ),
         choice(
-            "leaping over empty space",
+            "empty-space skipping",
             as_it_is,
             [false, true],
             |scene| &mut scene.accuracy.skipping,
             |plan| &mut plan.skipping,
         ),
         need(
-            "the whole in place of a crop",
+            "no crop box",
             |scene| scene.crop = Some([DVec3::splat(10.0), DVec3::splat(30.0)]),
             |scene| scene.crop = None,
             |_| {},

@@ -105,19 +105,19 @@ impl Knob {
     #[must_use]
     pub const fn meaning(self) -> &'static str {
         match self {
-            Self::Model => "what carries spectra (k = 8; RGB has 3)",
-            Self::K => "numbers a pixel keeps of a spectrum",
-            Self::Accumulate => "what pixels keep",
-            Self::Storage => "bits of what pixels keep",
+            Self::Model => "colour model (k = 8; RGB has 3)",
+            Self::K => "dimension of the colour model",
+            Self::Accumulate => "contents of a pixel: material weights or coefficients",
+            Self::Storage => "bits of the stored numbers",
             Self::Step => "distance between two samples along a ray, in voxels",
-            Self::Termination => "share of light at which a ray ends",
-            Self::Interpolation => "values between voxels",
-            Self::Volume => "how voxels are stored",
-            Self::Gradients => "where gradients come from",
+            Self::Termination => "transmittance at which a ray ends",
+            Self::Interpolation => "interpolation between voxels",
+            Self::Volume => "format of the stored voxels",
+            Self::Gradients => "source of the gradients",
             Self::Entries => "entries of the transfer table",
-            Self::Lookup => "reading the transfer table",
-            Self::Skipping => "leaping over empty space",
-            Self::Scale => "pixels across, as a share",
+            Self::Lookup => "lookup in the transfer table",
+            Self::Skipping => "empty-space skipping",
+            Self::Scale => "marched pixels across, as a share",
         }
     }
 

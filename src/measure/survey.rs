@@ -136,7 +136,7 @@ pub enum SurveyError {
     Render(#[from] RenderError),
     /// No examined pixel shows the volume, so that there is no error to measure.
     #[error(
-        "none of the {looked_at} pixels that were looked at shows anything of {source_name}: there is no error to measure"
+        "none of the {looked_at} sampled pixels shows {source_name}, so no error can be measured"
     )]
     Nothing {
         /// Number of examined pixels.

@@ -48,7 +48,7 @@ pub fn settings(sweeps: &[String]) -> Result<Vec<Setting>, SweepError> {
         let mut grid = vec![Setting::default()];
         for (knob, values) in knobs(sweep).map_err(fail)? {
             if grid.len().saturating_mul(values.len()) > MOST {
-                return Err(fail(format!("these are more than {MOST} settings; take fewer values")));
+                return Err(fail(format!("more than {MOST} settings; use fewer values")));
             }
             let with = |setting: &Setting| {
                 let setting = setting.clone();
@@ -58,7 +58,7 @@ pub fn settings(sweeps: &[String]) -> Result<Vec<Setting>, SweepError> {
         }
         grid.retain(Setting::is_possible);
         if grid.is_empty() {
-            return Err(fail("nothing is left: RGB has k = 3".to_owned()));
+            return Err(fail("no setting is left, because RGB has k = 3".to_owned()));
         }
         for setting in grid {
             if !all.contains(&setting) {
@@ -78,10 +78,10 @@ fn knobs(sweep: &str) -> Result<Vec<(Knob, Vec<Value>)>, String> {
             Some((name, text)) => {
                 let name = name.trim();
                 let knob = Knob::ALL.into_iter().find(|knob| knob.name() == name).ok_or_else(|| {
-                    format!("there is no knob {name:?}; the knobs are {}", Knob::ALL.map(Knob::name).join(", "))
+                    format!("unknown knob {name:?}; the knobs are {}", Knob::ALL.map(Knob::name).join(", "))
                 })?;
                 if found.iter().any(|&(known, _)| known == knob) {
-                    return Err(format!("{knob} is there twice; separate its values by commas"));
+                    return Err(format!("{knob} occurs twice; separate its values by commas"));
                 }
                 found.push((knob, Vec::new()));
                 text
@@ -119,7 +119,7 @@ fn read(knob: Knob, text: &str) -> Result<Vec<Value>, String> {
             let Some((first, last)) = text.split_once("..") else { return Ok(vec![Value::Number(number(text)?)]) };
             let (first, last) = (number(first)?, number(last)?);
             if first > last || first <= 0.0 {
-                return Err(format!("{text}: a range goes up, from above 0"));
+                return Err(format!("{text}: a range starts above 0 and increases"));
             }
             let next = |&value: &f64| {
                 let next = match growth {
@@ -189,7 +189,7 @@ mod tests {
             ("size=3", "the knobs are model, k,"),
             ("k=32", "k is a whole number from 1 to 31, not \"32\""),
             ("k=3.5", "whole"),
-            ("step=4..1", "goes up"),
+            ("step=4..1", "increases"),
             ("step=nan", "a number from"),
             ("model=pca", "one of nodes,"),
             ("k=3,k=4", "twice"),
