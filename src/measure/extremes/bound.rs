@@ -35,7 +35,7 @@ impl Bound {
     /// No error.
     pub(super) const EXACT: Self = Self {
         name: "exact",
-        why: "nothing in it is rounded: the answer is 0 or 1, or the same numbers are made in the same order",
+        why: "no rounding: the result is 0 or 1, or both sides compute the same numbers in the same order",
         roundings: 0.0,
         besides: 0.0,
     };
@@ -44,8 +44,8 @@ impl Bound {
     pub(super) fn march(samples: f64) -> Self {
         Self {
             name: "march",
-            why: "per sample two roundings in T and one in the sum, and eight in a term: its product, the entry of the \
-                  table, its interpolation and the host's exponential; relative to a sum of one sign, and to 1 for T",
+            why: "two roundings of T and one of the sum per sample, and eight of a term: its product, the table entry, the \
+                  interpolation and the host's exponential; relative to a sum of one sign, and to 1 for T",
             roundings: 3.0 * samples + 8.0,
             besides: 0.0,
         }
@@ -55,8 +55,8 @@ impl Bound {
     pub(super) fn equal_steps(samples: f64) -> Self {
         Self {
             name: "equal steps",
-            why: "T − T·α and the sum round once a step each, fused; that their signs are as good as random leaves √n \
-                  roundings, within the 2e-5 of docs/theory/acceptance.md C15 (T·(1 − α) would drift by some n)",
+            why: "one rounding of the fused T − T·α and one of the sum per step; their signs are practically random, so √n \
+                  roundings remain, within the 2e-5 of docs/theory/acceptance.md C15 (T·(1 − α) would drift by about n)",
             roundings: samples.sqrt(),
             besides: 0.0,
         }
@@ -66,8 +66,8 @@ impl Bound {
     pub(super) fn deep_steps(samples: f64, depth: f64) -> Self {
         Self {
             name: "deep equal steps",
-            why: "as for equal steps; and from T = n/depth roundings on, a step adds less than half the last bit of the sum \
-                  and is lost, or rounded up: at most that much light in all",
+            why: "as for equal steps; below T = n/depth roundings, a step adds less than half the last bit of the sum and is \
+                  lost or rounded up, which is at most this amount of light in total",
             roundings: samples.sqrt() + samples / depth,
             besides: 0.0,
         }
@@ -77,8 +77,8 @@ impl Bound {
     pub(super) fn picture(samples: f64) -> Self {
         Self {
             name: "picture",
-            why: "the roundings of the march, and 34 of the relight: its matrix, and up to 20 products and their sum \
-                  on either side (docs/theory/acceptance.md C12); relative to Σ|terms|",
+            why: "the roundings of the march, and 34 of the relight: its matrix, and on both sides up to 20 products and \
+                  their sum (docs/theory/acceptance.md C12); relative to Σ|terms|",
             roundings: Self::march(samples).roundings + LINEARITY / ROUNDING_UNIT,
             besides: 0.0,
         }

@@ -27,20 +27,20 @@ pub(super) fn extremes() -> Vec<Extreme> {
         cancels("a metameric black of amplitude 270", move || black_slab(largest)),
         cancels("a reflectance of -0.5", || Slab { reflectance: "-0.5", ..Slab::default() }.scene()),
         cancels("X-rays of negative reflectance", || shining("-0.01", 3e4)),
-        cancels("a light of 1e6 on what hardly hides", || lit(1e6)),
-        cancels("a light of 1e6 in 8 numbers", || {
+        cancels("a light of 1e6 on low opacity", || lit(1e6)),
+        cancels("a light of 1e6, k = 8", || {
             let mut scene = Slab { absorption: Some((GREEN, 0.5)), ..k8() }.scene()?;
             scene.lights.iter_mut().for_each(|light| light.intensity = 1e6);
             Ok(scene)
         }),
         cancels("an exposure of 1e6", || exposed(1e6)),
-        overflows("X-rays that add up to 1e5", || shining("0.5", 1e5)),
-        overflows("X-rays of reflectance 1e3 that add up to 1e3", || {
+        overflows("X-rays with a sum of 1e5", || shining("0.5", 1e5)),
+        overflows("X-rays of reflectance 1e3 with a sum of 1e3", || {
             let mut scene = shining("1e3", 1e3)?;
             scene.accuracy = k8().scene()?.accuracy;
             Ok(scene)
         }),
-        overflows("a reflectance of 1e6 in 8 numbers", || {
+        overflows("a reflectance of 1e6, k = 8", || {
             let mut scene = k8().scene()?;
             let black = Reflectance::new(metameric_black(1e6))?;
             scene.materials.iter_mut().for_each(|material| material.reflectance = black.clone());
@@ -65,7 +65,7 @@ fn underflow() -> Extreme {
     let bound = Bound::given(
         "denormal",
         1.01 * 0.5_f64.powi(25),
-        "below 2⁻¹⁴ numbers of 16 bits are 2⁻²⁴ apart: off by half of that, and the march by a thousandth of it",
+        "below 2⁻¹⁴, 16-bit floats have a spacing of 2⁻²⁴: an error of half of it, and a thousandth of that for the march",
     );
     Extreme::shown(Group::Half, "f16: opacity 1e-8", bound, scene, |lefts| {
         worst(lefts.iter().map(|left| (left.weight(0, 0) + (8.0 * (-1e-8_f64).ln_1p()).exp_m1()).abs()))
@@ -80,7 +80,7 @@ fn opaque() -> Extreme {
     let bound = Bound::march(8.0).and(
         0.5_f64.powi(11),
         "16 bits",
-        "what pixels hold is rounded to 11 bits, 2⁻¹¹ of itself; and the roundings of the march",
+        "the numbers of a pixel are rounded to 11 bits, a relative error of 2⁻¹¹; and the roundings of the march",
     );
     Extreme::shown(Group::Half, "f16: optical depth 1e4, coloured", bound, scene, move |lefts| {
         worst(lefts.iter().map(|left| {
@@ -102,9 +102,9 @@ fn largest_sum() -> Extreme {
     let bound = Bound::march(8.0).and(
         0.5_f64.powi(11),
         "16 bits",
-        "a sum is rounded to 11 bits; and the roundings of the march",
+        "the sum is rounded to 11 bits; and the roundings of the march",
     );
-    Extreme::shown(Group::Half, "f16: X-rays of many thousands", bound, scene, |lefts| {
+    Extreme::shown(Group::Half, "f16: X-rays of several thousands", bound, scene, |lefts| {
         worst(lefts.iter().map(|left| (left.weight(0, 0) / shone(left) - 1.0).abs()))
     })
 }
@@ -147,8 +147,8 @@ fn moved(name: &str, scene: impl Fn() -> Result<Scene, ExtremeError> + Send + Sy
     let bound = Bound::given(
         "as the plan says",
         1.0,
-        "ΔE00 between the pictures of 32 bits and of 16, as a share of what the plan allows: 2⁻¹¹ of every number, and \
-         2⁻²⁵ where it is small, as bright as it is shown",
+        "ΔE00 between the 32-bit and the 16-bit picture, as a share of the plan's limit: that of an error of 2⁻¹¹ of \
+         every number, and 2⁻²⁵ of small ones, at the displayed brightness",
     );
     Extreme::shown(Group::Half, format!("f16: {name}"), bound, both, |lefts| match lefts {
         [full, half] => {

@@ -77,11 +77,11 @@ impl<'a> Left<'a> {
             return Some(format!("pixel {} holds {number}", i % pixels));
         }
         if let Some((i, number)) = find(transmittance, &|number| !(0.0..=1.0).contains(&number)) {
-            return Some(format!("of the light behind pixel {}, {number} passes", i % pixels));
+            return Some(format!("the transmittance of pixel {} is {number}", i % pixels));
         }
         self.picture.iter().enumerate().find_map(|(i, colour)| match colour {
             _ if !colour.is_finite() => Some(format!("pixel {i} is {colour}")),
-            _ if unlit && *colour != DVec3::ZERO => Some(format!("pixel {i} is {colour}, where there is no light")),
+            _ if unlit && *colour != DVec3::ZERO => Some(format!("pixel {i} is {colour}, without light")),
             _ => None,
         })
     }

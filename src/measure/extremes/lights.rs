@@ -22,7 +22,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         .collect();
     all.push(single("a light of zeros".to_owned(), Bound::EXACT, 1.0, || Light::new(Spectrum::constant(0.0))));
     let darker = || Light::new(Spectrum::constant(-0.01));
-    all.push(single("a light that takes light away".to_owned(), Bound::picture(8.0), 1.0, darker));
+    all.push(single("a light of negative power".to_owned(), Bound::picture(8.0), 1.0, darker));
     all.push(mixed());
     let lines: [(&str, Spectral); 5] = [
         ("one line at 380 nm", || line(0)),
@@ -110,7 +110,7 @@ fn mixed() -> Extreme {
     };
     Extreme::shown(
         Group::Lights,
-        "lights of 0, 1e-6, 1 and 1e6 from four places",
+        "lights of 0, 1e-6, 1 and 1e6 at four positions",
         Bound::picture(8.0),
         scene,
         move |lefts| {
@@ -141,7 +141,7 @@ fn through_glass(name: &str, light: Spectral) -> Extreme {
     let bound = Bound::given(
         "tolerance",
         1.0,
-        "the largest ΔE00 that the plan allows its colour model, beside the closed form in 81 bands; roundings are a \
+        "the plan's limit on the ΔE00 of its colour model, relative to the closed form in 81 bands; roundings are a \
          thousandth of it",
     );
     Extreme::shown(Group::Lights, format!("{name} through coloured glass"), bound, scene, move |lefts| {

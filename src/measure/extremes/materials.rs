@@ -14,8 +14,8 @@ use crate::spectrum::{Reflectance, Spectrum, standard};
 pub(super) fn extremes() -> Vec<Extreme> {
     vec![
         sharing("a material and its twin", 2, "weights", |_| 1.0),
-        sharing("64 materials, a weight each", 64, "weights", fraction),
-        sharing("64 materials in the numbers of a model", 64, "spectral", fraction),
+        sharing("64 materials, as weights", 64, "weights", fraction),
+        sharing("64 materials, as coefficients of a model", 64, "spectral", fraction),
         black(),
         none(),
     ]
@@ -43,7 +43,7 @@ fn sharing(name: &'static str, count: usize, accumulate: &'static str, share: fn
         Bound::given(
             "tolerance",
             1.0,
-            "the largest ΔE00 that the plan allows its colour model, beside the closed form in 81 bands",
+            "the plan's limit on the ΔE00 of its colour model, relative to the closed form in 81 bands",
         )
     };
     Extreme::shown(Group::Materials, name, bound, scene, move |lefts| {

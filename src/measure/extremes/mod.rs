@@ -283,7 +283,7 @@ impl Extreme {
         picture: impl Fn() -> Result<Picture, ExtremeError> + Send + Sync + 'static,
         expected: impl Fn(&ExtremeError) -> bool + Send + Sync + 'static,
     ) -> Self {
-        let bound = Bound::given("refused", 0.0, "how often the program went on, where it must refuse and say why");
+        let bound = Bound::given("refused", 0.0, "number of times that the program did not refuse with a reason");
         let ask = move |_: Option<&Renderer>, progress: &dyn Progress| {
             let marched = |rungs: Rungs| Left::new(&rungs, Rung::Double, None, progress).map(drop);
             match picture().and_then(Picture::rungs).and_then(marched) {

@@ -70,7 +70,7 @@ fn unclamped() -> Extreme {
             let row = |row: &Spectrum| row.samples().iter().map(|sample| sample.abs()).sum::<f64>();
             let most = (DEPTH * model.projection().iter().map(row).fold(0.0, f64::max)).exp();
             let told = model.amplification(shape.spectrum())?;
-            Some((passes / most, format!("{passes:.3} of the light passes a depth of {DEPTH}: {told}")))
+            Some((passes / most, format!("transmittance {passes:.3} at a depth of {DEPTH}: {told}")))
         });
         // Without amplification, the extreme tests nothing.
         let (measured, said) = largest.flatten().map_or((f64::NAN, None), |(measured, said)| (measured, Some(said)));
@@ -79,8 +79,8 @@ fn unclamped() -> Extreme {
     let bound = Bound::given(
         "amplification",
         1.0,
-        "the one exception to T in [0, 1], shown in reports alone: of an optical depth D it lets through at most e^(D·Σ|P|), \
-         relative to which it is measured",
+        "the only exception to T in [0, 1], used in reports only: the transmittance of an optical depth D is at most \
+         e^(D·Σ|P|), and is measured relative to it",
     );
     Extreme { group: Group::Models, name: "sharpened, unclamped (the exception)".to_owned(), bound, ask: Box::new(ask) }
 }

@@ -21,7 +21,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
     for (colour, shape) in [("grey", "1.0"), ("coloured", GREEN)] {
         for depth in [0.0, 1e-8, 1e4, 1e6] {
             // Absorption alone, and together with scattering.
-            for (what, opacity) in [("alone", 0.0), ("beside what shines", 0.1)] {
+            for (what, opacity) in [("alone", 0.0), ("with scattering", 0.1)] {
                 let coloured = if colour == "coloured" && depth > 0.0 { "k = 4" } else { "" };
                 let slab = Slab { opacity, accuracy: coloured.to_owned(), ..Slab::default() };
                 let slab = Slab { absorption: Some((shape, depth / slab.length())), ..slab };
@@ -58,7 +58,7 @@ fn one_sample(opacity: f64) -> Extreme {
     let bound = Bound::given(
         "opacity",
         OPACITY,
-        "one step's opacity, 1 − (1 − α)^r, made in f64 and rounded once: docs/theory/acceptance.md C14, 33 roundings of f32",
+        "opacity of a step, 1 − (1 − α)^r, computed in f64 and rounded once: docs/theory/acceptance.md C14, 33 roundings of f32",
     );
     let name = format!("opacity {opacity} in one step of 1e-3 to 100 lengths");
     Extreme::shown(
@@ -99,11 +99,11 @@ fn white_behind_black() -> Extreme {
     let bound = Bound::given(
         "termination",
         TERMINATION_DELTA_E,
-        "a ray ends at a ten-thousandth of its light, which in front of white is ΔE00 0.05 (docs/theory/acceptance.md C17 allows 0.1)",
+        "a ray ends at a transmittance of 1e-4, which is ΔE00 0.05 in front of white (docs/theory/acceptance.md C17 allows 0.1)",
     );
     Extreme::shown(
         Group::Opacity,
-        "white behind black, rays ended early",
+        "white behind black, early ray termination",
         bound,
         move || [0.01, 0.1, 0.5, 0.9].into_iter().map(scene).collect(),
         |lefts| {

@@ -12,16 +12,16 @@ pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [
         ("in the plane of a face", DVec3::new(0.0, 8.0, 0.0), DVec3::Z, 24.0),
         ("in the plane of the other face", DVec3::new(16.0, 8.0, 0.0), DVec3::Z, 24.0),
-        ("a thousandth outside of a face", DVec3::new(-1e-3, 8.0, 0.0), DVec3::Z, 0.0),
-        ("a thousandth outside of the other face", DVec3::new(16.001, 8.0, 0.0), DVec3::Z, 0.0),
+        ("a thousandth outside a face", DVec3::new(-1e-3, 8.0, 0.0), DVec3::Z, 0.0),
+        ("a thousandth outside the other face", DVec3::new(16.001, 8.0, 0.0), DVec3::Z, 0.0),
         ("along an edge", DVec3::ZERO, DVec3::Z, 24.0),
         ("along the opposite edge", DVec3::new(16.0, 16.0, 0.0), DVec3::Z, 24.0),
-        ("a thousandth outside of an edge", DVec3::new(-1e-3, -1e-3, 0.0), DVec3::Z, 0.0),
-        ("along an edge between cells", DVec3::new(8.0, 8.0, 0.0), DVec3::NEG_Z, 24.0),
+        ("a thousandth outside an edge", DVec3::new(-1e-3, -1e-3, 0.0), DVec3::Z, 0.0),
+        ("along an edge between macrocells", DVec3::new(8.0, 8.0, 0.0), DVec3::NEG_Z, 24.0),
         ("through opposite corners", DVec3::ZERO, DVec3::new(16.0, 16.0, 24.0), 1088.0_f64.sqrt()),
         ("through opposite corners of a face", DVec3::ZERO, DVec3::new(16.0, 16.0, 0.0), 512.0_f64.sqrt()),
-        ("that touches one corner", DVec3::ZERO, DVec3::new(1.0, -1.0, 0.0), 0.0),
-        ("that touches an edge", DVec3::new(0.0, 0.0, 12.0), DVec3::new(1.0, -1.0, 0.0), 0.0),
+        ("touching one corner", DVec3::ZERO, DVec3::new(1.0, -1.0, 0.0), 0.0),
+        ("touching an edge", DVec3::new(0.0, 0.0, 12.0), DVec3::new(1.0, -1.0, 0.0), 0.0),
     ]
     .into_iter()
     .map(|(name, through, direction, length)| ray(name, through, direction, length))
@@ -33,8 +33,8 @@ pub(super) fn extremes() -> Vec<Extreme> {
         camera("on a face, looking away", DVec3::new(16.0, 16.0, 0.0), DVec3::NEG_Z, 60.0),
         camera("in a corner", DVec3::ZERO, DVec3::ONE, 60.0),
         camera("inside", middle, oblique, 70.0),
-        camera("inside, of 170°", middle, oblique, 170.0),
-        camera("a millionth before a face", DVec3::new(16.0, 16.0, -1e-6), DVec3::Z, 60.0),
+        camera("inside, with a field of view of 170°", middle, oblique, 170.0),
+        camera("a millionth in front of a face", DVec3::new(16.0, 16.0, -1e-6), DVec3::Z, 60.0),
         camera("1e6 away", middle - 1e6 * oblique.normalize(), oblique, 2.0 * (24.0 / 1e6_f64).atan().to_degrees()),
         camera("1e6 away, looking away", middle - 1e6 * oblique.normalize(), -oblique, 60.0),
     ]);

@@ -21,18 +21,18 @@ pub(super) fn extremes() -> Vec<Extreme> {
     for amplitude in AMPLITUDES {
         let scene = move || Ok(vec![Picture::of(black_slab(amplitude)?)]);
         let slab = slab();
-        let name = format!("a metameric black of amplitude {amplitude} in 8 numbers");
+        let name = format!("a metameric black of amplitude {amplitude}, k = 8");
         let bound = Bound::picture(SAMPLES);
-        all.push(Extreme::shown(Group::Spectra, format!("{name}, beside its terms"), bound, scene, move |lefts| {
+        all.push(Extreme::shown(Group::Spectra, format!("{name}, relative to its terms"), bound, scene, move |lefts| {
             worst(lefts.iter().flat_map(|left| [slab.error(left), slab.picture_error(left)]))
         }));
         let bound = Bound::given(
             "metameric black",
             BLACK_DELTA_E,
-            "docs/theory/acceptance.md C18: what is left of terms that cancel, and of the model, must not be seen; ΔE00 from black, \
-             where 1e-3 of XYZ is ΔE00 8.6",
+            "docs/theory/acceptance.md C18: the rest of cancelling terms, and the error of the model, must be invisible; ΔE00 from \
+             black, where 1e-3 of XYZ is ΔE00 8.6",
         );
-        all.push(Extreme::shown(Group::Spectra, format!("{name}, beside black"), bound, scene, |lefts| {
+        all.push(Extreme::shown(Group::Spectra, format!("{name}, relative to black"), bound, scene, |lefts| {
             worst(lefts.iter().map(|left| delta_e(left.xyz(0), DVec3::ZERO)))
         }));
     }

@@ -10,8 +10,8 @@ use crate::reference::ReferenceError;
 pub(super) fn extremes() -> Vec<Extreme> {
     let mut all: Vec<Extreme> = [
         ("1e-3 of a voxel", 1e-3, Bound::equal_steps(8000.0)),
-        ("longer than the volume, its middle inside", 15.0, Bound::march(1.0)),
-        ("longer than the volume, its middle outside", 17.0, Bound::EXACT),
+        ("longer than the volume, with its midpoint inside", 15.0, Bound::march(1.0)),
+        ("longer than the volume, with its midpoint outside", 17.0, Bound::EXACT),
         ("a million volumes long", 8e6, Bound::EXACT),
     ]
     .into_iter()
@@ -38,7 +38,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
     ]);
     all.push(million_steps());
     let picture = || Slab { step: 1e-7, ..Slab::default() }.picture();
-    all.push(Extreme::refused(Group::Steps, "more steps than a ray counts", picture, |error| {
+    all.push(Extreme::refused(Group::Steps, "more steps than a ray's limit", picture, |error| {
         matches!(error, ExtremeError::Rung(RungError::Reference(ReferenceError::TooManySamples { .. })))
     }));
     all
@@ -86,10 +86,10 @@ fn million_steps() -> Extreme {
     let bound = Bound::rounded(
         "a million thin steps",
         ROUNDINGS + 1e3,
-        "each sum below 2⁻⁶ rounds by 2⁻⁷ roundings of 1 at most, in f32 4.7 % of a term, were they all to round one way; \
-         what passes is off by less, in f32 by no more than the whole depth of 0.01; and √n roundings",
+        "each sum below 2⁻⁶ has an error of at most 2⁻⁷ roundings of 1, in f32 4.7 % of a term if all have one sign; the \
+         error of the transmittance is smaller, in f32 at most the whole depth of 0.01; and √n roundings",
     );
-    let name = "1e6 steps so thin that 1 - opacity is 1";
+    let name = "1e6 steps so thin that 1 - opacity rounds to 1";
     Extreme::shown(
         Group::Steps,
         name,

@@ -23,8 +23,8 @@ pub(super) fn extremes() -> Vec<Extreme> {
     ];
     let (least, most) = (f32::from_bits(1), f32::MIN_POSITIVE);
     let values: [(&str, [f64; 2], Filled); 13] = [
-        ("int32, all of them", [f64::from(i32::MIN), f64::from(i32::MAX)], whole),
-        ("uint64, all of them", [0.0, 64.0_f64.exp2()], |_| Voxels::U64(vec![0, 0, u64::MAX, u64::MAX])),
+        ("int32, the whole range", [f64::from(i32::MIN), f64::from(i32::MAX)], whole),
+        ("uint64, the whole range", [0.0, 64.0_f64.exp2()], |_| Voxels::U64(vec![0, 0, u64::MAX, u64::MAX])),
         ("float32 of ±1e30", [-1e30, 1e30], single),
         ("float32 from 1e-30 to 1e30", [1e-30, 1e30], single),
         ("float32 of ±1e-30", [-1e-30, 1e-30], single),
@@ -35,7 +35,7 @@ pub(super) fn extremes() -> Vec<Extreme> {
         ("NaN counts as the smallest", [1.0, 2.0], |_| Voxels::F32(vec![1.0, f32::NAN, 2.0, 2.0])),
         ("−inf counts as the smallest", [1.0, 2.0], |_| Voxels::F32(vec![1.0, f32::NEG_INFINITY, 2.0, 2.0])),
         ("inf counts as the largest", [1.0, 2.0], |_| Voxels::F32(vec![1.0, 1.0, f32::INFINITY, 2.0])),
-        ("one number among NaN and ±inf", [2.0, 2.0], |_| Voxels::F64(vec![f64::NAN, f64::NEG_INFINITY, 2.0, 2.0])),
+        ("one finite number among NaN and ±inf", [2.0, 2.0], |_| Voxels::F64(vec![f64::NAN, f64::NEG_INFINITY, 2.0, 2.0])),
     ];
     all.extend(values.map(|(name, ends, voxels)| two_values(name, ends, voxels)));
     all.extend(["unshaded", "shaded"].map(broken));
@@ -100,7 +100,7 @@ fn whole([low, high]: [f64; 2]) -> Voxels {
 }
 
 fn single([low, high]: [f64; 2]) -> Voxels {
-    #[expect(clippy::cast_possible_truncation, reason = "numbers that f32 has, or nearly")]
+    #[expect(clippy::cast_possible_truncation, reason = "numbers that f32 represents, or nearly")]
     let [low, high] = [low as f32, high as f32];
     Voxels::F32(vec![low, low, high, high])
 }
@@ -185,7 +185,7 @@ fn broken(shading: &'static str) -> Extreme {
     let both = move || Ok(vec![scene([f32::NAN, f32::INFINITY, f32::NEG_INFINITY])?, scene([0.0, 990.0, 0.0])?]);
     Extreme::shown(
         Group::Volumes,
-        format!("NaN and ±inf are the ends of what is there, {shading}"),
+        format!("NaN and ±inf become the ends of the finite range, {shading}"),
         Bound::EXACT,
         both,
         |lefts| match lefts {
@@ -205,7 +205,7 @@ fn nothing_finite() -> Extreme {
         scene.volume = std::sync::Arc::new(volume([2, 2, 2], Voxels::F32(vec![f32::NAN; 8]))?);
         Ok(Picture::of(scene))
     };
-    Extreme::refused(Group::Volumes, "voxels: nothing but NaN", scene, |error| {
+    Extreme::refused(Group::Volumes, "voxels: only NaN", scene, |error| {
         matches!(error, ExtremeError::Rung(RungError::Volume(VolumeError::NothingFinite { .. })))
     })
 }
