@@ -1,32 +1,32 @@
-//! `-D key=value`: what it changes in a scene's text, and whether an error there is its own.
+//! `-D key=value`: applies definitions to a scene's text, and attributes errors to the definitions that cause them.
 
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
 
-/// What changes a value of a scene file.
+/// A change of one value of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Definition {
-    /// How it was given, for messages: `-D camera.fov=3`, `--k 8`.
+    /// The flag as given, for messages: `-D camera.fov=3`, `--k 8`.
     pub given: String,
     /// `key.path=value`.
     pub text: String,
 }
 
 impl Definition {
-    /// What `-D` is given.
+    /// A definition given by `-D`.
     #[must_use]
     pub fn new(text: &str) -> Self {
         Self { given: format!("-D {text}"), text: text.to_owned() }
     }
 }
 
-/// Applies `key.path=value` to `table`. Numbers in the path index lists; a value that is no TOML is a string.
+/// Applies `key.path=value` to `table`. Numbers in the path index lists. A value that is not valid TOML is a string.
 pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> {
     let (path, value) = definition.split_once('=').ok_or("write key=value, for example lights.key.intensity=2")?;
     let value = format!("v={value}")
         .parse::<Table>()
         .ok()
-        // A line break would begin another key.
+        // A line break would start another key.
         .filter(|table| table.len() == 1)
         .and_then(|mut table| table.remove("v"))
         .unwrap_or_else(|| Value::String(value.trim().to_owned()));
@@ -50,7 +50,7 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> 
     Ok(())
 }
 
-/// The last of `definitions` that says something about `path`, above it or below it.
+/// Last of `definitions` whose key equals `path`, contains it or lies within it.
 pub(super) fn responsible<'a>(definitions: &'a [Definition], path: &[String]) -> Option<&'a Definition> {
     definitions.iter().rev().find(|definition| {
         let keys = definition.text.split('=').next().unwrap_or_default().split('.').map(str::trim);
@@ -58,7 +58,7 @@ pub(super) fn responsible<'a>(definitions: &'a [Definition], path: &[String]) ->
     })
 }
 
-/// The key that the byte `byte` of `text` belongs to, part by part; none where it belongs to no single one.
+/// Path of the innermost key whose key or value contains the byte `byte` of `text`; empty where there is none.
 pub(super) fn path_at(text: &str, byte: usize) -> Vec<String> {
     let mut found = Vec::new();
     visit(text, &mut |path, spans| {
@@ -69,7 +69,7 @@ pub(super) fn path_at(text: &str, byte: usize) -> Vec<String> {
     found
 }
 
-/// Where the value of the key `path` begins in `text`.
+/// Byte at which the value of the key `path` starts in `text`.
 pub(super) fn byte_of(text: &str, path: &[String]) -> Option<usize> {
     let mut found = None;
     visit(text, &mut |key, spans| {
@@ -80,7 +80,7 @@ pub(super) fn byte_of(text: &str, path: &[String]) -> Option<usize> {
     found
 }
 
-/// What is called for every key with the spans of the key and of its value.
+/// Callback for each key with the spans of the key and its value, and for each list element with the span of its value.
 type Visitor<'a> = dyn FnMut(&[String], &[std::ops::Range<usize>]) + 'a;
 
 fn visit(text: &str, visitor: &mut Visitor<'_>) {

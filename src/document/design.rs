@@ -1,4 +1,4 @@
-//! The palette of what is looked at: how it is changed step by step, what its cells look like now, and what is solved.
+//! The palette of the open scene: its edits, the current colours of its cells, and solved spectra.
 
 use std::sync::Arc;
 
@@ -16,20 +16,21 @@ use crate::scene::Scene;
 use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
 use crate::spectrum::{BANDS, Light, Reflectance, Spectrum, standard};
 
-/// What it counts to keep a hue, beside looking alike.
+/// Weight of a target that keeps a hue; a target to look alike has weight 1.
 const APART: f64 = 0.2;
-/// How much nearer to their mean the colours of an offer are than those that nearly can be had: mixed with that, spectra keep
-/// off their bounds.
+/// Fraction by which the target colours of an offer move from the achieved colours towards their mean. The margin keeps
+/// spectra off their bounds.
 const NEARER: f64 = 0.2;
-/// The row of the surface behind everything.
+/// Row name of the background.
 pub(super) const BACKGROUND: &str = "background";
 
-/// Handles that a curve is drawn by: every 50 nm from 380 to 780 nm.
+/// Number of handles of an editable curve: every 50 nm from 380 to 780 nm.
 pub const HANDLES: usize = 9;
-/// Samples from one to the next.
+/// Samples from one handle to the next.
 pub const BANDS_PER_HANDLE: usize = (BANDS - 1) / (HANDLES - 1);
 
-/// How much of what the handle at `band` moves by the sample at `at` moves by. Beyond the ends the curve goes on as it ends.
+/// Fraction of the movement of the handle at `band` that the sample at `at` follows. A virtual handle beyond each end
+/// moves with the end handle.
 fn goes_along(at: usize, band: usize) -> f64 {
     let kernel = |distance: f64| match distance.abs() {
         t if t < 1.0 => (1.5 * t - 2.5) * t * t + 1.0,
@@ -45,64 +46,64 @@ fn goes_along(at: usize, band: usize) -> f64 {
     kernel(distance) + beyond
 }
 
-/// A side of the matrix.
+/// A side of the palette's matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Side {
-    /// The rows.
+    /// Rows.
     Material,
-    /// The columns.
+    /// Columns.
     Light,
 }
 
-/// A change of what is asked of a palette. What is not there is not changed.
+/// An edit of a palette. Edits of missing rows, columns and cells have no effect.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
-    /// Another palette in place of what is asked.
+    /// Replaces the palette.
     Take(Arc<Palette>),
-    /// What a cell is to look like, by row and column; `None` is whatever comes.
+    /// Target colour of a cell, by row and column; `None` leaves it free.
     Target(usize, usize, Option<Target>),
-    /// How much a cell counts, above 0.
+    /// Weight of a cell, by row and column, above 0.
     Weight(usize, usize, f64),
-    /// Whether a spectrum is open, to be found; else it is given, as it is now.
+    /// Whether a spectrum is open, to be solved for; a closed spectrum keeps its current samples.
     Open(Side, usize, bool),
-    /// What the samples of an open spectrum may be; of a light in multiples of its mean.
+    /// Bounds of the samples of an open spectrum; for a light, in multiples of its mean.
     Bounds(Side, usize, [f64; 2]),
-    /// What the bends of an open spectrum count beside squares of ΔE00.
+    /// Weight of the squared second differences of an open spectrum, relative to squared ΔE00.
     Smoothness(Side, usize, f64),
-    /// The colour model that is to show the colours, where it is settled before the spectra are.
+    /// Colour model that is to reproduce the colours, if it is fixed before the spectra are solved.
     Model(Option<ModelTerm>),
 }
 
-/// Spectra that take the place of the scene's.
+/// Spectra that replace those of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spectra {
-    /// By the index of the material.
+    /// Reflectances, by material index.
     pub materials: Vec<(usize, Reflectance)>,
-    /// By the index of the light.
+    /// Light spectra, by light index.
     pub lights: Vec<(usize, Light)>,
-    /// Of the surface behind everything.
+    /// Reflectance of the background.
     pub background: Option<Reflectance>,
-    /// What of the palette changes with them.
+    /// Palette edit that goes with the spectra.
     pub step: Option<Step>,
 }
 
-/// What a cell looks like now.
+/// Current colour and target colour of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
-    /// The colour of the scene's material under the scene's light, where it has both.
+    /// Colour of the scene's material under the scene's light, if the scene has both.
     pub achieved: Option<Xyz>,
-    /// What it is to look like.
+    /// Target colour.
     pub target: Option<Xyz>,
     /// ΔE00 between the two.
     pub difference: Option<f64>,
 }
 
-/// The palette of a scene file. One that cannot be read is `None`: the scene would not have opened.
+/// The palette of a scene file; `None` also if it cannot be read, in which case the scene would not have opened.
 pub(super) fn stated(file: &SceneFile) -> Option<Arc<Palette>> {
     palette::of_scene(&file.scene.name, &file.text, &file.base).ok().flatten().map(Arc::new)
 }
 
-/// The material of a row, by its name.
+/// Reflectance of a row's material, found by name; of the background for its row.
 fn reflectance<'a>(scene: &'a Scene, row: &Member) -> Option<&'a Reflectance> {
     let material = scene.materials.iter().find(|material| material.name == row.name).map(|it| &it.reflectance);
     material.or(scene.background.as_ref().filter(|_| row.name == BACKGROUND))
@@ -112,7 +113,7 @@ fn light<'a>(scene: &'a Scene, column: &Member) -> Option<&'a Light> {
     scene.lights.iter().find(|light| light.name == column.name).map(|light| &light.spectrum)
 }
 
-/// What the spectrum of a row or a column is in `scene`.
+/// Current spectrum of a row or a column in `scene`.
 #[must_use]
 pub fn spectrum<'a>(scene: &'a Scene, side: Side, member: &Member) -> Option<&'a Spectrum> {
     match side {
@@ -121,7 +122,7 @@ pub fn spectrum<'a>(scene: &'a Scene, side: Side, member: &Member) -> Option<&'a
     }
 }
 
-/// What the cell of a row and a column looks like in `scene`.
+/// Current colour and target colour of a cell in `scene`.
 #[must_use]
 pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look {
     let achieved = |row: usize, column: usize| {
@@ -139,7 +140,7 @@ pub fn look(scene: &Scene, palette: &Palette, row: usize, column: usize) -> Look
     Look { achieved, target, difference }
 }
 
-/// `palette` as a text in which what is open is open, and the other spectra are as `scene` has them.
+/// Text of `palette` in which open spectra stay open and the others have the samples of `scene`.
 #[must_use]
 pub fn text(scene: &Scene, palette: &Palette) -> String {
     let nothing = Spectrum::constant(0.0);
@@ -158,7 +159,7 @@ pub fn text(scene: &Scene, palette: &Palette) -> String {
     )
 }
 
-/// What is open in `palette` and what it is in `scene`: by side and name.
+/// Open spectra of `palette` with their samples in `scene`, by side and name.
 pub(super) fn open<'a>(scene: &'a Scene, palette: &'a Palette) -> Vec<(Side, &'a str, &'a Spectrum)> {
     let of = |side: Side, members: &'a [Member]| {
         let open = members.iter().filter(|it| it.spectrum.is_none());
@@ -177,7 +178,7 @@ impl Side {
 }
 
 impl Step {
-    /// What becomes of `palette`, that of `scene`; `None` where there is none.
+    /// Applies the edit to `palette`, which belongs to `scene`; `None` if there is no palette to edit.
     #[must_use]
     pub fn applied(&self, scene: &Scene, palette: Option<&Palette>) -> Option<Palette> {
         if let Self::Take(palette) = self {
@@ -236,17 +237,17 @@ impl Step {
     }
 }
 
-/// As fine as anybody sees.
+/// Rounds to tenths; finer differences are not visible.
 fn in_tenths(number: f64) -> f64 {
     (number * 10.0).round() / 10.0
 }
 
-/// A palette for the materials that `scene` shows, which can be had: under its second light all look alike, and under its first
-/// they keep what they can of their hues.
+/// Palette with achievable targets for the visible materials of `scene`: all look alike under its second light, and
+/// keep as much of their hues as possible under its first.
 ///
 /// # Errors
 ///
-/// [`PaletteError`], of the scene's own spectra, or because `progress` was cancelled.
+/// [`PaletteError`] for the scene's own spectra, or because `progress` was cancelled.
 pub fn offer(scene: &Scene, progress: &dyn Progress) -> Result<Palette, PaletteError> {
     let mut palette = wished(scene);
     let found = palette::solve(&palette, progress)?;
@@ -261,8 +262,8 @@ pub fn offer(scene: &Scene, progress: &dyn Progress) -> Result<Palette, PaletteE
     Ok(palette)
 }
 
-/// What would be best of all: under the second light all materials look alike, and under the first they keep their hues, as
-/// light as they are on average.
+/// Palette with ideal targets: all visible materials look alike under the second light, and keep their hues at their
+/// average lightness under the first.
 #[must_use]
 pub fn wished(scene: &Scene) -> Palette {
     let shown: Vec<_> = (0..scene.materials.len()).filter(|&index| scene.shows(index)).take(LARGEST).collect();
@@ -290,7 +291,7 @@ pub fn wished(scene: &Scene) -> Palette {
             let [_, a, b] = colour(light, material);
             let (target, weight) = match (column, row) {
                 (0, _) => (Target::Lab(Lab([in_tenths(lightness.clamp(30.0, 80.0)), a, b])), APART),
-                // Whatever that turns out to be.
+                // The first material is free under the second light.
                 (_, 0) => continue,
                 _ => (Target::Like { material: 0, light: column }, 1.0),
             };
@@ -308,7 +309,7 @@ pub fn wished(scene: &Scene) -> Palette {
 }
 
 impl Spectra {
-    /// What `solution` has found for the open rows and columns of its palette, for what `scene` has of them.
+    /// The solved spectra of the open rows and columns, for the materials and lights present in `scene`.
     #[must_use]
     pub fn of(scene: &Scene, solution: &Solution) -> Self {
         let palette = &solution.palette;
@@ -337,7 +338,7 @@ impl Spectra {
         spectra
     }
 
-    /// What `scene` has for its material or its light called `name`.
+    /// The current spectrum of the material or light `name` of `scene`.
     #[must_use]
     pub fn of_scene(scene: &Scene, side: Side, name: &str) -> Self {
         let mut spectra = Self::default();
@@ -354,11 +355,11 @@ impl Spectra {
         spectra
     }
 
-    /// The standard called `standard` for the material or the light called `name` of `scene`.
+    /// The standard spectrum `standard` for the material or light `name` of `scene`.
     ///
     /// # Errors
     ///
-    /// A sentence with the names that there are.
+    /// A sentence that lists the available names.
     pub fn standard(scene: &Scene, side: Side, name: &str, standard: &str) -> Result<Self, String> {
         let find = |names: Vec<&str>| {
             let found = names.iter().position(|&one| one == name);
@@ -379,9 +380,9 @@ impl Spectra {
         Ok(spectra)
     }
 
-    /// The spectrum of material `index` of `scene`, where its handle number `handle` is drawn to `value`: samples near it go
-    /// along as the smooth curve through all handles does (Catmull and Rom 1974), those beyond the next handles but one stay.
-    /// What moves stays between 0 and 1. `was` is the spectrum before it was drawn.
+    /// The spectrum of material `index` after its handle number `handle` was drawn to `value`; `was` is the spectrum
+    /// before. Samples near the handle follow the smooth curve through all handles (Catmull and Rom 1974); samples two
+    /// or more handles away stay. Moved samples are clamped to 0 to 1.
     #[must_use]
     pub fn drawn(index: usize, was: &Spectrum, handle: usize, value: f64) -> Self {
         let band = handle.min(HANDLES - 1) * BANDS_PER_HANDLE;
@@ -394,7 +395,7 @@ impl Spectra {
         Self { materials, ..Self::default() }
     }
 
-    /// Puts them in `scene`.
+    /// Replaces the spectra of `scene`.
     pub(super) fn put_into(&self, scene: &mut Scene) {
         for (index, reflectance) in &self.materials {
             if let Some(material) = scene.materials.get_mut(*index) {
@@ -447,7 +448,7 @@ mod tests {
                 drawn(&grey, handle, 9.0).iter().chain(&drawn(&grey, handle, -1.0)).all(|it| (0.0..=1.0).contains(it))
             );
         }
-        // All handles by as much: the whole curve, its ends too.
+        // All handles moved by the same amount move the whole curve, including its ends.
         let all = (0..HANDLES).fold(grey, |was, handle| Spectrum::from_samples(drawn(&was, handle, 0.7)));
         assert!(all.samples().iter().all(|sample| (sample - 0.7).abs() <= 1e-12), "{:?}", all.samples());
         let artificial = Spectrum::from_fn(|nm| if nm < 500.0 { -2.0 } else { 0.5 });

@@ -1,4 +1,5 @@
-//! The light dial: a hand between nodes that stand for lights, and the mix it asks for (§4.3 of the paper).
+//! The light dial: nodes that stand for lights, a hand between them, and the mix of a hand position (§4.3 of the
+//! paper).
 
 use std::f64::consts::TAU;
 
@@ -8,48 +9,48 @@ use crate::number::count;
 use crate::output::film;
 use crate::scene::{Mix, MixLight};
 
-/// Nodes of lights on a plane. The nearer the hand is to a node, the more its light shines: with the distances `d`,
-/// a node weighs `(1/d_i) / Σ 1/d_j` over the nodes that are on.
+/// Nodes of lights on a plane. A light is the stronger, the nearer the hand is to its node: with the distances `d`, a
+/// node weighs `(1/d_i) / Σ 1/d_j` over the nodes that are on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dial {
-    /// The nodes; what has none does not shine.
+    /// The nodes; a light without a node does not shine.
     pub nodes: Vec<DialNode>,
-    /// Whether the mix is scaled so that a white surface keeps its luminance wherever the hand is: `master`.
+    /// Whether the mix is scaled so that a white surface has the luminance `master` at every position of the hand.
     pub normalise: bool,
-    /// That luminance; where `normalise` is off, what every weight is multiplied by.
+    /// Luminance of white if `normalise` is on, otherwise a factor of every weight.
     pub master: f64,
-    /// Mixes to come back to, in the order of a tour.
+    /// Dial presets, in the order of a tour.
     pub situations: Vec<Situation>,
 }
 
-/// A named place of the hand.
+/// A dial preset: a named position of the hand with the nodes that are on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Situation {
     /// Its name.
     pub name: String,
-    /// What it shows, in a sentence; may be empty.
+    /// Caption of one sentence; may be empty.
     pub caption: String,
-    /// Where the hand is.
+    /// Position of the hand.
     pub hand: DVec2,
-    /// The lights whose nodes are off, beside those that the dial has off.
+    /// Lights whose nodes are off, in addition to those off on the dial.
     pub off: Vec<String>,
-    /// The lights whose nodes are on, though the dial has them off.
+    /// Lights whose nodes are on, although they are off on the dial.
     pub on: Vec<String>,
 }
 
-/// A light on the dial.
+/// The node of a light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DialNode {
-    /// The name of the light.
+    /// Name of the light.
     pub light: String,
-    /// Where it lies; the regular polygon has its corners at distance 1 from (0, 0).
+    /// Position; the corners of the regular polygon have distance 1 from (0, 0).
     pub place: DVec2,
-    /// Whether it takes part; it keeps its place while it does not.
+    /// Whether the node is on; a node keeps its position while it is off.
     pub on: bool,
 }
 
 impl DialNode {
-    /// Whether it lies there.
+    /// Whether the node lies at `place`.
     #[must_use]
     pub fn lies_at(&self, place: DVec2) -> bool {
         self.place.distance(place) < ON_IT
@@ -57,18 +58,18 @@ impl DialNode {
 }
 
 impl Situation {
-    /// Whether the node takes part that the dial has as `stated`.
+    /// Whether this preset has a node on whose state on the dial is `stated`.
     #[must_use]
     pub fn has_on(&self, stated: &DialNode) -> bool {
         (stated.on || self.on.contains(&stated.light)) && !self.off.contains(&stated.light)
     }
 }
 
-/// As near to a node as this is on it: the corners of a polygon are rounded, and so is who types one.
+/// Distance below which a position is on a node. Corners of a polygon are rounded, and so are typed positions.
 const ON_IT: f64 = 1e-9;
 
 impl Dial {
-    /// The regular polygon of these lights, the first at the top, then clockwise.
+    /// Regular polygon of these lights, the first at the top, then clockwise.
     #[must_use]
     pub fn regular<'a>(lights: impl ExactSizeIterator<Item = &'a str>) -> Self {
         let corners = count(lights.len());
@@ -80,8 +81,9 @@ impl Dial {
         Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, situations: Vec::new() }
     }
 
-    /// Puts the nodes, which stay as many, where `nodes` has them. Situations on a node go with it: they mean its light, where
-    /// it takes part in them as the dial was `stated`, whether or not it takes part now.
+    /// Moves the nodes to their positions in `nodes`, a list of the same length. A preset whose hand is on a node
+    /// follows that node, because the preset means its light. Only nodes that are on in the preset count, judged by the
+    /// dial as `stated`, not by its current state.
     pub(crate) fn rearrange(&mut self, nodes: Vec<DialNode>, stated: &[DialNode]) {
         let before = std::mem::replace(&mut self.nodes, nodes);
         for situation in &mut self.situations {
@@ -93,22 +95,22 @@ impl Dial {
         }
     }
 
-    /// The node of the light `name`.
+    /// Returns the node of the light `name`.
     ///
     /// # Errors
     ///
-    /// A sentence with the names that there are.
+    /// A sentence that lists the available names.
     pub fn node_mut(&mut self, name: &str) -> Result<&mut DialNode, String> {
         let names: Vec<&str> = self.nodes.iter().map(|node| node.light.as_str()).collect();
         let unknown = format!("{name}: there is no such light; there are: {}", names.join(", "));
         self.nodes.iter_mut().find(|node| node.light == name).ok_or(unknown)
     }
 
-    /// The situation `name`, and the dial with the nodes on that it has on.
+    /// Returns the preset `name`, and the dial with exactly those nodes on that the preset has on.
     ///
     /// # Errors
     ///
-    /// A sentence with the names that there are.
+    /// A sentence that lists the available names.
     pub fn situation(&self, name: &str) -> Result<(Self, Situation), String> {
         let names: Vec<&str> = self.situations.iter().map(|situation| situation.name.as_str()).collect();
         let found = self.situations.iter().find(|situation| situation.name == name).cloned();
@@ -124,8 +126,9 @@ impl Dial {
         Ok((dial, situation))
     }
 
-    /// What each node weighs with the hand at `hand`: their sum is 1, on a node its own is exactly 1 (nodes at one place
-    /// share it), and a node that is off weighs 0. All zero where no node is on.
+    /// Weight of each node with the hand at `hand`. The weights sum to 1. With the hand on a node, the weight of that
+    /// node is exactly 1 (nodes at one position share it). A node that is off weighs 0, and all weights are 0 if no
+    /// node is on.
     #[must_use]
     pub fn weights(&self, hand: DVec2) -> Vec<f64> {
         let distance = |node: &DialNode| {
@@ -133,7 +136,7 @@ impl Dial {
             if far < ON_IT { 0.0 } else { far }
         };
         let nearest = self.nodes.iter().filter(|node| node.on).map(distance).fold(f64::INFINITY, f64::min);
-        // Relative to the nearest, so that no reciprocal overflows; on a node it is 0 / 0.
+        // Relative to the nearest node, so that no reciprocal overflows; on a node, the quotient would be 0 / 0.
         let nearness = |node: &DialNode| match distance(node) {
             _ if !node.on => 0.0,
             far if far <= nearest => 1.0,
@@ -144,8 +147,8 @@ impl Dial {
         nearness.into_iter().map(|near| if sum > 0.0 { near / sum } else { 0.0 }).collect()
     }
 
-    /// The mix with the hand at `hand`: the lights of `stated` as often as their nodes weigh; those that weigh nothing
-    /// are left out.
+    /// Mix with the hand at `hand`: the lights of `stated` times the weights of their nodes, without lights of weight
+    /// 0.
     #[must_use]
     pub fn mix(&self, hand: DVec2, stated: &Mix) -> Mix {
         let weights = self.weights(hand);
@@ -157,20 +160,20 @@ impl Dial {
         Mix(mixed.filter(|light| light.weight > 0.0).collect()).mastered(self.normalise, self.master)
     }
 
-    /// The straight way of the hand in `frames` steps from one node to another, both ends included.
+    /// Straight path of the hand from one node to another in `frames` positions, both ends included.
     #[must_use]
     pub fn sweep(from: &DialNode, to: &DialNode, frames: usize) -> Vec<DVec2> {
         let last = count(frames.saturating_sub(1).max(1));
         (0..frames).map(|frame| between(from.place, to.place, count(frame) / last)).collect()
     }
 
-    /// A closed way of the hand in `frames` steps over the nodes that are on, in their order, as long from each to the
-    /// next. It begins on the first, and ends before it comes back to it.
+    /// Closed path of the hand in `frames` positions over the nodes that are on, in their order, with equal time for
+    /// each leg. It starts on the first node and ends before it returns there.
     #[must_use]
     pub fn tour(&self, frames: usize) -> Vec<DVec2> {
         let stops: Vec<DVec2> = self.nodes.iter().filter(|node| node.on).map(|node| node.place).collect();
         let along = |frame: usize| {
-            // Whole legs and the part of the next, in integers: a stop is met exactly.
+            // Whole legs and the fraction of the next in integers, so that a stop is reached exactly.
             let (leg, rest) = (frame * stops.len() / frames, frame * stops.len() % frames);
             let from = stops.get(leg % stops.len().max(1)).copied()?;
             let to = stops.get((leg + 1) % stops.len()).copied()?;
@@ -180,8 +183,8 @@ impl Dial {
     }
 }
 
-/// Where the hand is after `step` of `of` steps from each of `stops` straight to the next, and the stop that it comes
-/// from; `None` where there are none. A stop is met exactly.
+/// Index of the last stop reached and position of the hand after `step` of `of` steps along straight legs through
+/// `stops`; `None` without stops. Stops are reached exactly.
 #[must_use]
 pub(crate) fn along(stops: &[DVec2], step: usize, of: usize) -> Option<(usize, DVec2)> {
     let last = stops.len().checked_sub(1)?;
@@ -192,7 +195,7 @@ pub(crate) fn along(stops: &[DVec2], step: usize, of: usize) -> Option<(usize, D
 }
 
 impl Mix {
-    /// The same lights, `master` times as strong; with `normalise` so that a white surface has the luminance `master`.
+    /// The same lights scaled by `master`; with `normalise`, so that a white surface has the luminance `master`.
     #[must_use]
     pub fn mastered(mut self, normalise: bool, master: f64) -> Self {
         let luminance: f64 = self.0.iter().map(|light| light.weight * light.spectrum.luminance()).sum();
@@ -204,7 +207,7 @@ impl Mix {
     }
 }
 
-/// Exactly `from` at 0 and `to` at 1.
+/// Interpolates linearly: exactly `from` at 0 and `to` at 1.
 fn between(from: DVec2, to: DVec2, part: f64) -> DVec2 {
     from * (1.0 - part) + to * part
 }

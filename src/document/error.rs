@@ -1,4 +1,4 @@
-//! Why a scene file cannot be read.
+//! Errors of scene files.
 
 use std::path::PathBuf;
 
@@ -6,16 +6,16 @@ use crate::palette::PaletteError;
 use crate::spectrum::SpectrumError;
 use crate::volume::VolumeError;
 
-/// A scene that cannot be, or cannot be read.
+/// Why a scene cannot be read, or is invalid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SceneError {
-    /// The scene's text is not what a scene may say; `at` is `file:line:column`.
+    /// The text of the scene is invalid.
     #[error("{at}: {message}")]
     Invalid {
         /// `file:line:column`.
         at: String,
-        /// What is wrong, and what is allowed.
+        /// The mistake, and the allowed values.
         message: String,
     },
     /// The scene file cannot be read.
@@ -23,53 +23,53 @@ pub enum SceneError {
     Read {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: std::io::Error,
     },
-    /// A spectrum of the scene cannot be had.
+    /// A spectrum of the scene is not available.
     #[error("{at}: {what}")]
     Spectrum {
         /// `file:line:column`.
         at: String,
-        /// Which spectrum, by its key.
+        /// Key of the spectrum.
         what: String,
-        /// Why.
+        /// The cause.
         source: SpectrumError,
     },
-    /// The scene's palette cannot be had.
+    /// The palette of the scene is not available.
     #[error("{scene} has no palette to take its spectra from")]
     Palette {
         /// The scene.
         scene: String,
-        /// Why.
+        /// The cause.
         source: PaletteError,
     },
-    /// The scene's volume cannot be had.
+    /// The volume of the scene is not available.
     #[error("{scene} has no volume to show")]
     Volume {
         /// The scene.
         scene: String,
-        /// Why.
+        /// The cause.
         source: VolumeError,
     },
-    /// The labels of its voxels cannot be had.
+    /// The labels of the scene are not available.
     #[error("{scene} has no labels to show")]
     Labels {
         /// The scene.
         scene: String,
-        /// Why.
+        /// The cause.
         source: VolumeError,
     },
-    /// The file is no scene and no volume that is read.
+    /// The file is neither a scene nor a supported volume.
     #[error(transparent)]
     NoScene(VolumeError),
-    /// No volume is named, neither in the scene nor beside it.
+    /// Neither the scene nor the command line names a volume.
     #[error("{scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
     NoVolume {
         /// The scene.
         scene: String,
     },
-    /// Labels lie on another grid than the values.
+    /// Labels and values have different grids.
     #[error("the labels {labels} have {theirs:?} voxels, the volume {volume} has {ours:?}; they must be the same grid")]
     LabelGrid {
         /// The label file.
@@ -81,20 +81,20 @@ pub enum SceneError {
         /// Its dimensions.
         ours: [usize; 3],
     },
-    /// `--light` asks for a light or a position that is not there.
+    /// `--light` names a missing light or position.
     #[error("--light {request}: {message}")]
     LightRequest {
-        /// As asked.
+        /// The request as given.
         request: String,
-        /// What is wrong and what is there.
+        /// The mistake, and the available names.
         message: String,
     },
-    /// A `-D key=value`, or a flag that stands for one, cannot be applied, or makes the scene one that cannot be.
+    /// A `-D key=value`, or a flag that stands for one, cannot be applied or makes the scene invalid.
     #[error("{given}: {message}")]
     Define {
-        /// The flag, as given.
+        /// The flag as given.
         given: String,
-        /// What is wrong.
+        /// The mistake.
         message: String,
     },
 }

@@ -1,4 +1,4 @@
-//! The scene file: TOML as people write it, checked where it stands.
+//! Reads scene files, and reports each mistake with its line and column.
 
 mod keys;
 mod media;
@@ -33,25 +33,25 @@ use crate::spectrum::{Reflectance, Spectrum, SpectrumError, SpectrumSource};
 use crate::volume::{self, Geometry, Phantom, RawLayout, Selection, Volume, VolumeError};
 use crate::written::{place, with_suggestion};
 
-/// The scene shown when none is named.
+/// The scene for a program start without a file.
 const DEFAULT: &str = include_str!("../../data/scenes/default.toml");
-/// The scene that other renderers are set beside.
+/// The scene for comparisons with other renderers.
 const PEER: &str = include_str!("../../data/scenes/peer.toml");
 
-/// What the command line changes about a scene.
+/// Changes of a scene by the command line.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneOptions {
-    /// In place of the scene's volume.
+    /// Volume in place of the scene's.
     pub volume: Option<PathBuf>,
-    /// How to read it where its file does not say.
+    /// Voxel layout if the volume's file does not state it.
     pub raw: Option<RawLayout>,
-    /// What to read of it where its file holds several, before what the scene says.
+    /// Choice of a volume from a file of several; takes precedence over the scene's.
     pub selection: Selection,
-    /// In place of the scene's labels.
+    /// Labels in place of the scene's.
     pub labels: Option<PathBuf>,
-    /// In place of the scene's `downsample`.
+    /// Block size in place of the scene's `downsample`.
     pub downsample: Option<[usize; 3]>,
-    /// Changed values, applied in order.
+    /// Changed values, in the order in which they apply.
     pub definitions: Vec<Definition>,
 }
 
@@ -59,7 +59,7 @@ pub struct SceneOptions {
 ///
 /// # Errors
 ///
-/// [`SceneError`]: what cannot be read, or where in the file something is not as it may be.
+/// [`SceneError`]: an unreadable file, or an invalid value with its place in the file.
 pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
     let volume = || SceneError::Invalid {
@@ -96,28 +96,29 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     parse(&path.display().to_string(), &text, base, options, progress)
 }
 
-/// The default scene, which is part of the program.
+/// Reads the default scene, which is embedded in the program.
 ///
 /// # Errors
 ///
-/// As [`load`]: `options` can ask for what is not there.
+/// As [`load`], for invalid `options`.
 pub fn load_embedded(options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     parse("the default scene", DEFAULT, Path::new(""), options, progress)
 }
 
-/// The scene that other renderers are set beside, which is part of the program.
+/// Reads the scene for comparisons with other renderers, which is embedded in the program.
 ///
 /// # Errors
 ///
-/// As [`load`]: `options` can ask for what is not there.
+/// As [`load`], for invalid `options`.
 pub fn load_peer(options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     parse("the peer scene", PEER, Path::new(""), options, progress)
 }
 
-/// More than any scene a person writes; a volume given as a scene is larger. The parser takes a hundred times as much.
+/// Size limit of a scene file, in bytes: above any scene that a person writes, below a volume given as a scene. The
+/// parser takes a hundred times as much.
 const LONGEST_SCENE: u64 = 3 << 17;
 
-/// The scene that `text` describes; `name` heads messages, relative paths start at `base`.
+/// Reads the scene in `text`. `name` heads messages; relative paths start at `base`.
 ///
 /// # Errors
 ///
@@ -147,7 +148,7 @@ pub fn parse(
     defined.resolve(file, base, options, progress)
 }
 
-/// The flags that changed a scene, as given.
+/// The flags that changed the scene, as given.
 fn all_given(definitions: &[Definition]) -> String {
     let mut given: Vec<&str> = definitions.iter().map(|definition| &*definition.given).collect();
     // One flag can stand for several definitions.
@@ -159,45 +160,45 @@ fn all_given(definitions: &[Definition]) -> String {
 struct Text<'a> {
     name: String,
     text: &'a str,
-    /// Where `text` is not what the file says: the file's own text, and what changed it.
+    /// The file's own text and the definitions, if definitions have changed the text.
     changed: Option<(&'a str, &'a [Definition])>,
 }
 
-/// Optical depths per opacity length.
+/// Allowed optical depths per opacity length.
 const DEPTH: RangeInclusive<f64> = 0.0..=OPAQUE_DEPTH;
 
 fn descends(last: f64, next: f64) -> String {
     format!("the value {} comes after {}; values ascend", readable(next), readable(last))
 }
 
-/// Why a material cannot absorb.
+/// Message for an absorption of a material without an absorption spectrum.
 fn without_absorption(key: &str, material: &str) -> String {
     format!(
         "{key}: the material {material} absorbs nothing; write `absorption = …`, a spectrum, into [materials.{material}]"
     )
 }
 
-/// Rows of the label table beside row 0; a voxel's row is a byte.
+/// Largest number of declared labels: a voxel's row of the label table is a byte, and row 0 is taken.
 const MOST_LABELS: usize = 255;
 
 const UNIT: RangeInclusive<f64> = 0.0..=1.0;
 const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
 const FINITE: RangeInclusive<f64> = f64::MIN..=f64::MAX;
 
-/// Reflectances above it are taken for percent; spectra that palettes make up reach 4.
+/// Reflectances above this value are assumed to be in percent; solved spectra of palettes reach 4.
 const PERCENT: f64 = 10.0;
 
-/// Says which reflectance gives back more light than it gets.
+/// Warns of a reflectance above 1.
 fn warn_above_one(key: &str, reflectance: &Reflectance) {
     let most = reflectance.spectrum().samples().iter().copied().fold(0.0, f64::max);
-    // Colours of reflectance 1 are computed, and round.
+    // A reflectance of 1 that is computed from a colour may exceed 1 by rounding.
     if most > 1.0 + 1e-6 {
         let percent = if most > PERCENT { "; is it in percent? then divide by 100" } else { "" };
         tracing::warn!("{key} is up to {}, and no surface reflects more than 1{percent}", brief(most));
     }
 }
 
-/// The error about a spectrum, with its cause.
+/// Adds the cause to the error of a spectrum.
 fn because(error: SceneError, source: SpectrumError) -> SceneError {
     match error {
         SceneError::Invalid { at, message } => SceneError::Spectrum { at, what: message, source },
@@ -206,7 +207,7 @@ fn because(error: SceneError, source: SpectrumError) -> SceneError {
     }
 }
 
-/// The message about a field that is missing in what `definition` began, with the names that the text does have.
+/// Message for a missing field of a table that `definition` created; lists the tables in the text.
 fn with_names(original: &str, definition: &str, message: String) -> String {
     let mut keys = definition.split(['=', '.']).map(str::trim);
     let (Some(first), Some(name)) = (keys.next(), keys.next()) else { return message };
@@ -233,7 +234,7 @@ impl Text<'_> {
         })
     }
 
-    /// The error of the byte `byte` of the text: of the definition that put it there, else of its place in the file.
+    /// Error at the byte `byte` of the text: names the definition that set the value, otherwise the place in the file.
     fn refuse(&self, byte: usize, message: String) -> SceneError {
         match self.changed {
             None => SceneError::Invalid { at: place(&self.name, self.text, byte), message },
@@ -311,7 +312,7 @@ impl Text<'_> {
         resolve(value.get_ref()).map_err(|source| because(self.invalid(value, key), source))
     }
 
-    /// The spectrum of a material or a light, which only a palette could have said in its place.
+    /// Returns the spectrum of a material or light, or an error if neither the entry nor a palette states it.
     fn stated<'a, T>(
         &self,
         key: &str,
@@ -321,7 +322,7 @@ impl Text<'_> {
         spectrum.ok_or_else(|| self.invalid(at, format!("missing field `{key}`")))
     }
 
-    /// Takes what the scene's palette designs for what the scene leaves out; the files that it was read from.
+    /// Adds the palette's spectra where the scene leaves them out. Returns the files that were read for the palette.
     fn use_palette(&self, file: &mut Root, base: &Path, progress: &dyn Progress) -> Result<Vec<PathBuf>, SceneError> {
         let Some(stated) = &file.palette else { return Ok(Vec::new()) };
         let failed = |source| SceneError::Palette { scene: self.name.clone(), source };
@@ -354,7 +355,7 @@ impl Text<'_> {
         let open_columns = palette.lights.iter().filter(|column| column.spectrum.is_none());
         let is_found = open_rows.clone().all(|row| says_row(&row)) && open_columns.clone().all(|it| says_column(&it));
         if is_found && open_rows.chain(open_columns).next().is_some() {
-            // What is open has been found already, as in a session.
+            // All open spectra are already solved, as in a session.
             palette.check().map_err(failed)?;
             palette.materials.iter_mut().chain(&mut palette.lights).for_each(|it| {
                 it.spectrum.get_or_insert_with(|| Spectrum::constant(1.0));

@@ -1,4 +1,4 @@
-//! The open document: its state, the state last saved, and the steps to undo and redo.
+//! The open document: its state, the state last saved, and the undo history.
 
 use std::mem::Discriminant;
 use std::sync::Arc;
@@ -7,25 +7,25 @@ use super::{Edit, Mixing, SceneFile, Situation, State};
 use crate::scene::{Labels, Scene};
 use crate::volume::Statistics;
 
-/// Steps that can be undone.
+/// Largest number of undo steps.
 const DEPTH: usize = 200;
 
-/// A scene that is looked at, with what was done to it.
+/// An open scene with its edits.
 #[derive(Clone, Debug)]
 pub struct Document {
     opened: SceneFile,
     statistics: Option<Statistics>,
     now: State,
-    /// As it was opened, or saved last.
+    /// The state as opened or last saved.
     saved: State,
     past: Vec<State>,
     future: Vec<State>,
-    /// The kind of the edits that are one step back together, while a hand is at it.
+    /// Kinds of edits of the current gesture; each kind is one undo step.
     gesture: Vec<Discriminant<Edit>>,
 }
 
 impl Document {
-    /// A scene that was just opened.
+    /// A newly opened scene.
     #[must_use]
     pub fn new(file: SceneFile) -> Self {
         let now = State::new(&file);
@@ -33,7 +33,7 @@ impl Document {
         Self { opened: file, statistics: None, now, saved, past: Vec::new(), future: Vec::new(), gesture: Vec::new() }
     }
 
-    /// A scene that was just opened, with `edit` made before anybody looks.
+    /// A newly opened scene with an initial `edit`, which is part of the saved state.
     #[must_use]
     pub fn starting(file: SceneFile, edit: &Edit) -> Self {
         let mut document = Self::new(file);
@@ -42,31 +42,31 @@ impl Document {
         document
     }
 
-    /// It is saved as it is now.
+    /// Marks the current state as saved.
     pub fn save(&mut self) {
         self.saved = self.now.clone();
     }
 
-    /// Whether it is as it was opened, or saved last.
+    /// Whether the state is as opened or last saved.
     #[must_use]
     pub fn is_saved(&self) -> bool {
         self.now.writes_as(&self.saved)
     }
 
-    /// The same, where the values of its volume are known to have `statistics`.
+    /// The same document with the `statistics` of its volume's values.
     #[must_use]
     pub fn with_statistics(self, statistics: Statistics) -> Self {
         Self { statistics: Some(statistics), ..self }
     }
 
-    /// Whether the volume of `scene` lies on the same grid.
+    /// Whether the volume of `scene` has the same grid.
     #[must_use]
     pub fn lies_as(&self, scene: &Scene) -> bool {
         scene.volume.geometry == self.opened.scene.volume.geometry
     }
 
-    /// Another volume of the same file, on the same grid, where `scene` opens with it: looked at as the one before, with the same
-    /// steps back. A transfer function that nobody has changed gives way to that of `scene`, but where the values of both are
+    /// Switches to another volume of the same file on the same grid, with which `file` opens. State and undo history
+    /// stay. An unchanged transfer function is replaced by that of `file`, unless the values of both volumes are
     /// `alike`, as those of time steps are.
     #[must_use]
     pub fn beside(self, file: SceneFile, alike: bool) -> Self {
@@ -92,7 +92,7 @@ impl Document {
         Self { now, saved, past, future, statistics: None, gesture: Vec::new(), opened: file }
     }
 
-    /// What the values of its volume are like, where that is known.
+    /// Statistics of the volume's values, if known.
     #[must_use]
     pub fn statistics(&self) -> Option<&Statistics> {
         self.statistics.as_ref()
@@ -104,13 +104,13 @@ impl Document {
         &self.opened
     }
 
-    /// How it is now.
+    /// The current state.
     #[must_use]
     pub fn state(&self) -> &State {
         &self.now
     }
 
-    /// The situation that is shown, by its index: the one that was asked for, else the first that looks the same.
+    /// Index of the current dial preset: the last one chosen, otherwise the first with the same light.
     #[must_use]
     pub fn situation(&self) -> Option<usize> {
         let (light, dial) = (&self.now.light, &self.now.dial);
@@ -124,8 +124,8 @@ impl Document {
         asked.or_else(|| dial.situations.iter().position(is_shown))
     }
 
-    /// Changes it. Until [`Self::rest`], edits of one kind are one step back, also where others come between: a camera is turned
-    /// while a tour is played. Returns whether anything has changed.
+    /// Applies `edit`. Until [`Self::rest`], edits of one kind form one undo step, even with edits of other kinds
+    /// between them, because the camera can be turned while a tour plays. Returns whether anything has changed.
     pub fn edit(&mut self, edit: &Edit) -> bool {
         let before = self.now.clone();
         self.now.apply(edit, &self.opened);
@@ -144,7 +144,7 @@ impl Document {
         true
     }
 
-    /// How it would be after `edit`, which is not made.
+    /// Returns the state after `edit`, without applying it.
     #[must_use]
     pub fn preview(&self, edit: &Edit) -> State {
         let mut state = self.now.clone();
@@ -152,7 +152,7 @@ impl Document {
         state
     }
 
-    /// The hand has let go: the next edit is a step back of its own. One that ended where it began is none.
+    /// Ends the gesture: the next edit starts an undo step. A gesture that ends in its initial state leaves no step.
     pub fn rest(&mut self) {
         for _ in self.gesture.drain(..) {
             let nothing = |before: &State| self.now.writes_as(before);
@@ -162,20 +162,19 @@ impl Document {
         }
     }
 
-    /// The hand has let go while a tour is played: what it does next is a step back of its own, and the tour goes on as the one that
-    /// it is.
+    /// Ends the gesture during a tour: the next edit starts an undo step, and the tour continues its own.
     pub fn rest_beside_tour(&mut self) {
         let tour = Edit::Tour(0, 0).kind();
         self.gesture.retain(|kind| *kind == tour);
     }
 
-    /// Whether there is a step back.
+    /// Whether a step can be undone.
     #[must_use]
     pub fn can_undo(&self) -> bool {
         !self.past.is_empty()
     }
 
-    /// Whether there is a step forward.
+    /// Whether a step can be redone.
     #[must_use]
     pub fn can_redo(&self) -> bool {
         !self.future.is_empty()

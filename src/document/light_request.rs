@@ -1,4 +1,4 @@
-//! `--light NAME[@POSITION][=WEIGHT]`: a mix in place of the one a scene states.
+//! `--light NAME[@POSITION][=WEIGHT]`: a mix in place of the scene's.
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -8,14 +8,14 @@ use super::SceneError;
 use crate::scene::{INTENSITY, Mix, MixLight};
 use crate::spectrum::{Light, SpectrumSource};
 
-/// The mix that `requests` ask for in place of `stated`. A name is a light of `stated`, then a standard, then a
-/// spectrum file below `base`; of the ways to read a request the one with the fewest parts counts whose name and
-/// position are there. A stated light keeps its position and multiplies its weight, another goes to every
-/// position, unless one is named.
+/// The mix of `requests` in place of `stated`. A name is a light of `stated`, then a standard, then a spectrum file
+/// below `base`. Of several readings of a request, the one with the fewest parts counts whose name and position exist.
+/// A light of `stated` keeps its position and multiplies its weight; any other light goes to every position. A request
+/// with a position overrides both.
 ///
 /// # Errors
 ///
-/// [`SceneError::LightRequest`] for a name or position that is not there.
+/// [`SceneError::LightRequest`] for a missing name or position.
 pub fn requested(
     stated: &Mix,
     positions: &[String],
@@ -65,14 +65,14 @@ pub fn requested(
     Ok(Mix(mix))
 }
 
-/// Says which light takes light away.
+/// Warns of a light with negative samples.
 pub(super) fn warn_below_zero(key: &str, light: &Light) {
     if light.spectrum().samples().iter().any(|&sample| sample < 0.0) {
         tracing::warn!("{key} is negative at some wavelengths, and no light is");
     }
 }
 
-/// An error and its causes in one line.
+/// Text of an error and its causes in one line.
 pub(super) fn chain(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -83,25 +83,24 @@ pub(super) fn chain(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// A spectrum as the command line names it.
+/// A spectrum named on the command line.
 fn source_of(name: &str) -> SpectrumSource {
     let Ok(source) = name.parse();
     source
 }
 
-/// `NAME[@POSITION][=WEIGHT]`, as it is written. Names may hold both signs, so that what it means depends on what there
-/// is.
+/// `NAME[@POSITION][=WEIGHT]` as given. Names may contain `@` and `=`, so the meaning depends on the existing names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LightRequest(pub String);
 
-/// A way to read a [`LightRequest`].
+/// A reading of a [`LightRequest`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Reading<'a> {
     /// A light of the scene, a standard, or a spectrum file.
     name: &'a str,
-    /// A light position, where one is named.
+    /// A light position, if named.
     position: Option<&'a str>,
-    /// 1 where none is given.
+    /// Weight; 1 if none is given.
     weight: f64,
 }
 
@@ -114,13 +113,13 @@ impl FromStr for LightRequest {
 }
 
 impl LightRequest {
-    /// The files below `base` that it may mean, if no light of the scene has their name. They need not exist.
+    /// Candidate files below `base` if no light of the scene has the name; they need not exist.
     #[must_use]
     pub fn files(&self, base: &Path) -> Vec<PathBuf> {
         self.readings().iter().filter_map(|reading| source_of(reading.name).file(base)).collect()
     }
 
-    /// The first reading that `is_there`, else the plain one, for its message.
+    /// The first reading that satisfies `is_there`, otherwise the plain one, for its message.
     fn read(&self, is_there: impl Fn(&Reading<'_>) -> bool) -> Result<Reading<'_>, String> {
         match self.readings().into_iter().find(is_there) {
             Some(reading) => Ok(reading),
@@ -128,7 +127,7 @@ impl LightRequest {
         }
     }
 
-    /// Every way to read it, the whole text as a name first.
+    /// All readings, starting with the whole text as a name.
     fn readings(&self) -> Vec<Reading<'_>> {
         let weighted = self.0.rsplit_once('=').and_then(|(rest, text)| Some((rest, weight(text).ok()?)));
         let mut readings = Vec::new();
@@ -144,7 +143,7 @@ impl LightRequest {
         readings
     }
 
-    /// What it means where no name holds `@` or `=`.
+    /// The reading in which names contain neither `@` nor `=`.
     fn plain(&self) -> Result<Reading<'_>, String> {
         let (rest, weight) = match self.0.rsplit_once('=') {
             None => (&*self.0, 1.0),

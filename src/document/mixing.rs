@@ -1,51 +1,51 @@
-//! How the lights of a scene are mixed: by a slider each, or by the light dial.
+//! The mix of a scene's lights, by one slider per light or by the light dial.
 
 use glam::DVec2;
 
 use super::Dial;
 use crate::scene::{Mix, SceneLight};
 
-/// How the lights of a scene are mixed.
+/// State of the mix of a scene's lights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightState {
-    /// What decides: the sliders or the dial.
+    /// Source of the mix: the sliders or the dial.
     pub mixing: Mixing,
-    /// A slider for each of [`Scene::lights`](crate::scene::Scene::lights).
+    /// One slider for each of [`Scene::lights`](crate::scene::Scene::lights).
     pub sliders: Vec<Slider>,
-    /// The only light that the sliders let shine, by its index.
+    /// Index of the only light that shines, with sliders.
     pub solo: Option<usize>,
     /// Whether the sliders' mix is scaled so that a white surface has the luminance `master`.
     pub normalise: bool,
-    /// That luminance; where `normalise` is off, what every slider is multiplied by.
+    /// Luminance of white if `normalise` is on, otherwise a factor of every slider.
     pub master: f64,
-    /// Where the hand of the dial is.
+    /// Position of the dial's hand.
     pub hand: DVec2,
-    /// The situation that the hand was last brought to, by its index, until something else is changed about the light.
+    /// Index of the last chosen dial preset; `None` after any other change of the light.
     pub situation: Option<usize>,
 }
 
-/// What decides how much each light shines.
+/// Source of the lights' weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mixing {
-    /// A slider per light.
+    /// One slider per light.
     #[default]
     Sliders,
     /// The light dial.
     Dial,
 }
 
-/// How much a light shines.
+/// The slider of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slider {
-    /// What the intensity that the scene states is multiplied by.
+    /// Factor of the intensity that the scene states.
     pub weight: f64,
-    /// Whether it shines at all.
+    /// Whether the light is on.
     pub on: bool,
 }
 
 impl LightState {
-    /// All of `lights` as strong as the scene states them.
+    /// All lights at the intensities of the scene; `lights` is their number.
     #[must_use]
     pub fn stated(lights: usize) -> Self {
         Self {
@@ -59,7 +59,7 @@ impl LightState {
         }
     }
 
-    /// Of the lights of `stated`, which are `lights` of a scene with this `dial`, those that shine, and how strongly.
+    /// Mix of the current weights. `stated` is the mix of the scene, `lights` its lights and `dial` its dial.
     #[must_use]
     pub fn mix(&self, stated: Mix, lights: &[SceneLight], dial: &Dial) -> Mix {
         if self.mixing == Mixing::Dial {
@@ -74,7 +74,7 @@ impl LightState {
         mix.mastered(self.normalise, self.master)
     }
 
-    /// What the slider of a light lets through.
+    /// Weight of a light's slider; 0 if it is off, or if another light is solo.
     fn slider(&self, index: usize) -> f64 {
         let slider = self.sliders.get(index).filter(|slider| slider.on);
         slider.filter(|_| self.solo.is_none_or(|solo| solo == index)).map_or(0.0, |slider| slider.weight)

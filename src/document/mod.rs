@@ -32,31 +32,31 @@ pub use state::{BRIGHTEST, Edit, STEPS, State, THINNEST, polygon, reset_nodes};
 
 use crate::scene::{Mix, Scene};
 
-/// A scene file as read: the scene, and what people edit around it.
+/// A scene file as read: the scene, and the initial state of its document.
 #[derive(Clone, Debug)]
 pub struct SceneFile {
     /// The scene.
     pub scene: Scene,
-    /// The lights on the light dial.
+    /// The light dial.
     pub dial: Dial,
-    /// The mix of the lights as the scene opens.
+    /// Initial mix of the lights.
     pub light: LightState,
-    /// The text of the file with its definitions applied.
+    /// Text of the file with its definitions applied.
     pub text: Arc<str>,
-    /// The folder of its relative paths.
+    /// Folder of its relative paths.
     pub base: PathBuf,
-    /// The files it names: volume, labels, palette and spectra.
+    /// Files that it names: volume, labels, palette and spectra.
     pub inputs: Vec<PathBuf>,
 }
 
 impl SceneFile {
-    /// The mix that the scene opens with: all lights as stated, unless the file says otherwise.
+    /// Initial mix: all lights as stated, unless the file says otherwise.
     #[must_use]
     pub fn opening_mix(&self) -> Mix {
         self.light.mix(Mix::of_scene(&self.scene), &self.scene.lights, &self.dial)
     }
 
-    /// The spectrum of each light as the text states it, by the light's name; without spectra stated in numbers.
+    /// Spectrum of each light as stated in the text, by light name; without spectra stated in numbers.
     #[must_use]
     pub fn stated_spectra(&self) -> BTreeMap<String, String> {
         let text: toml::Table = self.text.parse().unwrap_or_default();

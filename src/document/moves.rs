@@ -1,4 +1,4 @@
-//! How the camera moves around the volume.
+//! Camera movements around the volume.
 
 use glam::{DQuat, DVec3};
 
@@ -8,29 +8,29 @@ use crate::volume::Geometry;
 /// A movement of the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Move {
-    /// Around what is in the middle: degrees to the right and up.
+    /// Rotation about the target, in degrees to the right and up.
     Orbit {
         /// To the right.
         right: f64,
-        /// Up; it ends above and below.
+        /// Up; stops short of the poles.
         up: f64,
     },
-    /// Sideways: parts of the picture's height to the right and up.
+    /// Translation, in picture heights to the right and up.
     Pan {
         /// To the right.
         right: f64,
         /// Up.
         up: f64,
     },
-    /// Nearer: the picture's middle is seen this many times as large.
+    /// Approach: the target appears this many times as large.
     Dolly(f64),
-    /// Degrees clockwise around the line of sight.
+    /// Rotation in degrees clockwise about the line of sight.
     Roll(f64),
-    /// From this side of the volume, all of it in view.
+    /// View from this side of the volume, with all of it in view.
     Axis(Side),
-    /// From perspective to parallel rays and back, the middle as large as before.
+    /// Changes between perspective and parallel rays; the target keeps its size.
     Projection,
-    /// As the scene has it.
+    /// The camera as opened.
     Reset,
 }
 
@@ -47,10 +47,10 @@ pub enum Side {
 }
 
 impl Side {
-    /// All of them.
+    /// All sides.
     pub const ALL: [Self; 6] = [Self::Left, Self::Right, Self::Front, Self::Back, Self::Bottom, Self::Top];
 
-    /// The unit vector from the volume towards it.
+    /// Unit vector from the volume towards this side.
     #[must_use]
     pub fn outward(self) -> DVec3 {
         match self {
@@ -64,22 +64,22 @@ impl Side {
     }
 }
 
-/// Field of view of a camera that had none.
+/// Field of view of a camera that had none, in degrees.
 const USUAL_DEGREES: f64 = 30.0;
-/// How near straight up and down a camera that orbits comes, in degrees.
+/// Largest elevation of an orbiting camera, in degrees.
 const STEEPEST: f64 = 89.5;
 
-/// A camera in the world.
+/// A camera in world coordinates.
 struct Placed {
     eye: DVec3,
     target: DVec3,
     up: DVec3,
-    /// Half the height of what is seen at the target.
+    /// Half the height of the picture at the target.
     half: f64,
 }
 
-/// `camera` after `step`, before the volume of `geometry` and a picture `width / height = aspect`; `opened` is where it
-/// started. A camera that looks nowhere goes back there.
+/// Returns `camera` after `step`, for the volume of `geometry` and a picture of `width / height = aspect`. `opened` is
+/// the initial camera, and replaces a result that has no line of sight.
 #[must_use]
 pub fn moved(camera: &Camera, opened: &Camera, geometry: &Geometry, aspect: f64, step: Move) -> Camera {
     let stated = match step {

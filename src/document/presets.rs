@@ -1,31 +1,31 @@
-//! Transfer functions to begin with: for CT in Hounsfield units, for other data by how often values occur.
+//! Transfer presets: for CT in Hounsfield units, for other data by the histogram.
 
 use crate::number::count;
 use crate::scene::{Interval, Material};
 use crate::volume::Statistics;
 
-/// A transfer function to begin with.
+/// A transfer preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Bone of a CT.
+    /// Bone in CT.
     Bone,
-    /// Soft tissue of a CT, and bone.
+    /// Soft tissue and bone in CT.
     SoftTissue,
-    /// Skin of a CT like glass, and bone.
+    /// Glassy skin and bone in CT.
     SkinAndBone,
-    /// What an MR shows, which has no units.
+    /// MR, which has no units.
     Mr,
-    /// The densest quarter of what is not air.
+    /// The highest quarter of the voxels that are not air.
     Densest,
-    /// Three layers of what is not air, as much of it in each.
+    /// Three layers with equal numbers of voxels that are not air.
     Layers,
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Self; 6] = [Self::Bone, Self::SoftTissue, Self::SkinAndBone, Self::Mr, Self::Densest, Self::Layers];
 
-    /// What it is called.
+    /// Display name.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -38,7 +38,7 @@ impl Preset {
         }
     }
 
-    /// What it does, in a sentence.
+    /// Description in one sentence.
     #[must_use]
     pub fn help(self) -> &'static str {
         match self {
@@ -57,7 +57,7 @@ impl Preset {
         }
     }
 
-    /// The same with what scanners have added to Hounsfield units in values like these.
+    /// The description, with the offset of Hounsfield units if the values suggest one.
     #[must_use]
     pub fn help_for(self, statistics: &Statistics) -> String {
         let speaks_of_them = matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone);
@@ -69,8 +69,7 @@ impl Preset {
         }
     }
 
-    /// Its intervals for values like these and materials with these names; `None` where the values are no CT and it takes
-    /// one.
+    /// Intervals for these values and materials; `None` for a CT preset if the values are not those of a CT.
     #[must_use]
     pub fn intervals(self, statistics: &Statistics, materials: &[Material]) -> Option<Vec<Interval>> {
         let hounsfield = || hounsfield(statistics);
@@ -114,15 +113,15 @@ impl Preset {
     }
 }
 
-/// The first material with one of these words in its name; else the one at this part of their order.
+/// The first material with one of `words` in its name, otherwise the material at the fraction `part` of the list.
 fn of(materials: &[Material], words: &[&str], part: f64) -> usize {
     let named = |word: &&str| materials.iter().position(|material| material.name.to_lowercase().contains(word));
     let last = materials.len().saturating_sub(1);
     words.iter().find_map(named).unwrap_or_else(|| crate::number::whole((part * count(last)).round()))
 }
 
-/// The value that 0 Hounsfield units, water, have in a CT; `None` where the values are of something else. Air is at -1000;
-/// scanners that store no sign add 1024.
+/// Value of 0 Hounsfield units (water) if the values are those of a CT. Air is at -1000; scanners that store no sign
+/// add 1024.
 fn hounsfield(statistics: &Statistics) -> Option<f64> {
     let Statistics { min, max, .. } = *statistics;
     match (min, max) {
@@ -132,7 +131,7 @@ fn hounsfield(statistics: &Statistics) -> Option<f64> {
     }
 }
 
-/// The value below which this part of the voxels is that are not air.
+/// Value below which the fraction `part` of the voxels lies, air excluded.
 fn quantile(statistics: &Statistics, part: f64) -> f64 {
     let bins = &statistics.histogram;
     let first = super::source::threshold(bins);
@@ -162,7 +161,7 @@ mod tests {
 
     #[test]
     fn quantiles_are_of_what_is_not_air() {
-        // Half the voxels are 0; the others lie evenly from 32 to 64.
+        // Half of the voxels are 0; the others are distributed evenly from 32 to 64.
         let values = statistics(0.0, 64.0, |bin| if bin == 0 { 3200 } else { 100 * u64::from(bin >= 32) });
         for (part, value) in [(0.25, 40.0), (0.5, 48.0), (1.0, 64.0)] {
             assert!((quantile(&values, part) - value).abs() < 1e-9, "{part}: {}", quantile(&values, part));

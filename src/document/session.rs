@@ -1,6 +1,6 @@
-//! Sessions: what is looked at as a scene file, the one that was opened with what was changed about it.
+//! Sessions: the opened scene file with the changes made in the viewer, as a scene file.
 //!
-//! `relume render` makes the picture of it that the window shows, and `relume view` goes on from there.
+//! `relume render` renders the picture of the window from it, and `relume view` continues with it.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -21,56 +21,56 @@ use crate::volume::ByteOrder;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// The text of the scene cannot be changed.
+    /// The scene's text cannot be parsed for changes.
     #[error("the scene {name} cannot be changed")]
     Text {
         /// The scene.
         name: String,
-        /// Why.
+        /// The cause.
         source: TomlError,
     },
-    /// A path cannot be written into a scene, which is UTF-8 text.
+    /// A path is not UTF-8, so a scene cannot contain it.
     #[error("a session cannot name {}: that is no UTF-8 text; open it by another name", path.display())]
     Name {
         /// The path.
         path: PathBuf,
     },
-    /// Where the files are cannot be found out.
+    /// The absolute path of a folder cannot be found.
     #[error("cannot tell where {} is", path.display())]
     Where {
         /// The path.
         path: PathBuf,
-        /// Why.
+        /// The cause.
         source: io::Error,
     },
-    /// A phantom is not downsampled by a scene.
+    /// A phantom was downsampled, which a scene cannot state.
     #[error("a phantom that --downsample has made smaller cannot be saved as a session; write its dims into the scene")]
     Downsampled,
-    /// Curves of a transfer function that no scene states.
+    /// The transfer function has more curves than a scene can state.
     #[error("{0} terms of the transfer function are curves, and a scene file states one; remove the others")]
     Curves(usize),
-    /// A list stands where a table is to be.
+    /// A key has a value that is not a table.
     #[error("`{name}` of the scene is no table that could be changed")]
     NoTable {
-        /// Its key.
+        /// The key.
         name: &'static str,
     },
-    /// The file.
+    /// The file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
 }
 
-/// Writes `state`, which `opened` of `source` has become, to `path`.
+/// Writes `state` to `path`. `opened` is the scene as it was opened from `source`.
 ///
 /// # Errors
 ///
-/// [`SessionError`]; then `path` is what it was.
+/// [`SessionError`]; `path` is then unchanged.
 pub fn save(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> Result<(), SessionError> {
     let text = text(path, source, opened, state)?;
     Ok(write_atomically(path, |file| file.write_all(text.as_bytes()))?)
 }
 
-/// What [`save`] writes.
+/// Returns the text that [`save`] writes.
 ///
 /// # Errors
 ///
@@ -87,7 +87,7 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     }
     volume(&mut document, source)?;
     let (scene, then) = (&state.scene, &opened.scene);
-    // What a volume without a scene opens with is in no file.
+    // No file contains the camera and the transfer function of a volume without a scene.
     let bare = source.bare_volume().is_some();
     if scene.camera != then.camera || bare {
         document.insert("camera", Item::Table(camera(&scene.camera)));
@@ -134,7 +134,7 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     }
     document.remove("mix");
     let dark = dark(&document);
-    // Which situation it was is not looked at: only what it looks like.
+    // The index of the preset does not matter, only its light.
     let light = LightState { situation: None, ..state.light.clone() };
     if light != LightState::stated(scene.lights.len()) || !dark.is_empty() {
         document.insert("mix", Item::Table(mix(&light, scene, &dark)));
@@ -142,7 +142,7 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     Ok(document.to_string())
 }
 
-/// Where the folder `path` is, whatever folder the program runs in.
+/// Absolute path of the folder `path`, independent of the working directory.
 fn place(path: &Path) -> Result<PathBuf, SessionError> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
     absolute(path).map_err(|source| SessionError::Where { path: path.to_owned(), source })
@@ -152,13 +152,13 @@ fn utf8(path: &Path) -> Result<&str, SessionError> {
     path.to_str().ok_or_else(|| SessionError::Name { path: path.to_owned() })
 }
 
-/// The table `name`, which is made where it is not there.
+/// Returns the table `name`; inserts an empty one if it is missing.
 fn table<'a>(document: &'a mut DocumentMut, name: &'static str) -> Result<&'a mut dyn TableLike, SessionError> {
     let item = document.entry(name).or_insert(Item::Table(Table::new()));
     item.as_table_like_mut().ok_or(SessionError::NoTable { name })
 }
 
-/// What the command line has changed about the volume.
+/// Writes the command line's changes of the volume.
 fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionError> {
     let options = &source.options;
     let volume = source.bare_volume().or(options.volume.as_deref());
@@ -240,7 +240,7 @@ fn camera(camera: &Camera) -> Table {
     table
 }
 
-/// A table that stands where it is put, and not where it stood in its own text.
+/// Copies a table without its positions in the source text, so that it is written where it is inserted.
 fn without_places(table: &Table) -> Table {
     let mut copy = Table::new();
     for (key, item) in table {
@@ -250,8 +250,8 @@ fn without_places(table: &Table) -> Table {
     copy
 }
 
-/// Spectra that are others now, in samples, and those that are `open` in the palette. What the scene says itself holds
-/// whatever its palette designs.
+/// Writes changed spectra, and the `open` spectra of the palette, as samples. A spectrum in the scene takes precedence
+/// over its palette.
 fn spectra(
     document: &mut DocumentMut,
     now: &Scene,
@@ -293,7 +293,7 @@ fn spectra(
     Ok(())
 }
 
-/// What a choice of settings changes.
+/// Writes changed settings.
 fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Result<(), SessionError> {
     if now == then {
         return Ok(());
@@ -315,7 +315,7 @@ fn accuracy(document: &mut DocumentMut, now: &Accuracy, then: &Accuracy) -> Resu
     Ok(())
 }
 
-/// The intervals, and the curves as they are stated, unless they were removed.
+/// Writes the intervals, and keeps stated curves that have not been removed.
 fn transfer(table: &mut dyn TableLike, scene: &Scene) -> Result<(), SessionError> {
     let found: Vec<Option<Interval>> = scene.transfer.terms.iter().map(Interval::of).collect();
     let curves = found.iter().filter(|interval| interval.is_none()).count();
@@ -373,7 +373,7 @@ fn dial(table: &mut dyn TableLike, dial: &Dial) {
         let mut row = InlineTable::new();
         row.insert("name", situation.name.as_str().into());
         row.insert("caption", situation.caption.as_str().into());
-        // A place, even on a node: nodes move.
+        // A position even on a node, because nodes move.
         row.insert("hand", point(situation.hand).into());
         row.insert("off", names(situation.off.iter().map(String::as_str)).into());
         if !situation.on.is_empty() {
@@ -388,7 +388,7 @@ fn point(place: DVec2) -> Array {
     numbers(place.to_array())
 }
 
-/// The lights of which the text says the intensity 0.
+/// Lights with intensity 0 in the text.
 fn dark(document: &DocumentMut) -> BTreeSet<String> {
     let lights = document.get("lights").and_then(Item::as_table_like);
     let is_dark = |light: &Item| {

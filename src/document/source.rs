@@ -1,4 +1,4 @@
-//! What is opened: a scene file, or a volume that gets a scene of its own.
+//! Opens a scene file, or a volume with a default scene around it.
 
 use std::path::{Path, PathBuf};
 
@@ -9,63 +9,63 @@ use crate::progress::{Progress, Quiet};
 use crate::scene::Term;
 use crate::volume::{self, Geometry, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 
-/// The scene around a volume that has none.
+/// The scene around a volume without a scene.
 const AROUND: &str = include_str!("../../data/scenes/volume.toml");
 
-/// What to open.
+/// A file to open, with options.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
-    /// A scene file or a volume; without one, the scene that is part of the program.
+    /// Scene file or volume; `None` is the scene embedded in the program.
     pub path: Option<PathBuf>,
-    /// What is changed about it.
+    /// Changes by the command line.
     pub options: SceneOptions,
 }
 
-/// Why something cannot be opened.
+/// Why a source cannot be opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError {
-    /// The scene.
+    /// An error of the scene.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// Its volume.
+    /// An error of the volume.
     #[error(transparent)]
     Volume(#[from] VolumeError),
 }
 
-/// What has to be said before a file can be read.
+/// Information that is missing to read a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Question {
     /// The file.
     pub file: PathBuf,
-    /// What of it is not known.
+    /// The missing information.
     pub unknown: Unknown,
 }
 
-/// What a file does not say itself.
+/// Information that a file does not contain.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Unknown {
-    /// Which of several volumes is meant.
+    /// The choice among several volumes.
     Which(Several),
-    /// How the voxels of a file without a header lie.
+    /// The voxel layout of a headerless file.
     Layout {
-        /// Bytes of the file.
+        /// Size of the file in bytes.
         bytes: u64,
-        /// What its name and its size suggest, where they do.
+        /// Layout suggested by the file's name and size, if any.
         guess: Option<Box<RawLayout>>,
     },
 }
 
 impl OpenError {
-    /// What would have to be said for it to be opened, where that is all.
+    /// The missing information, if nothing else prevents opening.
     #[must_use]
     pub fn question(&self) -> Option<Question> {
         let (file, unknown) = match self {
             Self::Volume(VolumeError::NoLayout { path, bytes, guess, .. }) => {
                 (path.clone(), Unknown::Layout { bytes: *bytes, guess: guess.clone() })
             }
-            // A scene may say it too, or whoever opens it.
+            // The scene may answer this, or the user.
             Self::Volume(VolumeError::Choose { source_name, there })
             | Self::Scene(SceneError::Volume { source: VolumeError::Choose { source_name, there }, .. }) => {
                 (source_name.into(), Unknown::Which(there.clone()))
@@ -75,7 +75,7 @@ impl OpenError {
         Some(Question { file, unknown })
     }
 
-    /// The scene that has no volume, and whether it names one, which is not there.
+    /// The scene without a volume, and whether it names a volume that cannot be opened.
     #[must_use]
     pub fn scene_without_volume(&self) -> Option<(&Path, bool)> {
         match self {
@@ -89,13 +89,13 @@ impl OpenError {
 }
 
 impl Source {
-    /// What is at `path`, unchanged.
+    /// The file at `path`, without options.
     #[must_use]
     pub fn of(path: &Path) -> Self {
         Self { path: Some(path.to_owned()), options: SceneOptions::default() }
     }
 
-    /// The same, but for a volume that is to be shown in no scene that is named: that is opened as one that has none.
+    /// The same source; a volume of the options without a scene file is opened as a volume without a scene.
     #[must_use]
     pub fn or_its_volume(self) -> Self {
         let options = SceneOptions { volume: None, ..self.options.clone() };
@@ -103,8 +103,8 @@ impl Source {
         if self.path.is_none() && alone.bare_volume().is_some() { alone } else { self }
     }
 
-    /// The same with the volume at `path`: where the scene names one, in the place of that file, which was moved; what the scene
-    /// says of it, its labels too, still holds.
+    /// The same source with the volume at `path`. If the scene names a volume (`is_named`), which was moved, `path`
+    /// replaces its name, and the scene's other keys for the volume and its labels still hold.
     #[must_use]
     pub fn with_volume(mut self, path: &Path, is_named: bool) -> Self {
         let name = path.to_str().filter(|_| is_named && self.options.volume.is_none());
@@ -118,7 +118,7 @@ impl Source {
         self
     }
 
-    /// The same where it is yet to be said which of the volumes in its file is meant.
+    /// The same source with an open choice among the volumes of its file.
     #[must_use]
     pub fn reselected(&self) -> Self {
         let options =
@@ -126,13 +126,13 @@ impl Source {
         Self { options, ..self.clone() }
     }
 
-    /// Whether it was [`Self::reselected`] from `other`, and is perhaps another of the volumes in its file.
+    /// Whether this was [`Self::reselected`] from `other`, and so may be another volume of its file.
     #[must_use]
     pub fn is_another_of(&self, other: &Self) -> bool {
         self.options.selection.asks && self.reselected() == other.reselected()
     }
 
-    /// What a window is called that shows it, or what was chosen of it.
+    /// Window title: the file and the selected volume.
     #[must_use]
     pub fn title(&self, Selection { component, time, array, .. }: &Selection) -> String {
         let file = self.path.as_ref().and_then(|path| path.file_name());
@@ -147,19 +147,19 @@ impl Source {
         }
     }
 
-    /// How it is called.
+    /// Display name.
     #[must_use]
     pub fn name(&self) -> String {
         self.path.as_ref().map_or_else(|| "the default scene".to_owned(), |path| path.display().to_string())
     }
 
-    /// The volume that it is, where it is no scene.
+    /// The path, if it is a volume and not a scene.
     #[must_use]
     pub fn bare_volume(&self) -> Option<&Path> {
         self.path.as_deref().filter(|path| is_volume(path, &[]) || has_header(path))
     }
 
-    /// Reads the scene. A volume without one gets a transfer function made from its histogram.
+    /// Reads the scene. A volume without a scene gets a transfer function from its histogram.
     ///
     /// # Errors
     ///
@@ -171,7 +171,7 @@ impl Source {
             (_, Some(volume)) => {
                 let options = SceneOptions { volume: Some(volume.to_owned()), ..self.options.clone() };
                 match parse(&volume.display().to_string(), AROUND, Path::new(""), &options, progress) {
-                    // Of a file that is the volume, there is no scene to speak of.
+                    // The file is the volume itself, so the error needs no scene.
                     Err(SceneError::Volume { source, .. }) => return Err(source.into()),
                     parsed => parsed?,
                 }
@@ -183,7 +183,7 @@ impl Source {
         if without_scene.is_some() {
             scene.transfer.terms = terms(&statistics, scene.materials.len());
             scene.transfer.opacity_length *= thickness(&scene.volume.geometry);
-            // Patients stand upright and face whoever looks.
+            // Patients stand upright and face the viewer.
             let patient = scene.volume.anatomical.then_some(Side::Front);
             if let Some(side) = flat_side(&scene.volume.geometry).or(patient) {
                 scene.camera = moved(&scene.camera, &scene.camera, &scene.volume.geometry, 1.0, Move::Axis(side));
@@ -193,10 +193,10 @@ impl Source {
     }
 }
 
-/// What is wrong with the file `path`, which could not be read as a scene. One that is no text of a scene's length is told of as
-/// a volume that is not known.
+/// Error for the file `path`, which is not readable as a scene. A file that is not text, or too long for a scene, is
+/// reported as a volume of unknown format.
 fn no_scene(path: &Path, error: SceneError) -> OpenError {
-    // Of what is wrong in a scene's text, the line is said.
+    // Errors inside a scene's text have a line; this one concerns the whole file.
     let is_all_of_it = matches!(&error, SceneError::Invalid { at, .. } if *at == path.display().to_string());
     match volume::open(path, &Selection::default(), &Quiet) {
         Err(unknown @ VolumeError::UnknownFormat { .. }) if is_all_of_it => unknown.into(),
@@ -204,22 +204,21 @@ fn no_scene(path: &Path, error: SceneError) -> OpenError {
     }
 }
 
-/// Opacities of the materials of a volume that has no scene, from the rarest-valued air up.
+/// Opacities of the materials of a volume without a scene, in ascending order of voxel values.
 const OPACITIES: [f64; 3] = [0.01, 0.06, 0.4];
 
-/// Voxels deep that a thing is which [`OPACITIES`] show well.
+/// Depth in voxels of an object for which [`OPACITIES`] are suitable.
 const DEPTH: f64 = 100.0;
-/// How many times as long as it is thick a volume is that is looked at as a sheet.
+/// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
 const FLAT: f64 = 20.0;
 
-/// What [`OPACITIES`] are of in a volume of this thickness, as a part of a voxel: what is thin, as one slice is, is to hide as
-/// much as if it were not.
+/// Factor of the opacity length: below 1 for a thin volume, so that a single slice occludes as much as a thick volume.
 fn thickness(geometry: &Geometry) -> f64 {
     let depth = geometry.extent().min_element() / geometry.spacing.min_element();
     (depth / DEPTH).min(1.0)
 }
 
-/// The side from which a volume that is a sheet is looked at: of slices along z, as they lie on a screen.
+/// Side from which a sheet is viewed; slices along z appear as on a screen.
 fn flat_side(geometry: &Geometry) -> Option<Side> {
     let extent = geometry.extent();
     let thin = extent.min_position();
@@ -227,8 +226,8 @@ fn flat_side(geometry: &Geometry) -> Option<Side> {
     (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
 }
 
-/// A first transfer function: what surrounds things is left out, and the rest is cut into ranges of values that hold
-/// about as much each, where a value counts by the logarithm of how often it occurs.
+/// Initial transfer function. Omits the surroundings, and cuts the other values into ranges of about equal weight; the
+/// weight of a value is the logarithm of its frequency.
 fn terms(statistics: &Statistics, materials: usize) -> Vec<Term> {
     let bins = &statistics.histogram;
     let width = (statistics.max - statistics.min) / count(bins.len());
@@ -258,8 +257,8 @@ fn terms(statistics: &Statistics, materials: usize) -> Vec<Term> {
     cuts.windows(2).enumerate().map(term).collect()
 }
 
-/// The bin above which a voxel belongs to a thing and not to what surrounds it: the cut into two classes of values with
-/// the largest variance between them (Otsu 1979).
+/// First histogram bin of objects as opposed to their surroundings: the cut into two classes with the largest variance
+/// between them (Otsu 1979).
 pub(crate) fn threshold(bins: &[u64]) -> usize {
     let weight = |&n: &u64| count(usize::try_from(n).unwrap_or(usize::MAX));
     let total: f64 = bins.iter().map(weight).sum();

@@ -15,93 +15,94 @@ use crate::scene::{Accuracy, Interval, LabelEntry, Mix, Scene};
 use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 
-/// Everything a person can change, and nothing else.
+/// All editable state of a document.
 #[derive(Clone, Debug)]
 pub struct State {
     /// The scene as edited.
     pub scene: Scene,
     /// The light dial.
     pub dial: Dial,
-    /// How its lights are mixed.
+    /// The mix of the lights.
     pub light: LightState,
-    /// What is asked of spectra that are designed together, where something is.
+    /// The palette of the spectra that are designed together, if any.
     pub palette: Option<Arc<Palette>>,
 }
 
-/// A change of the [`State`]. Numbers out of range are brought into it.
+/// A change of the [`State`]. Numbers out of range are clamped.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Edit {
-    /// The slider of a light, by its index. Takes over from the dial what it was at.
+    /// Sets the slider of a light, by its index. If the dial is in use, the sliders take over its mix.
     Weight(usize, f64),
-    /// Whether a light shines.
+    /// Switches a light on or off.
     On(usize, bool),
-    /// One light alone, or all that are on.
+    /// Selects a single light, or all lights that are on.
     Solo(Option<usize>),
-    /// What decides: the sliders or the dial.
+    /// Selects the sliders or the dial.
     Mix(Mixing),
-    /// Whether brightness is kept, of what decides now.
+    /// Whether the sliders or the dial, whichever is in use, keep the luminance of white.
     Normalise(bool),
-    /// How bright, of what decides now.
+    /// Master of the sliders or the dial, whichever is in use.
     Master(f64),
-    /// The hand of the dial, which decides from now on.
+    /// Moves the hand of the dial, and selects the dial.
     Hand(DVec2),
-    /// The hand exactly on a node, by its index.
+    /// Moves the hand exactly onto a node, by its index, and selects the dial.
     HandOnNode(usize),
-    /// Where a node lies.
+    /// Moves a node.
     NodePlace(usize, DVec2),
-    /// Whether a node takes part; its place is kept.
+    /// Switches a node on or off; it keeps its position.
     NodeOn(usize, bool),
-    /// The nodes where the scene has them, all of them taking part.
+    /// Moves the nodes to the scene's positions, and switches all of them on.
     ResetDial,
-    /// The nodes at the corners of a regular polygon, all of them taking part.
+    /// Moves the nodes to the corners of a regular polygon, and switches all of them on.
     Polygon,
-    /// A situation of the dial, by its index.
+    /// Selects a dial preset, by its index.
     Situation(usize),
-    /// The place of the hand and which nodes take part, from now on a situation of this name; one that has it gives way.
+    /// Saves the hand and the nodes that are on as a dial preset of this name; replaces a preset of the same name.
     Keep(String),
-    /// Another name for a situation, by its index; one that is taken is not given.
+    /// Renames a dial preset, by its index, unless the name is taken.
     Rename(usize, String),
-    /// A situation that is left out from now on, by its index.
+    /// Removes a dial preset, by its index.
     Forget(usize),
-    /// So many of so many steps on the way of the hand from each situation to the next.
+    /// Moves the hand to a step of a tour: the first number of steps out of the second, through all dial presets.
     Tour(usize, usize),
-    /// What linear colours are multiplied by.
+    /// Factor of linear colours.
     Exposure(f64),
-    /// Whether the eye adapts to the white of the lights.
+    /// Whether colours are adapted to the white of the lights.
     Adapt(bool),
-    /// Whose eyes make colours of spectra.
+    /// Standard observer.
     Observer(Observer),
-    /// Which cones are missing in those whom it is a preview for.
+    /// Colour vision deficiency to preview.
     Deficiency(Option<Deficiency>),
-    /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner.
+    /// Opposite corners of the crop box, in fractions of the volume from 0 to 1.
     Crop(Option<[DVec3; 2]>),
-    /// The part of the volume that the scene shows.
+    /// Restores the crop box of the scene.
     ResetCrop,
-    /// All intervals anew, in place of every term.
+    /// Replaces all terms by these intervals.
     Intervals(Vec<Interval>),
-    /// A movement of the camera, before a picture of this width over height.
+    /// Moves the camera, for a picture of this width over height.
     Camera(Move, f64),
-    /// An interval of the transfer function, by the index of its term. What no scene may say is not done.
+    /// Changes an interval of the transfer function, by the index of its term. An interval that no scene may state has
+    /// no effect.
     Interval(usize, Interval),
-    /// A new interval, before what the scene states by curves.
+    /// Adds an interval, before the scene's curves.
     AddInterval(Interval),
-    /// A term of the transfer function that is left out from now on, by its index.
+    /// Removes a term of the transfer function, by its index.
     RemoveTerm(usize),
-    /// What a label shows as, by its index among those that the scene declares: the material, and its opacity.
+    /// Material and opacity of a label, by its index among the declared labels.
     Label(usize, usize, f64),
-    /// The transfer function and the labels as the scene has them.
+    /// Restores the transfer function and the labels of the scene.
     ResetTransfer,
-    /// The trade of speed for accuracy.
+    /// Accuracy settings.
     Accuracy(Accuracy),
-    /// A step in what is asked of a palette. The picture stays as it is.
+    /// Edits the palette. The picture does not change.
     Design(Step),
-    /// Other spectra. Where pixels keep weights of materials, nothing is marched; a colour model is fitted anew.
+    /// Replaces spectra. Film with material weights needs no march; a colour model is fitted again.
     Spectra(Arc<Spectra>),
 }
 
 impl Edit {
-    /// What tells it from other kinds: the hand on a node is on its way as anywhere else.
+    /// Kind of the edit for the undo history; a hand on a node is of the same kind as any other position of the hand.
     pub(super) fn kind(&self) -> Discriminant<Self> {
         match self {
             Self::HandOnNode(_) => std::mem::discriminant(&Self::Hand(DVec2::ZERO)),
@@ -109,7 +110,7 @@ impl Edit {
         }
     }
 
-    /// Whether it leaves the lights and their mix as they are.
+    /// Whether the edit does not affect the lights and their mix.
     #[must_use]
     pub fn leaves_light(&self) -> bool {
         match self {
@@ -150,19 +151,19 @@ impl Edit {
     }
 }
 
-/// The nodes of the dial where `opened` has them, all of them taking part: a session may have left some out.
+/// The nodes of the dial as in `opened`, all of them on; a session may have some off.
 #[must_use]
 pub fn reset_nodes(opened: &SceneFile) -> Vec<DialNode> {
     opened.dial.nodes.iter().map(|node| DialNode { on: true, ..node.clone() }).collect()
 }
 
-/// The nodes of `dial` at the corners of a regular polygon, all of them taking part.
+/// The nodes of `dial` at the corners of a regular polygon, all of them on.
 #[must_use]
 pub fn polygon(dial: &Dial) -> Vec<DialNode> {
     Dial::regular(dial.nodes.iter().map(|node| node.light.as_str())).nodes
 }
 
-/// The nodes that take part in a situation, by its index, where the dial has them as the scene was opened with.
+/// Switches the nodes of a dial preset on or off, by its index, relative to the dial as opened.
 fn take_part(dial: &mut Dial, opened: &SceneFile, index: usize) {
     let Some(situation) = dial.situations.get(index) else { return };
     for (node, stated) in dial.nodes.iter_mut().zip(&opened.dial.nodes) {
@@ -176,7 +177,7 @@ fn redesign(palette: &mut Option<Arc<Palette>>, step: &Step, scene: &Scene) {
     }
 }
 
-/// What the labels of `scene` show as.
+/// Declared labels of `scene`.
 fn declared(scene: &Scene) -> &[LabelEntry] {
     scene.labels.as_ref().map_or(&[], |labels| &labels.declared)
 }
@@ -188,10 +189,10 @@ fn factor(number: f64) -> f64 {
     if number.is_finite() { number.clamp(0.0, BRIGHTEST) } else { 1.0 }
 }
 
-/// The shortest and the longest step, in voxels.
+/// Shortest and longest step, in voxels.
 pub const STEPS: [f64; 2] = [0.01, 1000.0];
 
-/// The nearest to `accuracy` that a scene may ask for, where voxels are so wide.
+/// Clamps `accuracy` to the settings that a scene may state, for voxels of width `voxel`.
 fn allowed(accuracy: &Accuracy, voxel: f64) -> Accuracy {
     let within = |number: f64, [low, high]: [f64; 2], otherwise: f64| {
         if number.is_finite() { number.clamp(low, high) } else { otherwise }
@@ -209,10 +210,10 @@ fn finite(place: DVec2) -> DVec2 {
     if place.is_finite() { place.clamp(DVec2::splat(-1e6), DVec2::splat(1e6)) } else { DVec2::ZERO }
 }
 
-/// Least part of an axis that a crop shows.
+/// Smallest fraction of an axis in a crop box.
 pub const THINNEST: f64 = 1e-3;
 
-/// The voxel indices, corner to corner, of these parts of a volume of so many voxels.
+/// Opposite corners of a crop box in voxel indices, from fractions of a volume of `dims` voxels.
 fn crop_from_parts([low, high]: [DVec3; 2], dims: [usize; 3]) -> [DVec3; 2] {
     let last = DVec3::from_array(dims.map(count)) - 1.0;
     let part = |part: f64| if part.is_nan() { 0.0 } else { part.clamp(0.0, 1.0) };
@@ -222,48 +223,48 @@ fn crop_from_parts([low, high]: [DVec3; 2], dims: [usize; 3]) -> [DVec3; 2] {
 }
 
 impl State {
-    /// The part of the volume that is shown, in parts of it from 0 to 1, corner to corner; `None` is all of it.
+    /// Opposite corners of the crop box in fractions of the volume, from 0 to 1; `None` is the whole volume.
     #[must_use]
     pub fn crop(&self) -> Option<[DVec3; 2]> {
         let last = DVec3::from_array(self.scene.volume.geometry.dims.map(count)) - 1.0;
-        // On an axis of one voxel there is no more to show.
+        // An axis of one voxel is always complete.
         let part =
             |corner: DVec3, of_one: f64| DVec3::select(last.cmpgt(DVec3::ZERO), corner / last, DVec3::splat(of_one));
         self.scene.crop.map(|[low, high]| [part(low, 0.0), part(high, 1.0)])
     }
 
-    /// The state in which `scene` opens: the picture that `relume render` makes of it.
+    /// Initial state of a scene, which `relume render` renders.
     #[must_use]
     pub fn new(file: &SceneFile) -> Self {
         let SceneFile { scene, dial, light, .. } = file.clone();
         Self { scene, dial, light, palette: design::stated(file) }
     }
 
-    /// The lights that shine now, from the positions of the scene.
+    /// Current mix, at the light positions of the scene.
     #[must_use]
     pub fn mix(&self) -> Mix {
         self.light.mix(Mix::of_scene(&self.scene), &self.scene.lights, &self.dial)
     }
 
-    /// How much each of the scene's lights shines, as a multiple of its stated intensity: what sliders would show.
+    /// Weight of each of the scene's lights as a multiple of its stated intensity: the equivalent sliders.
     #[must_use]
     pub fn shares(&self) -> Vec<f64> {
         let mix = self.mix();
         let share = |light: &crate::scene::SceneLight| {
-            // Not `sum`, which makes −0 of nothing.
+            // Not `sum`, which is −0 for no terms.
             let weight = mix.0.iter().filter(|one| one.name == light.name).fold(0.0, |sum, one| sum + one.weight);
             if light.intensity > 0.0 { weight / light.intensity } else { 0.0 }
         };
         self.scene.lights.iter().map(share).collect()
     }
 
-    /// Whether any light arrives.
+    /// Whether any light shines, at an exposure above 0.
     #[must_use]
     pub fn is_lit(&self) -> bool {
         self.mix().0.iter().any(|light| light.weight > 0.0) && self.scene.display.exposure > 0.0
     }
 
-    /// Whether brightness is kept by what decides now, and how bright.
+    /// Normalisation and master of the sliders or the dial, whichever is in use.
     #[must_use]
     pub fn master(&self) -> (bool, f64) {
         match self.light.mixing {
@@ -272,11 +273,12 @@ impl State {
         }
     }
 
-    /// Whether both states write the same session.
+    /// Whether both states save the same session.
     #[must_use]
     pub fn writes_as(&self, other: &Self) -> bool {
         let Self { scene, dial, light, palette } = self;
-        // Taken apart without `..`: a new field does not compile until it is decided here whether sessions have it.
+        // Destructured without `..`: a new field does not compile until this function decides whether sessions contain
+        // it.
         let Scene {
             name: _,
             volume: _,
@@ -304,7 +306,7 @@ impl State {
         match *edit {
             Edit::Weight(index, weight) => {
                 if light.mixing == Mixing::Dial {
-                    // The picture stays as it is, and the sliders are what makes it.
+                    // The picture does not change: the sliders take over the mix of the dial.
                     *light = LightState {
                         mixing: Mixing::Sliders,
                         sliders: shares.into_iter().map(|weight| Slider { weight, on: true }).collect(),
@@ -369,7 +371,7 @@ impl State {
                 }
             }
             Edit::Keep(ref name) => {
-                // All of them: which ones the dial itself has off may be another when it is opened again.
+                // All nodes, because the dial's own selection may differ when the session is opened again.
                 let (on, off): (Vec<_>, Vec<_>) = dial.nodes.iter().partition(|node| node.on);
                 let [on, off] = [on, off].map(|nodes| nodes.into_iter().map(|node| node.light.clone()).collect());
                 let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off, on };
@@ -421,7 +423,7 @@ impl State {
             }
             Edit::AddInterval(interval) => {
                 let terms = &mut scene.transfer.terms;
-                // A file states its intervals before its curves, and sums are to be made in its order.
+                // A file states its intervals before its curves, and sums follow the order of the file.
                 let end = terms.iter().position(|term| Interval::of(term).is_none()).unwrap_or(terms.len());
                 if let Some(interval) = interval.allowed(&scene.materials) {
                     terms.insert(end, interval.term());
@@ -459,7 +461,7 @@ impl State {
             Edit::Situation(index) => Some(index).filter(|&index| index < dial.situations.len()),
             Edit::Keep(ref name) => dial.situations.iter().position(|situation| situation.name == *name),
             Edit::Tour(..) => dial.situations.iter().rposition(|situation| situation.hand == light.hand),
-            // On a node it is that light alone, wherever the others are.
+            // On a node only its light shines, whatever the positions of the others.
             Edit::NodePlace(..) | Edit::ResetDial | Edit::Polygon => light.situation.filter(|&index| {
                 let is_on = dial.nodes.iter().any(|node| node.on && node.lies_at(light.hand));
                 is_on && dial.situations.get(index).is_some_and(|situation| situation.hand == light.hand)

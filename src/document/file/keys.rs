@@ -1,4 +1,4 @@
-//! What a scene file may say: its keys as they are written.
+//! The keys of a scene file.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -16,7 +16,7 @@ use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::volume::ByteOrder;
 
-/// Anything the file says, with where it says it.
+/// A value with its place in the file.
 pub(super) type At<T> = Spanned<T>;
 
 #[derive(Deserialize)]
@@ -186,7 +186,7 @@ pub(super) struct SituationFile {
     pub(super) on: Vec<At<String>>,
 }
 
-/// A node by the name of its light, or a place.
+/// A node, by the name of its light, or a position.
 #[derive(Deserialize)]
 #[serde(untagged, expecting = "a hand is the name of a light, or [x, y]")]
 pub(super) enum HandFile {

@@ -1,4 +1,4 @@
-//! The materials of a scene file, and what values and labels show of them.
+//! Reads the materials, the transfer function and the labels of a scene file.
 
 use super::*;
 
@@ -64,7 +64,7 @@ impl Text<'_> {
         })
     }
 
-    /// Optical depth per opacity length where `material` absorbs most.
+    /// Optical depth per opacity length at the peak of the material's absorption spectrum.
     pub(super) fn absorption(
         &self,
         key: &str,
@@ -127,7 +127,7 @@ impl Text<'_> {
         Ok(Transfer { opacity_length: 1.0, lookup: file.lookup, entries, terms })
     }
 
-    /// The points of a curve of the transfer function, whose heights are in `range`.
+    /// Points of a curve of the transfer function, with heights in `range`.
     pub(super) fn curve(
         &self,
         what: &str,

@@ -1,10 +1,10 @@
-//! The lights of a scene file, how they are mixed, and the camera.
+//! Reads the lights, the dial, the mix and the camera of a scene file.
 
 use super::*;
 
 impl Text<'_> {
-    /// The lights, and the names of those that are dark: whose intensity is 0. They are there at intensity 1, for sliders,
-    /// the dial and `--light`, and are switched off as the scene opens.
+    /// The lights, and the names of the dark lights, whose intensity is 0. Dark lights get intensity 1, for sliders,
+    /// the dial and `--light`, and are switched off when the scene opens.
     pub(super) fn lights(
         &self,
         files: &BTreeMap<String, At<LightFile>>,
@@ -45,7 +45,7 @@ impl Text<'_> {
         Ok((lights, dark))
     }
 
-    /// The regular polygon of `lights`, changed by what the file says.
+    /// The regular polygon of `lights` with the changes of the file.
     pub(super) fn dial(&self, file: &DialFile, lights: &[SceneLight]) -> Result<Dial, SceneError> {
         let mut dial = Dial::regular(lights.iter().map(|light| light.name.as_str()));
         dial.normalise = file.normalise.unwrap_or(dial.normalise);
@@ -86,7 +86,7 @@ impl Text<'_> {
         Ok(dial)
     }
 
-    /// How the scene mixes its `lights`, of which some are `dark`, as it opens.
+    /// Initial mix of the scene's `lights`; `dark` lights are off.
     pub(super) fn mix(
         &self,
         file: &MixFile,

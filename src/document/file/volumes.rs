@@ -1,4 +1,4 @@
-//! The volumes that a scene file names, and the part of them that it shows.
+//! Reads the volume, the labels and the crop box of a scene file.
 
 use super::*;
 
@@ -7,7 +7,7 @@ impl Text<'_> {
         let CropFile { min, max } = crop.get_ref();
         let last = volume.geometry.dims.map(|n| count(n) - 1.0);
         for axis in 0..3 {
-            // Only an axis of one voxel has no more than one index to show.
+            // Only an axis of one voxel may have equal indices.
             let apart = min[axis] < max[axis] || last[axis] <= 0.0;
             if !(0.0 <= min[axis] && apart && min[axis] <= max[axis] && max[axis] <= last[axis]) {
                 let message = format!(
@@ -21,7 +21,7 @@ impl Text<'_> {
         Ok([DVec3::from_array(*min), DVec3::from_array(*max)])
     }
 
-    /// The volume, and the grid it lies on before the scene moves it.
+    /// The volume, and its grid before the scene changes spacing, origin or direction.
     pub(super) fn volume(
         &self,
         file: &VolumeFile,
@@ -70,7 +70,7 @@ impl Text<'_> {
             }
         };
         volume.geometry = geometry;
-        // What the file says of its axes is not said of others.
+        // The anatomical axes of the volume's file do not apply to a direction of the scene.
         volume.anatomical &= file.direction.is_none();
         Ok((volume, stored))
     }
@@ -125,7 +125,7 @@ impl Text<'_> {
 }
 
 impl VolumeFile {
-    /// How to read a headerless file, where the scene says so by naming a type.
+    /// Layout of a headerless file, if the scene states a voxel type.
     pub(super) fn raw_layout(&self, text: &Text<'_>) -> Result<Option<RawLayout>, SceneError> {
         let Some(name) = &self.r#type else {
             return Ok(None);
@@ -146,7 +146,7 @@ impl VolumeFile {
         }))
     }
 
-    /// What to read of a file that holds several volumes.
+    /// Choice of a volume from a file of several.
     pub(super) fn selection(&self, options: &SceneOptions) -> Selection {
         let stated = Selection { component: self.component, time: self.time, array: self.array.clone(), asks: false };
         if options.volume.is_some() || options.selection.asks {
@@ -156,7 +156,7 @@ impl VolumeFile {
         }
     }
 
-    /// The blocks that voxels of files are averaged over; those of a phantom only where the command line says so.
+    /// Size of the averaged blocks of voxels; for a phantom only if the command line states it.
     pub(super) fn blocks(&self, options: &SceneOptions) -> Option<[usize; 3]> {
         let is_file = options.volume.is_some() || self.phantom.is_none();
         let stated = self.downsample.map(|blocks| blocks.map(NonZeroUsize::get)).filter(|_| is_file);
