@@ -1,4 +1,4 @@
-//! What one frame computes: what the scene needs at the accuracy asked for.
+//! Plans: the features and sizes that a scene needs at its accuracy settings.
 
 mod explain;
 mod half;
@@ -20,102 +20,103 @@ use crate::scene::{
 use crate::spectrum::Light;
 use crate::spectrum::observer::Observer;
 
-/// Numbers in a shader's vector; accumulators and tables come in these.
+/// Numbers in a shader's vector, the unit of accumulators and tables.
 pub const LANE: usize = 4;
 
-/// The share of the tolerance that numbers may miss which take the place of weights: what is exact is given up for little.
+/// Fraction of the tolerance allowed to coefficients that replace exact weights: exactness is given up only for a small
+/// error.
 const EXACTNESS: f64 = 0.5;
 
-/// What one frame computes. Discrete choices only, among them the exponent that all highlights share; other numbers travel
-/// beside it. Plans that a shader cannot tell apart share its pipeline.
+/// Features and sizes of a frame. Contains discrete choices only, including an exponent that all highlights share;
+/// other numbers are passed separately. Plans with the same shader share its pipeline.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ScenePlan {
-    /// What the pixels store.
+    /// Contents of pixels.
     pub accumulate: Accumulate,
-    /// Whether what passes has a colour.
+    /// Kind of transmittance.
     pub transmittance: Transmittance,
-    /// Light positions that shading can tell apart: one accumulator each.
+    /// Light positions that shading can distinguish: one accumulator each.
     pub positions: PositionCounts,
-    /// What tells light positions apart; `None` while every light arrives everywhere alike.
+    /// Shading of directed lights; `None` if every light reaches every point equally.
     pub shading: Option<ShadingTerms>,
-    /// Whether labels decide over the transfer function.
+    /// Whether labels take precedence over the transfer function.
     pub labels: bool,
-    /// Whether anything but black is behind the volume.
+    /// Whether the background is other than black.
     pub background: bool,
-    /// How the transfer table is read.
+    /// Lookup in the transfer table.
     pub lookup: Lookup,
-    /// How values between voxels are made.
+    /// Interpolation between voxels.
     pub interpolation: Interpolation,
-    /// How the volume is stored.
+    /// Storage of the volume.
     pub volume: VolumeAs,
-    /// Where gradients come from; [`Gradients::Packed`] where none are needed.
+    /// Source of gradients; [`Gradients::Packed`] if none are needed.
     pub gradients: Gradients,
-    /// Whether empty cells are leapt over.
+    /// Whether empty macrocells are skipped.
     pub skipping: bool,
-    /// How finished accumulators are stored.
+    /// Storage of finished accumulators.
     pub storage: StoreAs,
 }
 
-/// What the pixels store.
+/// Contents of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Accumulate {
-    /// One weight per material in use (docs/theory/march.md): exact for every light, because opacity is grey and light scatters
-    /// once. With specular materials one more, of white.
+    /// One weight per material in use (docs/theory/march.md): exact for every light, because opacity is grey and light
+    /// scatters once. Specular materials add a weight for white.
     Weights {
         /// Materials in use.
         materials: usize,
     },
-    /// A spectrum in the k numbers of a colour model (docs/theory/colour-models.md).
+    /// A spectrum as the k coefficients of a colour model (docs/theory/colour-models.md).
     Spectral {
-        /// k.
+        /// Dimension k.
         dimension: usize,
-        /// Which spectra a table entry holds of what a step reflects.
+        /// Spectra of the source in a table entry.
         shares: Shares,
-        /// Different exponents of highlights: each has its own part of a table entry.
+        /// Number of distinct exponents of highlights; each has its own part of a table entry.
         exponents: usize,
     },
 }
 
-/// How the ambient and diffuse shares of the materials in use compare.
+/// Comparison of the ambient and diffuse factors of the materials in use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Shares {
-    /// All alike: what a step reflects is one spectrum, shaded as a whole.
+    /// Equal for all materials: the source is one spectrum, shaded as a whole.
     Equal,
-    /// Each its own: the ambient part of what a step reflects is one spectrum, the diffuse part another.
+    /// Different: the ambient part of the source is one spectrum, the diffuse part another.
     Own,
 }
 
-/// Whether light that passes keeps its colour.
+/// Kind of transmittance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Transmittance {
-    /// All that absorbs and scatters, summed, does so alike at all wavelengths: one number.
+    /// The sum of all absorption and scattering is equal at all wavelengths: one number.
     Grey,
     /// One number per component of the colour model.
     Coloured,
-    /// A matrix, row by row: what each component of the light behind adds to each of what comes through (Peercy 1993).
+    /// A matrix, row by row: contribution of each component of the light behind to each transmitted component (Peercy
+    /// 1993).
     Mixed,
 }
 
-/// Where in a table entry the parts of what a step reflects begin, in vectors.
+/// Offsets of the parts of the source in a table entry, in vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parts {
-    /// What light from everywhere has reflected; per material where weights are accumulated.
+    /// Source of ambient light; one number per material if weights are accumulated.
     pub unshaded: usize,
-    /// The ambient share of a directed light.
+    /// Ambient part for a directed light.
     pub ambient: usize,
-    /// The share that follows |n·l|.
+    /// Diffuse part, which follows |n·l|.
     pub diffuse: usize,
-    /// White, a part for each exponent.
+    /// White of the highlights, one part per exponent.
     pub highlights: usize,
-    /// Vectors an entry.
+    /// Vectors per entry.
     pub lanes: usize,
 }
 
-/// Light positions of each kind. Ambient ones come first in the accumulators, then the headlight, directional ones and
-/// points.
+/// Number of light positions of each kind. Accumulators follow the order ambient, headlight, directional, point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct PositionCounts {
-    /// 0 or 1: what shines from everywhere shines alike.
+    /// 0 or 1: all ambient lights share a position.
     pub ambient: usize,
     /// 0 or 1.
     pub headlight: usize,
@@ -125,8 +126,8 @@ pub struct PositionCounts {
     pub point: usize,
 }
 
-/// How shading goes beyond light from everywhere. Without a diffuse and a specular part only the materials' ambient shares
-/// are left of it, and no gradient is needed.
+/// Shading terms of directed lights. Without diffuse and specular parts, only the materials' ambient factors remain,
+/// and no gradient is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ShadingTerms {
     /// Some material has a diffuse part.
@@ -135,30 +136,30 @@ pub struct ShadingTerms {
     pub specular: Option<Specular>,
 }
 
-/// How highlights are computed.
+/// Parameters of highlights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Specular {
-    /// The exponent that serves all materials, compiled in; `None` where they have several.
+    /// Exponent of all materials, compiled into the shader; `None` if there are several.
     pub one_exponent: Option<u32>,
-    /// Bits of the largest exponent: squarings per power.
+    /// Bits of the largest exponent: the number of squarings per power.
     pub exponent_bits: u32,
 }
 
-/// A plan with what it is about: which materials and positions its components stand for.
+/// A plan with the materials and light positions of its components.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Planned {
-    /// The choices.
+    /// The plan.
     pub plan: ScenePlan,
     /// Materials in use: indices into [`Scene::materials`], in the order of the weights.
     pub materials: Vec<usize>,
     /// The light positions, in the order of the accumulators.
     pub positions: Vec<Position>,
-    /// What carries spectra, where pixels store no weights.
+    /// Colour model, if pixels keep no weights.
     pub model: Option<Arc<ColourModel>>,
 }
 
 impl PositionCounts {
-    /// All of them.
+    /// Number of light positions.
     #[must_use]
     pub fn total(&self) -> usize {
         self.ambient + self.headlight + self.directional + self.point
@@ -166,7 +167,7 @@ impl PositionCounts {
 }
 
 impl ScenePlan {
-    /// Numbers a pixel keeps per light position.
+    /// Components of an accumulator.
     #[must_use]
     pub fn components(&self) -> usize {
         match self.accumulate {
@@ -175,7 +176,7 @@ impl ScenePlan {
         }
     }
 
-    /// Numbers that say how much light passes a pixel.
+    /// Numbers of the transmittance of a pixel.
     #[must_use]
     pub fn passed(&self) -> usize {
         match self.transmittance {
@@ -197,7 +198,7 @@ impl ScenePlan {
         self.passed().div_ceil(LANE)
     }
 
-    /// Vectors that hold the shading coefficients: one per material, or an exponent per kind of highlight.
+    /// Vectors that hold the shading coefficients: one number per material, or one per exponent of highlights.
     #[must_use]
     pub fn shading_lanes(&self) -> usize {
         let numbers = match self.accumulate {
@@ -207,7 +208,7 @@ impl ScenePlan {
         numbers.div_ceil(LANE).max(1)
     }
 
-    /// What a table entry holds of what a step reflects.
+    /// Layout of the source in a table entry.
     #[must_use]
     pub fn parts(&self) -> Parts {
         match self.accumulate {
@@ -233,20 +234,20 @@ impl ScenePlan {
         }
     }
 
-    /// Vectors a pixel keeps: [`Self::lanes`] per position.
+    /// Vectors of a pixel's accumulators: [`Self::lanes`] per position.
     #[must_use]
     pub fn layers(&self) -> usize {
         self.positions.total() * self.lanes()
     }
 
-    /// Bytes a finished pixel keeps on a device. Where one number passes it is never stored in 16 bits: alone in its
-    /// texel, it would save little.
+    /// Bytes of a finished pixel on a device. Grey transmittance is never stored in 16 bits: alone in its texel, it
+    /// would save little.
     #[must_use]
     pub fn pixel_bytes(&self) -> u64 {
         self.bytes_as(self.storage)
     }
 
-    /// Bytes a pixel takes on a device while it is marched, and its finished form beside it where that is another.
+    /// Bytes of a pixel on a device during the march, including its finished form if that differs.
     #[must_use]
     pub fn marched_bytes(&self) -> u64 {
         let finished = if self.storage == StoreAs::Single { 0 } else { self.pixel_bytes() };
@@ -271,15 +272,16 @@ impl ScenePlan {
         self.shading.is_some_and(|terms| terms.diffuse || terms.specular.is_some())
     }
 
-    /// Whether the gradient is stored beside the values.
+    /// Whether the gradient is stored with the values.
     #[must_use]
     pub fn stores_gradient(&self) -> bool {
         self.gradient() && self.gradients == Gradients::Packed
     }
 
-    /// Whether the march seeks the next sample that holds something before it looks that up. The same picture to the bit,
-    /// and faster where what is looked up of a sample takes longer than fetching its value: with a vector of table on
-    /// either side, the loop more costs a tenth of the march; with many it saves up to a fifth.
+    /// Whether the march searches for the next visible sample before it looks up the tables. The picture is the same to
+    /// the bit. The search is faster if the lookup of a sample takes longer than fetching its value: with one vector in
+    /// each of the two table entries, the additional loop costs a tenth of the march; with many vectors it saves up to
+    /// a fifth.
     #[must_use]
     pub fn seeks(&self) -> bool {
         let voxels = if self.interpolation == Interpolation::Cubic { 64 } else { 8 };
@@ -289,15 +291,14 @@ impl ScenePlan {
         self.skipping && entries * (self.parts().lanes * LANE + passed) + differences >= 2 * voxels
     }
 
-    /// Whether a device that holds the volume for `other` holds it for this plan: the same format, with or without
-    /// gradients and labels, and filtered alike.
+    /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.
     #[must_use]
     pub fn is_stored_as(&self, other: &Self) -> bool {
         let kept = |plan: &Self| (plan.volume, plan.gradient(), plan.gradients, plan.labels, plan.interpolation);
         kept(self) == kept(other)
     }
 
-    /// How highlights are computed, if there are any.
+    /// Parameters of highlights, if there are any.
     #[must_use]
     pub fn specular(&self) -> Option<Specular> {
         self.shading.and_then(|terms| terms.specular)
@@ -308,38 +309,38 @@ impl ScenePlan {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PlanError {
-    /// Weights are asked for where they are not exact.
+    /// Weights are requested, but are not exact.
     #[error(
         "weights of materials are not exact here, because {materials} absorb some wavelengths more than others; take accumulate = \"spectral\" or \"auto\""
     )]
     NotGrey {
-        /// What absorbs.
+        /// The materials with coloured absorption.
         materials: String,
     },
-    /// Storing accumulators in 16 bits would show.
+    /// Storing accumulators in 16 bits would exceed the tolerance.
     #[error(
         "storing accumulators in 16 bits may move a colour by ΔE00 {error:.2}, over the tolerance of {tolerance}; take storage = \"f32\", or a tolerance of {kept}"
     )]
     HalfPrecision {
-        /// The most, in ΔE00, that it can move a colour by.
+        /// The largest change of a colour, in ΔE00.
         error: f64,
-        /// What may be.
+        /// The tolerance.
         tolerance: f64,
-        /// A tolerance that is kept.
+        /// A sufficient tolerance.
         kept: f64,
     },
     /// Accumulators are too large for 16 bits.
     #[error("a pixel of this scene may hold numbers above 65504, the largest of 16 bits; take storage = \"f32\"")]
     HalfRange,
-    /// Nothing is known of what 16 bits do to matrices.
+    /// The effect of 16-bit storage on matrices is not known.
     #[error("the model peercy keeps a matrix of what passes, which is not stored in 16 bits; take storage = \"f32\"")]
     HalfMatrix,
-    /// No colour model does what is asked for.
+    /// No colour model meets the request.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
 }
 
-/// The plan of `scene`: choices from what it uses and from its accuracy. Fits a colour model where one is needed.
+/// Plans `scene` by its contents and its accuracy settings. Fits a colour model if one is needed.
 ///
 /// # Errors
 ///
@@ -348,7 +349,7 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
     plan_for(scene, &[], progress)
 }
 
-/// [`plan`], with a colour model for more lights than the scene's own, by name.
+/// [`plan`] with a colour model for additional lights, by name.
 ///
 /// # Errors
 ///
@@ -367,7 +368,7 @@ pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progre
     Ok(planned)
 }
 
-/// The plan of `scene`, but for how it is stored.
+/// The plan of `scene`, before the check of 16-bit storage.
 fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let weights = planned(scene, None);
     if weights.plan.transmittance == Transmittance::Coloured && scene.accuracy.accumulate == AccumulateAs::Weights {
@@ -397,7 +398,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
         (AccumulateAs::Auto, None) if exact => {
             match model::fit_narrow(&ingredients(), kind, EXACTNESS * tolerance, narrower, progress) {
                 Err(stopped @ ModelError::Cancelled) => return Err(stopped.into()),
-                // What cannot be fitted has weights.
+                // Without a fit, weights remain.
                 fitted => fitted.unwrap_or_default(),
             }
         }
@@ -422,7 +423,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
     Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
 }
 
-/// Says where a model with one number less than asked for does better; errors of nothing are all alike.
+/// Warns if a model with one coefficient less is better; negligible errors do not count.
 fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
     let (asked, fewer) = (model.worst().max, smaller.worst().max);
     if fewer < asked && asked >= 0.0005 {
@@ -434,19 +435,19 @@ fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
     }
 }
 
-/// The most numbers of a colour model that take fewer vectors than the weights of `plan`.
+/// The largest number of coefficients in fewer vectors than the weights of `plan`.
 fn narrower(plan: &ScenePlan) -> usize {
     plan.lanes().saturating_sub(1) * LANE
 }
 
-/// The plan that computes all 81 wavelengths: what other plans are measured against.
+/// The plan with all 81 wavelengths, the reference for other plans.
 #[must_use]
 pub fn plan_full_spectrum(scene: &Scene) -> Planned {
     let planned = planned(scene, Some(Arc::new(ColourModel::full_spectrum())));
     Planned { plan: ScenePlan { storage: StoreAs::Single, ..planned.plan }, ..planned }
 }
 
-/// The plan of `scene` with its spectra carried by `model`, or without one by weights.
+/// The plan of `scene` with coefficients of `model`, or with weights if there is no model.
 fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     let materials: Vec<usize> = (0..scene.materials.len()).filter(|&material| scene.shows(material)).collect();
     let positions = positions(scene);
@@ -503,8 +504,8 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
 }
 
 impl Planned {
-    /// Fits the colour model, where there is one, to `observer`: what pixels keep is the same whoever looks. Warns where that
-    /// is over the tolerance.
+    /// Fits the colour model, if any, to `observer`; pixels are the same for every observer. Warns if the error exceeds
+    /// the tolerance.
     fn be_seen_by(&mut self, observer: Observer, tolerance: f64) -> Result<(), ModelError> {
         let Some(model) = self.model.as_mut().filter(|model| model.observer() != observer) else { return Ok(()) };
         let seen = model.seen_by(observer)?;
@@ -518,14 +519,14 @@ impl Planned {
         Ok(())
     }
 
-    /// The plan of `scene`, which is the one that this is of but for its camera, its crop and how it is displayed.
+    /// The plan of a `scene` that differs from that of this plan only in camera, crop box and display.
     #[must_use]
     pub fn seen_otherwise(&self, scene: &Scene) -> Self {
         planned(scene, self.model.clone())
     }
 
-    /// The plan of `scene` where it asks for the same colour model as `before`, the scene that this is the plan of: the one
-    /// that [`plan`] would make, at once. `None` where a model has to be fitted.
+    /// The plan of `scene` if it needs the same colour model as `before`, the scene of this plan. Equal to the result
+    /// of [`plan`], but immediate. `None` if a model has to be fitted, or 16-bit storage is refused.
     #[must_use]
     pub fn changed_to(&self, before: &Scene, scene: &Scene) -> Option<Self> {
         let [then, now] = [before, scene].map(|scene| planned(scene, None));
@@ -539,9 +540,9 @@ impl Planned {
         alike.then(|| self.seen_otherwise(scene)).filter(|planned| half::check(planned, scene).is_ok())
     }
 
-    /// The most, in ΔE00, that storing finished accumulators in 16 bits changes a colour of at most white's brightness
-    /// under one of the scene's lights; `None` where they are stored as they were summed up. Infinite where a number may
-    /// be too large for 16 bits.
+    /// The largest change, in ΔE00, that 16-bit storage of finished accumulators makes to a colour of at most white's
+    /// brightness under one of the scene's lights; `None` for storage in f32. Infinite if a number may be too large for
+    /// 16 bits.
     #[must_use]
     pub fn half_precision_error(&self, scene: &Scene) -> Option<f64> {
         (self.plan.storage == StoreAs::Half).then(|| half::error(self, scene))

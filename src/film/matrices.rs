@@ -1,4 +1,4 @@
-//! Lights in numbers: the colour of each component, by which post-illumination multiplies a film.
+//! Relight matrices: the colour of each component under a mix.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::{Light, Reflectance, Spectrum};
 
-/// The spectra that the components of accumulators stand for.
+/// Spectra of the components of accumulators.
 #[derive(Clone, Debug)]
 pub enum Components {
     /// Reflectances: materials, and white for highlights.
@@ -50,7 +50,7 @@ impl Components {
         self.len() == 0
     }
 
-    /// XYZ of each under `light`, to `observer`.
+    /// XYZ of each component under `light` for `observer`.
     fn colours(&self, light: &Light, observer: Observer) -> Vec<DVec3> {
         match self {
             Self::Surfaces(surfaces) => surfaces.iter().map(|surface| xyz_vector(light, surface, observer)).collect(),
@@ -59,14 +59,14 @@ impl Components {
     }
 }
 
-/// The colour of every component of every position under a mix: what post-illumination multiplies accumulators by.
+/// Colour of every component at every position under a mix; post-illumination multiplies accumulators by these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RelightMatrices {
-    /// Linear sRGB (exposure and adaptation in it) of component `c` at position `p`: `colours[p·components + c]`.
+    /// Linear sRGB, with exposure and adaptation, of component `c` at position `p`: `colours[p·components + c]`.
     pub colours: Vec<DVec3>,
-    /// Linear sRGB of the background, per number of the transmittance.
+    /// Linear sRGB of the background, for each number of the transmittance.
     pub background: Vec<DVec3>,
-    /// Weight of each number of the transmittance in the transmitted light; they add up to 1 in empty space.
+    /// Weight of each number of the transmittance in the transmitted light; the weights sum to 1 in empty space.
     pub transmittance_weights: Vec<f64>,
 }
 
@@ -108,7 +108,7 @@ impl RelightMatrices {
                     |colour: &DVec3| if luminance > 0.0 { colour.y / luminance } else { 1.0 / count_f64(count) };
                 (behind, everywhere.iter().map(share).collect())
             }
-            // The element of row i and column j makes component i of what j is behind.
+            // The element of row i and column j maps component j of the light behind to component i.
             Components::Model(model, Transmittance::Mixed) => {
                 let surface = background.map_or_else(|| vec![0.0; count], |it| model.coefficients(it.spectrum()));
                 let behind = everywhere.iter().flat_map(|&colour| surface.iter().map(move |part| part * colour));
@@ -130,8 +130,8 @@ impl RelightMatrices {
         Self { colours: shown(colours), background: shown(background), transmittance_weights }
     }
 
-    /// Background and weights as the relight shader reads them: per vector of the transmittance, red, green and blue of
-    /// the background, and the weights.
+    /// Background and weights in the layout of the relight shader: for each vector of the transmittance, red, green and
+    /// blue of the background, and the weights.
     #[must_use]
     pub fn transmittance_lanes(&self) -> Vec<[[f32; LANE]; 4]> {
         let lanes = self.background.chunks(LANE).zip(self.transmittance_weights.chunks(LANE));
@@ -148,7 +148,7 @@ impl RelightMatrices {
             .collect()
     }
 
-    /// As the relight shader reads them: for each position and lane, three vectors (red, green, blue).
+    /// Colours in the layout of the relight shader: for each position and lane, three vectors (red, green, blue).
     #[must_use]
     pub fn lanes(&self, components: usize) -> Vec<[[f32; LANE]; 3]> {
         if components == 0 {
@@ -166,13 +166,13 @@ impl RelightMatrices {
     }
 }
 
-/// XYZ of a surface under a light, to `observer`.
+/// XYZ of a surface under a light for `observer`.
 fn xyz_vector(light: &Light, surface: &Spectrum, observer: Observer) -> DVec3 {
     DVec3::from_array(observer.xyz_of(&(light.spectrum() * surface)).0)
 }
 
-/// From XYZ to linear sRGB times exposure, by Bradford from the white of the mixed lights, as the observer sees it, where the
-/// display adapts, as somebody sees it who may lack one kind of cone.
+/// Matrix from XYZ to the displayed linear sRGB. Includes exposure, the preview of a colour vision deficiency and, if
+/// the display adapts, Bradford adaptation from the white of the mix for the display's observer.
 #[must_use]
 pub fn display_from_xyz(mix: &Mix, display: &Display) -> DMat3 {
     let (_, light) = mix.light_at(0);

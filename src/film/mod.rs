@@ -1,4 +1,4 @@
-//! The film: accumulators and transmittance of each pixel, independent of the light's spectrum, and their colours.
+//! The film: accumulators and transmittance of each pixel, independent of the light's spectrum, and its relighting.
 
 mod matrices;
 mod relight;
@@ -13,9 +13,9 @@ use crate::number::Real;
 /// Planes of one number per pixel, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film<R> {
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [usize; 2],
-    /// Components of an accumulator.
+    /// Components per accumulator.
     pub components: usize,
     /// Sum of transmittance × source along the ray: component `c` of position `p` in pixel `i` is number
     /// `(p·components + c)·pixels + i`.
@@ -32,7 +32,7 @@ impl<R: Real> Film<R> {
         self.size[0] * self.size[1]
     }
 
-    /// The same film in other numbers.
+    /// Converts every number of the film.
     #[must_use]
     pub fn map<S>(&self, number: impl Fn(R) -> S) -> Film<S> {
         let all = |numbers: &[R]| numbers.iter().map(|&one| number(one)).collect();
@@ -44,9 +44,9 @@ impl<R: Real> Film<R> {
         }
     }
 
-    /// This film over `back`: the film of rays that pass through the medium of this one first, then through that of
-    /// `back`. `A = A₁ + T₁·A₂`, `T = T₁·T₂` (Porter and Duff 1984), where `T` is a number, a number per component or a
-    /// matrix. `None` if sizes, components or kinds of transmittance differ.
+    /// This film over `back`: rays pass through the medium of this film first, then through that of `back`. `A = A₁ +
+    /// T₁·A₂`, `T = T₁·T₂` (Porter and Duff 1984), where `T` is a number, a number per component or a matrix. `None` if
+    /// sizes, components or kinds of transmittance differ.
     #[must_use]
     pub fn over(&self, back: &Self) -> Option<Self> {
         let shape = |film: &Self| (film.size, film.components, film.accumulators.len(), film.transmittance.len());

@@ -1,4 +1,4 @@
-//! Post-illumination on the host: a film to colours, without a march.
+//! Post-illumination on the host: converts a film to colours, without a march.
 
 use glam::DVec3;
 
@@ -6,8 +6,8 @@ use super::{Film, RelightMatrices};
 use crate::number::Real;
 
 impl<R: Real> Film<R> {
-    /// Linear sRGB of every pixel: Σ accumulator · colour over positions and components, plus the background's colour
-    /// through the transmittance.
+    /// Linear sRGB of every pixel: Σ accumulator · colour over positions and components, plus transmittance times the
+    /// colour of the background.
     #[must_use]
     pub fn relight(&self, matrices: &RelightMatrices) -> Vec<DVec3> {
         let pixels = self.pixels();

@@ -1,4 +1,4 @@
-//! Plans in sentences, for people who know volumes but not this program.
+//! Explains plans in sentences, for people who know volumes but not this program.
 
 use super::{Planned, Transmittance, narrower};
 use crate::model::ModelKind;
@@ -6,7 +6,7 @@ use crate::number::{brief, readable};
 use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
 
 impl Planned {
-    /// Sentences on what the scene's accuracy states and this plan has no use for.
+    /// Sentences about settings that this plan does not use.
     #[must_use]
     pub fn unused(&self, scene: &Scene) -> Vec<String> {
         let Accuracy { dimension, model, .. } = scene.accuracy;
@@ -24,7 +24,7 @@ impl Planned {
         stated.map(told).collect()
     }
 
-    /// A sentence for each material whose absorption the colour model would turn into amplification, and holds at 0.
+    /// A sentence for each material whose absorption would amplify light in the colour model, and is clamped at 0.
     #[must_use]
     pub fn amplified(&self, scene: &Scene) -> Vec<String> {
         let coloured = self.plan.transmittance == Transmittance::Coloured;
@@ -37,7 +37,7 @@ impl Planned {
         told.collect()
     }
 
-    /// How colours are followed through the volume, what a pixel keeps of them, and how true they stay.
+    /// Sentences about the representation of colours, the numbers per pixel, and the colour errors.
     fn explain_colours(&self, scene: &Scene) -> Vec<String> {
         let plan = &self.plan;
         let name = |material: usize| scene.materials.get(material).map(|material| material.name.as_str());
@@ -192,14 +192,14 @@ impl Planned {
         sentences
     }
 
-    /// How far off the numbers of a colour model may be.
+    /// The allowed error of a colour model, in words.
     fn allowed(&self, scene: &Scene) -> String {
         let Accuracy { accumulate, tolerance, .. } = scene.accuracy;
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
         format!("{}the {}", if exact { "half of " } else { "" }, readable(tolerance))
     }
 
-    /// Why numbers of a colour model are kept where weights would be exact, or weights where fewer numbers were tried.
+    /// Why coefficients replace exact weights, or why weights remain where fewer coefficients were tried.
     fn explain_choice(&self, scene: &Scene) -> Option<String> {
         let Accuracy { accumulate, dimension, .. } = scene.accuracy;
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
@@ -220,7 +220,7 @@ impl Planned {
     }
 }
 
-/// Names one after the other.
+/// Joins names by commas.
 fn listed<'a>(names: impl Iterator<Item = &'a str>) -> String {
     let names: Vec<&str> = names.collect();
     if names.is_empty() { "none".to_owned() } else { names.join(", ") }

@@ -1,17 +1,17 @@
-//! What storing finished accumulators in 16-bit floats can do to colours (docs/theory/numerics.md).
+//! Colour errors of finished accumulators in 16-bit floats (docs/theory/numerics.md).
 
 use super::{PlanError, Planned, Transmittance, longest_way};
 use crate::scene::{Material, Scene, SceneLight, StoreAs, depth_from_opacity};
 use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 
-/// The most that a number is off by, relative to itself: half of the last of 11 bits.
+/// Largest relative rounding error: half of the last of 11 bits.
 const ROUNDING: f64 = 1.0 / 2048.0;
-/// The most that a number below 2⁻¹⁴ is off by, which have fewer bits.
+/// Largest absolute rounding error of numbers below 2⁻¹⁴, which have fewer bits.
 const LEAST: f64 = 1.0 / 33_554_432.0;
 /// The largest 16-bit float.
 const LARGEST: f64 = 65504.0;
 
-/// Refuses a plan of 16 bits whose error is over the tolerance.
+/// Refuses 16-bit storage with an error above the tolerance.
 pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     let tolerance = scene.accuracy.tolerance;
     if planned.plan.storage == StoreAs::Half && planned.plan.transmittance == Transmittance::Mixed {
@@ -28,7 +28,7 @@ pub(super) fn check(planned: &Planned, scene: &Scene) -> Result<(), PlanError> {
     }
 }
 
-/// [`Planned::half_precision_error`], whatever the plan.
+/// [`Planned::half_precision_error`] for any plan.
 pub(super) fn error(planned: &Planned, scene: &Scene) -> f64 {
     let sums = planned.materials.iter().filter_map(|&material| Some((scene.materials.get(material)?, material)));
     let (mut xrays, mut surface) = (0.0, 0.0_f64);
@@ -48,12 +48,12 @@ pub(super) fn error(planned: &Planned, scene: &Scene) -> f64 {
     }
 }
 
-/// How bright what a light shines on is shown, beside a unit light: dimmer ones show no more than that.
+/// Displayed brightness of a surface under the light, relative to a unit light; at least 1.
 fn brightness(scene: &Scene, light: &SceneLight) -> f64 {
     (light.intensity * scene.display.exposure).max(1.0)
 }
 
-/// The largest number that a pixel can hold of a material that it shows all of.
+/// Largest number in a pixel that shows only `material`.
 fn largest_number(planned: &Planned, material: &Material) -> f64 {
     let shares = if planned.plan.shading.is_some() { material.ambient + material.diffuse } else { 1.0 };
     let coefficients =
@@ -61,7 +61,7 @@ fn largest_number(planned: &Planned, material: &Material) -> f64 {
     coefficients.iter().fold(0.0_f64, |most, part| most.max(part.abs())) * shares + material.specular
 }
 
-/// What a material that hides nothing can add up to along the longest way.
+/// Largest sum of an X-ray material along the longest path.
 fn largest_sum(scene: &Scene, material: usize) -> f64 {
     let terms = scene.transfer.terms.iter().filter(|term| term.material.0.iter().any(|point| point.1 == material));
     let of_terms = terms.map(|term| term.opacity.iter().map(|point| point.1).fold(0.0, f64::max));
@@ -70,20 +70,21 @@ fn largest_sum(scene: &Scene, material: usize) -> f64 {
     of_terms.chain(of_labels).map(depth_from_opacity).sum::<f64>() * longest_way(scene)
 }
 
-/// What weights can add up to: 1, or what X-ray materials make of it.
+/// Largest sum of weights: 1, or the sum of the X-ray materials if that is larger.
 fn largest_total(scene: &Scene) -> f64 {
     let xrays = (0..scene.materials.len()).filter(|&material| scene.materials[material].xray);
     xrays.map(|material| largest_sum(scene, material)).sum::<f64>().max(1.0)
 }
 
-/// The error of weights.
+/// Error of material weights.
 ///
-/// A weight w of a material of colour X is off by ROUNDING·w, and so each coordinate of the pixel by ROUNDING·Σ w·|X|. With
-/// N = Σ w·|X| over the coordinates that are negative, that is ROUNDING times the pixel's own plus 2N. The first part is the
-/// same share of every colour: it shows most in white, because differences count less the more colour there is, and
-/// lightness, which counts more in mid greys, is a tenth of it. The second shows most in black; and because weights add up
-/// to 1 at most, or to what X-rays add up to, N is at most that much of the most negative coordinate of a material, as
-/// bright as it is shown. In black shows, too, what small weights are off by: LEAST each.
+/// A weight w of a material with colour X has an error of ROUNDING·w, so each coordinate of the pixel has an error of
+/// ROUNDING·Σ w·|X|. With N = Σ w·|X| over the negative coordinates, that is ROUNDING times the sum of the pixel's own
+/// coordinate and 2N. The first part is the same fraction of every colour. It is most visible in white, because
+/// differences count less the more colour there is, and lightness, which counts more in mid greys, is a tenth of it.
+/// The second part is most visible in black. Weights sum to at most 1, or to the sum of the X-ray materials; N is at
+/// most this sum times the most negative coordinate of a material at its displayed brightness. The error of small
+/// weights, LEAST each, is also visible in black.
 fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
     let white = d65_white().0;
     let under = scene.lights.iter().map(|light| {
@@ -103,7 +104,7 @@ fn of_weights(planned: &Planned, scene: &Scene) -> f64 {
     under.fold(0.0, f64::max)
 }
 
-/// ΔE00 from `colour` to the farthest of those off by ROUNDING times `size` along each axis.
+/// Largest ΔE00 between `colour` and the colours that differ by ROUNDING times `size` along each axis.
 fn largest_difference(colour: [f64; 3], size: [f64; 3]) -> f64 {
     let lab = |xyz| lab_from_xyz(Xyz(xyz), d65_white());
     let off = |corner: usize| {

@@ -1,11 +1,11 @@
-//! What of a scene its pixels must be able to show: how light passes, how deep, and what of.
+//! Requirements of a scene on its plan: transmittance, optical depth, spectra and exponents.
 
 use super::{Planned, Transmittance};
 use crate::model::Ingredients;
 use crate::scene::{Material, Scene};
 use crate::spectrum::Spectrum;
 
-/// Different exponents of the highlights of `materials`, ascending.
+/// Distinct exponents of the highlights of `materials`, ascending.
 pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Vec<u32> {
     let mut exponents: Vec<u32> =
         materials.filter(|material| material.specular > 0.0).map(|material| material.exponent).collect();
@@ -14,7 +14,7 @@ pub(super) fn exponents<'a>(materials: impl Iterator<Item = &'a Material>) -> Ve
     exponents
 }
 
-/// Grey exactly as long as everything's absorption, summed, is the same at all wavelengths.
+/// Grey if and only if the sum of all absorption is equal at all wavelengths.
 pub(super) fn transmittance(scene: &Scene) -> Transmittance {
     let coloured = |absorption: &[f64]| {
         let mut sum = Spectrum::constant(0.0);
@@ -25,11 +25,11 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
         }
         !is_constant(&sum)
     };
-    // Between two bends the sum is a parabola at each wavelength, which three places settle.
+    // Between two bends the sum is quadratic at each wavelength, so three points determine it.
     let bends = scene.transfer.bends();
     let halves = bends.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
     let by_value = bends.iter().copied().chain(halves).any(|value| {
-        // Beside a jump, too.
+        // Also on both sides of a jump.
         [value.next_down(), value, value.next_up()]
             .into_iter()
             .any(|value| coloured(&scene.transfer.medium(value, scene.materials.len()).absorption))
@@ -44,15 +44,15 @@ pub(super) fn transmittance(scene: &Scene) -> Transmittance {
     if by_value || by_label { Transmittance::Coloured } else { Transmittance::Grey }
 }
 
-/// Whether all samples are the same, but for rounding.
+/// Whether all samples are equal up to rounding.
 pub(crate) fn is_constant(spectrum: &Spectrum) -> bool {
     let samples = spectrum.samples();
     let (low, high) = samples.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
     high - low <= 1e-12 * high.abs()
 }
 
-/// The largest optical depth of absorption that a ray can meet: that of the value that absorbs most, by all that shows
-/// it, along the volume's diagonal.
+/// Largest optical depth of absorption along a ray: that of the most absorbing value, summed over its materials, along
+/// the volume's diagonal.
 pub(super) fn largest_depth(scene: &Scene) -> f64 {
     let of_value = |value| scene.transfer.medium(value, scene.materials.len()).absorption.iter().sum();
     let of_values = scene.transfer.bends().into_iter().map(of_value);
@@ -60,7 +60,7 @@ pub(super) fn largest_depth(scene: &Scene) -> f64 {
     of_values.chain(of_labels).fold(0.0, f64::max) * longest_way(scene)
 }
 
-/// The longest way through the volume, its diagonal, in opacity lengths.
+/// Longest path through the volume (its diagonal), in opacity lengths.
 pub(super) fn longest_way(scene: &Scene) -> f64 {
     let geometry = &scene.volume.geometry;
     let diagonal = (geometry.spacing * glam::DVec3::from_array(geometry.dims.map(crate::number::count))).length();
@@ -68,7 +68,7 @@ pub(super) fn longest_way(scene: &Scene) -> f64 {
 }
 
 impl Planned {
-    /// What the light of `scene` can meet, under its own lights.
+    /// Spectra that affect the light in `scene`, under its own lights.
     #[must_use]
     pub fn ingredients(&self, scene: &Scene) -> Ingredients {
         let coloured = self.plan.transmittance != Transmittance::Grey;
@@ -86,7 +86,7 @@ impl Planned {
         }
     }
 
-    /// Different exponents of highlights, ascending; none where the plan has no highlights.
+    /// Distinct exponents of highlights, ascending; none if the plan has no highlights.
     #[must_use]
     pub fn exponents(&self, scene: &Scene) -> Vec<u32> {
         let used = self.materials.iter().filter_map(|&material| scene.materials.get(material));

@@ -1,4 +1,4 @@
-//! What a change of a scene leaves to do again.
+//! Stages of rendering that a change of the scene makes obsolete.
 #![expect(clippy::float_cmp, reason = "a number is the same or another one")]
 
 use std::sync::Arc;
@@ -6,28 +6,28 @@ use std::sync::Arc;
 use super::{Planned, ScenePlan, planned};
 use crate::scene::{Accuracy, Display, LabelEntry, Labels, Material, Scene, SceneLight};
 
-/// The earliest stage of rendering whose result no longer serves. Each stage makes the later ones stale too.
+/// The earliest stage of rendering with an obsolete result. A stale stage makes all later stages stale.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stale {
-    /// The picture stands.
+    /// The picture is up to date.
     #[default]
     Nothing,
-    /// The relight matrices are multiplied with the film again.
+    /// The picture: relights the film.
     Picture,
-    /// The colour model's matrices are fitted again; what pixels keep stays.
+    /// The matrices of the colour model: fits them again; pixels stay.
     Matrices,
-    /// The rays are marched again, by the same tables.
+    /// The accumulators: marches again with the same tables.
     Accumulators,
-    /// The plan is made again, and with it tables and, where its spectra have changed, the colour model.
+    /// The tables: plans again, with new tables and, if its spectra have changed, a new colour model.
     Tables,
-    /// The volume is uploaded again.
+    /// The volume: uploads it again.
     Volume,
 }
 
 impl Stale {
-    /// What `after` leaves to do again, where `planned` is the plan of `before`.
+    /// The stage that the change from `before` to `after` makes stale; `planned` is the plan of `before`.
     ///
-    /// Every struct is taken apart without `..`: a new field does not compile until its stage is decided here.
+    /// Destructures every struct without `..`: a new field does not compile until its stage is decided here.
     #[must_use]
     pub fn between(before: &Scene, planned: &Planned, after: &Scene) -> Self {
         let Scene {
@@ -45,7 +45,7 @@ impl Stale {
             accuracy,
             display,
         } = before;
-        // Weights are the same whatever the spectra; a colour model is fitted to them.
+        // Weights do not depend on spectra; a colour model is fitted to them.
         let spectra = if planned.model.is_some() { Self::Tables } else { Self::Picture };
         let mut stale = Self::of_plans(before, after);
         let mut add = |changed: bool, stage: Self| stale = stale.max(if changed { stage } else { Self::Nothing });
@@ -62,7 +62,7 @@ impl Stale {
         stale
     }
 
-    /// What the plans of two scenes leave to do again, spectra aside.
+    /// The stage that a change of the plan makes stale, apart from spectra.
     fn of_plans(before: &Scene, after: &Scene) -> Self {
         let [before, after] = [before, after].map(|scene| planned(scene, None));
         let Planned { plan, materials, positions, model: _ } = &before;
@@ -95,7 +95,7 @@ impl Stale {
     }
 }
 
-/// The most that any two of equal rank leave to do again; all where one list is longer.
+/// The furthest-reaching stage over elements of equal index; `Tables` if the lengths differ.
 fn of_lists<T>(before: &[T], after: &[T], of: impl Fn(&T, &T) -> Stale) -> Stale {
     if before.len() != after.len() {
         return Stale::Tables;
@@ -116,7 +116,7 @@ fn of_labels(before: Option<&Labels>, after: Option<&Labels>) -> Stale {
             && (*opacity, *absorption) == (after.opacity, after.absorption);
         if same { Stale::Nothing } else { Stale::Tables }
     };
-    // Rows of the label map on the device follow the list.
+    // The rows of the label map on the device follow the list.
     let listed = |entries: &[LabelEntry]| entries.iter().map(|entry| entry.label).collect::<Vec<_>>();
     if listed(declared) != listed(&after.declared) {
         return Stale::Volume;

@@ -1,69 +1,71 @@
-//! The camera: from where and how the volume is seen.
+//! The camera: projection, position and direction.
 
 use glam::{DVec2, DVec3};
 
 use crate::number::count;
 use crate::volume::Geometry;
 
-/// A camera as the scene states it; [`Camera::view`] settles it for a volume and a picture.
+/// A camera as a scene states it; [`Camera::view`] resolves it for a volume and a picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
-    /// How rays spread.
+    /// Projection of the rays.
     pub projection: Projection,
-    /// Where it stands.
+    /// Position and line of sight.
     pub aim: Aim,
     /// World direction that is up in the picture.
     pub up: DVec3,
 }
 
-/// How rays spread.
+/// Projection of the rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
-    /// From one point; `fov_degrees` is the vertical angle of the picture.
+    /// Rays from one point.
     Perspective {
         /// Vertical field of view in degrees.
         fov_degrees: f64,
     },
-    /// In parallel; `height` is what the picture spans vertically in world units, `None` what [`Aim::Orbit`] fills.
+    /// Parallel rays. Without a `height`, the picture spans the `fill` of [`Aim::Orbit`], or the distance from eye to
+    /// target of [`Aim::LookAt`].
     Orthographic {
-        /// World units from bottom to top.
+        /// World units from the bottom of the picture to the top.
         height: Option<f64>,
     },
 }
 
-/// Where a camera stands and looks.
+/// Position and line of sight of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Aim {
     /// At `position`, towards `target`, both in world units.
     LookAt {
-        /// The eye.
+        /// Position of the eye.
         position: DVec3,
-        /// What is in the middle of the picture.
+        /// Point in the middle of the picture.
         target: DVec3,
     },
-    /// Around the volume's centre, so far that its box spans `fill` of the picture in its larger direction.
+    /// On an orbit about the volume's centre, at the distance where the volume's box spans `fill` of the picture in its
+    /// larger direction.
     Orbit {
-        /// Degrees around the up direction; 0 looks from `front`.
+        /// Degrees about the up direction; 0 is at `front`.
         azimuth: f64,
         /// Degrees above the horizon.
         elevation: f64,
-        /// Share of the picture that the volume's box spans.
+        /// Fraction of the picture that the volume's box spans.
         fill: f64,
-        /// World direction from which azimuth 0 looks.
+        /// World direction from the centre to the camera at azimuth 0.
         front: DVec3,
     },
 }
 
-/// A camera settled for one volume and one picture: an orthonormal frame in the world, in f64.
+/// A camera resolved for one volume and one picture: an orthonormal frame in the world, in f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// The eye (perspective), or the point in the plane rays start from (orthographic).
+    /// The eye (perspective), or the origin in the plane from which rays start (orthographic).
     pub eye: DVec3,
-    /// Unit vectors.
+    /// Unit vector along the line of sight.
     pub forward: DVec3,
-    /// To the right of the picture.
+    /// Unit vector to the right of the picture.
     pub right: DVec3,
-    /// Up in the picture.
+    /// Unit vector up in the picture.
     pub up: DVec3,
     /// Half the picture's width and height: at distance 1 (perspective), or in world units (orthographic).
     pub half: [f64; 2],
@@ -72,8 +74,8 @@ pub struct View {
 }
 
 impl View {
-    /// Where a point of the world is: right, up and forward of the eye; the first two in units of what is half the picture where
-    /// rays are parallel, and one before the eye where they are not.
+    /// Coordinates of a world point relative to the eye: right, up and forward. Right and up are in half pictures, for
+    /// perspective at distance 1 from the eye.
     #[must_use]
     pub fn seen(&self, point: DVec3) -> DVec3 {
         let from_eye = point - self.eye;
@@ -81,7 +83,7 @@ impl View {
         DVec3::new(from_eye.dot(self.right) / right, from_eye.dot(self.up) / up, from_eye.dot(self.forward))
     }
 
-    /// Where in the picture a point of the world is, in parts of it from the top left; `None` behind the eye.
+    /// Position of a world point in the picture, in fractions from the top left; `None` behind the eye.
     #[must_use]
     pub fn place_of(&self, point: DVec3) -> Option<DVec2> {
         let seen = self.seen(point);
@@ -90,7 +92,7 @@ impl View {
         (seen.z > 0.0 && there.is_finite()).then_some((there + 1.0) / 2.0)
     }
 
-    /// The point of the world that is seen there, as far in front of the eye as `point` is.
+    /// World point at the picture position `place`, at the depth of `point`.
     #[must_use]
     pub fn point_at(&self, place: DVec2, point: DVec3) -> DVec3 {
         let depth = (point - self.eye).dot(self.forward);
@@ -102,8 +104,8 @@ impl View {
 }
 
 impl Camera {
-    /// The frame of this camera before the volume of `geometry`, for a picture `width / height = aspect`. `None` where
-    /// the camera looks nowhere: its target is its eye, or its up direction is the one it looks in.
+    /// Frame of this camera for the volume of `geometry` and a picture of `width / height = aspect`. `None` if the
+    /// camera has no line of sight: its target is its eye, or its up direction is parallel to its line of sight.
     #[must_use]
     pub fn view(&self, geometry: &Geometry, aspect: f64) -> Option<View> {
         let up = unit(self.up)?;
@@ -157,22 +159,22 @@ impl Camera {
     }
 }
 
-/// The unit vector along `vector`; `None` where that points nowhere. One that is a unit vector already stays as it is, so
-/// that what was written to a file is the same when it is read.
+/// Unit vector along `vector`; `None` if it has no direction. A unit vector is returned unchanged, so that a number
+/// written to a file is read back exactly.
 #[must_use]
 pub(crate) fn unit(vector: DVec3) -> Option<DVec3> {
     let is_unit = (vector.length_squared() - 1.0).abs() <= 8.0 * f64::EPSILON;
     if is_unit { Some(vector) } else { vector.try_normalize() }
 }
 
-/// The middle of the volume in the world.
+/// Centre of the volume in the world.
 #[must_use]
 pub(crate) fn centre(geometry: &Geometry) -> DVec3 {
     let last = DVec3::from_array(geometry.dims.map(|n| count(n) - 1.0));
     geometry.origin + geometry.direction * (geometry.spacing * last / 2.0)
 }
 
-/// Corners of the volume's box, voxels counted whole, relative to its middle, in the world.
+/// Corners of the volume's box, which encloses whole voxels, relative to its centre in the world.
 fn corners_from_centre(geometry: &Geometry) -> [DVec3; 8] {
     let half = geometry.extent() / 2.0;
     std::array::from_fn(|corner| {
@@ -192,7 +194,7 @@ mod tests {
             let view = View { eye: DVec3::new(0.5, -1.0, 0.25), forward, right, up, half: [1.5, 0.75], parallel };
             let place = view.place_of(point).unwrap_or_default();
             assert!(view.point_at(place, point).distance(point) < 1e-12, "{place}");
-            // Right of the eye is right, and below it is farther down.
+            // Points right of the eye are right of the centre, and points below it are farther down.
             let from_eye = point - view.eye;
             assert!((place.x > 0.5) == (from_eye.x > 0.0) && (place.y > 0.5) == (from_eye.z < 0.0), "{place}");
             assert_eq!(view.place_of(view.eye - 2.0 * forward), None, "behind the eye");

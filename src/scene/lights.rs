@@ -1,4 +1,4 @@
-//! Light positions, and the mixes of spectra that shine from them.
+//! Light positions, and mixes of spectra at them.
 
 use std::ops::RangeInclusive;
 
@@ -7,35 +7,35 @@ use glam::DVec3;
 use super::{Camera, Projection, Scene, Shading};
 use crate::spectrum::{Light, Spectrum};
 
-/// What the spectrum of a light can be multiplied by.
+/// Range of factors of a light's spectrum.
 pub(crate) const INTENSITY: RangeInclusive<f64> = 0.0..=1e9;
 
-/// Where a light shines from.
+/// Origin of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
-    /// From everywhere: its shade is 1.
+    /// From all directions; its shade is 1.
     Ambient,
     /// From the eye, along each ray.
     Headlight,
     /// From infinity; the unit vector points towards the light, in world space.
     Directional(DVec3),
-    /// From a point of the world, without falling off.
+    /// From a world point, without attenuation by distance.
     Point(DVec3),
 }
 
-/// A light position that shading can tell from the others: it gets an accumulator of its own.
+/// A light position that shading can distinguish from the others; it has an accumulator of its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Position {
-    /// Named for the first of its lights.
+    /// Name of its first light.
     pub name: String,
-    /// Where.
+    /// Origin of the light.
     pub placement: Placement,
     /// Indices into [`Scene::lights`].
     pub lights: Vec<usize>,
 }
 
-/// The positions of a scene: ambient first, then the headlight, directional ones and points, each kind in the order of
-/// the scene. Lights whose shading no material can tell apart share one, and an unshaded scene has at most one.
+/// The positions of a scene: ambient first, then headlight, directional and point, each kind in the order of the scene.
+/// Lights whose shading no material can distinguish share a position, and an unshaded scene has at most one.
 #[must_use]
 pub fn positions(scene: &Scene) -> Vec<Position> {
     let mut positions: Vec<Position> = Vec::new();
@@ -55,7 +55,7 @@ pub fn positions(scene: &Scene) -> Vec<Position> {
     positions
 }
 
-/// One placement for all those that give every material of the scene the same shade.
+/// A common placement for all placements that shade every material of the scene equally.
 fn canonical(scene: &Scene, placement: Placement) -> Placement {
     let flat = |material: &super::Material| material.diffuse == 0.0 && material.specular == 0.0;
     let white = |material: &super::Material| flat(material) && material.ambient >= 1.0;
@@ -82,7 +82,7 @@ fn canonical(scene: &Scene, placement: Placement) -> Placement {
     }
 }
 
-/// Where a camera of parallel rays, stated by eye and target, looks: its headlight is a directional light.
+/// Line of sight of an orthographic camera with an eye and a target; its headlight is a directional light.
 fn parallel_forward(camera: &Camera) -> Option<DVec3> {
     match (camera.projection, camera.aim) {
         (Projection::Orthographic { .. }, super::Aim::LookAt { position, target }) => {
@@ -92,30 +92,30 @@ fn parallel_forward(camera: &Camera) -> Option<DVec3> {
     }
 }
 
-/// The first component that is not zero.
+/// The first non-zero component; 0 if there is none.
 fn first_sign(direction: DVec3) -> f64 {
     direction.to_array().into_iter().find(|&component| component != 0.0).unwrap_or(0.0)
 }
 
-/// Which spectra shine with what weight from which positions. Post-illumination is a mix applied to accumulators.
+/// Spectra with weights and positions. Post-illumination applies a mix to accumulators.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mix(pub Vec<MixLight>);
 
 /// One light of a mix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MixLight {
-    /// For people.
+    /// Display name.
     pub name: String,
     /// Its spectrum.
     pub spectrum: Light,
-    /// What the spectrum is multiplied by.
+    /// Factor of the spectrum.
     pub weight: f64,
-    /// Index of its position.
+    /// Index of its light position.
     pub position: usize,
 }
 
 impl Mix {
-    /// The sum of weight · spectrum at each of `positions` positions, and over all of them.
+    /// The sum of weight · spectrum at each of `positions` positions, and the sum over all of them.
     #[must_use]
     pub fn light_at(&self, positions: usize) -> (Vec<Spectrum>, Spectrum) {
         let nothing = Spectrum::constant(0.0);
@@ -130,7 +130,7 @@ impl Mix {
         (at, all)
     }
 
-    /// The mix that the scene states.
+    /// The mix stated by the scene.
     #[must_use]
     pub fn of_scene(scene: &Scene) -> Self {
         let mut mix = Vec::new();

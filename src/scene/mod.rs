@@ -1,4 +1,4 @@
-//! What a picture is of: materials, transfer function, lights, camera and the volume they belong to.
+//! The scene: materials, transfer function, lights, camera, and their volume.
 
 mod camera;
 mod lights;
@@ -19,43 +19,43 @@ use crate::spectrum::observer::Observer;
 use crate::spectrum::{Absorption, Light, Reflectance};
 use crate::volume::Volume;
 
-/// Everything a picture depends on, resolved: no names to look up, no files to read.
+/// Everything that affects a picture, resolved: no names to look up, no files to read.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Name, for messages and reports.
     pub name: String,
-    /// The grey values.
+    /// Voxel values.
     pub volume: Arc<Volume>,
-    /// Labels on the same grid, where the scene has them.
+    /// Label map on the same grid, if any.
     pub labels: Option<Labels>,
-    /// In the order of their names. Weights of a pixel are in this order too.
+    /// Materials in the order of their names, which is also the order of a pixel's weights.
     pub materials: Vec<Material>,
-    /// Which values scatter how much, as which material.
+    /// Transfer function.
     pub transfer: Transfer,
-    /// In the order of their names.
+    /// Lights in the order of their names.
     pub lights: Vec<SceneLight>,
-    /// Whether lights shade by direction at all.
+    /// Whether lights shade by direction.
     pub shading: Shading,
-    /// A surface behind everything, lit by every light; `None` is black and costs nothing.
+    /// Background surface, lit by every light; `None` is black and costs nothing.
     pub background: Option<Reflectance>,
-    /// Where the picture is taken from.
+    /// Camera.
     pub camera: Camera,
-    /// The part of the volume that is shown, in voxel indices, corner to corner; `None` is all of it.
+    /// Crop box: opposite corners in voxel indices; `None` is the whole volume.
     pub crop: Option<[glam::DVec3; 2]>,
-    /// The trade of speed for accuracy.
+    /// Accuracy settings.
     pub accuracy: Accuracy,
-    /// How colours reach the screen.
+    /// Conversion of colours for the screen.
     pub display: Display,
 }
 
 impl Scene {
-    /// Whether anything can show the material `index`: a value of the transfer function, or a label.
+    /// Whether the material `index` is visible, through a value of the transfer function or a label.
     #[must_use]
     pub fn shows(&self, index: usize) -> bool {
         self.uses(index, |term| &term.opacity, |entry| entry.opacity)
     }
 
-    /// Whether the material `index` absorbs light anywhere, by a value of the transfer function or a label.
+    /// Whether the material `index` absorbs light, through a value of the transfer function or a label.
     #[must_use]
     pub fn absorbs(&self, index: usize) -> bool {
         self.materials.get(index).is_some_and(|material| material.absorption.is_some())
@@ -84,24 +84,24 @@ impl Scene {
 pub struct Material {
     /// Its name in the scene.
     pub name: String,
-    /// Colour of its ambient and diffuse part.
+    /// Reflectance of its ambient and diffuse parts.
     pub reflectance: Reflectance,
-    /// The shape of what it absorbs, where it does; how much is said by the transfer function.
+    /// Absorption spectrum, if it absorbs; the transfer function gives its strength.
     pub absorption: Option<Absorption>,
-    /// Share of a directed light that arrives from everywhere, 0 to 1.
+    /// Ambient factor of a directed light, 0 to 1.
     pub ambient: f64,
-    /// Share that follows |n·l|, 0 to 1.
+    /// Diffuse factor, which multiplies |n·l|, 0 to 1.
     pub diffuse: f64,
-    /// Share that follows |n·h|^exponent, in the light's own colour, 0 to 1.
+    /// Specular factor, which multiplies |n·h|^exponent in the light's own colour, 0 to 1.
     pub specular: f64,
     /// Exponent of the specular part.
     pub exponent: u32,
-    /// Adds light but occludes nothing (§5.2 of the paper).
+    /// X-ray material: adds light but occludes nothing (§5.2 of the paper).
     pub xray: bool,
 }
 
 impl Material {
-    /// `opacity`, or the nearest one that this material can have: what shines through everything never hides all.
+    /// `opacity` clamped to the range of this material; an X-ray material never has opacity 1.
     #[must_use]
     pub fn allowed_opacity(&self, opacity: f64) -> f64 {
         let most = if self.xray { 0.999 } else { 1.0 };
@@ -109,27 +109,27 @@ impl Material {
     }
 }
 
-/// Labels of the voxels and what they mean.
+/// The label map and its declared labels.
 #[derive(Clone, Debug)]
 pub struct Labels {
-    /// One label a voxel, on the grid of the grey values.
+    /// One label per voxel, on the grid of the voxel values.
     pub volume: Arc<Volume>,
-    /// What the scene declares; label 0, and labels that are not declared, follow the transfer function.
+    /// Labels that the scene declares; label 0 and undeclared labels follow the transfer function.
     pub declared: Vec<LabelEntry>,
 }
 
-/// What one label shows as.
+/// Medium of a label.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelEntry {
     /// The label, never 0.
     pub label: u32,
-    /// A name for people.
+    /// Display name.
     pub name: String,
     /// Index into [`Scene::materials`].
     pub material: usize,
-    /// What one opacity length of it hides, 0 to 1.
+    /// Opacity: fraction of light lost over the opacity length, 0 to 1.
     pub opacity: f64,
-    /// Optical depth of one opacity length of it where its material absorbs most.
+    /// Optical depth of an opacity length at the peak of the material's absorption spectrum.
     pub absorption: f64,
 }
 
@@ -140,97 +140,98 @@ pub struct SceneLight {
     pub name: String,
     /// Its spectrum: a perfect reflector under it has Y = 1.
     pub spectrum: Light,
-    /// What the spectrum is multiplied by.
+    /// Factor of the spectrum.
     pub intensity: f64,
-    /// Where it shines from.
+    /// Origin of the light.
     pub placement: Placement,
 }
 
-/// Whether the picture is shaded.
+/// Shading of the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Shading {
-    /// Every light arrives everywhere alike.
+    /// No shading: every light reaches every point equally.
     None,
-    /// Ambient, diffuse and specular parts, by the gradient of the data.
+    /// Ambient, diffuse and specular parts, by the gradient of the voxel values.
     #[default]
     Gradient,
 }
 
-/// Between voxels.
+/// Interpolation between voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// The value of the nearest voxel.
     Nearest,
-    /// Trilinear, by the device's own filter.
+    /// Trilinear, by the device's filter.
     #[default]
     Linear,
-    /// Trilinear in f32: eight fetches in place of one. Moves the device's error where its filter has few bits.
+    /// Trilinear in f32: eight fetches instead of one. Reduces the device's error if its filter has few bits.
     ExactLinear,
-    /// A cubic B-spline, 64 fetches: smoother surfaces, and details of a voxel or two softer.
+    /// Cubic B-spline, 64 fetches: smoother surfaces, and softer details of one or two voxels.
     Cubic,
 }
 
-/// The knobs; each says what it costs and which error it moves.
+/// Accuracy settings; each documents its cost and the error it affects.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
-    /// Δs in world units; time goes with 1/Δs, the step error of a smooth volume with Δs².
+    /// Step length Δs in world units; time is proportional to 1/Δs, the step error of a smooth volume to Δs².
     pub step_length: f64,
-    /// A ray ends once less than this share of light can pass; moves a pixel by at most this share of the brightest
-    /// thing behind (docs/theory/numerics.md): a ten-thousandth of white behind black is ΔE00 0.05. 0 follows every ray to its end.
+    /// Termination threshold: a ray ends when its transmittance falls below this fraction. Changes a pixel by at most
+    /// this fraction of the brightest light behind (docs/theory/numerics.md): 1/10000 of white behind black is ΔE00
+    /// 0.05. 0 marches every ray to its end.
     pub termination: f64,
-    /// Leaping over cells that hold nothing; exact, so it moves no error.
+    /// Empty-space skipping; exact, so it affects no error.
     pub skipping: bool,
-    /// How values between voxels are made.
+    /// Interpolation between voxels.
     pub interpolation: Interpolation,
-    /// How the volume is stored.
+    /// Storage of the volume.
     pub volume: VolumeAs,
-    /// Where gradients come from, where shading needs them.
+    /// Source of gradients, if shading needs them.
     pub gradients: Gradients,
-    /// What pixels store.
+    /// Contents of pixels.
     pub accumulate: AccumulateAs,
-    /// What carries spectra where pixels store no weights.
+    /// Kind of colour model for pixels without weights.
     pub model: ModelKind,
-    /// The largest ΔE00 that the colour model may add; a smaller one takes more numbers a pixel.
+    /// Tolerance: the largest ΔE00 that the colour model may add. A smaller tolerance needs more numbers per pixel.
     pub tolerance: f64,
-    /// k, where it is stated; then `tolerance` is not looked at.
+    /// Dimension k, if stated; `tolerance` is then ignored.
     pub dimension: Option<usize>,
-    /// How finished accumulators are stored: 16 bits take half the memory and move colours by up to what
-    /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error) says.
+    /// Storage of finished accumulators: 16 bits halve the memory and change colours by at most
+    /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error).
     pub storage: StoreAs,
 }
 
-/// How voxels are stored on a device.
+/// Storage of voxels on a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 pub enum VolumeAs {
-    /// In 16 bits where that loses nothing, else in f32.
+    /// 16 bits if that is lossless, otherwise f32.
     #[default]
     #[serde(rename = "auto")]
     Auto,
-    /// In f32: twice the memory, and gradients that are not rounded to 16 bits.
+    /// f32: twice the memory, and gradients without rounding to 16 bits.
     #[serde(rename = "f32")]
     Single,
-    /// In 16 bits, whatever that loses: half the memory of f32.
+    /// 16 bits, even with loss: half the memory of f32.
     #[serde(rename = "u16")]
     Short,
 }
 
-/// Where gradients come from.
+/// Source of gradients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Gradients {
-    /// Central differences of voxels, stored beside the values: four times the memory, one fetch.
+    /// Central differences of voxels, stored with the values: four times the memory, one fetch.
     #[default]
     Packed,
-    /// Central differences of values a voxel before and behind a sample: seven fetches.
+    /// Central differences of values one voxel before and after a sample: seven fetches.
     Central,
 }
 
-/// How the numbers of finished accumulators are stored.
+/// Storage of finished accumulators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 pub enum StoreAs {
-    /// As they were summed up.
+    /// As accumulated, in f32.
     #[default]
     #[serde(rename = "f32")]
     Single,
@@ -239,28 +240,29 @@ pub enum StoreAs {
     Half,
 }
 
-/// What pixels store.
+/// Contents of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AccumulateAs {
-    /// Weights where they are exact and fill no more vectors than the numbers of a colour model, else those.
+    /// Weights if they are exact and need no more vectors than the coefficients of a colour model, otherwise
+    /// coefficients.
     #[default]
     Auto,
-    /// One weight per material: exact, where all that absorbs is grey.
+    /// One weight per material; exact while all absorption is grey.
     Weights,
-    /// A spectrum in k numbers.
+    /// A spectrum as k coefficients.
     Spectral,
 }
 
-/// The way from XYZ to the screen.
+/// Conversion from XYZ to the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Display {
-    /// What linear sRGB is multiplied by.
+    /// Factor of linear sRGB.
     pub exposure: f64,
-    /// Bradford adaptation of the mixed lights' white to D65; off, a tungsten light looks orange.
+    /// Bradford adaptation of the white of the mix to D65; without it, a tungsten light looks orange.
     pub adapt: bool,
-    /// Whose eyes make colours of spectra.
+    /// Standard observer.
     pub observer: Observer,
-    /// Which cones are missing in those whom it is a preview for; `None` has all.
+    /// Colour vision deficiency to preview; `None` is normal colour vision.
     pub deficiency: Option<Deficiency>,
 }

@@ -1,65 +1,67 @@
-//! The transfer function: how much of which material a data value is.
+//! The transfer function: maps a voxel value to materials, opacity and absorption.
 
 use serde::Deserialize;
 
 use super::Material;
 
-/// Optical depth per opacity length that stands for opacity 1: it hides everything at every step that is not
-/// ten million times shorter than the opacity length, and stays finite in every product.
+/// Optical depth per opacity length for opacity 1. It occludes everything at any step down to a ten-millionth of the
+/// opacity length, and stays finite in every product.
 pub const OPAQUE_DEPTH: f64 = 1e9;
 
-/// How table entries become a value between them.
+/// Lookup between table entries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Lookup {
-    /// The entry nearest to the value; with 256 entries, what most renderers of 8-bit data do.
+    /// The nearest entry; with 256 entries, as in most renderers of 8-bit data.
     Nearest,
-    /// Between the two entries beside the value; costs 17 to 19 % (docs/theory/device.md), flips at no border.
+    /// Linear between the two neighbouring entries; costs 17 to 19 % (docs/theory/device.md), without jumps between
+    /// entries.
     #[default]
     Linear,
 }
 
-/// The transfer function of a scene. Its terms add up as media do: scattering adds, so opacities compose.
+/// The transfer function of a scene. Its terms add as media do: scattering adds, so opacities compose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transfer {
-    /// World length at which an opacity is meant.
+    /// Opacity length, in world units.
     pub opacity_length: f64,
-    /// How the table is read.
+    /// Lookup between table entries.
     pub lookup: Lookup,
-    /// Table entries, where the scene states them.
+    /// Number of table entries, if the scene states it.
     pub entries: Option<usize>,
-    /// What adds up.
+    /// The terms, which are summed.
     pub terms: Vec<Term>,
 }
 
-/// An opacity over the data values, and what material shows there.
+/// A term: opacity, absorption and material as functions of the value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Term {
-    /// (value, opacity), values not descending; constant beyond the ends. Two points at one value make a jump, and the
-    /// value itself takes the larger opacity.
+    /// Points (value, opacity), values not descending; constant beyond the ends. Two points at one value are a jump,
+    /// and the larger opacity applies at the value itself.
     pub opacity: Vec<(f64, f64)>,
-    /// (value, optical depth per opacity length where the material absorbs most), as the opacity; empty is none.
+    /// Points (value, optical depth per opacity length at the peak of the absorption spectrum), otherwise like the
+    /// opacity; empty is none.
     pub absorption: Vec<(f64, f64)>,
-    /// What shows.
+    /// Material curve.
     pub material: MaterialCurve,
 }
 
-/// Which material shows over the data values: (value, index into the scene's materials), values ascending. Between
+/// Material as a function of the value: points (value, index into the scene's materials), values ascending. Between
 /// points of two materials they mix linearly; constant beyond the ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialCurve(pub Vec<(f64, usize)>);
 
-/// What one data value scatters and absorbs: optical depths per opacity length and material, in the scene's order.
+/// Scattering and absorption at one value: optical depths per opacity length, one per material in the scene's order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// `σ·opacity_length`.
     pub scattering: Vec<f64>,
-    /// `κ·opacity_length` where the material absorbs most; its absorption spectrum scales it elsewhere.
+    /// `κ·opacity_length` at the peak of the material's absorption spectrum, which scales it at other wavelengths.
     pub absorption: Vec<f64>,
 }
 
 impl Transfer {
-    /// The medium at `value`, for a scene of `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (docs/theory/march.md), and
+    /// The medium at `value` for `materials` materials: `σ_m = −ln(1 − opacity)·share_m` (docs/theory/march.md), and
     /// the same share of the absorption.
     #[must_use]
     pub fn medium(&self, value: f64, materials: usize) -> Medium {
@@ -79,7 +81,7 @@ impl Transfer {
         medium
     }
 
-    /// The values at which the function bends or jumps, ascending.
+    /// Values at which the function has a corner or a jump, ascending.
     #[must_use]
     pub fn bends(&self) -> Vec<f64> {
         let heights =
@@ -92,14 +94,14 @@ impl Transfer {
     }
 }
 
-/// Optical depth of what hides `opacity` (0 to 1), at most [`OPAQUE_DEPTH`].
+/// Optical depth of `opacity` (0 to 1), at most [`OPAQUE_DEPTH`].
 #[must_use]
 pub(crate) fn depth_from_opacity(opacity: f64) -> f64 {
     (-(-opacity).ln_1p()).min(OPAQUE_DEPTH)
 }
 
 impl Term {
-    /// A trapezoid: `opacity` and `absorption` from `low` to `high`, falling to 0 over `ramp` on either side.
+    /// A trapezoid: `opacity` and `absorption` from `low` to `high`, with ramps to 0 over `ramp` on either side.
     #[must_use]
     pub fn interval(material: usize, [low, high]: [f64; 2], ramp: [f64; 2], opacity: f64, absorption: f64) -> Self {
         let trapezoid = |height| vec![(low - ramp[0], 0.0), (low, height), (high, height), (high + ramp[1], 0.0)];
@@ -108,29 +110,29 @@ impl Term {
     }
 }
 
-/// A term of the transfer function as scene files state it: one material between two values, with equal ramps.
+/// An interval of the transfer function as scene files state it: one material over a value range, with equal ramps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// What shows, an index into the scene's materials.
+    /// Index of its material in the scene's materials.
     pub material: usize,
-    /// The values between which it shows fully, the lower one first.
+    /// Value range at full opacity, the lower value first.
     pub range: [f64; 2],
-    /// Over so many values it falls to nothing on either side.
+    /// Width of the ramp to 0 on either side, in values.
     pub ramp: f64,
-    /// What one opacity length of it hides, 0 to 1.
+    /// Opacity: fraction of light lost over the opacity length, 0 to 1.
     pub opacity: f64,
-    /// Optical depth of one opacity length of it where its material absorbs most.
+    /// Optical depth of an opacity length at the peak of the material's absorption spectrum.
     pub absorption: f64,
 }
 
 impl Interval {
-    /// The term that this is.
+    /// The term of this interval.
     #[must_use]
     pub fn term(&self) -> Term {
         Term::interval(self.material, self.range, [self.ramp; 2], self.opacity, self.absorption)
     }
 
-    /// The interval whose term is `term` to the bit; `None` where it is no interval. Of the ramps that make it, the one
+    /// The interval whose term equals `term` bit for bit, if there is one. Of several suitable ramps, takes the one
     /// with the fewest digits.
     #[must_use]
     pub fn of(term: &Term) -> Option<Self> {
@@ -150,8 +152,8 @@ impl Interval {
         fitting.first().map(|&ramp| with(ramp))
     }
 
-    /// The nearest interval that a scene of `materials` may state; `None` for a material that is not there, and for what
-    /// is not finite.
+    /// The nearest interval that a scene of `materials` may state; `None` for a missing material or numbers that are
+    /// not finite.
     #[must_use]
     pub fn allowed(&self, materials: &[Material]) -> Option<Self> {
         let material = materials.get(self.material)?;
@@ -184,7 +186,7 @@ fn height_at(curve: &[(f64, f64)], value: f64) -> f64 {
 }
 
 impl MaterialCurve {
-    /// The materials at `value` and their shares, which add up to 1; none for an empty curve.
+    /// The materials at `value` and their shares, which sum to 1; none for an empty curve.
     pub fn at(&self, value: f64) -> impl Iterator<Item = (usize, f64)> + use<> {
         let after = self.0.partition_point(|point| point.0 <= value);
         let before = after.checked_sub(1).and_then(|i| self.0.get(i)).copied();
