@@ -1,4 +1,4 @@
-//! The march on the device: in bands of rows and slices of rays, so that no dispatch is long.
+//! The march on the device, in bands of rows and slices of rays, so that every dispatch is short.
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -19,57 +19,57 @@ use crate::vulkan::{
     Buffer, ComputePipeline, Device, DeviceKind, Filter, Format, HostUse, Resource, ResourceSet, Sampler, StorageImage,
 };
 
-/// How long a dispatch may take, about: a person who moves on is heard after it, and no watchdog bites.
+/// Target duration of a dispatch: short for responses to user input, and for the device's watchdog.
 const DISPATCH: Duration = Duration::from_millis(50);
-/// Samples that the first dispatch of a march takes, before its speed is known.
+/// Samples in the first dispatch of a march of unknown speed.
 const FIRST_SAMPLES: f64 = 2e7;
-/// Part of its time that a march was slow in: what holds up a dispatch now and then takes less.
+/// Fraction of a march's time that counts as its slow part; an occasional delay of a dispatch takes less.
 const SLOW: f64 = 0.1;
-/// Part of what a dispatch may take that it takes at least, if it is to tell how fast the device is.
+/// Smallest fraction of the target duration at which a dispatch measures the device's speed.
 const TELLING: f64 = 0.15;
-/// How much more a dispatch may do than fitted where the march was slow.
+/// Largest dispatch, as a multiple of the samples that fit into the target duration in the slow part of the march.
 const BOLDNESS: f64 = 1.5;
-/// The same after a march of pictures of another size.
+/// The same after a march of a picture of another size.
 const BOLDNESS_ELSEWHERE: f64 = 4.0;
-/// Least samples along a ray per dispatch: of fewer, what a ray begins with would take longer.
+/// Smallest number of samples along a ray per dispatch; with fewer, the start of a ray would take longer.
 const SHORTEST_SLICE: u32 = 16;
-/// Most samples along a ray per dispatch.
+/// Largest number of samples along a ray per dispatch.
 pub(super) const SLICE: u32 = 16_384;
-/// Components of the largest matrices that are marched: larger ones would not stay in registers.
+/// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
 pub(super) const LARGEST_MATRIX: usize = 8;
-/// Bytes of a table in a uniform buffer: what most devices have at most.
+/// Bytes of a table in a uniform buffer, the limit of most devices.
 const UNIFORM_BYTES: u32 = 65_536;
-/// Bytes of a vector of a table.
+/// Bytes of a table's vector.
 const VECTOR_BYTES: u32 = 16;
-/// Iterations of all its loops that an invocation may take: some devices stop it, silently, at 65,535.
+/// Largest number of iterations of all loops of an invocation; some devices stop it, silently, at 65,535.
 const ITERATIONS: usize = 65_000;
 
-/// How a march is cut into workgroups and dispatches. Every cut leaves the same bytes in the accumulators; what it moves
-/// is time.
+/// Division of a march into workgroups and dispatches. It affects time only: accumulators are the same to the byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Dispatching {
     /// Pixels of a workgroup, across and down.
     pub group: [u32; 2],
-    /// Most samples of a dispatch, unless the least part of one row of groups has more; `None` is as many as take about 50 ms.
+    /// Largest number of samples per dispatch, unless the smallest part of one row of workgroups has more; `None` aims
+    /// at about 50 ms.
     pub samples: Option<u32>,
-    /// Most samples along a ray in one dispatch, 1 to 16,384.
+    /// Largest number of samples along a ray per dispatch, 1 to 16,384.
     pub slice: u32,
-    /// Where the tables of a march are, if they fit there.
+    /// Memory of the tables, if they fit there.
     pub tables: TableMemory,
 }
 
-/// Where the shader reads the tables of the transfer function and of the labels.
+/// Memory of the tables of the transfer function and of the labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TableMemory {
-    /// Storage buffers, of any length. A GPU reads another entry for each of its lanes at once.
+    /// Storage buffers of any length. The lanes of a GPU read different entries at once.
     Storage,
-    /// Uniform buffers, of 64 KiB each; longer tables stay in storage buffers. Lavapipe reads storage lane by lane with a
-    /// branch for each, uniforms without. A GPU would read one lane after the other.
+    /// Uniform buffers of 64 KiB; longer tables stay in storage buffers. Lavapipe reads storage lane by lane with a
+    /// branch for each, and uniforms without branches. A GPU would read the entries of its lanes one after the other.
     Uniform,
 }
 
 impl TableMemory {
-    /// What marches fastest on `device`.
+    /// The memory with the fastest march on `device`.
     pub(super) fn fastest(device: &Device) -> Self {
         if device.info().kind == DeviceKind::Software { Self::Uniform } else { Self::Storage }
     }
@@ -82,7 +82,7 @@ impl Default for Dispatching {
     }
 }
 
-/// Numbers of a frame, as `shaders/march.wgsl` has them.
+/// Uniform of a frame, in the layout of `shaders/march.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
 #[expect(missing_docs, reason = "named and explained in the shader and in `RayTable`")]
@@ -119,7 +119,7 @@ pub struct MarchUniform {
     pub active_high: f32,
 }
 
-/// One dispatch's share, as `shaders/march.wgsl` has it.
+/// Push constants of a dispatch, in the layout of `shaders/march.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Band {
@@ -128,27 +128,27 @@ struct Band {
     end_sample: u32,
 }
 
-/// The tables of a march by their names in the shader.
+/// Buffers of tables by their names in the shader.
 type Tables = [(&'static str, Buffer); 4];
 
-/// What a march left on the device. Clones are the same images.
+/// A film on the device. Clones share its images.
 #[derive(Clone, Debug)]
 pub struct DeviceFilm {
-    /// The plan it followed.
+    /// The plan of its march.
     pub planned: Planned,
-    /// Pixels across and down.
+    /// Width and height in pixels.
     pub size: [usize; 2],
-    /// How many dispatches it took.
+    /// Number of dispatches of its march.
     pub dispatches: usize,
-    /// How long those took by the device's own clock; `None` where it has none.
+    /// Duration of these dispatches by the device's clock; `None` if it has none.
     pub device_time: Option<Duration>,
-    /// Cells that hold something, of all cells.
+    /// Number of occupied macrocells, and of all macrocells.
     pub occupied: [usize; 2],
     pub(super) accumulators: StorageImage,
     pub(super) transmittance: StorageImage,
 }
 
-/// A march under way: it rests between any two dispatches, and dropping it is to cancel it.
+/// A march in progress. It pauses after every dispatch, and is cancelled by dropping it.
 #[derive(Debug)]
 pub struct March {
     pipeline: ComputePipeline,
@@ -157,27 +157,27 @@ pub struct March {
     left: DeviceFilm,
 }
 
-/// How long a dispatch may take, about, and how much fits into that as far as is known.
+/// Target duration of a dispatch, and how many samples fit into it, as far as is known.
 #[derive(Clone, Copy, Debug)]
 pub struct Speed {
     dispatch: Duration,
-    /// Samples of the first dispatch, where known.
+    /// Samples of the first dispatch, if known.
     first: Option<f64>,
-    /// Samples of any dispatch, at most: rows that meet the volume follow rows that do not.
+    /// Largest number of samples of any dispatch: fast rows in empty space may precede slow rows in the volume.
     most: f64,
 }
 
 impl Speed {
-    /// A device of this kind that nothing is known of, with dispatches of about `dispatch`.
+    /// Speed of an unknown device of this kind, for dispatches of about `dispatch`.
     pub(super) fn unknown(dispatch: Duration, kind: DeviceKind) -> Self {
-        // So little that even a slow device is done in time.
+        // Few enough samples for a slow device.
         let first = FIRST_SAMPLES / 32.0;
-        // How fast a software device passes what is empty says nothing of the rest. Any other one may find out.
+        // The speed of a software device in empty space does not predict its speed elsewhere; other devices adapt.
         let most = if kind == DeviceKind::Software { first } else { f64::INFINITY };
         Self { dispatch, first: Some(first), most }
     }
 
-    /// What it says of pictures of another size.
+    /// The speed to assume for pictures of another size.
     #[must_use]
     pub fn elsewhere(self) -> Self {
         Self { most: self.most * BOLDNESS_ELSEWHERE / BOLDNESS, ..self }
@@ -190,7 +190,7 @@ impl Default for Speed {
     }
 }
 
-/// The shader's texts by name: what a step reflects, what passes it, where tables are, and the march.
+/// Shader texts by name: source, transmittance, memory of tables, and the march.
 fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
     [
         match plan.accumulate {
@@ -210,7 +210,7 @@ fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str)
     ]
 }
 
-/// The formats of accumulators, and of what passes.
+/// Formats of accumulators and transmittance.
 pub(super) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
     let vectors = match storage {
         StoreAs::Single => Format::Rgba32Float,
@@ -222,7 +222,7 @@ pub(super) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
     }
 }
 
-/// The types, in WGSL, of the images of accumulators and of what passes.
+/// WGSL types of the images of accumulators and transmittance.
 pub(super) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [String; 2] {
     formats(plan, storage).map(|format| {
         let format = match format {
@@ -234,12 +234,12 @@ pub(super) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [Strin
     })
 }
 
-/// Constants that both shaders know.
+/// Constants of both the march and the relight shader.
 pub(super) fn common(plan: &ScenePlan) -> Constants {
     Constants::new().u32("LAYERS", unsigned(plan.layers().max(1))).u32("LAYERS_USED", unsigned(plan.layers()))
 }
 
-/// What `plan` fixes in the march shader.
+/// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
     let [_, passed] = images(plan, StoreAs::Single, "read_write");
@@ -275,7 +275,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .bool("ONE_EXPONENT", one_exponent.is_some())
         .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
         .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
-        // The place of white behind the materials, where there is one.
+        // Position of the weight of white after those of the materials, if there is one.
         .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
         .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
         .bool("LABELS", plan.labels)
@@ -289,7 +289,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
 }
 
-/// What the march shader of `plan` is compiled from.
+/// Source of the march shader of `plan`.
 pub(super) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
     let parts = parts(plan, dispatching.tables).to_vec();
     Source { name: "march", constants: constants(plan, dispatching.group), parts }
@@ -363,8 +363,8 @@ impl Renderer {
         march.finish(self)
     }
 
-    /// A march of a picture of `size` (width, height) of the `uploaded` volume of `scene` that is set up and goes on when
-    /// asked to. What `speed` says of an earlier one decides how much its first dispatch takes.
+    /// Sets up the march of a picture of `size` (width, height) of the `uploaded` volume of `scene`, which proceeds by
+    /// [`March::step`]. `speed`, from an earlier march, determines the size of the first dispatch.
     ///
     /// # Errors
     ///
@@ -393,7 +393,7 @@ impl Renderer {
         let extent = size.map(unsigned);
 
         let storage = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
-            // A buffer is never empty: an array without entries is one that is never read.
+            // Buffers are never empty; the shader does not read an array without entries.
             let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
             let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Storage)?;
             buffer.write(0, bytes)?;
@@ -410,7 +410,7 @@ impl Renderer {
         let (tables, tabled) = self.tables(&table, &TransferTable::of_labels(scene, planned))?;
         let filter = match plan.interpolation {
             Interpolation::Linear => Filter::Linear,
-            // The others fetch texels themselves.
+            // These fetch texels themselves.
             Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
@@ -455,7 +455,7 @@ impl Renderer {
         Ok(March { pipeline, set, schedule, left })
     }
 
-    /// The tables of values and of labels in buffers, by their names in the shader, and where those are.
+    /// Memory and buffers of the tables of values and labels, by their names in the shader.
     fn tables(&self, values: &TransferTable, labels: &TransferTable) -> Result<(TableMemory, Tables), RenderError> {
         let tables: [(&'static str, &[u8]); 4] = [
             ("table_source", bytemuck::cast_slice(&values.source)),
@@ -468,7 +468,7 @@ impl Renderer {
         let memory = if room && short { self.dispatching.tables } else { TableMemory::Storage };
         let buffer = |(name, bytes): (&'static str, &[u8])| -> Result<_, RenderError> {
             let (size, host_use) = match memory {
-                // Whole vectors, and one at least: a table without entries is one that is never read.
+                // Whole vectors, and at least one; the shader does not read a table without entries.
                 TableMemory::Storage => {
                     (bytes.len().max(1).next_multiple_of(VECTOR_BYTES as usize) as u64, HostUse::Storage)
                 }
@@ -504,7 +504,7 @@ impl Renderer {
         Ok(Film { size, components, accumulators, transmittance })
     }
 
-    /// Copies pixel `[x, y]` of a film to the host, y down: a film of one pixel.
+    /// Copies pixel `[x, y]` (y down) of a film to the host, as a film of one pixel.
     ///
     /// # Errors
     ///
@@ -548,7 +548,7 @@ impl Renderer {
         Ok(Film { size: [1, 1], components, accumulators, transmittance })
     }
 
-    /// `count` numbers of every pixel, plane by plane, from the layer `first` on.
+    /// Reads `count` numbers of every pixel, plane by plane, starting at the layer `first`.
     fn read_numbers(&self, image: &StorageImage, first: usize, count: usize) -> Result<Vec<f32>, RenderError> {
         let mut numbers = Vec::new();
         for lane in 0..count.div_ceil(LANE) {
@@ -568,31 +568,31 @@ impl Renderer {
 }
 
 impl March {
-    /// Whether nothing is left to do but [`Self::finish`].
+    /// Whether only [`Self::finish`] remains.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.schedule.is_done()
     }
 
-    /// Rows of the picture that are finished.
+    /// Number of finished rows of the picture.
     #[must_use]
     pub fn rows_done(&self) -> u32 {
         self.schedule.row.min(self.schedule.size[1])
     }
 
-    /// Pixels across and down.
+    /// Width and height in pixels.
     #[must_use]
     pub fn size(&self) -> [usize; 2] {
         self.left.size
     }
 
-    /// How fast it has been so far.
+    /// Speed measured so far.
     #[must_use]
     pub fn speed(&self) -> Speed {
         self.schedule.speed()
     }
 
-    /// The next dispatch, on the renderer that began it.
+    /// Runs the next dispatch on `renderer`, which must be the one that began the march.
     ///
     /// # Errors
     ///
@@ -615,7 +615,7 @@ impl March {
         Ok(())
     }
 
-    /// What a march that is done has left, stored as its plan says.
+    /// Returns the film of a finished march, stored as its plan states.
     ///
     /// # Errors
     ///
@@ -625,12 +625,12 @@ impl March {
     }
 }
 
-/// Bytes of a pixel in so many layers of `image`.
+/// Bytes of a pixel in `layers` layers of `image`.
 fn texels_of(image: &StorageImage, layers: usize) -> usize {
     layers * image.format().texel_bytes() as usize
 }
 
-/// The texels of a layer, rows from the top.
+/// Reads the texels of a layer, rows from the top.
 pub(super) fn read_layer<T: Pod>(device: &Device, image: &StorageImage, layer: u32) -> Result<Vec<T>, RenderError> {
     let bytes = image.layer_bytes();
     let buffer = Buffer::host(device, "read-back", bytes, HostUse::ReadBack)?;
@@ -646,7 +646,7 @@ pub(super) fn read_layer<T: Pod>(device: &Device, image: &StorageImage, layer: u
     Ok(read)
 }
 
-/// Positions, then ambient, diffuse, specular and exponents of the materials: the struct `Shading` of the shader.
+/// Bytes of the shader's struct `Shading`: positions, then ambient, diffuse, specular and exponents of the materials.
 fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     let positions = PositionTable::new(scene, planned).0;
     let mut lights: Vec<[f32; LANE]> =
@@ -664,15 +664,15 @@ fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
     bytes
 }
 
-/// Samples along a ray that one dispatch may take under `plan`, counted as if the compiler unrolled no loop: per sample the
-/// loops over cells, samples and those that hold something, over the lanes of the table (for values and labels), and over
-/// the positions with their lanes; and per dispatch those that load and store.
+/// Largest number of samples along a ray per dispatch under `plan`, from the number of iterations without unrolled
+/// loops. Per sample, counts the loops over macrocells, samples and visible samples, over the lanes of the tables (of
+/// values and of labels), and over the positions with their lanes; per dispatch, the loops that load and store.
 fn longest_slice(plan: &ScenePlan) -> u32 {
     let (lanes, parts) = (plan.lanes(), plan.parts().lanes);
     let (coloured, exponents) = match (plan.transmittance, plan.accumulate) {
         (Transmittance::Grey, Accumulate::Spectral { exponents, .. }) => (0, exponents),
         (Transmittance::Coloured, Accumulate::Spectral { exponents, .. }) => (4 * lanes, exponents),
-        // Read, tested and multiplied with another.
+        // Loops that read, test and multiply matrices.
         (Transmittance::Mixed, Accumulate::Spectral { dimension, exponents, .. }) => {
             (dimension.pow(3) + 4 * dimension.pow(2), exponents)
         }
@@ -684,8 +684,9 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
 }
 
-/// Cuts a march into dispatches: rows of the picture, and slices of long rays, as many as fit into `dispatch` at the
-/// speed of the last one, but hardly more than where it was slow: rows that meet the volume follow rows that do not.
+/// Divides a march into dispatches: rows of the picture, and slices of long rays. A dispatch has the samples that fit
+/// into `dispatch` at the speed of the last one, but little more than fit in the slow part of the march, because fast
+/// rows in empty space may precede slow rows in the volume.
 #[derive(Debug)]
 struct Schedule {
     dispatching: Dispatching,
@@ -696,16 +697,16 @@ struct Schedule {
     rows: u32,
     sample: u32,
     slice: u32,
-    /// Samples of the next dispatch, about.
+    /// Target number of samples of the next dispatch.
     budget: f64,
-    /// Samples of any dispatch, at most, about, as far as an earlier march has told.
+    /// Approximate largest number of samples of any dispatch, from an earlier march.
     most: f64,
-    /// Samples of the dispatch under way.
+    /// Samples of the current dispatch.
     taken: f64,
-    /// Of each dispatch that took long enough to tell, the samples that would have fitted and its seconds; those that fitted
-    /// fewest first. What takes no time says how long it takes to begin.
+    /// For each dispatch that was long enough to measure: the samples that would have fitted, and its seconds; the
+    /// smallest number of samples first. A shorter dispatch only measures the time to start one.
     told: Vec<[f64; 2]>,
-    /// Samples of the largest of the others.
+    /// Samples of the largest dispatch among the shorter ones.
     untold: f64,
 }
 
@@ -731,8 +732,8 @@ impl Schedule {
         }
     }
 
-    /// Samples that fit where it was slow so far, where that can be told. The slowest dispatch may have been held up by
-    /// something else.
+    /// Number of samples that fit in the slow part of the march, if known. Ignores the slowest dispatch, whose delay
+    /// may have another cause.
     fn slow(&self) -> Option<f64> {
         let most = 2.0 * self.dispatch.as_secs_f64();
         let told = self.told.get(1..)?;
@@ -744,12 +745,12 @@ impl Schedule {
         slow.map(|[fitting, _]| *fitting)
     }
 
-    /// How fast it has been.
+    /// Speed measured so far.
     fn speed(&self) -> Speed {
         let dispatch = self.dispatch;
         let most = match (self.slow(), self.told.first()) {
             (Some(slow), _) => BOLDNESS * slow,
-            // It is all that there is to go by.
+            // The only measurement.
             (None, Some([fitting, _])) => BOLDNESS * fitting,
             (None, None) => self.most.max(BOLDNESS_ELSEWHERE * self.untold),
         };
@@ -760,17 +761,17 @@ impl Schedule {
         self.row >= self.size[1]
     }
 
-    /// The next dispatch and its rows; `None` when all is done.
+    /// Returns the next dispatch and its rows; `None` at the end of the march.
     fn next(&mut self) -> Option<(Band, u32)> {
         if self.is_done() {
             return None;
         }
         if self.sample == 0 {
-            // Whole rays where a row of groups has room for them, or else equal parts of them.
+            // Whole rays if a row of workgroups fits, otherwise equal parts of rays.
             let width = f64::from(self.size[0]);
             let Dispatching { group, slice: longest, .. } = self.dispatching;
             let groups = self.budget / (width * f64::from(group[1]) * f64::from(self.samples.min(longest)));
-            // Of so many as are asked for, no more; else about as many as fit.
+            // A stated number of samples is a limit; otherwise rounds to the nearest.
             let is_limit = self.dispatching.samples.is_some();
             let fewer = |number: f64| if is_limit { number.floor() } else { number.round() };
             let more = |number: f64| if is_limit { number.ceil() } else { number.round() };
@@ -792,7 +793,7 @@ impl Schedule {
         Some((band, rows))
     }
 
-    /// How long the last dispatch took.
+    /// Records the duration of the last dispatch.
     fn took(&mut self, time: Duration) {
         if self.dispatching.samples.is_some() {
             return;
@@ -879,8 +880,9 @@ mod tests {
         assert_eq!(theirs.map(|layout| layout.size as usize), Some(size_of::<MarchUniform>()), "size");
     }
 
-    /// Pictures whose middle takes twenty times as long as what is above and below, one after another, the first on a device
-    /// that nothing is known of; in each, the dispatch `held_up` takes half a second more.
+    /// Dispatches of successive pictures whose middle takes twenty times as long as the rows above and below, starting
+    /// on an unknown device. In each picture, the dispatch `held_up` is delayed by half a second, which the result does
+    /// not contain.
     fn marched(pictures: usize, held_up: Option<usize>) -> Vec<Vec<Duration>> {
         let (size, samples, aim) = ([800_u32, 800], 300, Duration::from_millis(10));
         let seconds =
@@ -924,7 +926,7 @@ mod tests {
         assert!(dispatches < 12, "{dispatches} for 4 ms");
     }
 
-    /// Nor does a march of a few pixels, of which nothing takes any time.
+    /// Dispatches of a few pixels are too short to measure a speed.
     #[test]
     fn a_picture_of_a_few_pixels_says_nothing_of_a_large_one() {
         let aim = Duration::from_millis(10);
@@ -956,7 +958,7 @@ mod tests {
         assert!(held.iter().zip(&calm).skip(1).all(|(held, calm)| 4 * held <= 5 * calm), "{held:?}, not {calm:?}");
     }
 
-    /// Three weights are what an RGB renderer accumulates; a fourth is free, whatever spectra stand behind them.
+    /// An RGB renderer accumulates three weights; a fourth is free, for any spectra.
     #[test]
     fn four_spectral_materials_march_with_the_shader_of_three_colours() {
         let words = |materials| {
@@ -976,7 +978,7 @@ mod tests {
         let relit = |plan| crate::render::relight::source(plan, crate::render::relight::Target::Display);
         assert!(marched(&linear) != marched(&cubic) && relit(&linear) == relit(&cubic), "values between voxels");
         assert!(marched(&linear) == marched(&behind) && relit(&linear) != relit(&behind), "what is behind the volume");
-        // Tables of another kind are bound otherwise.
+        // Another memory of tables needs other bindings.
         let of = |tables, group| source(&linear, Dispatching { tables, group, ..Dispatching::default() });
         let [storage, uniform] = [TableMemory::Storage, TableMemory::Uniform].map(|tables| of(tables, [8, 8]));
         assert!(storage != uniform && storage != of(TableMemory::Storage, [16, 4]) && storage == storage.clone());

@@ -1,7 +1,7 @@
-//! Frames on the GPU.
+//! Renders frames on the GPU.
 //!
-//! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] leaves [`DeviceFilm`] of it, and
-//! [`Renderer::relight_linear`] turns those into pictures, as often as the light changes.
+//! [`Renderer::upload`] puts a volume on the device, [`Renderer::march`] makes a [`DeviceFilm`] of it, and
+//! [`Renderer::relight_linear`] makes a picture of the film, as often as the light changes.
 
 mod march;
 mod pipelines;
@@ -31,7 +31,7 @@ use pipelines::Pipelines;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RenderError {
-    /// The device refused.
+    /// An error of the device.
     #[error("the device could not render")]
     Vulkan(#[from] VulkanError),
     /// A shader does not compile.
@@ -40,43 +40,43 @@ pub enum RenderError {
     /// The scene has no plan.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The volume's values cannot be used.
+    /// The volume's values are not usable.
     #[error(transparent)]
     Volume(VolumeError),
-    /// The labels cannot be used.
+    /// The labels are not usable.
     #[error("the labels cannot be used")]
     Labels(#[source] VolumeError),
-    /// Somebody asked it to stop.
+    /// The work was cancelled.
     #[error("cancelled")]
     Cancelled,
-    /// A colour model's matrices are too large for a device.
+    /// The matrices of a colour model are too large for the device.
     #[error(
         "the model peercy keeps {dimension}×{dimension} numbers of what passes, and a device has room for {0}×{0}: take --k {0} or less, or --reference",
         march::LARGEST_MATRIX
     )]
     Matrix {
-        /// Components of the model.
+        /// Dimension of the model.
         dimension: usize,
     },
-    /// The camera looks nowhere.
+    /// The camera has no line of sight.
     #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
     Camera,
-    /// A ray has more samples than can be counted.
+    /// A ray has too many samples.
     #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
     TooManySamples {
-        /// Δs in world units.
+        /// Step length in world units.
         step_length: f64,
     },
-    /// The volume needs more texels along an axis than the device has.
+    /// The volume has more voxels along an axis than a texture of the device.
     #[error(
         "the volume has {dims:?} voxels; {device} holds at most {limit:?}: take --downsample to average blocks of voxels"
     )]
     TooLarge {
-        /// The volume.
+        /// Dimensions of the volume.
         dims: [usize; 3],
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What it holds.
+        /// Its limits.
         limit: [u32; 3],
     },
     /// The volume's texture does not fit into the device's memory.
@@ -84,41 +84,41 @@ pub enum RenderError {
         "the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB: take --downsample{}", without_gradients(*format)
     )]
     Memory {
-        /// Texture size.
+        /// Size of the texture.
         needed_mb: u64,
-        /// Texture format.
+        /// Format of the texture.
         format: VolumeFormat,
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// Its memory.
+        /// Size of its memory.
         heap_mb: u64,
     },
-    /// A picture has more pixels along a side, or more layers, than the device has.
+    /// A picture has more pixels along a side, or more layers, than the device supports.
     #[error(
         "a picture of {}×{} pixels with {} vectors each is too large for {device}, which makes at most {}×{} with {}: take a smaller --size, fewer light positions, or --reference", asked[0], asked[1], asked[2], limit[0], limit[1], limit[2]
     )]
     PictureSize {
-        /// Pixels across and down, and layers.
+        /// Pixels across and down, and number of layers.
         asked: [usize; 3],
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// What it makes.
+        /// Its limits.
         limit: [u32; 3],
     },
-    /// A picture and its volume do not fit into the device's memory together.
+    /// A picture and its volume together do not fit into the device's memory.
     #[error(
         "a picture of {}×{} pixels needs {needed_mb} MB here, beside {volume_mb} MB of volume, and {device} has {heap_mb}: take a smaller --size, fewer light positions, or --downsample", size[0], size[1]
     )]
     PictureMemory {
         /// Pixels across and down.
         size: [usize; 2],
-        /// What the accumulators and the relit picture take.
+        /// Size of the accumulators and the relit picture.
         needed_mb: u64,
-        /// What the volume takes.
+        /// Size of the volume.
         volume_mb: u64,
-        /// The device.
+        /// Name of the device.
         device: String,
-        /// Its memory.
+        /// Size of its memory.
         heap_mb: u64,
     },
     /// The device does not filter the volume's format.
@@ -126,24 +126,24 @@ pub enum RenderError {
         "{device} does not interpolate {format:?} textures, which these data need; take accuracy.interpolation = \"nearest\", or another device"
     )]
     Filter {
-        /// Texture format.
+        /// Format of the texture.
         format: VolumeFormat,
-        /// The device.
+        /// Name of the device.
         device: String,
     },
 }
 
-/// The other way out of [`RenderError::Memory`], where there is one.
+/// Second remedy for [`RenderError::Memory`], if there is one.
 fn without_gradients(format: VolumeFormat) -> &'static str {
     if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" }
 }
 
-/// A device and the pipelines made on it last. Clones share them.
+/// A device with its most recently used pipelines. Clones share them.
 #[derive(Clone, Debug)]
 pub struct Renderer {
     device: Device,
     dispatching: Dispatching,
-    /// The speed that a march of an unknown plan starts from.
+    /// Initial speed of a march of an unknown plan.
     speed: Speed,
     shared: Arc<Shared>,
 }
@@ -151,19 +151,19 @@ pub struct Renderer {
 /// State that the clones of a [`Renderer`] share.
 #[derive(Debug, Default)]
 struct Shared {
-    /// The plan of the last march that was made at one go, and how fast that was.
+    /// Plan and speed of the last [`Renderer::march`].
     learnt: Mutex<Option<(ScenePlan, Speed)>>,
     pipelines: Mutex<Pipelines>,
     marches: AtomicU64,
     longest_dispatch: AtomicU64,
 }
 
-/// What a pipeline's shader is compiled from: plans that differ in nothing that the shader knows share a pipeline.
+/// Source of a pipeline's shader. Plans with equal sources share a pipeline.
 #[derive(Clone, Debug, PartialEq)]
 struct Source {
     name: &'static str,
     constants: Constants,
-    /// Texts by the names of their files.
+    /// Texts by file name.
     parts: Vec<(&'static str, &'static str)>,
 }
 
@@ -173,7 +173,7 @@ impl Source {
     }
 }
 
-/// A pipeline and the names of the resources it binds, in order.
+/// A pipeline and the names of the resources that it binds, in order.
 #[derive(Clone, Debug)]
 struct Made {
     pipeline: ComputePipeline,
@@ -188,38 +188,38 @@ impl Renderer {
         Self { device, dispatching, speed: Speed::default(), shared: Arc::default() }
     }
 
-    /// How many marches it has begun.
+    /// Number of marches begun.
     #[must_use]
     pub fn marches(&self) -> u64 {
         self.shared.marches.load(Ordering::Relaxed)
     }
 
-    /// The most samples that a dispatch of its marches has had: pixels across, times rows, times samples along a ray.
+    /// Largest number of samples in a dispatch: pixels across, times rows, times samples along a ray.
     #[must_use]
     pub fn longest_dispatch(&self) -> u64 {
         self.shared.longest_dispatch.load(Ordering::Relaxed)
     }
 
-    /// The same renderer for a device that others wait for: dispatches of [`Self::march`] take about `dispatch`, and of a plan
-    /// that nothing is known of far less.
+    /// The same renderer for a device that other work waits for: dispatches of [`Self::march`] take about `dispatch`,
+    /// and far less for an unknown plan.
     #[must_use]
     pub fn with_dispatches_of(self, dispatch: Duration) -> Self {
         let speed = Speed::unknown(dispatch, self.device.info().kind);
         Self { speed, ..self }
     }
 
-    /// The plan of the last march that was made at one go, and how fast that was.
+    /// Plan and speed of the last [`Self::march`].
     fn learnt(&self) -> MutexGuard<'_, Option<(ScenePlan, Speed)>> {
         self.shared.learnt.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// How marches begin of a plan that nothing is known of.
+    /// Initial speed of a march of an unknown plan.
     #[must_use]
     pub fn speed(&self) -> Speed {
         self.speed
     }
 
-    /// The same renderer with its marches cut otherwise. A slice out of range takes the nearest end.
+    /// The same renderer with another division of its marches. A slice out of range is clamped.
     #[must_use]
     pub fn with_dispatching(self, dispatching: Dispatching) -> Self {
         let slice = dispatching.slice.clamp(1, march::SLICE);
@@ -232,8 +232,8 @@ impl Renderer {
         &self.device
     }
 
-    /// Refuses a picture of `size` that the device cannot hold beside a volume of `volume_bytes`. [`Self::march`] asks this
-    /// too; asking before [`Self::upload`] saves the upload.
+    /// Refuses a picture of `size` that the device cannot hold together with a volume of `volume_bytes`.
+    /// [`Self::march`] checks this too; a check before [`Self::upload`] saves the upload.
     ///
     /// # Errors
     ///
@@ -247,7 +247,7 @@ impl Renderer {
         if asked.iter().zip(limit).any(|(&asked, limit)| asked as u64 > u64::from(limit)) {
             return Err(RenderError::PictureSize { asked, device: device.clone(), limit });
         }
-        // DeviceFilm, and a relit picture in f32.
+        // The film on the device, and a relit picture in f32.
         let needed = (size[0] * size[1]) as u64 * (plan.marched_bytes() + 16);
         if needed + volume_bytes > limits.device_heap_bytes {
             return Err(RenderError::PictureMemory {
@@ -261,8 +261,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// The pipeline of `source`, and `named` resources bound to it. A pipeline is made where none is kept, and nobody waits
-    /// meanwhile who needs another; what its plan does not use is not bound.
+    /// Returns the pipeline of `source`, and the `named` resources that its shader uses, bound to it. Makes the
+    /// pipeline if it is not cached, without blocking threads that need another.
     fn bind<'a>(
         &self,
         source: Source,
@@ -299,7 +299,7 @@ impl Renderer {
 ///
 /// # Errors
 ///
-/// [`ShaderError`] where one does not compile.
+/// [`ShaderError`] if a shader does not compile.
 pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], ShaderError> {
     Ok([
         ("march", march::source(plan, Dispatching::default()).compile()?),

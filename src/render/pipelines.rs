@@ -1,12 +1,13 @@
-//! Pipelines that are kept for the next frame that needs them, but not all of them for ever.
+//! A cache of pipelines.
 
 use super::{Made, Source};
 
-/// Pipelines that are kept: as many as sixteen plans have that share none (a march, both relights and the store each), as a curve of
-/// settings is measured with or a person goes back and forth between. One that is gone is compiled again where it is asked for.
+/// Capacity of the cache: the pipelines of sixteen plans that share none (a march, both relights and the store each),
+/// enough to measure a curve of settings or to switch between settings. An evicted pipeline is compiled again when
+/// needed.
 pub(super) const MOST: usize = 64;
 
-/// Pipelines by what tells them apart, the least recently used first.
+/// Pipelines by key, the least recently used first.
 #[derive(Debug)]
 pub(super) struct Pipelines<K = Source, V = Made>(Vec<(K, V)>);
 
@@ -17,15 +18,15 @@ impl<K, V> Default for Pipelines<K, V> {
 }
 
 impl<K: PartialEq, V: Clone> Pipelines<K, V> {
-    /// The one for `key`, which is now the last that was used.
+    /// Returns the pipeline of `key`, which becomes the most recently used.
     pub(super) fn get(&mut self, key: &K) -> Option<V> {
         let at = self.0.iter().position(|(known, _)| known == key)?;
         self.0[at..].rotate_left(1);
         self.0.last().map(|(_, made)| made.clone())
     }
 
-    /// Keeps what was `made` for `key`, or what somebody else has made in the meantime, and lets go of the one that was not used
-    /// for longest where there are too many.
+    /// Adds the pipeline `made` of `key`, unless another thread has added one in the meantime, and returns the cached
+    /// one. Evicts the least recently used pipeline if the cache is full.
     pub(super) fn keep(&mut self, key: K, made: V) -> V {
         if let Some(known) = self.get(&key) {
             return known;

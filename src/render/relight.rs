@@ -1,4 +1,4 @@
-//! Post-illumination on the device: accumulators to pictures.
+//! Post-illumination on the device: converts accumulators to pictures.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -12,14 +12,14 @@ use crate::number::unsigned;
 use crate::plan::{LANE, ScenePlan};
 use crate::vulkan::{Buffer, Device, Format, HostUse, Resource, StorageImage};
 
-/// Workgroups of a relight: long rows (docs/theory/device.md).
+/// Workgroup of a relight: long rows (docs/theory/device.md).
 const GROUP: [u32; 2] = [64, 1];
-/// Most layers whose colours an invocation copies; more would take seconds to compile.
+/// Largest number of layers whose colours an invocation copies; more would take seconds to compile.
 const FEW_LAYERS: usize = 16;
-/// Rows of the picture that an invocation relights.
+/// Rows of the picture per invocation.
 const ROWS: u32 = 8;
 
-/// What a relight writes.
+/// Output of a relight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Target {
     /// 8-bit sRGB.
@@ -28,7 +28,8 @@ pub(super) enum Target {
     Linear,
 }
 
-/// The head of the relight's uniform, as `shaders/relight.wgsl` has it; what passes and the colours follow.
+/// Head of the relight's uniform, in the layout of `shaders/relight.wgsl`; the colours of transmittance and
+/// accumulators follow.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 #[expect(missing_docs, reason = "named in the shader")]
@@ -39,17 +40,17 @@ pub struct RelightUniform {
     pub padding: u32,
 }
 
-/// Whether what passes is looked at: where there is something behind the volume, or the picture is to have opacity.
+/// Whether the relight reads the transmittance: for a background, or for the opacity of the picture.
 fn passes_light(plan: &ScenePlan, target: Target) -> bool {
     plan.background || target == Target::Linear
 }
 
-/// Whether pictures for `target` are lit often: then what shows nothing of any material is told apart by the first light.
+/// Whether pictures for `target` are relit often; the first relight then records the pixels that show no material.
 fn is_lit_again(target: Target) -> bool {
     target == Target::Display
 }
 
-/// What the relight shader of `plan` is compiled from.
+/// Source of the relight shader of `plan`.
 pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
     let [accumulators, passed] = images(plan, plan.storage, "read");
     let constants = common(plan)
@@ -68,7 +69,7 @@ pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
     Source { name: "relight", constants, parts }
 }
 
-/// A relight that is set up: run it as often as the light changes. It keeps the accumulators on the device.
+/// A prepared relight, to run as often as the light changes. It keeps the accumulators on the device.
 #[derive(Debug)]
 pub struct Relight {
     device: Device,
@@ -77,13 +78,13 @@ pub struct Relight {
     set: crate::vulkan::ResourceSet,
     uniform: Buffer,
     picture: StorageImage,
-    /// Whether every pixel of the picture was lit once.
+    /// Whether every pixel of the picture was relit once.
     lit: AtomicBool,
     bytes: u64,
 }
 
 impl Renderer {
-    /// 8-bit sRGB of every pixel, RGBA, rows from the top.
+    /// Prepares a relight to 8-bit sRGB, RGBA, rows from the top.
     ///
     /// # Errors
     ///
@@ -92,7 +93,7 @@ impl Renderer {
         self.relight(film, Target::Display, Format::Rgba8Unorm)
     }
 
-    /// The same with blue first, as windows keep their pixels.
+    /// The same in BGRA, the format of windows.
     ///
     /// # Errors
     ///
@@ -101,7 +102,7 @@ impl Renderer {
         self.relight(film, Target::Display, Format::Bgra8Unorm)
     }
 
-    /// Linear sRGB and opacity (1 − the light that passes) of every pixel in f32, rows from the top.
+    /// Prepares a relight to linear sRGB and opacity (1 − transmittance) in f32, rows from the top.
     ///
     /// # Errors
     ///
@@ -144,8 +145,8 @@ impl Renderer {
 }
 
 impl Relight {
-    /// Lights the accumulators by `matrices`. One dispatch; nothing is marched. Returns how long it took by the device's own
-    /// clock, where it has one.
+    /// Relights the film by `matrices`, in one dispatch and without a march. Returns its duration by the device's
+    /// clock, if it has one.
     ///
     /// # Errors
     ///
@@ -176,20 +177,21 @@ impl Relight {
         Ok(took)
     }
 
-    /// Bytes on the device that a run reads and writes where every pixel shows something: accumulators, matrices and the picture,
-    /// not what tells such pixels apart.
+    /// Bytes on the device that a run reads and writes if every pixel shows something: accumulators, transmittance,
+    /// matrices and picture, without the record of pixels that show no material.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// The picture on the device, for those who show it there.
+    /// The picture on the device, for display from there.
     #[must_use]
     pub fn picture(&self) -> &StorageImage {
         &self.picture
     }
 
-    /// The picture: `T` is `[u8; 4]` of a display relight (blue first of a window's), `[f32; 4]` of a linear one.
+    /// Reads the picture: `T` is `[u8; 4]` for a display relight (blue first for a window), `[f32; 4]` for a linear
+    /// one.
     ///
     /// # Errors
     ///

@@ -10,8 +10,8 @@ use crate::progress::Progress;
 use crate::scene::{Camera, Mix, Scene};
 use crate::volume::Statistics;
 
-/// Pixels across and down of a picture that compiles the shaders. Lavapipe compiles anew where a side becomes a power of
-/// two, or no longer is one, and few are.
+/// Size of the picture that compiles the shaders. Lavapipe compiles again if a side becomes a power of two or stops
+/// being one, and few sides are.
 const WARM_UP: [usize; 2] = [9, 7];
 
 /// A scene on the device: scene → statistics → plan → upload, then any number of marches and relights.
@@ -74,7 +74,7 @@ impl SceneRenderer {
         Arc::ptr_eq(&self.scene.volume, &scene.volume) && self.planned.plan.is_stored_as(&planned.plan)
     }
 
-    /// Another `scene`. Uploads its volume only if the device does not hold it yet ([`holds`](Self::holds)).
+    /// Replaces the scene. Uploads its volume only if the device does not hold it yet ([`holds`](Self::holds)).
     ///
     /// # Errors
     ///
@@ -91,23 +91,23 @@ impl SceneRenderer {
         Self::with_plan(&self.renderer, scene, planned, statistics, progress)
     }
 
-    /// The camera, to be moved. No plan depends on it.
+    /// The camera, for changes. No plan depends on it.
     pub fn camera_mut(&mut self) -> &mut Camera {
         &mut self.scene.camera
     }
 
-    /// The same scene with `model` as its colour model: one of equal accumulators, fitted for another observer.
+    /// Replaces the colour model by `model`, which has equal accumulators and is fitted for another observer.
     pub fn set_model(&mut self, model: Arc<ColourModel>) {
         self.planned.model = Some(model);
     }
 
-    /// Replaces scene and plan where the plan stores the volume as it is on the device.
+    /// Replaces scene and plan. The device must already hold the volume as the plan stores it.
     pub(crate) fn retarget(&mut self, scene: Scene, planned: Planned) {
         debug_assert!(self.holds(&scene, &planned), "another volume, or stored otherwise");
         (self.scene, self.planned) = (scene, planned);
     }
 
-    /// The renderer, and with it the device.
+    /// The renderer and its device.
     #[must_use]
     pub fn renderer(&self) -> &Renderer {
         &self.renderer
@@ -146,7 +146,7 @@ impl SceneRenderer {
         self.renderer.march(&self.scene, &self.planned, &self.uploaded, size, progress)
     }
 
-    /// Sets up the march of a picture of `size` (width, height), to be continued step by step.
+    /// Sets up the march of a picture of `size` (width, height), which proceeds step by step.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Finished accumulators in 16-bit floats, on the device.
+//! Stores finished accumulators in 16-bit floats on the device.
 
 use super::{DeviceFilm, RenderError, Renderer, Source};
 use crate::plan::Transmittance;
@@ -6,7 +6,7 @@ use crate::scene::StoreAs;
 use crate::shader::Constants;
 use crate::vulkan::{Format, Resource, StorageImage};
 
-/// Workgroups: long rows, as of a relight.
+/// Width of a workgroup: long rows, as for a relight.
 const GROUP_WIDTH: u32 = 64;
 
 fn source() -> Source {
@@ -16,7 +16,7 @@ fn source() -> Source {
 }
 
 impl Renderer {
-    /// Stores what a march left as its plan says, and lets go of what it went on from.
+    /// Stores a marched film as its plan states, and releases the images of the march that it replaces.
     pub(super) fn store(&self, marched: DeviceFilm) -> Result<DeviceFilm, RenderError> {
         let plan = &marched.planned.plan;
         if plan.storage == StoreAs::Single {

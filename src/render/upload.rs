@@ -1,4 +1,4 @@
-//! A volume on its way to the device.
+//! Uploads volumes to the device.
 
 use super::{RenderError, Renderer};
 use crate::plan::Planned;
@@ -8,17 +8,17 @@ use crate::tables::{Cells, LabelMap, Storage, VolumeFormat};
 use crate::volume::Statistics;
 use crate::vulkan::{Buffer, Format, HostUse, Image3d};
 
-/// Bytes that travel at a time; bounds the host's copy.
+/// Bytes per upload; limits the host's copy.
 const SLAB_BYTES: usize = 4 << 20;
 
-/// A volume on the device, and what the host remembers of it.
+/// A volume on the device, with its description on the host.
 #[derive(Debug)]
 pub struct Uploaded {
-    /// How it is stored.
+    /// Its storage.
     pub storage: Storage,
-    /// The ranges of its cells.
+    /// Its macrocells with their value ranges.
     pub cells: Cells,
-    /// Which row of the label table each voxel takes, where labels are planned.
+    /// Row of the label table for each voxel, if the plan has labels.
     pub labels: Option<LabelMap>,
     pub(super) volume: Image3d,
     pub(super) label_image: Option<Image3d>,
@@ -47,11 +47,11 @@ impl From<VolumeFormat> for Format {
 }
 
 impl Renderer {
-    /// Stores the volume of `scene`, whose values have `statistics`, as `planned` needs it, slab by slab.
+    /// Uploads the volume of `scene`, whose values have `statistics`, in the storage of `planned`, slab by slab.
     ///
     /// # Errors
     ///
-    /// [`RenderError`]: what the device cannot hold is refused before anything is allocated.
+    /// [`RenderError`]; limits of the device are checked before anything is allocated.
     pub fn upload(
         &self,
         scene: &Scene,
@@ -81,7 +81,7 @@ impl Renderer {
         Ok(Uploaded { storage, cells, labels, volume, label_image })
     }
 
-    /// Refuses what the device cannot hold or filter.
+    /// Refuses a volume that the device cannot hold or filter.
     fn check(&self, planned: &Planned, storage: &Storage, dims: [usize; 3]) -> Result<(), RenderError> {
         let (limits, format) = (self.device.limits(), Format::from(storage.format));
         let device = self.device.info().name.clone();
@@ -102,7 +102,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// An image of `dims` texels whose slices are `bytes(slices)`.
+    /// Creates an image of `dims` texels; `bytes(slices)` are the texels of its slices.
     fn fill(
         &self,
         name: &str,
