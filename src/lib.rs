@@ -67,6 +67,9 @@ pub mod number;
 pub mod output;
 pub mod palette;
 pub mod plan;
+#[cfg(feature = "window")]
+#[expect(unsafe_code, reason = "Vulkan, Xlib and window handles")]
+pub mod present;
 pub mod progress;
 pub mod reference;
 pub mod render;

@@ -14,6 +14,22 @@ fn available_in(meminfo: &str) -> Option<u64> {
     kibibytes.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
+/// Returns freed heap memory to the operating system. glibc does not do this by itself: each thread has its own heap,
+/// which keeps its freed pages. A software device compiles its shaders in these heaps, too.
+#[cfg_attr(all(target_os = "linux", target_env = "gnu"), expect(unsafe_code, reason = "a function of the C library"))]
+pub fn give_back_freed() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        unsafe extern "C" {
+            /// `malloc_trim(3)`.
+            fn malloc_trim(keep: usize) -> std::ffi::c_int;
+        }
+        // SAFETY: a glibc function with this signature. It locks the heaps that it scans and moves no block that is in
+        // use.
+        unsafe { malloc_trim(0) };
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

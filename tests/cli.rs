@@ -197,9 +197,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
     let folder = Folder::new();
     folder.done(&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"]);
     let text = folder.done(&["info", "acc.exr"]).out;
-    for word in
-        ["acc.exr: a film file", "32 × 32", "bone, flesh, white", "lamp, day", "lamp@lamp=0.5"]
-    {
+    for word in ["acc.exr: a film file", "32 × 32", "bone, flesh, white", "lamp, day", "lamp@lamp=0.5"] {
         assert!(text.contains(word), "no {word:?} in {text}");
     }
     let json = folder.done(&["info", "acc.exr", "--json"]).json();

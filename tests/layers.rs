@@ -22,6 +22,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("reference", &["film", "tables", "plan", "scene", "volume", "progress", "number"]),
     ("shader", &[]),
     ("vulkan", &["shader"]),
+    ("present", &["vulkan"]),
     ("render", &["vulkan", "film", "shader", "tables", "plan", "scene", "model", "volume", "progress", "number"]),
     ("output", &["film", "plan", "scene", "input", "model", "spectrum"]),
     (
@@ -51,6 +52,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     (
         "view",
         &[
+            "memory",
+            "present",
             "document",
             "input",
             "output",
@@ -100,11 +103,11 @@ const ARROWS: &[(&str, &[&str])] = &[
 /// The modules that may use each of these external crates; the others are free. A crate stands for those whose names
 /// begin with it and `_`: `egui` for `egui_winit`.
 const CRATES: &[(&str, &[&str])] = &[
-    ("ash", &["vulkan"]),
+    ("ash", &["vulkan", "present"]),
     ("gpu_allocator", &["vulkan"]),
     ("naga", &["shader"]),
-    ("egui", &["view", "vulkan"]),
-    ("winit", &["view", "vulkan"]),
+    ("egui", &["view", "present"]),
+    ("winit", &["view", "present"]),
     ("clap", &["cli"]),
     ("indicatif", &["cli"]),
     ("tracing_subscriber", &["cli"]),

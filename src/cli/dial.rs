@@ -94,8 +94,7 @@ impl DialArgs {
             (None, None) if self.nodes_off.is_empty() => return Ok(None),
             (None, None) => {
                 return Err(CliError::Usage(
-                    "--nodes-off needs a position of the hand: add --dial, --situation, --sweep or --tour"
-                        .into(),
+                    "--nodes-off needs a position of the hand: add --dial, --situation, --sweep or --tour".into(),
                 ));
             }
         };

@@ -164,7 +164,10 @@ fn report_kind(path: &std::path::Path) -> Result<ReportKind, CliError> {
         Some("html" | "htm") => Ok(ReportKind::Html),
         Some("svg") => Ok(ReportKind::Svg),
         Some("png") => Ok(ReportKind::Png),
-        _ => Err(CliError::Usage(format!("{}: unknown kind of report; end its name in .html, .svg or .png", path.display()))),
+        _ => Err(CliError::Usage(format!(
+            "{}: unknown kind of report; end its name in .html, .svg or .png",
+            path.display()
+        ))),
     }
 }
 

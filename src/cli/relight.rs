@@ -54,7 +54,10 @@ pub(crate) struct Args {
 
 /// Parses the year of an observer.
 fn observer(year: &str) -> Result<Observer, String> {
-    Observer::ALL.into_iter().find(|one| one.to_string() == year).ok_or_else(|| "an observer is 1931 or 1964".to_owned())
+    Observer::ALL
+        .into_iter()
+        .find(|one| one.to_string() == year)
+        .ok_or_else(|| "an observer is 1931 or 1964".to_owned())
 }
 
 /// Settings that are fixed since the file was rendered.

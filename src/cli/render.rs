@@ -297,7 +297,10 @@ pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
         tracing::warn!("{count} voxels are NaN; they get the smallest value, {}", readable(statistics.min));
     }
     if statistics.infinite > 0 {
-        tracing::warn!("{} voxels are infinite; they get the smallest or the largest finite value", statistics.infinite);
+        tracing::warn!(
+            "{} voxels are infinite; they get the smallest or the largest finite value",
+            statistics.infinite
+        );
     }
 }
 

@@ -209,12 +209,9 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
     let parts: Option<Vec<usize>> = text.split(['x', '×']).map(|part| part.trim().parse().ok()).collect();
     let size: Option<[usize; 2]> = parts.and_then(|parts| parts.try_into().ok());
     match size {
-        Some([width, height]) if width.max(height) <= LARGEST && width.saturating_mul(height) > MOST_PIXELS => {
-            Err(format!(
-                "{width}×{height} is {} pixels; a picture has at most {MOST_PIXELS}",
-                width.saturating_mul(height)
-            ))
-        }
+        Some([width, height]) if width.max(height) <= LARGEST && width.saturating_mul(height) > MOST_PIXELS => Err(
+            format!("{width}×{height} is {} pixels; a picture has at most {MOST_PIXELS}", width.saturating_mul(height)),
+        ),
         Some(size) if size.iter().all(|side| (1..=LARGEST).contains(side)) => Ok(size),
         Some(_) => Err(format!("each side of a picture has 1 to {LARGEST} pixels")),
         None => Err("write WIDTHxHEIGHT, such as 800x600".to_owned()),

@@ -460,7 +460,10 @@ impl<'a> Curve<'a> {
             return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| ChoiceError::None {
                 asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
                 nearest: nearest.map_or_else(String::new, |(setting, point)| {
-                    format!("the nearest is {setting}, with {}; allow a larger error, or use --reference", short(point.error.p95))
+                    format!(
+                        "the nearest is {setting}, with {}; allow a larger error, or use --reference",
+                        short(point.error.p95)
+                    )
                 }),
             }));
         };

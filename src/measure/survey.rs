@@ -135,9 +135,7 @@ pub enum SurveyError {
     #[error(transparent)]
     Render(#[from] RenderError),
     /// No examined pixel shows the volume, so that there is no error to measure.
-    #[error(
-        "none of the {looked_at} sampled pixels shows {source_name}, so no error can be measured"
-    )]
+    #[error("none of the {looked_at} sampled pixels shows {source_name}, so no error can be measured")]
     Nothing {
         /// Number of examined pixels.
         looked_at: usize,

@@ -12,6 +12,7 @@ use super::load::Loaded;
 use super::probe::Pixel;
 use crate::document::State;
 use crate::film::{Components, RelightMatrices};
+use crate::memory::give_back_freed;
 use crate::model::{ColourModel, ModelError};
 use crate::number::{count, whole};
 use crate::plan::{PlanError, Planned, Stale, plan};
@@ -19,7 +20,7 @@ use crate::progress::Quiet;
 use crate::render::{DeviceFilm, March, Relight, RenderError, Renderer, SceneRenderer, Speed};
 use crate::scene::{Scene, positions};
 use crate::volume::Statistics;
-use crate::vulkan::{StorageImage, give_back_freed};
+use crate::vulkan::StorageImage;
 
 /// How long one dispatch of a march may take, about.
 pub(super) const DISPATCH: Duration = Duration::from_millis(8);

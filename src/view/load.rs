@@ -5,10 +5,10 @@ use std::thread::JoinHandle;
 
 use super::job::Listener;
 use crate::document::{OpenError, SceneFile, Source};
+use crate::memory::give_back_freed;
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::volume::Statistics;
-use crate::vulkan::give_back_freed;
 
 /// Why something could not be opened.
 #[derive(Debug, thiserror::Error)]

@@ -11,8 +11,9 @@ use winit::window::Window;
 
 use super::engine::DISPATCH;
 use super::window::{Options, ViewError};
+use crate::present::{self, Surface};
 use crate::render::Renderer;
-use crate::vulkan::{Device, Surface, VulkanError};
+use crate::vulkan::VulkanError;
 
 /// Texels along a side of a texture that every device has; egui asks before it makes its fonts.
 const TEXELS: usize = 2048;
@@ -68,7 +69,7 @@ impl Screen {
 /// A device that shows pictures in `window`.
 fn device(options: &Options, window: &Arc<Window>) -> Result<(Surface, Renderer), ViewError> {
     let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
-    let device = Device::open_for_window(&options.device, options.validation, display.as_raw())?;
+    let device = present::open_device(&options.device, options.validation, display.as_raw())?;
     let surface = Surface::new(&device, Arc::clone(window))?;
     Ok((surface, Renderer::new(device).with_dispatches_of(DISPATCH)))
 }

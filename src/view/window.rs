@@ -34,10 +34,11 @@ use crate::document::Source;
 use crate::document::{Document, Edit};
 use crate::number::{count, unsigned, whole};
 use crate::palette::PaletteError;
+use crate::present::Frame;
 use crate::render::RenderError;
 use crate::scene::{Accuracy, Camera};
 use crate::volume::Selection;
-use crate::vulkan::{DeviceChoice, Frame, Validation, VulkanError};
+use crate::vulkan::{DeviceChoice, Validation, VulkanError};
 use beside::{Chosen, Solved, Verdict};
 use replay::Position;
 pub use report::Report;
@@ -114,7 +115,7 @@ pub fn run(options: Options) -> Result<Report, ViewError> {
     })?;
     #[cfg(target_os = "linux")]
     if let Some(gone) = options.display_gone {
-        crate::vulkan::when_display_is_gone(gone);
+        crate::present::when_display_is_gone(gone);
     }
     let mut viewer = Viewer::new(options, events.create_proxy(), begun);
     events.run_app(&mut viewer).map_err(ViewError::Events)?;

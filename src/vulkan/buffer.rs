@@ -192,7 +192,7 @@ impl Buffer {
         Ok(())
     }
 
-    pub(super) fn raw(&self) -> vk::Buffer {
+    pub(crate) fn raw(&self) -> vk::Buffer {
         self.0.handle.raw()
     }
 

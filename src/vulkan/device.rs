@@ -68,22 +68,19 @@ impl Device {
         Self::open_with(choice, validation, Purpose::Compute, &[])
     }
 
-    /// Opens a device as [`Self::open`] does, for a [`super::Surface`] on this display.
+    /// Opens a device as [`Self::open`] does, to present to windows; `extensions` are those that the display needs of the
+    /// instance.
     ///
     /// # Errors
     ///
     /// As [`Self::open`], and [`VulkanError::NoWindow`].
     #[cfg(feature = "window")]
-    pub fn open_for_window(
+    pub(crate) fn open_for_window(
         choice: &DeviceChoice,
         validation: Validation,
-        display: winit::raw_window_handle::RawDisplayHandle,
+        extensions: &[&'static CStr],
     ) -> Result<Self, VulkanError> {
-        let lacking = |_| VulkanError::NoWindow { lacking: "VK_KHR_surface".to_owned() };
-        let names = ash_window::enumerate_required_extensions(display).map_err(lacking)?;
-        // SAFETY: the pointers are string literals of the crate that names Vulkan's extensions.
-        let names: Vec<&CStr> = names.iter().map(|&name| unsafe { CStr::from_ptr(name) }).collect();
-        Self::open_with(choice, validation, Purpose::Window, &names)
+        Self::open_with(choice, validation, Purpose::Window, extensions)
     }
 
     fn open_with(
@@ -190,7 +187,7 @@ impl Device {
 
     /// Waits until the device has finished all submitted work. Errors are ignored: a lost device is idle, too.
     #[expect(clippy::disallowed_methods, reason = "this is the one place, and it holds the queue")]
-    pub(super) fn wait_idle(&self) {
+    pub(crate) fn wait_idle(&self) {
         let _queue = lock(&self.0.queue);
         // SAFETY: the lock keeps other threads off the only queue, which `device_wait_idle` also waits for.
         unsafe { self.0.raw.functions.device_wait_idle() }.ok();
@@ -200,19 +197,19 @@ impl Device {
         self.0.dispatches.fetch_add(1, Ordering::Relaxed);
     }
 
-    pub(super) fn simulated(&self) -> &Simulated {
+    pub(crate) fn simulated(&self) -> &Simulated {
         &self.0.simulated
     }
 
-    pub(super) fn raw(&self) -> &Arc<RawDevice> {
+    pub(crate) fn raw(&self) -> &Arc<RawDevice> {
         &self.0.raw
     }
 
-    pub(super) fn queue_family(&self) -> u32 {
+    pub(crate) fn queue_family(&self) -> u32 {
         self.0.queue_family
     }
 
-    pub(super) fn queue(&self) -> &Mutex<vk::Queue> {
+    pub(crate) fn queue(&self) -> &Mutex<vk::Queue> {
         &self.0.queue
     }
 
@@ -220,12 +217,12 @@ impl Device {
         &self.0.idle
     }
 
-    pub(super) fn allocator(&self) -> &Arc<Mutex<Allocator>> {
+    pub(crate) fn allocator(&self) -> &Arc<Mutex<Allocator>> {
         &self.0.allocator
     }
 
     #[cfg(feature = "window")]
-    pub(super) fn physical(&self) -> vk::PhysicalDevice {
+    pub(crate) fn physical(&self) -> vk::PhysicalDevice {
         self.0.physical
     }
 }

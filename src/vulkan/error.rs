@@ -52,11 +52,10 @@ pub enum VulkanError {
         lacking: String,
     },
     /// The panels of a window could not be drawn.
-    #[cfg(feature = "window")]
     #[error("the panels cannot be drawn")]
     Panels {
         /// Error of the panel renderer.
-        source: egui_ash_renderer::RendererError,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// The device does not support this use of the format.
     #[error("{object:?}: this device does not support {format:?} as {purpose}")]
@@ -137,7 +136,7 @@ pub enum VulkanError {
 
 impl VulkanError {
     /// Returns a closure for `map_err` that wraps the error of `call` on `object`.
-    pub(super) fn call(call: &'static str, object: &str) -> impl FnOnce(vk::Result) -> Self {
+    pub(crate) fn call(call: &'static str, object: &str) -> impl FnOnce(vk::Result) -> Self {
         move |source| {
             let object = object.to_owned();
             match source {
@@ -148,7 +147,7 @@ impl VulkanError {
     }
 
     /// Returns a [`Self::Misuse`] of `object`.
-    pub(super) fn misuse(object: &str, mistake: impl Into<String>) -> Self {
+    pub(crate) fn misuse(object: &str, mistake: impl Into<String>) -> Self {
         Self::Misuse { object: object.to_owned(), mistake: mistake.into() }
     }
 }

@@ -61,7 +61,7 @@ impl Format {
     }
 
     /// Vulkan format.
-    pub(super) const fn raw(self) -> vk::Format {
+    pub(crate) const fn raw(self) -> vk::Format {
         match self {
             Self::R16Unorm => vk::Format::R16_UNORM,
             Self::R32Float => vk::Format::R32_SFLOAT,

@@ -7,12 +7,12 @@ use ash::{ext, prelude::VkResult, vk};
 use super::{VulkanError, instance::Instance};
 
 /// The logical device and its functions. Every handle holds a reference, so the device is destroyed last.
-pub(super) struct RawDevice {
-    pub(super) functions: ash::Device,
+pub(crate) struct RawDevice {
+    pub(crate) functions: ash::Device,
     /// `vkCmdPipelineBarrier2` of Vulkan 1.3 or of the extension.
-    pub(super) pipeline_barrier2: vk::PFN_vkCmdPipelineBarrier2,
-    pub(super) names: Option<ext::debug_utils::Device>,
-    pub(super) instance: Arc<Instance>,
+    pub(crate) pipeline_barrier2: vk::PFN_vkCmdPipelineBarrier2,
+    pub(crate) names: Option<ext::debug_utils::Device>,
+    pub(crate) instance: Arc<Instance>,
 }
 
 impl Drop for RawDevice {
@@ -37,7 +37,7 @@ impl fmt::Debug for RawDevice {
 type Destroy<H> = unsafe fn(&ash::Device, H, Option<&vk::AllocationCallbacks<'_>>);
 
 /// A handle that is destroyed on drop.
-pub(super) struct Owned<H: vk::Handle + Copy> {
+pub(crate) struct Owned<H: vk::Handle + Copy> {
     raw: H,
     destroy: Destroy<H>,
     device: Arc<RawDevice>,
@@ -48,7 +48,7 @@ impl<H: vk::Handle + Copy> Owned<H> {
     ///
     /// The caller must have created the handle in the same expression, so that it has no other owner. `destroy` must be
     /// the function for its type.
-    pub(super) fn new(
+    pub(crate) fn new(
         device: &Arc<RawDevice>,
         name: &str,
         call: &'static str,
@@ -62,19 +62,19 @@ impl<H: vk::Handle + Copy> Owned<H> {
     }
 
     /// The handle, for calls that end before `self` is dropped.
-    pub(super) fn raw(&self) -> H {
+    pub(crate) fn raw(&self) -> H {
         self.raw
     }
 
     /// Whether the handle was made on `device`.
-    pub(super) fn is_on(&self, device: &Arc<RawDevice>) -> bool {
+    pub(crate) fn is_on(&self, device: &Arc<RawDevice>) -> bool {
         Arc::ptr_eq(&self.device, device)
     }
 }
 
 impl RawDevice {
     /// Names `object` in validation messages.
-    pub(super) fn set_name<H: vk::Handle>(&self, object: H, name: &str) {
+    pub(crate) fn set_name<H: vk::Handle>(&self, object: H, name: &str) {
         let Some(functions) = &self.names else { return };
         let Ok(name) = CString::new(name.replace('\0', "")) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);

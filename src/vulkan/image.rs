@@ -22,7 +22,7 @@ pub(super) const STORAGE_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_
 pub(super) const SAMPLED_LAYOUT: vk::ImageLayout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;
 
 /// Permanent layout of a storage image.
-pub(super) const STORAGE_LAYOUT: vk::ImageLayout = vk::ImageLayout::GENERAL;
+pub(crate) const STORAGE_LAYOUT: vk::ImageLayout = vk::ImageLayout::GENERAL;
 
 /// A 3D image that uploads fill and shaders read through a [`super::Sampler`]. Clones share it.
 #[derive(Clone, Debug)]
@@ -167,11 +167,11 @@ impl StorageImage {
         self.layer_bytes() * u64::from(self.layers())
     }
 
-    pub(super) fn check_device(&self, device: &Device) -> Result<(), VulkanError> {
+    pub(crate) fn check_device(&self, device: &Device) -> Result<(), VulkanError> {
         self.0.check_device(device)
     }
 
-    pub(super) fn raw(&self) -> vk::Image {
+    pub(crate) fn raw(&self) -> vk::Image {
         self.0.handle.raw()
     }
 
@@ -254,7 +254,7 @@ impl Inner {
 }
 
 /// Subresource range of a whole image.
-pub(super) fn all_layers() -> vk::ImageSubresourceRange {
+pub(crate) fn all_layers() -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange::default()
         .aspect_mask(vk::ImageAspectFlags::COLOR)
         .level_count(1)

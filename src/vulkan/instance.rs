@@ -25,15 +25,15 @@ pub enum Validation {
 }
 
 /// A Vulkan instance, the parent of all other objects.
-pub(super) struct Instance {
-    pub(super) raw: ash::Instance,
+pub(crate) struct Instance {
+    pub(crate) raw: ash::Instance,
     /// Whether objects can be named.
     pub(super) has_debug_utils: bool,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     /// Boxed because the messenger holds its address.
     messages: Box<Mutex<Vec<String>>>,
     /// The loaded library, whose functions `raw` calls.
-    pub(super) entry: ash::Entry,
+    pub(crate) entry: ash::Entry,
 }
 
 impl Instance {

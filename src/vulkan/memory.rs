@@ -62,21 +62,6 @@ impl Memory {
     }
 }
 
-/// Returns freed heap memory to the operating system. glibc does not do this by itself: each thread has its own heap,
-/// which keeps its freed pages. A software device compiles its shaders in these heaps, too.
-pub fn give_back_freed() {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    {
-        unsafe extern "C" {
-            /// `malloc_trim(3)`.
-            fn malloc_trim(keep: usize) -> std::ffi::c_int;
-        }
-        // SAFETY: a glibc function with this signature. It locks the heaps that it scans and moves no block that is in
-        // use.
-        unsafe { malloc_trim(0) };
-    }
-}
-
 impl Drop for Memory {
     fn drop(&mut self) {
         let allocation = std::mem::take(&mut self.allocation);

@@ -5,11 +5,7 @@
 //! everything that it reads or writes alive until it has finished.
 
 mod buffer;
-#[cfg(feature = "window")]
-mod damage;
 mod device;
-#[cfg(all(feature = "window", target_os = "linux"))]
-mod display;
 mod error;
 mod format;
 mod handle;
@@ -24,33 +20,28 @@ mod resources;
 mod sampler;
 mod simulate;
 mod submission;
-#[cfg(feature = "window")]
-mod surface;
-#[cfg(feature = "window")]
-mod swapchain;
 
 pub use buffer::{Buffer, HostUse};
 pub use device::Device;
-#[cfg(all(feature = "window", target_os = "linux"))]
-pub use display::when_display_is_gone;
 pub use error::VulkanError;
 pub use format::Format;
+#[cfg(feature = "window")]
+pub(crate) use handle::Owned;
 pub use image::{Image3d, StorageImage};
+#[cfg(feature = "window")]
+pub(crate) use image::{STORAGE_LAYOUT, all_layers};
 pub use info::{DeviceChoice, DeviceInfo, DeviceKind, devices};
 pub use instance::Validation;
 pub use limits::Limits;
-pub use memory::give_back_freed;
 pub use pipeline::ComputePipeline;
 pub use record::Recorder;
 pub use resources::{Resource, ResourceSet};
 pub use sampler::{Filter, Sampler};
 pub use submission::Submission;
-#[cfg(feature = "window")]
-pub use surface::{Frame, Surface};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Locks `mutex`. Ignores poisoning: no guarded value is ever half changed.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

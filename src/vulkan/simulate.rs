@@ -8,7 +8,7 @@ const VARIABLE: &str = "RELUME_SIMULATE";
 
 /// Failures that the environment requests; none by default.
 #[derive(Debug)]
-pub(super) struct Simulated {
+pub(crate) struct Simulated {
     lost: Countdown,
     full: Countdown,
 }
@@ -32,7 +32,7 @@ impl Simulated {
     }
 
     /// Whether the next submission loses the device.
-    pub(super) fn loses_device(&self) -> bool {
+    pub(crate) fn loses_device(&self) -> bool {
         self.lost.is_over()
     }
 

@@ -55,7 +55,9 @@ impl<'a> Earlier<'a> {
         let rows = stored["rows"].as_array_mut().map(std::mem::take).filter(|rows| !rows.is_empty());
         let rows = rows.ok_or_else(|| wrong("the file has no rows of `relume bench --json`"))?;
         if let Some(other) = rows.iter().filter_map(|row| row["device"].as_str()).find(|other| *other != device) {
-            return Err(wrong(&format!("its times are from {other}, and this device is {device}; compare runs of one device")));
+            return Err(wrong(&format!(
+                "its times are from {other}, and this device is {device}; compare runs of one device"
+            )));
         }
         Ok(Self { path, rows })
     }

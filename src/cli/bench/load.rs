@@ -76,8 +76,7 @@ pub(super) fn run(
         median(row.open.wall_ms),
         median(row.open.cpu_ms),
         row.open_mb_s,
-        row.stream
-            .map_or("reading its files' bytes".to_owned(), |stream| format!("inflating its {stream} stream")),
+        row.stream.map_or("reading its files' bytes".to_owned(), |stream| format!("inflating its {stream} stream")),
         median(row.bare.wall_ms),
         median(row.bare.cpu_ms),
         row.bare_mb_s,

@@ -23,9 +23,13 @@ pub(super) fn extremes() -> Vec<Extreme> {
         let slab = slab();
         let name = format!("a metameric black of amplitude {amplitude}, k = 8");
         let bound = Bound::picture(SAMPLES);
-        all.push(Extreme::shown(Group::Spectra, format!("{name}, relative to its terms"), bound, scene, move |lefts| {
-            worst(lefts.iter().flat_map(|left| [slab.error(left), slab.picture_error(left)]))
-        }));
+        all.push(Extreme::shown(
+            Group::Spectra,
+            format!("{name}, relative to its terms"),
+            bound,
+            scene,
+            move |lefts| worst(lefts.iter().flat_map(|left| [slab.error(left), slab.picture_error(left)])),
+        ));
         let bound = Bound::given(
             "metameric black",
             BLACK_DELTA_E,

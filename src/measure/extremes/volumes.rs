@@ -35,7 +35,9 @@ pub(super) fn extremes() -> Vec<Extreme> {
         ("NaN counts as the smallest", [1.0, 2.0], |_| Voxels::F32(vec![1.0, f32::NAN, 2.0, 2.0])),
         ("−inf counts as the smallest", [1.0, 2.0], |_| Voxels::F32(vec![1.0, f32::NEG_INFINITY, 2.0, 2.0])),
         ("inf counts as the largest", [1.0, 2.0], |_| Voxels::F32(vec![1.0, 1.0, f32::INFINITY, 2.0])),
-        ("one finite number among NaN and ±inf", [2.0, 2.0], |_| Voxels::F64(vec![f64::NAN, f64::NEG_INFINITY, 2.0, 2.0])),
+        ("one finite number among NaN and ±inf", [2.0, 2.0], |_| {
+            Voxels::F64(vec![f64::NAN, f64::NEG_INFINITY, 2.0, 2.0])
+        }),
     ];
     all.extend(values.map(|(name, ends, voxels)| two_values(name, ends, voxels)));
     all.extend(["unshaded", "shaded"].map(broken));

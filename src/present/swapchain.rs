@@ -2,7 +2,8 @@
 
 use ash::{khr, vk};
 
-use super::{Device, VulkanError, damage::Panels, handle::Owned, image::all_layers};
+use super::damage::Panels;
+use crate::vulkan::{Device, Owned, VulkanError, all_layers};
 
 /// Object name in errors and validation messages.
 const NAME: &str = "swapchain";

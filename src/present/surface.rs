@@ -14,7 +14,7 @@ use winit::window::Window;
 
 use super::damage::{Area, Ground, Panels};
 use super::swapchain::{FORMAT, RawSurface, Swapchain, semaphore};
-use super::{Buffer, Device, HostUse, StorageImage, VulkanError, handle::Owned, image, lock};
+use crate::vulkan::{Buffer, Device, HostUse, Owned, STORAGE_LAYOUT, StorageImage, VulkanError, all_layers, lock};
 
 /// Object name in errors and validation messages.
 const NAME: &str = "window";
@@ -251,7 +251,7 @@ impl Surface {
                 .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)];
             let image = [vk::ImageMemoryBarrier2::default()
                 .image(shown.image)
-                .subresource_range(image::all_layers())
+                .subresource_range(all_layers())
                 .old_layout(from.layout)
                 .src_stage_mask(from.stage)
                 .src_access_mask(from.access)
@@ -268,7 +268,7 @@ impl Surface {
         barrier(if drawing.anew { UNDEFINED } else { ACQUIRED }, COPIED_TO);
         if let Some((picture, part)) = &drawing.picture {
             picture.check_device(&self.device)?;
-            let (from, to) = ((picture.raw(), image::STORAGE_LAYOUT), (shown.image, COPIED_TO.layout));
+            let (from, to) = ((picture.raw(), STORAGE_LAYOUT), (shown.image, COPIED_TO.layout));
             if part.seen == part.shown.size() && picture.format().raw() == FORMAT {
                 // A copy without conversion takes a software device a fraction of the time of a blit.
                 let region = [part.copy()];
@@ -406,7 +406,7 @@ fn raw_surface(device: &Device, window: &Window) -> Result<RawSurface, VulkanErr
 fn of_panels(error: RendererError) -> VulkanError {
     match error {
         RendererError::Vulkan(result) => VulkanError::call("drawing", "panels")(result),
-        source => VulkanError::Panels { source },
+        source => VulkanError::Panels { source: Box::new(source) },
     }
 }
 
