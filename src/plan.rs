@@ -319,7 +319,7 @@ pub enum PlanError {
     },
     /// Storing accumulators in 16 bits would exceed the tolerance.
     #[error(
-        "storing accumulators in 16 bits may move a colour by ΔE00 {error:.2}, over the tolerance of {tolerance}; take storage = \"f32\", or a tolerance of {kept}"
+        "storing accumulators in 16 bits may change a colour by ΔE00 {error:.2}, over the tolerance of {tolerance}; take storage = \"f32\", or a tolerance of {kept}"
     )]
     HalfPrecision {
         /// The largest change of a colour, in ΔE00.
@@ -333,7 +333,7 @@ pub enum PlanError {
     #[error("a pixel of this scene may hold numbers above 65504, the largest of 16 bits; take storage = \"f32\"")]
     HalfRange,
     /// The effect of 16-bit storage on matrices is not known.
-    #[error("the model peercy keeps a matrix of what passes, which is not stored in 16 bits; take storage = \"f32\"")]
+    #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]
     HalfMatrix,
     /// No colour model meets the request.
     #[error("no colour model fits the scene")]
@@ -512,7 +512,7 @@ impl Planned {
         let worst = seen.worst().max;
         if worst > tolerance {
             tracing::warn!(
-                "the colour model was planned for the observer of 1931: to that of {observer}, colours may differ by ΔE00 {worst:.2}, which is over the tolerance of {tolerance}; take a smaller tolerance, or a larger k"
+                "the colour model was planned for the 1931 observer; for the {observer} observer, colours may differ by ΔE00 {worst:.2}, over the tolerance of {tolerance}; take a smaller tolerance, or a larger k"
             );
         }
         *model = Arc::new(seen);

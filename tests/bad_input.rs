@@ -80,13 +80,13 @@ fn every_range_is_stated_where_it_is_left() {
         ("materials.flesh.exponent=1025", "from 1 to 1024"),
         ("lights.day.intensity=-1", "from 0 to 1000000000"),
         ("lights.day.intensity=inf", "from 0 to 1000000000"),
-        ("lights.day.direction=[0,0,0]", "points nowhere"),
+        ("lights.day.direction=[0,0,0]", "no direction"),
         ("lights.day.direction=[nan,0,0]", "not finite"),
         ("transfer.opacity_length=0", "above 0"),
         ("transfer.opacity_length=-1", "above 0"),
         ("transfer.entries=1", "from 2 to 1048576"),
         ("transfer.intervals.0.opacity=1.1", "from 0 to 1"),
-        ("transfer.intervals.0.ramp=-1", "it is a finite number from 0"),
+        ("transfer.intervals.0.ramp=-1", "a finite number from 0"),
         ("transfer.intervals.0.range=[9,3]", "the lower one first"),
         ("accuracy.step=0", "above 0"),
         ("accuracy.step=inf", "above 0"),
@@ -96,8 +96,8 @@ fn every_range_is_stated_where_it_is_left() {
         ("camera.elevation=90", "from -89.9 to 89.9"),
         ("camera.azimuth=inf", "a finite number"),
         ("camera.fill=0", "from 0.01 to 100"),
-        ("camera.up=[0,0,0]", "points nowhere"),
-        ("camera.front=[0,0,0]", "points nowhere"),
+        ("camera.up=[0,0,0]", "no direction"),
+        ("camera.front=[0,0,0]", "no direction"),
         ("camera={projection=\"orthographic\",height=0}", "above 0"),
         ("volume.dims=[0,1,1]", "from 1"),
         ("volume.downsample=[0,1,1]", "from 1"),
@@ -126,14 +126,11 @@ fn names_that_nothing_has_are_refused_with_those_there_are() {
     scene_refused("\"D65\"", "\"foliage\"", "16:12", &["foliage is a reflectance, and cannot be used as a light"]);
     scene_refused("\"frog\"", "\"dog\"", "3:11", &["unknown phantom \"dog\"", "frog, engine"]);
     definition_refused("labels.1={material=\"skin\",opacity=1}", &["no material \"skin\""]);
-    definition_refused(
-        "lights.dya.intensity=2",
-        &["there is no lights.dya, only day, lamp; a new one: missing field `spectrum`"],
-    );
+    definition_refused("lights.dya.intensity=2", &["lights.dya", "day, lamp", "missing field `spectrum`"]);
     definition_refused("shadin=1", &["unknown field `shadin`", "`shading`"]);
     definition_refused("lights.new.kind=ambient", &["missing field `spectrum`"]);
-    definition_refused("transfer.intervals.2.opacity=1", &["has 0 to 1"]);
-    definition_refused("volume.phantom.x=1", &["below a plain value"]);
+    definition_refused("transfer.intervals.2.opacity=1", &["\"2\"", "0 to 1"]);
+    definition_refused("volume.phantom.x=1", &["\"x\"", "plain value"]);
     definition_refused("nothing", &["write key=value"]);
     definition_refused("=1", &["key is empty"]);
 }
@@ -151,7 +148,7 @@ fn what_does_not_factor_by_the_light_is_refused_with_the_reason() {
             "specular = 0.2",
             &format!("{key} = \"D65\""),
             &format!("7:{}", key.len() + 4),
-            &["does not factor by the light"],
+            &[&format!("materials.flesh.{key}"), "`reflectance`"],
         );
     }
 }
@@ -166,7 +163,7 @@ fn an_xray_material_of_opacity_one_is_refused() {
 #[test]
 fn combinations_that_say_two_things_are_refused() {
     definition_refused("lights.day.kind=point", &["a point light a `position`"]);
-    definition_refused("camera.position=[1,1,1]", &["come together"]);
+    definition_refused("camera.position=[1,1,1]", &["`position`", "`target`"]);
     definition_refused("camera={position=[9,9,9],target=[0,0,0],azimuth=1}", &["no `azimuth`"]);
     definition_refused("camera.height=3", &["a perspective camera has a `fov`"]);
     definition_refused("transfer.opacity=[[0,0],[255,1]]", &["needs a `material` curve"]);
@@ -175,12 +172,12 @@ fn combinations_that_say_two_things_are_refused() {
     definition_refused("crop={min=[5,5,5],max=[4,6,6]}", &["the lower one first"]);
     definition_refused("crop={min=[5,5,5],max=[6,6,5]}", &["on axis z", "from 0 to 17"]);
     let nowhere = "\n[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]\n[materials.flesh]";
-    scene_refused("\n[materials.flesh]", nowhere, "5:1", &["the camera looks nowhere"]);
+    scene_refused("\n[materials.flesh]", nowhere, "5:1", &["camera", "line of sight"]);
     let curves = "material = [[0, \"bone\"]]\nopacity = [[9, 0], [3, 1]]\n[lights.day]";
     scene_refused("[lights.day]", curves, "16:11", &["the value 3 comes after 9; values ascend"]);
     for value in ["inf", "-inf", "nan"] {
         let curves = format!("material = [[{value}, \"bone\"]]\nopacity = [[3, 0], [9, 1]]\n[lights.day]");
-        scene_refused("[lights.day]", &curves, "15:12", &["a material curve has finite values"]);
+        scene_refused("[lights.day]", &curves, "15:12", &["material curve", "not finite"]);
     }
 }
 
@@ -188,7 +185,7 @@ fn combinations_that_say_two_things_are_refused() {
 fn more_labels_than_a_texture_row_can_count_are_refused_where_they_stand() {
     let labels: String = (1..=256).map(|n| format!("[labels.{n}]\nmaterial = \"flesh\"\nopacity = 1\n")).collect();
     let folder = Folder::new().with("scene.toml", [SCENE, &labels].concat());
-    folder.refused(1, &render(&[]), &["scene.toml:", "256 labels are declared; 255 can be"]);
+    folder.refused(1, &render(&[]), &["scene.toml:", "256 labels", "255"]);
 }
 
 #[test]
@@ -207,7 +204,7 @@ fn what_is_no_scene_is_refused() {
     let mut folder = Folder::new();
     for (name, bytes, words) in [
         ("words.toml", b"Dear program, show me a frog.\n".to_vec(), &["words.toml:1:6: "][..]),
-        ("words.md", b"# Frogs\nOf frogs.\n".to_vec(), &["words.md:2:", "this is no scene: scenes are TOML files"]),
+        ("words.md", b"# Frogs\nOf frogs.\n".to_vec(), &["words.md:2:", "scenes are TOML files"]),
         ("binary.toml", (0..=255).collect(), &["binary.toml: not UTF-8 text from byte 128 on", "--volume"]),
         ("empty.toml", Vec::new(), &["empty.toml:1:1: ", "`version`"]),
         ("novolume.toml", b"version = 1\n".to_vec(), &["novolume.toml names no volume", "--volume FILE"]),
@@ -333,7 +330,7 @@ fn labels_on_another_grid_or_of_other_values_are_refused() {
 fn a_sidecar_that_averages_labels_is_refused() {
     let layout = "dims = [64, 30, 18]\ntype = \"uint8\"\ndownsample = [2, 1, 1]\n";
     let folder = Folder::new().with("l.raw", vec![0; 64 * 30 * 18]).with("l.raw.toml", layout);
-    folder.refused(1, &render(&["--labels", "l.raw"]), &["l.raw", "labels have no mean", "[volume]"]);
+    folder.refused(1, &render(&["--labels", "l.raw"]), &["l.raw", "downsample", "[volume]"]);
 }
 
 #[test]
@@ -343,7 +340,7 @@ fn volumes_that_no_memory_holds_are_refused_with_their_bytes() {
         let phantom = format!("volume.phantom={phantom}");
         let arguments = ["-D", &phantom, "-D", "volume.dims=[40000,40000,40000]"];
         let bytes = if phantom.contains("shells") { "256000000000000 bytes" } else { "64000000000000 bytes" };
-        folder.refused(1, &render(&arguments), &["scene.toml has no volume to show", bytes]);
+        folder.refused(1, &render(&arguments), &["volume of scene.toml", bytes]);
         folder.refused(1, &[&["info", "scene.toml"], &arguments[..]].concat(), &[bytes]);
     }
 }

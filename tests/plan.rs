@@ -169,7 +169,7 @@ fn weights_are_kept_where_they_are_no_wider() {
         let model = planned.model.as_ref().unwrap();
         assert!(model.worst().max <= 1.0, "{:?}", model.worst());
         let said = planned.explain(&with_mixtures(more, 3)).join(" ");
-        assert!(said.contains("would be exact") && said.contains("takes 10 numbers") == (more == 7), "{said}");
+        assert!(said.contains("would be exact") && said.contains("need 10 numbers") == (more == 7), "{said}");
     }
     // Who asks for weights gets them.
     let mut scene = with_mixtures(7, 3);
@@ -196,7 +196,7 @@ fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
     let planned = plan(&scene, &Quiet).unwrap();
     assert_eq!(planned.plan.accumulate, Accumulate::Weights { materials: 6 });
     let said = planned.explain(&scene).join(" ");
-    assert!(said.contains("by more than half of the 0.1 that is allowed"), "{said}");
+    assert!(said.contains("half of the tolerance of 0.1"), "{said}");
 }
 
 #[test]
@@ -249,16 +249,11 @@ fn a_plan_says_how_the_volume_and_its_table_are_read() {
         plan(&scene, &Quiet).unwrap().explain(&scene).join(" ")
     };
     let usual = explained(|_| {});
-    assert!(
-        usual.contains(
-            "Between voxels, values change evenly from one to the next; what a value looks like changes evenly with it."
-        ),
-        "{usual}"
-    );
+    assert_eq!(usual.matches("interpolated linearly").count(), 2, "values and transfer function: {usual}");
     let nearest = explained(|scene| scene.accuracy.interpolation = Interpolation::Nearest);
-    assert!(nearest.contains("Between voxels, a place has the value of the nearest;"), "{nearest}");
+    assert!(nearest.contains("nearest voxel"), "{nearest}");
     let entry = explained(|scene| scene.transfer.lookup = Lookup::Nearest);
-    assert!(entry.contains("what a value looks like changes with it in small steps."), "{entry}");
+    assert!(entry.contains("in small steps"), "{entry}");
     let thin = explained(|scene| scene.accuracy.step_length = 1e-9);
     assert!(thin.contains("in steps of 1e-9 ("), "{thin}");
 }

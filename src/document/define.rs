@@ -40,10 +40,10 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> 
                 let length = array.len();
                 key.parse::<usize>().ok().and_then(|index| array.get_mut(index)).ok_or_else(|| match length {
                     0 => format!("there is no {key:?} in an empty list"),
-                    _ => format!("there is no {key:?} in this list, which has 0 to {}", length - 1),
+                    _ => format!("there is no {key:?} in this list, whose indices are 0 to {}", length - 1),
                 })?
             }
-            _ => return Err(format!("there is no {key:?} below a plain value")),
+            _ => return Err(format!("a plain value has no key {key:?}")),
         };
     }
     *place = value;

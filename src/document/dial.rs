@@ -115,8 +115,8 @@ impl Dial {
         let names: Vec<&str> = self.situations.iter().map(|situation| situation.name.as_str()).collect();
         let found = self.situations.iter().find(|situation| situation.name == name).cloned();
         let unknown = || match names.as_slice() {
-            [] => format!("{name}: the dial has no situations; [[dial.situations]] of the scene declares them"),
-            names => format!("{name}: there is no such situation; there are: {}", names.join(", ")),
+            [] => format!("{name}: the dial has no presets; [[dial.situations]] of the scene declares them"),
+            names => format!("{name}: there is no such preset; there are: {}", names.join(", ")),
         };
         let situation = found.ok_or_else(unknown)?;
         let mut dial = self.clone();

@@ -37,7 +37,7 @@ pub enum SceneError {
         source: SpectrumError,
     },
     /// The palette of the scene is not available.
-    #[error("{scene} has no palette to take its spectra from")]
+    #[error("the palette of {scene} cannot be used")]
     Palette {
         /// The scene.
         scene: String,
@@ -45,7 +45,7 @@ pub enum SceneError {
         source: PaletteError,
     },
     /// The volume of the scene is not available.
-    #[error("{scene} has no volume to show")]
+    #[error("the volume of {scene} cannot be used")]
     Volume {
         /// The scene.
         scene: String,
@@ -53,7 +53,7 @@ pub enum SceneError {
         source: VolumeError,
     },
     /// The labels of the scene are not available.
-    #[error("{scene} has no labels to show")]
+    #[error("the labels of {scene} cannot be used")]
     Labels {
         /// The scene.
         scene: String,
@@ -70,7 +70,7 @@ pub enum SceneError {
         scene: String,
     },
     /// Labels and values have different grids.
-    #[error("the labels {labels} have {theirs:?} voxels, the volume {volume} has {ours:?}; they must be the same grid")]
+    #[error("the labels {labels} have {theirs:?} voxels, the volume {volume} has {ours:?}; both need the same grid")]
     LabelGrid {
         /// The label file.
         labels: String,

@@ -76,7 +76,7 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     let length = file.metadata().map_err(read)?.len();
     if length > LONGEST_SCENE {
         let message = format!(
-            "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; is it a volume? then use --volume"
+            "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; if it is a volume, use --volume"
         );
         return Err(SceneError::Invalid { at: path.display().to_string(), message });
     }
@@ -88,7 +88,7 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     let text = String::from_utf8(bytes).map_err(|error| SceneError::Invalid {
         at: path.display().to_string(),
         message: format!(
-            "not UTF-8 text from byte {} on; is it a volume? then use --volume",
+            "not UTF-8 text from byte {} on; if it is a volume, use --volume",
             error.utf8_error().valid_up_to()
         ),
     })?;
@@ -174,7 +174,7 @@ fn descends(last: f64, next: f64) -> String {
 /// Message for an absorption of a material without an absorption spectrum.
 fn without_absorption(key: &str, material: &str) -> String {
     format!(
-        "{key}: the material {material} absorbs nothing; write `absorption = …`, a spectrum, into [materials.{material}]"
+        "{key}: the material {material} has no absorption spectrum; write `absorption = …` into [materials.{material}]"
     )
 }
 
@@ -193,8 +193,8 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
     let most = reflectance.spectrum().samples().iter().copied().fold(0.0, f64::max);
     // A reflectance of 1 that is computed from a colour may exceed 1 by rounding.
     if most > 1.0 + 1e-6 {
-        let percent = if most > PERCENT { "; is it in percent? then divide by 100" } else { "" };
-        tracing::warn!("{key} is up to {}, and no surface reflects more than 1{percent}", brief(most));
+        let percent = if most > PERCENT { "; if it is in percent, divide by 100" } else { "" };
+        tracing::warn!("{key} is up to {}, but surfaces reflect at most 1{percent}", brief(most));
     }
 }
 
@@ -214,7 +214,10 @@ fn with_names(original: &str, definition: &str, message: String) -> String {
     match original.parse::<Table>().ok().as_ref().and_then(|table| table.get(first)?.as_table()) {
         Some(there) if message.starts_with("missing field") && !there.contains_key(name) => {
             let names: Vec<&str> = there.keys().map(String::as_str).collect();
-            format!("there is no {first}.{name}, only {}; a new one: {message}", names.join(", "))
+            format!(
+                "there is no {first}.{name} (there are: {}), and a new one is incomplete: {message}",
+                names.join(", ")
+            )
         }
         _ => message,
     }
@@ -228,7 +231,7 @@ impl Text<'_> {
                 message += "; write version = 1";
             }
             if Path::new(&self.name).extension().is_some_and(|ending| ending != "toml") {
-                message += "; this is no scene: scenes are TOML files";
+                message += "; scenes are TOML files";
             }
             self.refuse(error.span().map_or(0, |span| span.start), message)
         })
@@ -269,14 +272,14 @@ impl Text<'_> {
         } else {
             format!("a number from {} to {}", readable(*range.start()), readable(*range.end()))
         };
-        Err(self.invalid(value, format!("{key} = {}; it is {allowed}", readable(number))))
+        Err(self.invalid(value, format!("{key} = {}; it must be {allowed}", readable(number))))
     }
 
     fn whole(&self, key: &str, value: &At<i64>, range: RangeInclusive<usize>) -> Result<usize, SceneError> {
         let number = *value.get_ref();
         usize::try_from(number).ok().filter(|number| range.contains(number)).ok_or_else(|| {
             let [least, most] = [range.start(), range.end()];
-            self.invalid(value, format!("{key} = {number}; it is a whole number from {least} to {most}"))
+            self.invalid(value, format!("{key} = {number}; it must be a whole number from {least} to {most}"))
         })
     }
 
@@ -300,7 +303,7 @@ impl Text<'_> {
     }
 
     fn direction(&self, key: &str, value: &At<[f64; 3]>) -> Result<DVec3, SceneError> {
-        unit(self.vector(key, value)?).ok_or_else(|| self.invalid(value, format!("{key} = [0, 0, 0] points nowhere")))
+        unit(self.vector(key, value)?).ok_or_else(|| self.invalid(value, format!("{key} = [0, 0, 0] has no direction")))
     }
 
     fn spectrum<T>(
@@ -329,7 +332,7 @@ impl Text<'_> {
         let mut inputs = Vec::new();
         let mut palette = match &stated.get_ref().r#use {
             Some(other) if stated.get_ref().says_more_than_use() => {
-                return Err(self.invalid(other, "a [palette] has `use`, or says all by itself"));
+                return Err(self.invalid(other, "a [palette] with `use` has no other keys"));
             }
             Some(path) => {
                 let path = base.join(path.get_ref());
@@ -419,7 +422,7 @@ impl Text<'_> {
             None | Some((_, DimensionFile::Planned(Auto::Auto))) => None,
             Some((at, DimensionFile::Stated(k))) => {
                 let dimension = usize::try_from(*k).ok().filter(|k| (1..=LARGEST_DIMENSION).contains(k));
-                let message = format!("k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}, or \"auto\"");
+                let message = format!("k = {k}; it must be a whole number from 1 to {LARGEST_DIMENSION}, or \"auto\"");
                 Some(dimension.ok_or_else(|| self.invalid(at, message))?)
             }
         };
@@ -451,8 +454,7 @@ impl Text<'_> {
         };
         let crop = file.crop.as_ref().map(|crop| self.crop(crop, &volume)).transpose()?;
         if camera.view(&volume.geometry, 1.0).is_none() {
-            let message =
-                "the camera looks nowhere: its target is its position, or its up direction is the one it looks in";
+            let message = "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight";
             return Err(self.refuse(file.camera.map_or(0, |camera| camera.span().start), message.into()));
         }
         let reflectances =

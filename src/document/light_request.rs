@@ -50,7 +50,7 @@ pub fn requested(
             })?;
             warn_below_zero(&format!("--light {}", request.name), &spectrum);
             if positions.is_empty() {
-                return Err(fail("there is no light position to put it at; the scene has no lights".into()));
+                return Err(fail("the scene has no lights, and so no light position for this one".into()));
             }
             for position in named.map_or(0..positions.len(), |position| position..position + 1) {
                 let name = request.name.to_owned();
@@ -68,7 +68,7 @@ pub fn requested(
 /// Warns of a light with negative samples.
 pub(super) fn warn_below_zero(key: &str, light: &Light) {
     if light.spectrum().samples().iter().any(|&sample| sample < 0.0) {
-        tracing::warn!("{key} is negative at some wavelengths, and no light is");
+        tracing::warn!("{key} is negative at some wavelengths; light is never negative");
     }
 }
 

@@ -42,17 +42,15 @@ impl Preset {
     #[must_use]
     pub fn help(self) -> &'static str {
         match self {
-            Self::Bone => "Shows what is denser than 250 Hounsfield units, and hides the rest.",
+            Self::Bone => "Shows everything denser than 250 Hounsfield units, and hides the rest.",
             Self::SoftTissue => "Shows muscle and organs, -20 to 160 Hounsfield units, as a haze around solid bone.",
             Self::SkinAndBone => {
-                "Shows the border of the body, -400 to -150 Hounsfield units, like glass, and bone in it."
+                "Shows the surface of the body, -400 to -150 Hounsfield units, like glass, with the bones inside."
             }
-            Self::Mr => {
-                "Leaves out the darker half of the values that are not air; the brightest tenth of them is solid."
-            }
+            Self::Mr => "Hides air and the darker half of the other values; the brightest tenth is solid.",
             Self::Densest => "Shows the highest quarter of the values that are not air.",
             Self::Layers => {
-                "Cuts the values that are not air into three layers of as many voxels, the highest the most solid."
+                "Divides the values that are not air into three layers with equal numbers of voxels; the highest is the most solid."
             }
         }
     }
@@ -63,7 +61,10 @@ impl Preset {
         let speaks_of_them = matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone);
         match hounsfield(statistics) {
             Some(zero) if speaks_of_them && zero != 0.0 => {
-                format!("{} If these values are a CT's, they have {zero} added: {zero} is water.", self.help())
+                format!(
+                    "{} If these values are from a CT, they have an offset of {zero}: {zero} is water.",
+                    self.help()
+                )
             }
             _ => self.help().to_owned(),
         }

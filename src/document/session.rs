@@ -22,7 +22,7 @@ use crate::volume::ByteOrder;
 #[non_exhaustive]
 pub enum SessionError {
     /// The scene's text cannot be parsed for changes.
-    #[error("the scene {name} cannot be changed")]
+    #[error("the text of the scene {name} cannot be edited")]
     Text {
         /// The scene.
         name: String,
@@ -30,13 +30,13 @@ pub enum SessionError {
         source: TomlError,
     },
     /// A path is not UTF-8, so a scene cannot contain it.
-    #[error("a session cannot name {}: that is no UTF-8 text; open it by another name", path.display())]
+    #[error("a session cannot contain the path {}, which is not UTF-8; open the file under another name", path.display())]
     Name {
         /// The path.
         path: PathBuf,
     },
     /// The absolute path of a folder cannot be found.
-    #[error("cannot tell where {} is", path.display())]
+    #[error("cannot find the absolute path of {}", path.display())]
     Where {
         /// The path.
         path: PathBuf,
@@ -44,13 +44,13 @@ pub enum SessionError {
         source: io::Error,
     },
     /// A phantom was downsampled, which a scene cannot state.
-    #[error("a phantom that --downsample has made smaller cannot be saved as a session; write its dims into the scene")]
+    #[error("a phantom with --downsample cannot be saved as a session; write its smaller dims into the scene")]
     Downsampled,
     /// The transfer function has more curves than a scene can state.
-    #[error("{0} terms of the transfer function are curves, and a scene file states one; remove the others")]
+    #[error("the transfer function has {0} curves, and a scene file at most one; remove the others")]
     Curves(usize),
     /// A key has a value that is not a table.
-    #[error("`{name}` of the scene is no table that could be changed")]
+    #[error("`{name}` of the scene is not a table")]
     NoTable {
         /// The key.
         name: &'static str,

@@ -18,7 +18,7 @@ impl Planned {
         let told = |what: String| {
             format!(
                 "{what} is not used: pixels keep weights of the materials, which are exact here; accumulate = \"spectral\" \
-                 (--accumulate spectral) keeps numbers of a colour model in their place"
+                 (--accumulate spectral) keeps the coefficients of a colour model instead"
             )
         };
         stated.map(told).collect()
@@ -32,7 +32,7 @@ impl Planned {
         let absorbing = scene.materials.iter().enumerate().filter(|&(m, _)| scene.absorbs(m));
         let told = absorbing.filter_map(|(_, material)| {
             let told = model.amplification(material.absorption.as_ref()?.spectrum())?;
-            Some(format!("Of {}, {told}.", material.name))
+            Some(format!("For {}, {told}.", material.name))
         });
         told.collect()
     }
@@ -44,44 +44,46 @@ impl Planned {
         let shown = || listed(self.materials.iter().filter_map(|&material| name(material)));
         let absorbs = |material: &usize| scene.absorbs(*material);
         let passes = match plan.transmittance {
-            Transmittance::Grey => "All wavelengths pass alike, whatever light meets on its way".to_owned(),
+            Transmittance::Grey => "All wavelengths are absorbed equally".to_owned(),
             Transmittance::Coloured | Transmittance::Mixed => format!(
-                "Light changes its colour on its way, as through stained glass, where it meets {}",
+                "Light changes its colour, as through stained glass, in {}",
                 listed((0..scene.materials.len()).filter(absorbs).filter_map(name))
             ),
         };
-        let each = if plan.positions.total() > 1 { ", for each of the places that light comes from" } else { "" };
+        let each = if plan.positions.total() > 1 { " for each light position" } else { "" };
         let kept = plan.components() * plan.positions.total() + plan.passed();
         let mut sentences = Vec::new();
         match &self.model {
             None => {
                 let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
-                sentences.push(format!("{passes}: a pixel's colour follows exactly, under every light, from how much it shows of each material."));
                 sentences.push(format!(
-                    "So a pixel keeps how much it shows of {}{white}{each}, and how much light passes through: {kept} numbers in all.",
+                    "{passes}: the colour of a pixel under any light follows exactly from the weights of its materials."
+                ));
+                sentences.push(format!(
+                    "A pixel keeps the weights of {}{white}{each}, and the transmittance: {kept} numbers in all.",
                     shown()
                 ));
             }
             Some(model) => {
                 let followed = match model.nodes_nm() {
                     Some(nodes) => format!(
-                        "Its colours are followed at {} wavelengths ({} nm), chosen for this scene so that they stand for all others",
+                        "Colours are computed at {} wavelengths ({} nm), chosen for this scene to represent all others",
                         nodes.len(),
                         nodes.iter().map(f64::to_string).collect::<Vec<_>>().join(", ")
                     ),
-                    None => format!("Its colours are followed by {} in place of all wavelengths", model.description()),
+                    None => format!("Colours are computed with {} instead of all wavelengths", model.description()),
                 };
                 sentences.push(format!("{passes}. {followed}."));
                 sentences.extend(self.amplified(scene));
                 sentences.push(format!(
-                    "So a pixel keeps {} numbers of the light that comes back{each}, and {} of what passes through: {kept} in all.",
+                    "A pixel keeps {} numbers of the scattered light{each}, and {} of the transmittance: {kept} in all.",
                     plan.components(),
                     plan.passed()
                 ));
             }
         }
         sentences.push(
-            "No light's colour is in them: lights can be exchanged later, without computing the picture anew."
+            "These numbers do not depend on the colours of the lights: lights can be exchanged later, without rendering the volume again."
                 .to_owned(),
         );
         sentences.extend(self.explain_choice(scene));
@@ -93,21 +95,18 @@ impl Planned {
             let errors: Vec<String> = errors.collect();
             if !errors.is_empty() {
                 sentences.push(format!(
-                    "Compared with following all wavelengths, colours are off by {}, in steps of the colour difference CIEDE2000 (ΔE00), of which 1 can just be seen side by side.",
+                    "Compared with all wavelengths, the colour error is {}, in units of the colour difference CIEDE2000 (ΔE00), where 1 is just visible side by side.",
                     errors.join(", ")
                 ));
                 sentences.push(match scene.accuracy.dimension {
-                    Some(k) => format!("That the numbers are {k} was asked for."),
-                    None => format!(
-                        "Fewer numbers would miss some colours by more than {} that is allowed.",
-                        self.allowed(scene)
-                    ),
+                    Some(k) => format!("The {k} numbers were requested."),
+                    None => format!("With fewer numbers, some colour errors would exceed {}.", self.allowed(scene)),
                 });
             }
         }
         if let Some(error) = self.half_precision_error(scene) {
             sentences.push(format!(
-                "A finished pixel is stored in 16 bits a number, {} bytes in all; that moves no colour by more than ΔE00 {error:.2}.",
+                "A finished pixel is stored with 16 bits per number, {} bytes in all; this changes colours by at most ΔE00 {error:.2}.",
                 plan.pixel_bytes()
             ));
         }
@@ -115,11 +114,11 @@ impl Planned {
         let (filters, unused): (Vec<usize>, Vec<usize>) = hidden().partition(absorbs);
         if !filters.is_empty() {
             let filters = listed(filters.into_iter().filter_map(name));
-            sentences.push(format!("Seen only by what they take from the light: {filters}."));
+            sentences.push(format!("Visible only by their absorption: {filters}."));
         }
         if !unused.is_empty() {
             let unused = listed(unused.into_iter().filter_map(name));
-            sentences.push(format!("Materials that nothing shows are left out: {unused}."));
+            sentences.push(format!("Unused materials are left out: {unused}."));
         }
         sentences
     }
@@ -130,63 +129,65 @@ impl Planned {
         let plan = &self.plan;
         let mut sentences = self.explain_colours(scene);
         sentences.push(match plan.positions.total() {
-            0 => "There is no light: only what passes is computed.".to_owned(),
+            0 => "There is no light: only the transmittance is computed.".to_owned(),
             1 if scene.lights.len() == 1 => "There is one light.".to_owned(),
-            1 => format!("Shading cannot tell the {} lights apart, so they share their numbers.", scene.lights.len()),
+            1 => {
+                format!("Shading does not distinguish the {} lights, so they share their numbers.", scene.lights.len())
+            }
             total => format!(
-                "{} lights shine from {total} places that shading can tell apart: {}.",
+                "{} lights shine from {total} positions that shading distinguishes: {}.",
                 scene.lights.len(),
                 listed(self.positions.iter().map(|position| position.name.as_str()))
             ),
         });
         sentences.push(match plan.shading.filter(|_| plan.gradient()) {
-            None => "Nothing is shaded by the direction of surfaces.".to_owned(),
+            None => "Shading does not depend on the direction of surfaces.".to_owned(),
             Some(terms) => format!(
-                "Surfaces get their {} by which way values change there, which is {}.",
+                "Surfaces get their {} from the gradient of the values, which is {}.",
                 match (terms.diffuse, terms.specular) {
                     (true, None) => "shading",
                     (false, _) => "highlights",
                     (true, Some(_)) => "shading and highlights",
                 },
                 match plan.gradients {
-                    Gradients::Packed => "stored beside each value",
-                    Gradients::Central => "taken from six values around each sample",
+                    Gradients::Packed => "stored with each value",
+                    Gradients::Central => "computed from six values around each sample",
                 }
             ),
         });
         if plan.labels {
-            sentences.push("Labels decide what a voxel is; without a label, its value does.".to_owned());
+            sentences.push(
+                "Labels determine the materials of voxels; a voxel without a label follows the transfer function."
+                    .to_owned(),
+            );
         }
         sentences.push(
             if plan.background {
-                "The background is seen through what passes, and relit with everything else."
+                "The background is visible through the volume, and relit with everything else."
             } else {
                 "The background is black and costs nothing."
             }
             .to_owned(),
         );
         let values = match plan.interpolation {
-            Interpolation::Linear => "values change evenly from one to the next",
-            Interpolation::ExactLinear => "values change evenly from one to the next, in all bits of a number",
-            Interpolation::Cubic => "values follow a smooth curve, a cubic spline",
-            Interpolation::Nearest => "a place has the value of the nearest",
+            Interpolation::Linear => "values are interpolated linearly",
+            Interpolation::ExactLinear => "values are interpolated linearly in full precision",
+            Interpolation::Cubic => "values are interpolated by a cubic spline",
+            Interpolation::Nearest => "the value is that of the nearest voxel",
         };
         let entries = match plan.lookup {
-            Lookup::Linear => "what a value looks like changes evenly with it",
-            Lookup::Nearest => "what a value looks like changes with it in small steps",
+            Lookup::Linear => "the transfer function is interpolated linearly",
+            Lookup::Nearest => "the transfer function changes in small steps",
         };
         sentences.push(format!("Between voxels, {values}; {entries}."));
         let termination = if scene.accuracy.termination > 0.0 {
-            format!(
-                "until less than {} % of the light behind can still come through",
-                readable(100.0 * scene.accuracy.termination)
-            )
+            format!("until the transmittance is below {} %", readable(100.0 * scene.accuracy.termination))
         } else {
             "to the end of the volume".to_owned()
         };
-        let skipping = if plan.skipping { "leapt over" } else { "walked through" };
+        let skipping = if plan.skipping { "skipped" } else { "sampled, too" };
         sentences.push(format!(
-            "From the eye on, the volume is looked at in steps of {} (its own unit of length), {termination}; what is empty is {skipping}.",
+            "Rays from the eye sample the volume in steps of {} (its own unit of length), {termination}; empty regions are {skipping}.",
             brief(scene.accuracy.step_length)
         ));
         sentences
@@ -196,7 +197,7 @@ impl Planned {
     fn allowed(&self, scene: &Scene) -> String {
         let Accuracy { accumulate, tolerance, .. } = scene.accuracy;
         let exact = self.plan.transmittance == Transmittance::Grey && accumulate == AccumulateAs::Auto;
-        format!("{}the {}", if exact { "half of " } else { "" }, readable(tolerance))
+        format!("{}the tolerance of {}", if exact { "half of " } else { "" }, readable(tolerance))
     }
 
     /// Why coefficients replace exact weights, or why weights remain where fewer coefficients were tried.
@@ -208,11 +209,11 @@ impl Planned {
                 let weights = self.materials.len() + usize::from(self.plan.specular().is_some());
                 let kept = self.plan.components();
                 Some(format!(
-                    "To keep how much a pixel shows of each material would be exact (accumulate = \"weights\"), but takes {weights} numbers in place of {kept}, and longer."
+                    "Weights of the materials (accumulate = \"weights\") would be exact, but need {weights} numbers instead of {kept}, and more time."
                 ))
             }
             None if exact && dimension.is_none() && narrower(&self.plan) > 0 => Some(format!(
-                "A colour model of fewer numbers would be faster, but would change colours by more than {} that is allowed: in ΔE00 (CIEDE2000), of which 1 can just be seen side by side.",
+                "A colour model with fewer numbers would be faster, but some colour errors would exceed {}, in ΔE00 (CIEDE2000), where 1 is just visible side by side.",
                 self.allowed(scene)
             )),
             _ => None,

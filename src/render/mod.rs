@@ -51,7 +51,7 @@ pub enum RenderError {
     Cancelled,
     /// The matrices of a colour model are too large for the device.
     #[error(
-        "the model peercy keeps {dimension}×{dimension} numbers of what passes, and a device has room for {0}×{0}: take --k {0} or less, or --reference",
+        "the model peercy needs a transmittance matrix of {dimension}×{dimension} numbers, and a device has room for {0}×{0}: take --k {0} or less, or --reference",
         march::LARGEST_MATRIX
     )]
     Matrix {
@@ -59,7 +59,9 @@ pub enum RenderError {
         dimension: usize,
     },
     /// The camera has no line of sight.
-    #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
+    #[error(
+        "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight"
+    )]
     Camera,
     /// A ray has too many samples.
     #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
@@ -95,7 +97,7 @@ pub enum RenderError {
     },
     /// A picture has more pixels along a side, or more layers, than the device supports.
     #[error(
-        "a picture of {}×{} pixels with {} vectors each is too large for {device}, which makes at most {}×{} with {}: take a smaller --size, fewer light positions, or --reference", asked[0], asked[1], asked[2], limit[0], limit[1], limit[2]
+        "a picture of {}×{} pixels with {} vectors each is too large for {device}, whose limit is {}×{} with {}: take a smaller --size, fewer light positions, or --reference", asked[0], asked[1], asked[2], limit[0], limit[1], limit[2]
     )]
     PictureSize {
         /// Pixels across and down, and number of layers.
@@ -107,7 +109,7 @@ pub enum RenderError {
     },
     /// A picture and its volume together do not fit into the device's memory.
     #[error(
-        "a picture of {}×{} pixels needs {needed_mb} MB here, beside {volume_mb} MB of volume, and {device} has {heap_mb}: take a smaller --size, fewer light positions, or --downsample", size[0], size[1]
+        "a picture of {}×{} pixels needs {needed_mb} MB and its volume {volume_mb} MB, and {device} has {heap_mb} MB: take a smaller --size, fewer light positions, or --downsample", size[0], size[1]
     )]
     PictureMemory {
         /// Pixels across and down.
@@ -275,7 +277,7 @@ impl Renderer {
                 .iter()
                 .map(|resource| {
                     named(resource).ok_or_else(|| {
-                        let mistake = format!("the shader uses {resource:?}, which its plan leaves out");
+                        let mistake = format!("the shader uses {resource:?}, which its plan does not contain");
                         VulkanError::Misuse { object: name.to_owned(), mistake }.into()
                     })
                 })

@@ -15,7 +15,7 @@ impl Text<'_> {
                 for (key, value) in [("emission", &file.emission), ("fluorescence", &file.fluorescence)] {
                     if let Some(value) = value {
                         let message = format!(
-                            "materials.{name}.{key}: a material that shines by itself, or in other wavelengths than it is lit with, does not factor by the light, so a picture could not be relit; only reflectances can"
+                            "materials.{name}.{key}: emission and fluorescence are not supported, because their light is not the incident light times a reflectance, so a picture could not be relit; use `reflectance`"
                         );
                         return Err(self.invalid(value, message));
                     }
@@ -83,7 +83,7 @@ impl Text<'_> {
         let opacity = self.number(key, value, &UNIT)?;
         if material.xray && opacity >= 1.0 {
             let message = format!(
-                "{key} = 1 for the X-ray material {}; it adds light and hides nothing, so 1 would be light without end: it is a number from 0 to less than 1",
+                "{key} = 1 for the X-ray material {}, which adds light without occlusion, so that 1 would be infinite light; it must be a number from 0 to less than 1",
                 material.name
             );
             return Err(self.invalid(value, message));
@@ -100,7 +100,7 @@ impl Text<'_> {
                 return Err(self.invalid(
                     &interval.range,
                     format!(
-                        "range = [{}, {}]; it is two finite numbers, the lower one first",
+                        "range = [{}, {}]; it must be two finite numbers, the lower one first",
                         readable(low),
                         readable(high)
                     ),
@@ -117,10 +117,10 @@ impl Text<'_> {
                 terms.push(self.curves(opacity, file.absorption.as_ref(), material, materials)?);
             }
             (Some(alone), None) => {
-                return Err(self.invalid(alone, "an opacity curve needs a `material` curve beside it"));
+                return Err(self.invalid(alone, "an opacity curve needs a `material` curve"));
             }
             (None, Some(alone)) => {
-                return Err(self.invalid(alone, "a material curve needs an `opacity` curve beside it"));
+                return Err(self.invalid(alone, "a material curve needs an `opacity` curve"));
             }
         }
         let entries = file.entries.as_ref().map(|value| self.whole("entries", value, 2..=1 << 20)).transpose()?;
@@ -136,11 +136,11 @@ impl Text<'_> {
     ) -> Result<Vec<(f64, f64)>, SceneError> {
         let points: Vec<(f64, f64)> = stated.get_ref().iter().map(|&[value, height]| (value, height)).collect();
         if points.is_empty() {
-            return Err(self.invalid(stated, "a curve has at least one point"));
+            return Err(self.invalid(stated, "a curve needs at least one point"));
         }
         if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && range.contains(&point.1))) {
             let [value, height, most] = [point.0, point.1, *range.end()].map(readable);
-            let message = format!("the point [{value}, {height}] is not a value and {what} from 0 to {most}");
+            let message = format!("the point [{value}, {height}] must be a finite value and {what} from 0 to {most}");
             return Err(self.invalid(stated, message));
         }
         match points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
@@ -160,14 +160,14 @@ impl Text<'_> {
         let depths = absorption.map(|stated| self.curve("an optical depth", stated, &DEPTH)).transpose()?;
         let depths = depths.unwrap_or_default();
         if material.get_ref().is_empty() {
-            return Err(self.invalid(material, "a curve has at least one point"));
+            return Err(self.invalid(material, "a curve needs at least one point"));
         }
         let mut curve = Vec::new();
         for (value, name) in material.get_ref() {
             let index = self.material_named(name, materials).map_err(|message| self.invalid(material, message))?;
             if materials[index].xray && points.iter().any(|point| point.1 >= 1.0) {
                 return Err(
-                    self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it is less than 1"))
+                    self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it must be less than 1"))
                 );
             }
             curve.push((*value, index));
@@ -179,7 +179,7 @@ impl Text<'_> {
             return Err(self.invalid(stated, without_absorption("absorption", &names.join(", "))));
         }
         if let Some(point) = curve.iter().find(|point| !point.0.is_finite()) {
-            return Err(self.invalid(material, format!("the value {}; a material curve has finite values", point.0)));
+            return Err(self.invalid(material, format!("the value {} of the material curve is not finite", point.0)));
         }
         if let Some(pair) = curve.windows(2).find(|pair| pair[0].0 >= pair[1].0) {
             return Err(self.invalid(material, descends(pair[0].0, pair[1].0)));
@@ -195,7 +195,7 @@ impl Text<'_> {
         let mut entries: Vec<LabelEntry> = Vec::new();
         for (key, value) in files {
             if entries.len() == MOST_LABELS {
-                let message = format!("{} labels are declared; {MOST_LABELS} can be", files.len());
+                let message = format!("{} labels are declared; the limit is {MOST_LABELS}", files.len());
                 return Err(self.invalid(value, message));
             }
             let label = key.parse::<u16>().ok().filter(|&label| label > 0).ok_or_else(|| {

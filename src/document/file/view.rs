@@ -71,7 +71,7 @@ impl Text<'_> {
                         .place
                 }
                 HandFile::Place(place) if !place.iter().all(|part| part.is_finite()) => {
-                    return Err(self.invalid(&stated.hand, format!("{key}: the hand's place is not finite")));
+                    return Err(self.invalid(&stated.hand, format!("{key}: the position of the hand is not finite")));
                 }
                 HandFile::Place(place) => DVec2::from_array(*place),
             };
@@ -160,7 +160,7 @@ impl Text<'_> {
                 front: file.front.as_ref().map_or(Ok(DVec3::NEG_Z), |front| self.direction("camera.front", front))?,
             },
             (Some(key), None) | (None, Some(key)) => {
-                return Err(self.invalid(key, "`position` and `target` of a camera come together"));
+                return Err(self.invalid(key, "a camera needs both `position` and `target`, or neither"));
             }
         };
         Ok(Camera { projection, aim, up })

@@ -11,7 +11,7 @@ impl Text<'_> {
             let apart = min[axis] < max[axis] || last[axis] <= 0.0;
             if !(0.0 <= min[axis] && apart && min[axis] <= max[axis] && max[axis] <= last[axis]) {
                 let message = format!(
-                    "crop from {min:?} to {max:?}; on axis {} it is two different voxel indices from 0 to {}, the lower one first",
+                    "crop from {min:?} to {max:?}; on axis {} it must be two different voxel indices from 0 to {}, the lower one first",
                     ["x", "y", "z"][axis],
                     last[axis]
                 );
@@ -99,8 +99,8 @@ impl Text<'_> {
             None => return Ok(None),
         };
         if labels.blocks != [1; 3] {
-            let problem = "labels have no mean: write downsample into the scene's [volume], where it takes the most \
-                           frequent label of a block, not beside the labels";
+            let problem = "labels cannot be averaged: write downsample into the scene's [volume], where it takes the \
+                           most frequent label of a block, not into the sidecar of the labels";
             return Err(fail(VolumeError::Layout { source_name: labels.source, problem: problem.to_owned() }));
         }
         if let Some(blocks) = file.blocks(options) {
@@ -116,7 +116,7 @@ impl Text<'_> {
         }
         if !labels.geometry.lies_on(stored) {
             labels.notes.push(format!(
-                "{}: the labels have another spacing, origin or direction than the volume {volume}; they are shown voxel by voxel on its grid",
+                "{}: the labels differ from the volume {volume} in spacing, origin or direction; they are assigned voxel by voxel to its grid",
                 labels.source
             ));
         }
@@ -132,7 +132,7 @@ impl VolumeFile {
         };
         let voxel_type = name.get_ref().parse().map_err(|error: VolumeError| text.invalid(name, error.to_string()))?;
         let Some(dims) = self.dims else {
-            return Err(text.invalid(name, "headerless voxels need `dims` beside their `type`"));
+            return Err(text.invalid(name, "headerless voxels need `dims` as well as a `type`"));
         };
         let plain = RawLayout::new(dims.map(NonZeroUsize::get), voxel_type);
         Ok(Some(RawLayout {
