@@ -36,7 +36,7 @@ pub(super) fn causes(entries: &[Entry<'_>]) -> String {
     let same = names(
         &mut alike.iter().flat_map(|entry| std::iter::once(&entry.row.setting).chain(entry.also.iter().copied())),
     );
-    let said = [("The scene's own under another name", itself), ("As the scene's own", same)];
+    let said = [("Equivalent to the scene's own", itself), ("Same errors as the scene's own", same)];
     let said: String = said
         .into_iter()
         .filter(|(_, names)| !names.is_empty())
@@ -52,7 +52,7 @@ fn lines(rows: &[&Measured], causes: &[Cause]) -> Drawing {
     let bottom = count(rows.len()).mul_add(LINE, top);
     let mut drawing = Drawing::new(WIDTH, bottom + 8.0);
     let colour = |cause: Cause| Cause::ALL.iter().position(|known| *known == cause).map_or("#999999", |at| PARTS[at]);
-    drawing.small([left, 14.0], "start", "mean ΔE00 of the whole");
+    drawing.small([left, 14.0], "start", "mean ΔE00, all causes");
     let mut at = [bar, 14.0];
     for &cause in causes {
         let long = 24.0 + 5.8 * count(cause.name().chars().count());

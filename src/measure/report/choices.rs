@@ -31,7 +31,7 @@ fn chosen(rows: &[Measured], trust: Trust) -> Vec<Chosen<'_>> {
         }
     }
     if let Some(row) = trust.most_exact(rows) {
-        add(row, "as exact as was measured".to_owned());
+        add(row, "most accurate measured setting".to_owned());
     }
     if let Some(own) = rows.first().filter(|own| !found.iter().any(|it| it.row.times == own.times)) {
         found.insert(0, Chosen { row: own, purposes: vec![also_good_for(own)] });
@@ -53,13 +53,13 @@ fn good_for(purpose: &str, limit: f64) -> String {
 /// States how settings were chosen.
 pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
     let by = if trust.is_rough() {
-        "Times are rough here, so nothing is chosen by them: below are the scene's own setting and what errs least."
+        "The times are rough, so no setting is chosen by time: the table has the scene's own setting and the most accurate one."
     } else {
-        "For each purpose the fastest of those measured, where its times do not overlap with those of the scene's own. What is \
-         within 5 % of the least error by mean, p95 and worst is as exact as was measured. One knob is turned at a time."
+        "For each purpose the fastest measured setting whose times do not overlap those of the scene's own. The most accurate \
+         setting is the fastest within 5 % of the smallest mean, p95 and worst error. One knob is changed at a time."
     };
     let given = survey.scene().name.split_once(" with ").map_or_else(String::new, |(_, given)| {
-        format!(" What else was given for this scene (<code>{}</code>) is given again.", escaped(given))
+        format!(" The commands repeat the other flags of this scene (<code>{}</code>).", escaped(given))
     });
     format!("{by}{given}")
 }
@@ -67,10 +67,10 @@ pub(super) fn about(survey: &Survey<'_>, trust: Trust) -> String {
 /// Table with a row per chosen setting, followed by whole commands.
 pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measured], trust: Trust) -> String {
     let Some(own) = rows.first() else { return String::new() };
-    let mut table = "<div class=\"wide\"><table class=\"choice\">\n<tr><th class=\"text\">good for</th><th class=\"text\">setting, and what the scene file says for it</th>\
-         <th title=\"Of a frame: median, and the shortest and longest run\">ms</th>\
-         <th title=\"ΔE00 that 95 of 100 pixels stay below\">p95</th><th title=\"ΔE00 of the worst pixel compared\">worst</th>\
-         <th class=\"text\">what the eye sees</th></tr>\n"
+    let mut table = "<div class=\"wide\"><table class=\"choice\">\n<tr><th class=\"text\">good for</th><th class=\"text\">setting, and its keys in the scene file</th>\
+         <th title=\"Time of a frame: median, shortest and longest run\">ms</th>\
+         <th title=\"95th percentile of ΔE00\">p95</th><th title=\"ΔE00 of the worst compared pixel\">worst</th>\
+         <th class=\"text\">visibility</th></tr>\n"
         .to_owned();
     for Chosen { row, purposes } in &chosen(rows, trust) {
         let named = entries.iter().find(|entry| entry.row.times == row.times).map_or_else(String::new, Entry::name);
@@ -99,7 +99,7 @@ pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measur
         )
     });
     format!(
-        "{table}<pre>{}# whatever is fastest within ΔE00 1: several knobs are turned together, and values between these are tried, too\n{}</pre>\n",
+        "{table}<pre>{}# the fastest setting within ΔE00 1: changes several knobs together, and tries intermediate values\n{}</pre>\n",
         escaped(&named.unwrap_or_default()),
         escaped(&command(survey, "--max-error 1"))
     )
@@ -108,7 +108,7 @@ pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measur
 /// Purpose of the scene's own setting where times cannot show that it is the fastest.
 fn also_good_for(own: &Measured) -> String {
     let fit = PURPOSES.iter().rev().find(|(_, limit)| own.error.delta_e.p95 <= *limit);
-    fit.map_or_else(|| "nothing here, as it is".to_owned(), |(purpose, limit)| good_for(purpose, *limit) + ", as it is")
+    fit.map_or_else(|| "none of these purposes, unchanged".to_owned(), |(purpose, limit)| good_for(purpose, *limit) + ", unchanged")
 }
 
 /// Describes the changes of a row: in the scene file, and as flags for one run.
@@ -138,8 +138,8 @@ fn how(survey: &Survey<'_>, row: &Measured) -> String {
         let [width, height] = survey.lattice().size;
         write!(
             text,
-            "<div>no key of a scene: the picture is that small, and errs so once it is enlarged to {width}×{height} between its \
-             pixels (bilinear)</div>"
+            "<div>no key of a scene: the picture has this smaller size, and these errors after bilinear enlargement to \
+             {width}×{height}</div>"
         )
         .ok();
     }

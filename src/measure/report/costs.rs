@@ -50,7 +50,7 @@ pub fn costs_html(device: &str, findings: &[String], tables: &[CostTable], curve
         let drawn: String = curves.iter().map(|curve| drawing(curve).inline(&curve.head)).collect();
         write!(
             page,
-            "<h2>Cost against what is asked for</h2>\n<p class=\"about\">Filled: a march. Rings: a relight. Both axes are \
+            "<h2>Cost curves</h2>\n<p class=\"about\">Filled: a march. Rings: a relight. Both axes are \
              logarithmic.</p>\n<div class=\"curves\">\n{drawn}</div>\n"
         )
         .ok();

@@ -72,15 +72,15 @@ fn kept_as(row: &Measured, storage: StoreAs) -> Option<String> {
     let (vectors, rest) = (bytes / (padded * number), bytes % (padded * number));
     let (what, sum) = match rest {
         // Coloured transmittance has as many components.
-        0 => ("and another for what passes", format!("{vectors} × {padded} × {number}")),
+        0 => ("and k numbers of transmittance", format!("{vectors} × {padded} × {number}")),
         // Grey transmittance is one number.
-        4 => ("and one number for what passes", format!("{vectors} × {padded} × {number} + 4")),
+        4 => ("and one number of transmittance", format!("{vectors} × {padded} × {number} + 4")),
         _ => return None,
     };
     let spectral = !row.carrier.starts_with("weights");
     spectral.then(|| {
         format!(
-            "Bytes: a pixel keeps a sum of k numbers for each position of light, {what}; k is rounded up to fours, and a number \
+            "Bytes: a pixel stores k numbers per light position, {what}; k is rounded up to a multiple of 4, and a number \
              has {number} bytes. For k = {}: {sum} = {bytes}.",
             row.components
         )
@@ -102,14 +102,14 @@ pub(super) fn eight(
     let scene = survey.scene();
     let has = match scene.accuracy.dimension {
         _ if own.carrier.starts_with("weights") => {
-            "This scene keeps weights of its materials, which is exact under every light. Where light changes its colour on its \
-             way, spectra are carried in k numbers instead"
+            "This scene stores material weights, which are exact under every light. With coloured absorption, k coefficients \
+             of a colour model represent spectra instead"
                 .to_owned()
         }
         Some(k) => format!("This scene states k = {k}"),
         None => format!(
-            "This scene is carried in {} numbers: with so many, the model by itself moves no spectrum that its materials can \
-             make by more than ΔE00 {} (the scene's tolerance), and what the picture shows of them by less",
+            "This scene uses k = {}: with it, the model alone changes no spectrum of the scene's materials by more than \
+             ΔE00 {} (the scene's tolerance), and the picture by less",
             own.components,
             crate::number::readable(scene.accuracy.tolerance)
         ),
@@ -117,13 +117,13 @@ pub(super) fn eight(
     let why = if own.components == 8 && !own.carrier.starts_with("weights") {
         "."
     } else {
-        "; 8 is the usual number, which models are compared at."
+        "; 8 is the usual k for comparisons of models."
     };
     let mut text = format!(
-        "<p class=\"about\">{has}{why} Below, only that is changed.</p>\n<div class=\"wide\"><table>\n<tr><th class=\"text\">carried as</th>\
-         <th title=\"ΔE00 that 95 of 100 pixels stay below\">p95</th><th class=\"text\">what the eye sees</th><th title=\"ΔE00 on average\">mean</th>\
-         <th title=\"ΔE00 on average that carrying spectra so adds by itself, without steps and all else\">by this alone</th>\
-         <th>ms</th><th title=\"Bytes that a finished pixel keeps\">bytes/pixel</th></tr>\n"
+        "<p class=\"about\">{has}{why} The rows below change only the colour model.</p>\n<div class=\"wide\"><table>\n<tr><th class=\"text\">represented as</th>\
+         <th title=\"95th percentile of ΔE00\">p95</th><th class=\"text\">visibility</th><th title=\"Mean ΔE00\">mean</th>\
+         <th title=\"Mean ΔE00 of the representation alone, without step and other causes\">by this alone</th>\
+         <th>ms</th><th title=\"Bytes of a finished pixel\">bytes/pixel</th></tr>\n"
     );
     for (name, row) in &found.rows {
         let error = &row.error.delta_e;
@@ -160,7 +160,7 @@ pub(super) fn eight(
         ];
         write!(
             text,
-            "<div class=\"keep\">\n<p>The pixels that were compared{}:</p>\n<div class=\"thirds\">\n{}</div>\n</div>\n",
+            "<div class=\"keep\">\n<p>The compared pixels{}:</p>\n<div class=\"thirds\">\n{}</div>\n</div>\n",
             mosaic(survey),
             cells.concat()
         )

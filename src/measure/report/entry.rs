@@ -13,7 +13,7 @@ pub(super) const OWN: &str = "the scene's own";
 pub(super) const INVISIBLE: f64 = 0.5;
 /// Note on cubic interpolation where the scene does not use it.
 pub(super) const CUBIC: &str =
-    "cubic is another reading of the data, not a worse one: the truth here reads it as the scene says.";
+    "cubic is a different reconstruction of the data, not a worse one: the truth uses the scene's interpolation.";
 /// ΔE00 below which a page does not distinguish errors.
 pub(super) const LEAST: f64 = 1e-3;
 
@@ -73,11 +73,11 @@ pub(super) fn seen(error: &ErrorSummary) -> String {
     let worst = || format!("; worst {}", short(error.max));
     match error.p95 {
         // Compares the rounded text: an error printed as 0.50 is not below 0.5.
-        _ if error.max < INVISIBLE - 0.005 => "nobody sees it".to_owned(),
+        _ if error.max < INVISIBLE - 0.005 => "invisible".to_owned(),
         p95 if p95 < INVISIBLE => format!("not visible in 95 of 100 pixels{}", worst()),
         p95 if p95 < 1.0 => format!("hardly visible in 95 of 100 pixels{}", worst()),
-        p95 if p95 < 2.0 => "seen side by side".to_owned(),
-        p95 if p95 < 4.0 => "seen at a glance".to_owned(),
-        _ => "seen at once".to_owned(),
+        p95 if p95 < 2.0 => "visible side by side".to_owned(),
+        p95 if p95 < 4.0 => "visible at a glance".to_owned(),
+        _ => "visible at once".to_owned(),
     }
 }

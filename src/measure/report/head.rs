@@ -19,7 +19,7 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
     let [width, height] = survey.lattice().size;
     let runs = survey.options().runs;
     let cpu = if survey.is_software() {
-        " These are times of a CPU without a graphics card: on a GPU they will be shorter and may rank differently, so measure again there."
+        " These are CPU times, without a graphics card: a GPU is faster and may rank settings differently, so measure again there."
     } else {
         ""
     };
@@ -34,12 +34,12 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
                 .map_or_else(|_| String::new(), |now| format!("; {}", day(now.as_secs())))
         ),
         format!(
-            "Light: {}. Only this was measured: nothing here is said of other light.",
+            "Light: {}. The errors are for this light only.",
             escaped(&light(scene, findings.spectra))
         ),
         format!(
             "{} in pictures of {width}×{height}, with the truth: the full spectrum in f64, in steps of {} voxels (an eighth of the \
-             shortest measured).",
+             shortest measured step).",
             compared(survey),
             brief(finest_in_voxels(scene, findings) / 8.0)
         ),
@@ -51,10 +51,10 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
             if trust.is_rough() {
                 ", which are rough".to_owned()
             } else if spread(findings.rows) <= 0.0 {
-                ", so that nothing says how far times spread".to_owned()
+                ", so the spread of times is unknown".to_owned()
             } else {
                 format!(
-                    ", which spread by ±{:.0} % in the middle of all settings; two settings whose runs overlap are not told apart",
+                    ", with a median spread of ±{:.0} %; two settings whose runs overlap count as equally fast",
                     100.0 * spread(findings.rows)
                 )
             }
@@ -119,7 +119,7 @@ fn light(scene: &Scene, spectra: &BTreeMap<String, String>) -> String {
         Observer::Cie1931 => "the CIE 1931 observer (2°)",
         Observer::Cie1964 => "the CIE 1964 observer (10°)",
     };
-    let adapted = if scene.display.adapt { " (adapted: their white is shown as the screen's)" } else { "" };
+    let adapted = if scene.display.adapt { " (adapted: their white is the screen's white)" } else { "" };
     format!("{lights}{adapted}, seen by {observer}")
 }
 
@@ -148,9 +148,9 @@ fn setting(scene: &Scene, own: &Measured) -> String {
             },
         )
         .collect();
-    let entries = if scene.transfer.entries.is_none() { "; as many transfer.entries as the data need" } else { "" };
+    let entries = if scene.transfer.entries.is_none() { "; transfer.entries chosen by the data" } else { "" };
     format!(
-        "The scene's own setting: <code>{}</code>{entries}. That comes to {}, {} bytes a pixel.",
+        "The scene's own setting: <code>{}</code>{entries}. A pixel stores {} in {} bytes.",
         escaped(&keys.join(", ")),
         escaped(&own.carrier),
         own.pixel_bytes

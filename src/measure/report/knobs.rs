@@ -41,7 +41,7 @@ fn stands(knob: Knob, scene: &Scene, own: &Measured) -> String {
         _ => written(scene)
             .into_iter()
             .find(|(_, key, _)| *key == knob.name())
-            .map_or_else(|| "by the data".to_owned(), |(.., value)| value.replace('"', "")),
+            .map_or_else(|| "chosen by the data".to_owned(), |(.., value)| value.replace('"', "")),
     }
 }
 
@@ -93,10 +93,10 @@ pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<St
     let verb = |knobs: &[&(Knob, Vec<Turned<'_>>)], one: &'static str, many| if knobs.len() == 1 { one } else { many };
     let mut said = Vec::new();
     if !moving.is_empty() {
-        said.push(format!("{} {} p95 by {MOVED} or more.", names(&moving), verb(&moving, "moves", "move")));
+        said.push(format!("{} {} p95 by {MOVED} or more.", names(&moving), verb(&moving, "changes", "change")));
     }
     if !still.is_empty() {
-        said.push(format!("{} {} it by less.", names(&still), verb(&still, "moves", "move")));
+        said.push(format!("{} {} p95 by less than {MOVED}.", names(&still), verb(&still, "changes", "change")));
     }
     let small = rows.iter().filter(|row| is_as_close(row, own));
     let small = small.min_by_key(|row| row.total_bytes).filter(|row| 5 * row.total_bytes < 4 * own.total_bytes);
@@ -104,7 +104,7 @@ pub(super) fn worth(rows: &[Measured], scene: &Scene, trust: Trust) -> Option<St
         let [mb, own_mb] = [row, own].map(|row| short(megabytes(row.total_bytes)));
         let [ms, own_ms] = [row, own].map(|row| trust.ms(row.frame_ms));
         said.push(format!(
-            "{} takes {mb} MB in place of {own_mb} and {ms} ms in place of {own_ms}, and errs as little.",
+            "{} takes {mb} MB instead of {own_mb} and {ms} ms instead of {own_ms}, at the same accuracy.",
             row.setting
         ));
     }
@@ -133,9 +133,9 @@ pub(super) fn knobs(rows: &[Measured], scene: &Scene, trust: Trust) -> String {
         charts = format!("<div class=\"curves\">\n{charts}</div>\n");
     }
     if !table.is_empty() {
-        let speed = if trust.is_rough() { "" } else { "<th class=\"text\">beside the scene's own</th>" };
+        let speed = if trust.is_rough() { "" } else { "<th class=\"text\">compared with the scene's own</th>" };
         table = format!(
-            "<p>These move p95 by less than {MOVED}; where they move the worst pixel by {INVISIBLE} or more, that is bold:</p>\n\
+            "<p>These settings change p95 by less than {MOVED}; bold: the worst pixel changes by {INVISIBLE} or more.</p>\n\
              <div class=\"wide\"><table>\n<tr><th class=\"text\">setting</th><th>p95</th><th>worst</th><th>ms</th>{speed}<th>MB</th></tr>\n\
              {}{table}</table></div>\n",
             line(own, own, "", trust)
@@ -154,7 +154,7 @@ fn line(row: &Measured, own: &Measured, meaning: &str, trust: Trust) -> String {
         () if row.times == own.times => "<td></td>",
         () if trust.is_faster(row, own) => "<td class=\"text\">faster</td>",
         () if trust.is_faster(own, row) => "<td class=\"text\">slower</td>",
-        () => "<td class=\"text\">no difference that the spread allows to tell</td>",
+        () => "<td class=\"text\">no difference beyond the spread</td>",
     };
     format!(
         "<tr><td class=\"text\" title=\"{meaning}\">{}</td><td>{p95}</td><td>{max}</td><td>{}</td>{speed}<td>{}</td></tr>\n",
@@ -176,8 +176,8 @@ fn chart(found: &[Turned<'_>], own: &Measured, trust: Trust) -> Drawing {
     let bottom = count(found.len()).mul_add(LINE, TOP);
     let mut drawing = Drawing::new(WIDTH, bottom + 6.0);
     let across = Logarithmic::of(found.iter().map(|it| p95(&it.entry)), left + 4.0, middle);
-    drawing.small([left + 4.0, 12.0], "start", "ΔE00, 95 of 100 below");
-    drawing.small([bars, 12.0], "start", if trust.is_rough() { "≈ ms a frame" } else { "ms a frame" });
+    drawing.small([left + 4.0, 12.0], "start", "p95 of ΔE00");
+    drawing.small([bars, 12.0], "start", if trust.is_rough() { "≈ ms per frame" } else { "ms per frame" });
     let mut last = f64::NEG_INFINITY;
     for value in across.ticks() {
         let x = across.at(value);

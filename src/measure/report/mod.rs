@@ -77,42 +77,41 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     section(
         "Time against error",
         if trust.is_rough() {
-            "Each dot is a setting. Lower is closer to the truth; how far left is rough, and which settings are not beaten cannot be \
-             told."
+            "Each dot is a setting. Lower is closer to the truth; the times are rough, so there is no Pareto front."
         } else {
-            "Each dot is a setting. Lower and further left is better: no setting is both faster and closer to the truth (by p95, as \
-             drawn; what is within 5 % counts as equal) than those on the line."
+            "Each dot is a setting. Lower and further left is better. The line is the Pareto front: no setting is both faster and \
+             closer to the truth (by p95; errors within 5 % count as equal)."
         },
         &format!("<div class=\"wide\">\n{}</div>\n", trade::trade(&entries, trust).inline("time against error")),
     );
     section(
         "Knob by knob",
         &format!(
-            "One knob turned, all others as the scene has them. Bars are medians from 0, each chart on a scale of its own, whiskers \
-             the shortest and the longest run; the {} the scene's own.",
-            if trust.is_rough() { "ring is" } else { "ring and the dashed line are" }
+            "One knob changed, all others as in the scene. Bars are median times from 0, whiskers the shortest and the longest run; \
+             each chart has its own scale. The {} the scene's own.",
+            if trust.is_rough() { "ring marks" } else { "ring and the dashed line mark" }
         ),
         &knobs::knobs(rows, survey.scene(), trust),
     );
     section(
         "Where the error comes from",
-        "From the truth to the picture, one simplification after the other. Left, how far the picture is off; right, how \
-         that is shared by how far each simplification moves colours. Parts partly cancel: together they are more than the whole.",
+        "From the truth to the picture, one simplification after the other. Left: the error of the picture. Right: the colour \
+         changes of the simplifications as shares. Parts partly cancel, so their sum exceeds the total.",
         &causes::causes(&entries),
     );
     if let Some(own) = rows.first() {
         section(
             "Where the error is",
-            "The scene's own; the ring is around the worst pixel compared. Colours of ΔE00 are the same on the whole page.",
+            "The scene's own setting; the ring marks the worst compared pixel. All maps on the page have the same ΔE00 scale.",
             &places::places(survey, own, findings.close_up, scale)?,
         );
     }
-    let best = if trust.is_rough() { "" } else { " Blue names are those on the line of time against error." };
+    let best = if trust.is_rough() { "" } else { " Blue: settings on the Pareto front of time against error." };
     section(
         "All numbers",
         &format!(
-            "Errors are ΔE00, – where a setting has no such part.{best} relume measure --csv and --json have more digits, and \
-             upload and read-back."
+            "Errors are ΔE00; – marks a cause that a setting does not have.{best} relume measure --csv and --json print more digits, \
+             and the times of upload and read-back."
         ),
         &numbers::numbers(&entries, trust),
     );
@@ -121,9 +120,9 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
         .iter()
         .map(|(setting, why)| format!("<p>{}: {}</p>\n", escaped(&setting.to_string()), escaped(why)))
         .collect();
-    section("Not possible here", "", &refused);
+    section("Refused settings", "", &refused);
     if findings.interrupted {
-        section("Interrupted", "", "<p>These are the settings that were measured before.</p>\n");
+        section("Interrupted", "", "<p>Only the finished settings are listed.</p>\n");
     }
     let words = words::words(&page);
     let top = head::head(survey, findings, trust);
@@ -131,7 +130,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     let title = escaped(&choices::title(&survey.scene().name));
     Ok(format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
-         <title>What accuracy costs: {title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>What accuracy costs: {title}</h1>\n\
+         <title>Cost of accuracy: {title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Cost of accuracy: {title}</h1>\n\
          {top}<div class=\"short\">\n{said}</div>\n{page}{words}</body>\n</html>\n"
     ))
 }

@@ -22,7 +22,7 @@ pub(super) fn numbers(entries: &[Entry<'_>], trust: Trust) -> String {
     let above = match names.len() {
         0 => String::new(),
         number => format!(
-            "<tr><td colspan=\"{}\"></td><th class=\"by\" colspan=\"{number}\">the mean by cause</th></tr>\n",
+            "<tr><td colspan=\"{}\"></td><th class=\"by\" colspan=\"{number}\">mean by cause</th></tr>\n",
             1 + before.len()
         ),
     };

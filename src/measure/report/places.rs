@@ -113,8 +113,8 @@ impl Scale {
         }
         drawing.line([place(INVISIBLE), 14.0], [place(INVISIBLE), 50.0], "mark");
         let anchor = if self.share(INVISIBLE) < 0.5 { "start" } else { "end" };
-        drawing.small([place(INVISIBLE), 60.0], anchor, &format!("not seen below {INVISIBLE}"));
-        drawing.small([MARGIN, 73.0], "start", "grey: shows nothing of the volume");
+        drawing.small([place(INVISIBLE), 60.0], anchor, &format!("invisible below {INVISIBLE}"));
+        drawing.small([MARGIN, 73.0], "start", "grey: no volume visible");
         drawing.inline("scale of ΔE00")
     }
 }
@@ -159,7 +159,7 @@ pub(super) fn places(
         let [x, y] = at;
         write!(
             text,
-            "<div class=\"keep\">\n<p>The worst of those compared, {x} pixels from the left and {y} from the top, is ΔE00 {} off. Around it:</p>\n\
+            "<div class=\"keep\">\n<p>The worst compared pixel, {x} pixels from the left and {y} from the top, has ΔE00 {}. Its surroundings:</p>\n\
              <div class=\"thirds\">\n{figures}</div>\n</div>\n",
             short(own.error.delta_e.max)
         )

@@ -37,12 +37,12 @@ pub(super) fn trade(entries: &[Entry<'_>], trust: Trust) -> Drawing {
         drawing.line([left, y], [right, y], "grid");
         drawing.small([left - 8.0, y + 4.0], "end", &floored(value));
     }
-    drawing.text([left, 20.0], "ink", "start", "error that 95 of 100 pixels stay below (ΔE00)");
+    drawing.text([left, 20.0], "ink", "start", "p95 of ΔE00 over the compared pixels");
     drawing.text(
         [right, bottom + 36.0],
         "ink",
         "end",
-        if trust.is_rough() { "rough time of a frame, ms" } else { "time of a frame, ms" },
+        if trust.is_rough() { "rough time per frame, ms" } else { "time per frame, ms" },
     );
 
     let place = |entry: &Entry<'_>| [across.at(entry.row.frame_ms), up.at(p95(entry))];

@@ -23,15 +23,15 @@ pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<
     let Some(own) = rows.first() else { return String::new() };
     let rough = trust.rough().map(|times| {
         format!(
-            "The same work took up to {times:.1} times as long here, because other programs ran. Nothing is chosen by these \
-             times below, and ≈ stands before them; errors do not depend on them. Measure again on an idle machine."
+            "Times of the same work differ by a factor of up to {times:.1}, because other programs ran. The times are marked with ≈ \
+             and choose no setting; errors are not affected. Measure again on an idle machine."
         )
     });
     let error = &own.error.delta_e;
     let ms = trust.ms(own.frame_ms);
     let [mean, p95, max] = [error.mean, error.p95, error.max].map(short);
     let now = format!(
-        "A frame takes {ms} ms. Colours are off by ΔE00 {mean} on average, by less than {p95} in 95 of 100 pixels and by {max} in the worst of those compared: {}.",
+        "A frame takes {ms} ms. The error is ΔE00 {mean} on average, below {p95} in 95 of 100 pixels, and {max} in the worst compared pixel: {}.",
         seen(error)
     );
     let answers = [
@@ -58,12 +58,12 @@ fn origin(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Str
     let sum: f64 = own.causes.iter().map(|(_, error)| error.delta_e.mean).sum();
     let told = |(cause, mean): &(Cause, f64)| format!("{} ({} on average)", cause.name(), short(*mean));
     let mut text = match causes.as_slice() {
-        [] => return format!("No cause moves colours by {LEAST} on average."),
-        [only] => format!("From {}", told(only)),
+        [] => return format!("No cause changes colours by {LEAST} or more on average."),
+        [only] => format!("The cause is {}", told(only)),
         [first, second, ..] if first.1 > sum / 2.0 => {
-            format!("Most of it from {}, then from {}", told(first), told(second))
+            format!("The main cause is {}, followed by {}", told(first), told(second))
         }
-        [first, second, ..] => format!("From {} and {}", told(first), told(second)),
+        [first, second, ..] => format!("The causes are {} and {}", told(first), told(second)),
     };
     if causes.len() > 1 && sum > own.error.delta_e.mean + LEAST {
         text.push_str("; they partly cancel");
@@ -95,12 +95,12 @@ fn halved(scene: &Scene, rows: &[Measured], own: &Measured, trust: Trust) -> Opt
     let took = if trust.is_rough() {
         String::new()
     } else if trust.is_faster(before, own) {
-        format!("took {:.1} times as long here ({ms_before} → {ms} ms) and ", own.frame_ms / before.frame_ms)
+        format!("took {:.1} times as long ({ms_before} → {ms} ms) and ", own.frame_ms / before.frame_ms)
     } else {
-        "took no longer than times spread here and ".to_owned()
+        "took no longer within the spread of times and ".to_owned()
     };
     Some(format!(
-        " Halving it, from {} voxels to {}, {took}brought p95 from {p95_before} to {p95}.",
+        " Halving the step, from {} voxels to {}, {took}changed p95 from {p95_before} to {p95}.",
         readable(2.0 * step),
         readable(step)
     ))
@@ -111,23 +111,23 @@ fn why(cause: Cause, scene: &Scene, own: &Measured) -> String {
         Cause::Step => {
             let step = step_in_voxels(scene);
             if step > 1.0 {
-                format!("what is thinner than a step ({} voxels) can be missed", readable(step))
+                format!("structures thinner than a step ({} voxels) can be missed", readable(step))
             } else {
                 format!(
-                    "where the transfer function changes sharply between neighbouring voxels, a coloured skin can be thinner \
+                    "where the transfer function changes sharply between neighbouring voxels, a coloured layer can be thinner \
                      than a step ({} voxel)",
                     readable(step)
                 )
             }
         }
-        Cause::Interpolation => "values between voxels are made otherwise than the scene says".to_owned(),
+        Cause::Interpolation => "the interpolation between voxels differs from the scene's".to_owned(),
         Cause::Termination => {
-            format!("rays end once less than {} of the light can pass", readable(scene.accuracy.termination))
+            format!("rays end at a transmittance of {}", readable(scene.accuracy.termination))
         }
-        Cause::Basis => format!("spectra are carried in {} numbers in place of 81", own.components),
-        Cause::Tables => "the transfer function is a table, the volume a texture".to_owned(),
-        Cause::Rounding => "arithmetic has 32 bits".to_owned(),
-        Cause::Device => "the device filters and rounds in its own way".to_owned(),
+        Cause::Basis => format!("{} coefficients represent a spectrum of 81 bands", own.components),
+        Cause::Tables => "the transfer function is a table, and the volume a texture".to_owned(),
+        Cause::Rounding => "the arithmetic has 32 bits".to_owned(),
+        Cause::Device => "the device has its own filtering and rounding".to_owned(),
         Cause::Resolution => "fewer pixels are marched than shown".to_owned(),
     }
 }
@@ -138,8 +138,8 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     let Some(fits) = cheapest(rows, SEEN) else {
         let best = closest(rows).unwrap_or(own);
         return format!(
-            "Nothing that was measured is within ΔE00 {SEEN} in 95 of 100 pixels; the closest on average is {} (p95 {}). relume render \
-             --max-error {SEEN} turns several knobs together, and tries more.",
+            "No measured setting is within ΔE00 {SEEN} in 95 of 100 pixels; the closest on average is {} (p95 {}). relume render \
+             --max-error {SEEN} changes several knobs together, and tries more settings.",
             super::entry::name(&best.setting),
             short(best.error.delta_e.p95)
         );
@@ -147,24 +147,24 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     let Some(fastest) = trust.cheapest(rows, SEEN) else {
         let best = trust.most_exact(rows).unwrap_or(own);
         let exact = if within(&own) {
-            "The scene's own is exact enough as it is".to_owned()
+            "The scene's own is accurate enough".to_owned()
         } else {
             format!("The scene's own is not within ΔE00 {SEEN}, and {} is", super::entry::name(&best.setting))
         };
-        return format!("{exact}; what is faster cannot be told from these times.");
+        return format!("{exact}; the times are too rough to name a faster setting.");
     };
     let p95 = short(fastest.error.delta_e.p95);
     let [ms, own_ms] = [fastest, own].map(|row| short(row.frame_ms));
     if fastest.times == own.times {
         let maybe = Some(fits).filter(|row| row.times != own.times);
         let beside = maybe.map_or_else(String::new, |row| {
-            format!(" ({} seemed faster, by less than times spread)", super::entry::name(&row.setting))
+            format!(" ({} was faster, but within the spread of times)", super::entry::name(&row.setting))
         });
-        return format!("As it is: nothing that was measured stays within ΔE00 {SEEN} and is faster for sure{beside}.");
+        return format!("The scene's own: no measured setting within ΔE00 {SEEN} is faster beyond the spread of times{beside}.");
     }
-    let exact = if own.error.delta_e.p95 <= INVISIBLE { " What the scene has is exact enough, too." } else { "" };
+    let exact = if own.error.delta_e.p95 <= INVISIBLE { " The scene's own is accurate enough, too." } else { "" };
     format!(
-        "Within ΔE00 {SEEN}, take {}: {ms} ms in place of {own_ms}, and 95 of 100 pixels stay below ΔE00 {p95} (worst {}).{exact}",
+        "Within ΔE00 {SEEN}, use {}: {ms} ms instead of {own_ms}, and 95 of 100 pixels are below ΔE00 {p95} (worst {}).{exact}",
         super::entry::name(&fastest.setting),
         short(fastest.error.delta_e.max)
     )
@@ -179,12 +179,12 @@ fn bought(carried: &Carried<'_>, trust: Trust) -> Option<String> {
         String::new()
     } else {
         let apart = if trust.is_faster(rgb, eight) { "" } else { " (their runs overlap)" };
-        format!("{ms} ms in place of {rgb_ms}{apart} and ")
+        format!("{ms} ms instead of {rgb_ms}{apart} and ")
     };
-    let of = if number > 1 { format!(", the best of {number} kinds by that") } else { String::new() };
+    let of = if number > 1 { format!(", the best of {number} kinds by p95") } else { String::new() };
     Some(format!(
-        "95 of 100 pixels stay below ΔE00 {p95} in place of {rgb_p95} with RGB ({kind}{of}), for {time}{} bytes a pixel in place of {}. \
-         By itself the model adds {} on average in place of {}.",
+        "95 of 100 pixels are below ΔE00 {p95} instead of {rgb_p95} with RGB ({kind}{of}), for {time}{} bytes per pixel instead of {}. \
+         The model alone adds {} on average instead of {}.",
         eight.pixel_bytes,
         rgb.pixel_bytes,
         told_error(by_cause(eight, Cause::Basis)),
