@@ -4,12 +4,14 @@ mod explain;
 mod half;
 mod needs;
 mod stale;
+mod warning;
 
 use std::sync::Arc;
 
 pub(crate) use needs::is_constant;
 use needs::{exponents, longest_way, transmittance};
 pub use stale::Stale;
+pub use warning::PlanWarning;
 
 use crate::model::{self, ColourModel, ModelError, ModelKind};
 use crate::progress::Progress;
@@ -156,6 +158,8 @@ pub struct Planned {
     pub positions: Vec<Position>,
     /// Colour model, if pixels keep no weights.
     pub model: Option<Arc<ColourModel>>,
+    /// Properties that the user may want to change.
+    pub warnings: Vec<PlanWarning>,
 }
 
 impl PositionCounts {
@@ -357,13 +361,12 @@ pub fn plan(scene: &Scene, progress: &dyn Progress) -> Result<Planned, PlanError
 pub fn plan_for(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) -> Result<Planned, PlanError> {
     let mut planned = chosen(scene, lights, progress)?;
     half::check(&planned, scene)?;
-    planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
-    for told in planned.unused(scene) {
-        tracing::warn!("{told}");
-    }
-    let amplified = planned.amplified(scene).join(" ");
-    if !amplified.is_empty() {
-        tracing::warn!("{}", amplified.trim_end_matches('.'));
+    let observer = planned.be_seen_by(scene.display.observer, scene.accuracy.tolerance)?;
+    planned.warnings.extend(observer);
+    planned.warnings.extend(planned.unused(scene));
+    let sentences = planned.amplified(scene);
+    if !sentences.is_empty() {
+        planned.warnings.push(PlanWarning::Amplified { sentences });
     }
     Ok(planned)
 }
@@ -382,6 +385,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
     let exact = weights.plan.transmittance == Transmittance::Grey;
     let Accuracy { model: kind, tolerance, dimension, accumulate, .. } = scene.accuracy;
     let narrower = narrower(&weights.plan);
+    let mut warning = None;
     let ingredients = || {
         let mut ingredients = weights.ingredients(scene);
         for (name, light) in lights {
@@ -412,7 +416,7 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
             };
             let model = checked(dimension)?;
             if dimension > 1 && !kind.is_rgb() {
-                warn_of_fewer(&model, &checked(dimension - 1)?);
+                warning = fewer_are_better(&model, &checked(dimension - 1)?);
             }
             Some(model)
         }
@@ -420,19 +424,18 @@ fn chosen(scene: &Scene, lights: &[(String, Light)], progress: &dyn Progress) ->
             Some(model::fit_automatic(&ingredients(), kind, tolerance, progress)?)
         }
     };
-    Ok(model.map_or(weights, |model| planned(scene, Some(Arc::new(model)))))
+    let mut chosen = model.map_or(weights, |model| planned(scene, Some(Arc::new(model))));
+    chosen.warnings.extend(warning);
+    Ok(chosen)
 }
 
-/// Warns if a model with one coefficient less is better; negligible errors do not count.
-fn warn_of_fewer(model: &ColourModel, smaller: &ColourModel) {
-    let (asked, fewer) = (model.worst().max, smaller.worst().max);
-    if fewer < asked && asked >= 0.0005 {
-        tracing::warn!(
-            "k = {} is better here than k = {}: colours differ by at most ΔE00 {fewer:.3}, not {asked:.3}",
-            smaller.dimension(),
-            model.dimension()
-        );
-    }
+/// The warning that a model with one coefficient less is better; negligible errors do not count.
+fn fewer_are_better(model: &ColourModel, smaller: &ColourModel) -> Option<PlanWarning> {
+    let (stated, fewer) = (model.worst().max, smaller.worst().max);
+    (fewer < stated && stated >= 0.0005).then(|| PlanWarning::FewerAreBetter {
+        stated: (model.dimension(), stated),
+        fewer: (smaller.dimension(), fewer),
+    })
 }
 
 /// The largest number of coefficients in fewer vectors than the weights of `plan`.
@@ -500,23 +503,17 @@ fn planned(scene: &Scene, model: Option<Arc<ColourModel>>) -> Planned {
     if plan.gradient() {
         plan.gradients = scene.accuracy.gradients;
     }
-    Planned { plan, materials, positions, model }
+    Planned { plan, materials, positions, model, warnings: Vec::new() }
 }
 
 impl Planned {
-    /// Fits the colour model, if any, to `observer`; pixels are the same for every observer. Warns if the error exceeds
-    /// the tolerance.
-    fn be_seen_by(&mut self, observer: Observer, tolerance: f64) -> Result<(), ModelError> {
-        let Some(model) = self.model.as_mut().filter(|model| model.observer() != observer) else { return Ok(()) };
-        let seen = model.seen_by(observer)?;
-        let worst = seen.worst().max;
-        if worst > tolerance {
-            tracing::warn!(
-                "the colour model was planned for the 1931 observer; for the {observer} observer, colours may differ by ΔE00 {worst:.2}, over the tolerance of {tolerance}; take a smaller tolerance, or a larger k"
-            );
-        }
-        *model = Arc::new(seen);
-        Ok(())
+    /// Fits the colour model, if any, to `observer`; pixels are the same for every observer. Returns a warning if the
+    /// error exceeds the tolerance.
+    fn be_seen_by(&mut self, observer: Observer, tolerance: f64) -> Result<Option<PlanWarning>, ModelError> {
+        let Some(model) = self.model.as_mut().filter(|model| model.observer() != observer) else { return Ok(None) };
+        *model = Arc::new(model.seen_by(observer)?);
+        let error = model.worst().max;
+        Ok((error > tolerance).then_some(PlanWarning::Observer { observer, error, tolerance }))
     }
 
     /// The plan of a `scene` that differs from that of this plan only in camera, crop box and display.

@@ -111,6 +111,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("indicatif", &["cli"]),
     ("tracing_subscriber", &["cli"]),
+    ("tracing", &["cli", "document", "measure", "output", "spectrum", "view", "vulkan", "volume"]),
     ("clarabel", &["palette"]),
     ("exr", &["output"]),
 ];

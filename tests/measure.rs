@@ -374,7 +374,8 @@ fn the_most_exact_is_the_fastest_of_those_that_are_as_close() {
         let chosen = |times: &[f64]| {
             let page = page(survey, &rows, times, 1.1);
             let table = section(&page, "Which setting to use").to_owned();
-            let row = table.split("<tr>").find(|row| row.contains("most accurate measured setting</td>")).unwrap().to_owned();
+            let row =
+                table.split("<tr>").find(|row| row.contains("most accurate measured setting</td>")).unwrap().to_owned();
             row.split("<b>").nth(1).unwrap().split("</b>").next().unwrap().to_owned()
         };
         assert_eq!(chosen(&[100.0, 50.0, 60.0, 10.0]), "termination=0.001", "faster, and step=2 is not as close");

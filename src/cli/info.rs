@@ -19,7 +19,7 @@ use relume::tables::Storage;
 use relume::volume::{self, Volume};
 use relume::vulkan::{DeviceInfo, devices};
 
-use super::model::Learnt;
+use super::model::{Learnt, warn_of_plan};
 use super::scene::{SceneArgs, voxel};
 use super::{CliError, Report};
 
@@ -73,7 +73,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (None, Some(_)) => of_volume(&args.scene.load(progress)?.scene.volume, &args.voxel),
         _ => {
             let file = args.scene.load(progress)?;
-            of_scene(&file, &plan(&file.scene, progress)?, &args.voxel)
+            let planned = plan(&file.scene, progress)?;
+            warn_of_plan(&planned);
+            of_scene(&file, &planned, &args.voxel)
         }
     }
 }
@@ -442,6 +444,7 @@ pub(crate) fn plan_json(scene: &Scene, planned: &Planned, storage: &Storage, lea
             Transmittance::Coloured => "coloured",
             Transmittance::Mixed => "mixed",
         },
+        "warnings": planned.warnings.iter().map(|it| json!({"code": it.code(), "message": it.to_string()})).collect::<Vec<_>>(),
         "components": plan.components(),
         "lanes": plan.lanes(),
         "model": planned.model.as_ref().map(model),

@@ -3,8 +3,23 @@
 use serde_json::{Value, json};
 
 use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelError, Reconstruction};
+use relume::plan::{PlanWarning, Planned};
 use relume::scene::Mix;
 use relume::spectrum::Light;
+
+/// Prints the warnings of a plan, with the flags and keys that help.
+pub(crate) fn warn_of_plan(planned: &Planned) {
+    for warning in &planned.warnings {
+        let help = match warning {
+            PlanWarning::Unused { .. } => {
+                "; accumulate = \"spectral\" (--accumulate spectral) keeps the coefficients of a colour model instead"
+            }
+            PlanWarning::Observer { .. } => "; take a smaller tolerance, or a larger k",
+            _ => "",
+        };
+        tracing::warn!("{warning}{help}");
+    }
+}
 
 /// Fits `model` to the lights of `mix` that it does not have. Warns of each one with errors above `tolerance`, with the
 /// remedy `way_out`.

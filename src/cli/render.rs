@@ -161,6 +161,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         (plan_full_spectrum(&scene), None)
     } else {
         let mut planned = plan_for(&scene, &lights, progress)?;
+        super::model::warn_of_plan(&planned);
         let learnt = learn(&scene, &mut planned, &mix)?;
         (planned, learnt)
     };

@@ -1,27 +1,21 @@
 //! Explains plans in sentences, for people who know volumes but not this program.
 
-use super::{Planned, Transmittance, narrower};
+use super::{PlanWarning, Planned, Transmittance, narrower};
 use crate::model::ModelKind;
 use crate::number::{brief, readable};
 use crate::scene::{AccumulateAs, Accuracy, Gradients, Interpolation, Lookup, Scene};
 
 impl Planned {
-    /// Sentences about settings that this plan does not use.
+    /// Settings that this plan does not use.
     #[must_use]
-    pub fn unused(&self, scene: &Scene) -> Vec<String> {
+    pub fn unused(&self, scene: &Scene) -> Vec<PlanWarning> {
         let Accuracy { dimension, model, .. } = scene.accuracy;
         let stated = [
             dimension.map(|k| format!("k = {k}")),
             (model != ModelKind::default()).then(|| format!("the model {model}")),
         ];
         let stated = stated.into_iter().flatten().filter(|_| self.model.is_none());
-        let told = |what: String| {
-            format!(
-                "{what} is not used: pixels keep weights of the materials, which are exact here; accumulate = \"spectral\" \
-                 (--accumulate spectral) keeps the coefficients of a colour model instead"
-            )
-        };
-        stated.map(told).collect()
+        stated.map(|setting| PlanWarning::Unused { setting }).collect()
     }
 
     /// A sentence for each material whose absorption would amplify light in the colour model, and is clamped at 0.

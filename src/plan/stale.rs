@@ -65,7 +65,7 @@ impl Stale {
     /// The stage that a change of the plan makes stale, apart from spectra.
     fn of_plans(before: &Scene, after: &Scene) -> Self {
         let [before, after] = [before, after].map(|scene| planned(scene, None));
-        let Planned { plan, materials, positions, model: _ } = &before;
+        let Planned { plan, materials, positions, model: _, warnings: _ } = &before;
         if !plan.is_stored_as(&after.plan) {
             return Self::Volume;
         }

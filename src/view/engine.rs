@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use glam::DVec2;
 
 use super::export::Snapshot;
-use super::load::Loaded;
+use super::load::{Loaded, warn_of_plan};
 use super::probe::Pixel;
 use crate::document::State;
 use crate::film::{Components, RelightMatrices};
@@ -526,6 +526,7 @@ impl Engine {
 /// `scene` planned and on the device, warmed up where its plan differs from the one `before`.
 fn ready(before: &SceneRenderer, scene: Scene) -> Result<SceneRenderer, RenderError> {
     let planned = plan(&scene, &Quiet)?;
+    warn_of_plan(&planned);
     let on_device = before.with_scene(scene, planned, &Quiet)?;
     if on_device.planned().plan != before.planned().plan {
         on_device.warm_up()?;

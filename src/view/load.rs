@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 use super::job::Listener;
 use crate::document::{OpenError, SceneFile, Source};
 use crate::memory::give_back_freed;
+use crate::plan::Planned;
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::volume::Statistics;
@@ -106,6 +107,13 @@ impl Drop for Loading {
     }
 }
 
+/// Logs the warnings of a plan.
+pub(super) fn warn_of_plan(planned: &Planned) {
+    for warning in &planned.warnings {
+        tracing::warn!("{warning}");
+    }
+}
+
 impl Loaded {
     /// Opens `source` on a device: reads, plans, uploads, and warms the pipelines up.
     ///
@@ -130,6 +138,7 @@ impl Loaded {
         progress: &dyn Progress,
     ) -> Result<Self, LoadError> {
         let on_device = SceneRenderer::with_statistics(renderer, file.scene.clone(), statistics, progress)?;
+        warn_of_plan(on_device.planned());
         on_device.warm_up()?;
         Ok(Self { on_device, file, source })
     }

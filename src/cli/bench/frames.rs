@@ -15,6 +15,7 @@ use relume::vulkan::DeviceKind;
 
 use super::cases::{Case, Subject, Varied};
 use super::{Args, CliError, Learnt};
+use crate::cli::model::warn_of_plan;
 
 /// Untimed frames before the timed ones.
 const WARM_UP: u32 = 2;
@@ -192,6 +193,7 @@ impl<'a> Bench<'a> {
             Some(planned) => planned,
             None => {
                 let planned = plan(&scene, progress)?;
+                warn_of_plan(&planned);
                 self.plans.push((scene.clone(), planned.clone()));
                 planned
             }

@@ -108,7 +108,10 @@ pub(super) fn choices(survey: &Survey<'_>, entries: &[Entry<'_>], rows: &[Measur
 /// Purpose of the scene's own setting where times cannot show that it is the fastest.
 fn also_good_for(own: &Measured) -> String {
     let fit = PURPOSES.iter().rev().find(|(_, limit)| own.error.delta_e.p95 <= *limit);
-    fit.map_or_else(|| "none of these purposes, unchanged".to_owned(), |(purpose, limit)| good_for(purpose, *limit) + ", unchanged")
+    fit.map_or_else(
+        || "none of these purposes, unchanged".to_owned(),
+        |(purpose, limit)| good_for(purpose, *limit) + ", unchanged",
+    )
 }
 
 /// Describes the changes of a row: in the scene file, and as flags for one run.

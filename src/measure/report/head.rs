@@ -33,10 +33,7 @@ pub(super) fn head(survey: &Survey<'_>, findings: &Findings<'_>, trust: Trust) -
                 .duration_since(UNIX_EPOCH)
                 .map_or_else(|_| String::new(), |now| format!("; {}", day(now.as_secs())))
         ),
-        format!(
-            "Light: {}. The errors are for this light only.",
-            escaped(&light(scene, findings.spectra))
-        ),
+        format!("Light: {}. The errors are for this light only.", escaped(&light(scene, findings.spectra))),
         format!(
             "{} in pictures of {width}×{height}, with the truth: the full spectrum in f64, in steps of {} voxels (an eighth of the \
              shortest measured step).",

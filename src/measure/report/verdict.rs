@@ -160,7 +160,9 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
         let beside = maybe.map_or_else(String::new, |row| {
             format!(" ({} was faster, but within the spread of times)", super::entry::name(&row.setting))
         });
-        return format!("The scene's own: no measured setting within ΔE00 {SEEN} is faster beyond the spread of times{beside}.");
+        return format!(
+            "The scene's own: no measured setting within ΔE00 {SEEN} is faster beyond the spread of times{beside}."
+        );
     }
     let exact = if own.error.delta_e.p95 <= INVISIBLE { " The scene's own is accurate enough, too." } else { "" };
     format!(

@@ -40,7 +40,11 @@ const WORDS: [Word; 40] = [
     ),
     word("basis", &["basis"], "as a cause of errors: k coefficients represent spectra of 81 wavelengths"),
     word("k", &["k="], "dimension of the colour model: coefficients per spectrum"),
-    word("nodes", &["nodes"], "the default colour model: the coefficients are samples of a spectrum at k wavelengths chosen for the scene"),
+    word(
+        "nodes",
+        &["nodes"],
+        "the default colour model: the coefficients are samples of a spectrum at k wavelengths chosen for the scene",
+    ),
     word(
         "sharpened",
         &["model=sharpened"],
@@ -88,7 +92,11 @@ const WORDS: [Word; 40] = [
         "whether the gradients for shading are stored (packed) or computed during the march (central)",
     ),
     word("entries", &["entries="], "number of entries in the table of the transfer function"),
-    word("lookup", &["lookup="], "whether the table of the transfer function is interpolated (linear) or read at the nearest entry"),
+    word(
+        "lookup",
+        &["lookup="],
+        "whether the table of the transfer function is interpolated (linear) or read at the nearest entry",
+    ),
     word("skipping", &["skipping="], "empty-space skipping, which changes times only"),
     word(
         "resolution",

@@ -1,0 +1,70 @@
+//! Warnings about a plan, as data.
+
+use std::fmt;
+
+use crate::spectrum::observer::Observer;
+
+/// A property of a plan that its user may want to change.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum PlanWarning {
+    /// A stated setting has no effect, because pixels keep weights of the materials, which are exact here.
+    Unused {
+        /// The setting, such as "k = 8".
+        setting: String,
+    },
+    /// The absorption of some materials would amplify light in the colour model, and is clamped at 0.
+    Amplified {
+        /// A sentence for each material.
+        sentences: Vec<String>,
+    },
+    /// A model with one coefficient less has smaller errors.
+    FewerAreBetter {
+        /// Stated number of coefficients, and its largest ΔE00.
+        stated: (usize, f64),
+        /// The smaller number, and its largest ΔE00.
+        fewer: (usize, f64),
+    },
+    /// The colour model exceeds its tolerance for the observer of the display.
+    Observer {
+        /// The observer.
+        observer: Observer,
+        /// Largest ΔE00.
+        error: f64,
+        /// The tolerance.
+        tolerance: f64,
+    },
+}
+
+impl PlanWarning {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Unused { .. } => "setting-unused",
+            Self::Amplified { .. } => "absorption-clamped",
+            Self::FewerAreBetter { .. } => "fewer-coefficients-better",
+            Self::Observer { .. } => "observer-over-tolerance",
+        }
+    }
+}
+
+impl fmt::Display for PlanWarning {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unused { setting } => {
+                write!(formatter, "{setting} is not used: pixels keep weights of the materials, which are exact here")
+            }
+            Self::Amplified { sentences } => formatter.write_str(sentences.join(" ").trim_end_matches('.')),
+            Self::FewerAreBetter { stated: (k, error), fewer: (fewer, smaller) } => write!(
+                formatter,
+                "k = {fewer} is better here than k = {k}: colours differ by at most ΔE00 {smaller:.3}, not {error:.3}"
+            ),
+            Self::Observer { observer, error, tolerance } => write!(
+                formatter,
+                "the colour model was planned for the 1931 observer; for the {observer} observer, colours may differ by \
+                 ΔE00 {error:.2}, over the tolerance of {tolerance}"
+            ),
+        }
+    }
+}
