@@ -111,7 +111,7 @@ const CRATES: &[(&str, &[&str])] = &[
     ("clap", &["cli"]),
     ("indicatif", &["cli"]),
     ("tracing_subscriber", &["cli"]),
-    ("tracing", &["cli", "document", "measure", "output", "spectrum", "view", "vulkan", "volume"]),
+    ("tracing", &["cli", "document", "measure", "spectrum", "view", "vulkan"]),
     ("clarabel", &["palette"]),
     ("exr", &["output"]),
 ];
