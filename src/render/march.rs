@@ -868,7 +868,9 @@ mod tests {
             width,
             cells,
             height,
+            crop_low,
             active_low,
+            crop_high,
             active_high
         );
         let Source { constants, parts, .. } = source(&plan_of(4), Dispatching::default());
