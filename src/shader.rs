@@ -35,7 +35,7 @@ pub enum ShaderError {
         excerpt: String,
     },
     /// A constant has no WGSL literal.
-    #[error("constant {name} is {value}, which WGSL cannot write; a shader constant is finite")]
+    #[error("constant {name} is {value}; a WGSL constant must be finite")]
     Constant {
         /// Name of the constant.
         name: String,
@@ -43,7 +43,7 @@ pub enum ShaderError {
         value: f32,
     },
     /// The module is valid, but SPIR-V cannot express it (an entry point of another name, an `override`).
-    #[error("shader {name:?} has no SPIR-V")]
+    #[error("cannot write shader {name:?} as SPIR-V")]
     Write {
         /// Name of the last part.
         name: String,

@@ -387,7 +387,7 @@ fn the_most_exact_is_the_fastest_of_those_that_are_as_close() {
 fn a_report_says_by_what_a_pixel_has_its_bytes() {
     measured(&parsed(GLASS), &["model=nodes,rgb-naive"], |survey, rows| {
         let page = page(survey, rows, &[3.0, 2.0, 1.0], 1.0);
-        assert!(page.contains("For k = 8: 3 × 8 × 4 = 96."), "{}", section(&page, "What k = 8 buys"));
+        assert!(page.contains("For k = 8: 3 × 8 × 4 = 96."), "{}", section(&page, "Effect of k = 8"));
     });
 }
 

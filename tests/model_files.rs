@@ -281,7 +281,7 @@ fn hostile_files_are_refused_in_one_sentence() {
     };
     let bands = good.replace("kind = \"nodes\"", "kind = \"bands\"");
     for (text, reason) in [
-        (good.replace("version = 2", "version = 1"), "a file with a `[model]` has the version 2"),
+        (good.replace("version = 2", "version = 1"), "a file with a `[model]` needs the version 2"),
         (rows(0), "has 0 coefficients"),
         (rows(32), "has 32 coefficients"),
         (rows(2), "is not one wavelength"),
@@ -296,7 +296,7 @@ fn hostile_files_are_refused_in_one_sentence() {
         (good.replace("max = 0.0", "max = nan"), "the error of the light \"lamp\" holds NaN"),
         (good.replace("error = { mean = 0.0, p95 = 0.0, max = 0.0 }\n", ""), "needs both `matrix` and `error`"),
         (good.replace("[model]", "[model]\ntolerance = nan"), "\"tolerance\" holds NaN"),
-        (format!("{good}[[components]]\nname = \"x\"\nspectrum = {}\n", row(&[1.0; BANDS])), "no `[[components]]`"),
+        (format!("{good}[[components]]\nname = \"x\"\nspectrum = {}\n", row(&[1.0; BANDS])), "cannot have `[[components]]`"),
         (bands, "the part \"coefficients\" is missing"),
     ] {
         let parts = if reason.contains("rgb") { with_coefficients(2, 3) } else { small_parts() };
@@ -317,14 +317,14 @@ fn hostile_files_are_refused_in_one_sentence() {
     for (text, parts, reason) in [
         (&good, changed(&|it| drop(it.remove(0))), "the part \"cloud\" is missing"),
         (&good, changed(&|it| it.insert(0, extra.clone())), "it has 3 parts, and 2 belong"),
-        (&good, changed(&|it| it[0].2[0].0 = "spectra"), "its channel \"spectra\" of the part \"cloud\" is none of it"),
+        (&good, changed(&|it| it[0].2[0].0 = "spectra"), "its channel \"spectra\" of the part \"cloud\" is unknown"),
         (
             &good,
             changed(&|it| it[0].2[0].1[100] = f32::NAN),
             "of the part \"cloud\" has no finite value at pixel (19, 1)",
         ),
         (&good, changed(&|it| it[0].1 = (3, BANDS)), "its part \"cloud\" is 3 pixels wide, not 81"),
-        (&good, changed(&|it| it[0] = large.clone()), "20000 spectra, and one is on 1 to 16384"),
+        (&good, changed(&|it| it[0] = large.clone()), "20000 spectra; the limits are 1 to 16384"),
         (&good, changed(&|it| drop(it[1].2.remove(1))), "the channel \"key.1\" is missing"),
         (&good, changed(&|it| drop(it[1].2.remove(3))), "the channel \"transmittance_1\" is missing"),
         (
@@ -334,7 +334,7 @@ fn hostile_files_are_refused_in_one_sentence() {
         ),
         (&huge, changed(&|it| it[0].2[0].1.fill(3e38)), "a fitted colour is not finite"),
         (&bands, with_coefficients(3, 3), "its part \"coefficients\" is 3 pixels wide, not 2"),
-        (&bands, with_coefficients(2, 4), "3 spectra in its cloud and 4 rows of coefficients"),
+        (&bands, with_coefficients(2, 4), "its part cloud has 3 spectra, and coefficients has 4 rows"),
     ] {
         write_by_hand(&folder.path("hand.exr"), text, &parts);
         folder.refused(1, &["relight", "hand.exr", "-o", "p.png"], &[reason]);

@@ -432,14 +432,14 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
     let path = folder.path().join("foreign.exr");
     let good = small_text();
     let cases = [
-        (good.replace("version = 1", "version = 4"), "version 4 is not known here"),
-        (good.replace("version = 1", "version = 2"), "a file of version 2 has a `[model]`"),
+        (good.replace("version = 1", "version = 4"), "unknown version 4"),
+        (good.replace("version = 1", "version = 2"), "version 2 needs a `[model]`"),
         (good.replace("version = 1\n", ""), "missing field `version`"),
         (good.replace("weight = 2", "wieght = 2"), "line 11: unknown field `wieght`"),
         (good.replace("version = 1", "version = 1\ngamma = 2"), "line 2: unknown field `gamma`"),
         (good.replace("headlight", "torch"), "line 7: unknown variant `torch`"),
         (good.replace("headlight", "point"), "the position \"key\" needs a `vector`"),
-        (good.replace("kind =", "vector = [0, 0, 1]\nkind ="), "the position \"key\" needs no `vector`"),
+        (good.replace("kind =", "vector = [0, 0, 1]\nkind ="), "the position \"key\" has a `vector`"),
         (good.replace("position = \"key\"", "position = \"kay\""), "at the position \"kay\", which is not listed"),
         (good.replacen("[0.5, ", "[", 1), "the component \"bone\" has 80 numbers"),
         (good.replacen("[1.0, ", "[1.0, 1.0, ", 1), "the light \"E\" has 82 numbers"),
@@ -447,10 +447,10 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
         (good.replacen("[0.5", "[nan", 1), "\"bone\" holds NaN"),
         (good.replace("version = 1", "version = 1\nexposure = inf"), "\"exposure\" holds inf"),
         (good.replace("\"bone\"", "\"\""), "a component has an empty name"),
-        (good.replace("\"bone\"", "\"bo\\nne\""), "holds a control character"),
+        (good.replace("\"bone\"", "\"bo\\nne\""), "contains a control character"),
         (
             format!("{good}[[positions]]\nname = \"key\"\nkind = \"ambient\"\n"),
-            "two of the positions are called \"key\"",
+            "two positions have the name \"key\"",
         ),
         (good.replace("version = 1", "version = "), "line 1: "),
     ];
@@ -473,7 +473,7 @@ fn wrong_channels_are_refused_by_name() {
     let cases: [(Vec<(&str, FlatSamples)>, &str); 5] = [
         (vec![transmittance.clone()], "the channel \"key.bone\" is missing"),
         (vec![bone.clone()], "the channel \"transmittance\" is missing"),
-        (vec![transmittance.clone(), bone, ("key.skin", floats([0.0; 4]))], "its channel \"key.skin\" belongs to no"),
+        (vec![transmittance.clone(), bone, ("key.skin", floats([0.0; 4]))], "its channel \"key.skin\" matches no"),
         (vec![transmittance.clone(), ("key.bone", integers)], "its channel \"key.bone\" holds integers"),
         (vec![transmittance, ("key.bone", hole)], "the channel \"key.bone\" has no finite value at pixel (0, 1)"),
     ];
@@ -502,9 +502,9 @@ fn accumulators_that_contradict_themselves_are_not_written() {
         let error = accumulators.write(&path).unwrap_err();
         assert!(error.to_string().contains(reason), "{error}\nshould say: {reason}");
     };
-    refused(|it| it.accumulators.push(0.0), "432 weights are needed, and there are 433");
-    refused(|it| it.transmittance.clear(), "72 transmittances are needed, and there are 0");
-    refused(|it| it.lights[0].position = 3, "the light \"D65\" is at position 3, and there are 3");
+    refused(|it| it.accumulators.push(0.0), "432 numbers in the accumulators, and has 433");
+    refused(|it| it.transmittance.clear(), "72 transmittances, and has 0");
+    refused(|it| it.lights[0].position = 3, "the light \"D65\" is at position 3, but there are 3");
     refused(|it| it.lights[0].weight = f64::NAN, "the light \"D65\" holds NaN");
     refused(|it| it.accumulators[5] = f32::INFINITY, "\"key.Knöchel\" has no finite value at pixel (1, 1)");
     refused(|it| it.width = 0, "each side must be 1 to 65536");
@@ -516,7 +516,7 @@ fn accumulators_that_contradict_themselves_are_not_written() {
             surfaces[0].name = "c".to_owned();
             surfaces[1].name = "b.c".to_owned();
         },
-        "two pairs of a position and a component make the channel \"a.b.c\"",
+        "two pairs of position and component have the channel name \"a.b.c\"",
     );
     assert_eq!(names(folder.path()), [""; 0]);
 }

@@ -158,7 +158,7 @@ fn follow_links(path: &Path) -> io::Result<PathBuf> {
             _ => return Ok(target),
         }
     }
-    Err(io::Error::other(format!("more than {LONGEST_CHAIN} symbolic links in a row")))
+    Err(io::Error::other(format!("a chain of more than {LONGEST_CHAIN} symbolic links")))
 }
 
 /// Whether this is a device, pipe or socket: neither a file nor a folder.

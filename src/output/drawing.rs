@@ -25,7 +25,7 @@ pub fn write_drawing(path: &Path, svg: &str, scale: f32) -> Result<bool, OutputE
     }
     let drawing = |detail: String| OutputError::Drawing { path: path.to_owned(), detail };
     let tree = Tree::from_str(svg, &options).map_err(|error| drawing(error.to_string()))?;
-    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| drawing("it has no size".to_owned()))?;
+    let size = tree.size().to_int_size().scale_by(scale).ok_or_else(|| drawing("its size is 0".to_owned()))?;
     let [width, height] = [size.width(), size.height()].map(|side| usize::try_from(side).unwrap_or(usize::MAX));
     let too_large = || OutputError::Size { width, height, largest: super::Picture::LARGEST_SIDE };
     let mut picture = Pixmap::new(size.width(), size.height()).ok_or_else(too_large)?;

@@ -79,11 +79,11 @@ const SOFTWARE: &str = concat!("relume ", env!("CARGO_PKG_VERSION"));
 #[non_exhaustive]
 pub enum OutputError {
     /// The transmittance is a matrix.
-    #[error("the model peercy keeps a matrix of what passes, which accumulator files do not hold; take another model")]
+    #[error("the model peercy has a transmittance of matrices, which a film file cannot store; use another model")]
     Matrix,
     /// The extension is of no kind of picture.
     #[error(
-        "cannot tell what kind of picture {} is to be: end its name in .png (sRGB) or .exr (linear float)",
+        "{}: unknown kind of picture; end its name in .png (sRGB) or .exr (linear float)",
         path.display()
     )]
     Kind {
@@ -91,13 +91,13 @@ pub enum OutputError {
         path: PathBuf,
     },
     /// The file must be OpenEXR, and its extension differs.
-    #[error("{} will be OpenEXR; end its name in .exr", path.display())]
+    #[error("{}: this file is OpenEXR; end its name in .exr", path.display())]
     NoExr {
         /// The file.
         path: PathBuf,
     },
     /// The folder accepts no new file.
-    #[error("cannot write {}: no file can be made in {}; write elsewhere", path.display(), folder.display())]
+    #[error("cannot write {}: cannot create files in {}; write elsewhere", path.display(), folder.display())]
     NoFile {
         /// The file.
         path: PathBuf,
@@ -131,7 +131,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// The file would exceed the size limit (`ulimit -f`, or that of the file system).
-    #[error("cannot write {}: a file here may not grow past {written} bytes; raise the limit, or write elsewhere", path.display())]
+    #[error("cannot write {}: the size limit of a file is {written} bytes here; raise it, or write elsewhere", path.display())]
     FileLimit {
         /// Requested file.
         path: PathBuf,
@@ -149,7 +149,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// The number of samples does not match the size of the picture.
-    #[error("{what} of {width}×{height} pixels needs {expected} samples, and {found} were given")]
+    #[error("{what} of {width}×{height} pixels needs {expected} samples, and has {found}")]
     Shape {
         /// Object to write.
         what: &'static str,
@@ -173,7 +173,7 @@ pub enum OutputError {
         largest: usize,
     },
     /// The drawing cannot be rendered.
-    #[error("the drawing for {} cannot be made a picture: {detail}", path.display())]
+    #[error("cannot render the drawing for {}: {detail}", path.display())]
     Drawing {
         /// Requested file.
         path: PathBuf,
@@ -189,7 +189,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// The file is damaged, truncated, or not an OpenEXR file.
-    #[error("{} is no readable OpenEXR file: {detail}", path.display())]
+    #[error("{} is not a readable OpenEXR file: {detail}", path.display())]
     Damaged {
         /// Requested file.
         path: PathBuf,
@@ -197,7 +197,7 @@ pub enum OutputError {
         detail: String,
     },
     /// The OpenEXR file is not a film file.
-    #[error("{} is not an accumulator file: {detail}", path.display())]
+    #[error("{} is not a film file: {detail}", path.display())]
     NotAccumulators {
         /// Requested file.
         path: PathBuf,
@@ -205,7 +205,7 @@ pub enum OutputError {
         detail: String,
     },
     /// The attribute `relume` is invalid.
-    #[error("the attribute `relume` of {} is wrong: {detail}", path.display())]
+    #[error("{}: invalid attribute `relume`: {detail}", path.display())]
     Attribute {
         /// Requested file.
         path: PathBuf,
@@ -213,7 +213,7 @@ pub enum OutputError {
         detail: String,
     },
     /// The film is inconsistent, in memory or in a file.
-    #[error("these accumulators cannot be stored or relit: {detail}")]
+    #[error("this film cannot be stored or relit: {detail}")]
     Inconsistent {
         /// Offending item and number.
         detail: String,

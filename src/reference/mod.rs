@@ -20,12 +20,12 @@ pub enum ReferenceError {
     #[error("the reference was cancelled")]
     Cancelled,
     /// A ray has more samples than the limit.
-    #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
+    #[error("a ray has more than 8388608 samples of length {}; set a longer step", readable(*step_length))]
     TooManySamples {
         /// Δs in world units.
         step_length: f64,
     },
     /// The camera has no view direction.
-    #[error("the camera looks nowhere: its target is its position, or its up direction is the one it looks in")]
+    #[error("the camera has no view direction: its target is its position, or its up vector is parallel to its view")]
     Camera,
 }

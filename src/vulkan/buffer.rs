@@ -161,16 +161,16 @@ impl Buffer {
     fn host_place(&self, offset: u64, bytes: usize) -> Result<*mut u8, VulkanError> {
         self.check_range(offset, bytes as u64)?;
         let start = self.0.memory.host().filter(|_| self.0.seen_by_host);
-        let start = start.ok_or_else(|| VulkanError::misuse(&self.0.name, "the host does not see this buffer"))?;
+        let start = start.ok_or_else(|| VulkanError::misuse(&self.0.name, "this buffer is not visible to the host"))?;
         let offset =
-            usize::try_from(offset).map_err(|_| VulkanError::misuse(&self.0.name, "past the address space"))?;
+            usize::try_from(offset).map_err(|_| VulkanError::misuse(&self.0.name, "its offset exceeds the address space"))?;
         Ok(start.wrapping_add(offset))
     }
 
     /// Returns an error if the range exceeds the buffer.
     pub(super) fn check_range(&self, offset: u64, bytes: u64) -> Result<(), VulkanError> {
         if offset.checked_add(bytes).is_none_or(|end| end > self.0.bytes) {
-            let mistake = format!("{bytes} bytes at {offset} reach past its {} bytes", self.0.bytes);
+            let mistake = format!("{bytes} bytes at offset {offset} exceed its {} bytes", self.0.bytes);
             return Err(VulkanError::misuse(&self.0.name, mistake));
         }
         Ok(())
@@ -187,7 +187,7 @@ impl Buffer {
             return Err(VulkanError::misuse(&self.0.name, "it belongs to another device"));
         }
         if !self.0.usage.contains(usage) {
-            return Err(VulkanError::misuse(&self.0.name, format!("it was not made to be {what}")));
+            return Err(VulkanError::misuse(&self.0.name, format!("it was not created for use as {what}")));
         }
         Ok(())
     }

@@ -5,26 +5,26 @@ use ash::vk;
 use super::Format;
 
 /// Hint on how to install a Vulkan device.
-const INSTALL: &str = "on Debian or Ubuntu `apt-get install libvulkan1 mesa-vulkan-drivers` gives a software device";
+const INSTALL: &str = "on Debian or Ubuntu `apt-get install libvulkan1 mesa-vulkan-drivers` installs a software device";
 
 /// Error of a Vulkan operation.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum VulkanError {
     /// `libvulkan.so.1` is missing or cannot be loaded.
-    #[error("the Vulkan loader (libvulkan.so.1) cannot be loaded; {INSTALL}")]
+    #[error("cannot load the Vulkan loader (libvulkan.so.1); {INSTALL}")]
     NoLoader {
         /// Message of the dynamic linker.
         source: ash::LoadingError,
     },
     /// The loader finds no driver.
-    #[error("the Vulkan loader finds no driver; {INSTALL} (VK_DRIVER_FILES, where set, names the drivers to use)")]
+    #[error("the Vulkan loader finds no driver; {INSTALL} (if VK_DRIVER_FILES is set, only its drivers are used)")]
     NoDriver,
     /// No driver has a device.
     #[error("the Vulkan drivers have no device; {INSTALL}")]
     NoDevice,
     /// No device has the requested index or name.
-    #[error("no Vulkan device is {wanted}; there are: {}", .names.join(", "))]
+    #[error("no Vulkan device {wanted}; the devices are: {}", .names.join(", "))]
     NoMatch {
         /// The index, or the name in quotes.
         wanted: String,
@@ -46,13 +46,13 @@ pub enum VulkanError {
     )]
     NoValidation,
     /// The drivers cannot present to a window of this display.
-    #[error("the Vulkan drivers show nothing in windows of this display: they lack {lacking}")]
+    #[error("the Vulkan drivers cannot present to windows of this display: they lack {lacking}")]
     NoWindow {
         /// The missing extension.
         lacking: String,
     },
     /// The panels of a window could not be drawn.
-    #[error("the panels cannot be drawn")]
+    #[error("cannot draw the panels")]
     Panels {
         /// Error of the panel renderer.
         source: Box<dyn std::error::Error + Send + Sync>,
@@ -80,7 +80,7 @@ pub enum VulkanError {
         limit: u64,
     },
     /// The device has not enough free memory.
-    #[error("{object:?} needs {bytes} bytes, which the device does not have left of its {heap_bytes}")]
+    #[error("{object:?} needs {bytes} bytes, and the device does not have them free of its {heap_bytes}")]
     OutOfMemory {
         /// The object's name.
         object: String,
@@ -90,7 +90,7 @@ pub enum VulkanError {
         heap_bytes: u64,
     },
     /// A buffer was accessed while a submission that uses it had not finished.
-    #[error("{object:?} is in use by a submission that has not ended")]
+    #[error("{object:?} is in use by an unfinished submission")]
     InUse {
         /// The buffer's name.
         object: String,

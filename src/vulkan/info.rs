@@ -153,10 +153,10 @@ impl Candidate {
                 let best = all.iter().min_by_key(|one| (!one.info.missing.is_empty(), one.info.kind));
                 (best.map(|one| one.info.index), String::new())
             }
-            DeviceChoice::Index(index) => ((*index < all.len()).then_some(*index), format!("number {index}")),
+            DeviceChoice::Index(index) => ((*index < all.len()).then_some(*index), format!("has the index {index}")),
             DeviceChoice::Name(part) => {
                 let part_of = |one: &Self| one.info.name.to_lowercase().contains(&part.to_lowercase());
-                (all.iter().position(part_of), format!("called {part:?}"))
+                (all.iter().position(part_of), format!("has a name with {part:?}"))
             }
         };
         let Some(index) = found else {
@@ -202,7 +202,7 @@ impl Candidate {
         if version < least {
             let [major, minor, patch] = candidate.info.api_version;
             let [least_major, least_minor] = [vk::api_version_major(least), vk::api_version_minor(least)];
-            let missing = format!("it has Vulkan {major}.{minor}.{patch}, and {least_major}.{least_minor} is needed");
+            let missing = format!("it has Vulkan {major}.{minor}.{patch}, and Relume needs {least_major}.{least_minor}");
             candidate.info.missing.push(missing);
             return Ok(candidate);
         }
@@ -222,7 +222,7 @@ impl Candidate {
             .find(|(_, family)| computes(family))
             .map(|(index, family)| QueueFamily { index, timestamp_valid_bits: family.timestamp_valid_bits });
         if candidate.queue.is_none() {
-            candidate.info.missing.push(format!("none of its queues does {:?}", purpose.queue_flags()));
+            candidate.info.missing.push(format!("it has no queue for {:?}", purpose.queue_flags()));
         }
         if !candidate.has_synchronization2(instance)? {
             candidate.info.missing.push("it lacks synchronization2 (Vulkan 1.3 or VK_KHR_synchronization2)".to_owned());

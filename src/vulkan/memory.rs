@@ -66,7 +66,7 @@ impl Drop for Memory {
     fn drop(&mut self) {
         let allocation = std::mem::take(&mut self.allocation);
         if let Err(error) = lock(self.device.allocator()).free(allocation) {
-            tracing::warn!("device memory could not be freed: {error}");
+            tracing::warn!("cannot free device memory: {error}");
         }
     }
 }

@@ -99,7 +99,7 @@ impl ComputePipeline {
         self.check_bindings(set.bindings())?;
         if push_constants.len() as u64 != u64::from(self.0.push_constant_bytes) {
             let (given, expected) = (push_constants.len(), self.0.push_constant_bytes);
-            let mistake = format!("{given} bytes of push constants, and it expects {expected}");
+            let mistake = format!("it has {given} bytes of push constants, and expects {expected}");
             return Err(VulkanError::misuse(&self.0.name, mistake));
         }
         Ok(())
@@ -108,7 +108,7 @@ impl ComputePipeline {
     /// Returns an error if `bindings` do not match the shader.
     pub(super) fn check_bindings(&self, bindings: &[BindingKind]) -> Result<(), VulkanError> {
         if bindings != self.0.bindings {
-            let mistake = format!("it is given {bindings:?}, and it expects {:?}", self.0.bindings);
+            let mistake = format!("it has the bindings {bindings:?}, and expects {:?}", self.0.bindings);
             return Err(VulkanError::misuse(&self.0.name, mistake));
         }
         Ok(())

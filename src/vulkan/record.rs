@@ -50,7 +50,7 @@ impl Recorder {
     pub fn upload(&mut self, image: &Image3d, z: Range<u32>, buffer: &Buffer, offset: u64) -> Result<(), VulkanError> {
         let [width, height, depth] = image.extent();
         if z.is_empty() || z.end > depth {
-            let mistake = format!("slices {}..{} are not among its {depth}", z.start, z.end);
+            let mistake = format!("slices {}..{} are outside its {depth} slices", z.start, z.end);
             return Err(VulkanError::misuse(image.name(), mistake));
         }
         let slices = z.end - z.start;
@@ -171,7 +171,7 @@ impl Recorder {
             return Ok(());
         }
         if from.raw() == to.raw() {
-            return Err(VulkanError::misuse(from.name(), "a buffer is not copied into itself"));
+            return Err(VulkanError::misuse(from.name(), "a buffer cannot be copied into itself"));
         }
         let region = vk::BufferCopy { src_offset: from_offset, dst_offset: to_offset, size: bytes };
         // SAFETY: recording; the region was checked to lie in both buffers, which do not overlap and are kept.
@@ -211,7 +211,7 @@ impl Recorder {
     ) -> Result<(), VulkanError> {
         let [width, height] = image.extent();
         if place[0] >= width || place[1] >= height {
-            let mistake = format!("texel {place:?} is not among its {width}×{height}");
+            let mistake = format!("texel {place:?} is outside its {width}×{height} texels");
             return Err(VulkanError::misuse(image.name(), mistake));
         }
         self.copy_back(image, layer, [place, [1, 1]], buffer, offset)
@@ -227,7 +227,7 @@ impl Recorder {
         offset: u64,
     ) -> Result<(), VulkanError> {
         if layer >= image.layers() {
-            let mistake = format!("layer {layer} is not among its {}", image.layers());
+            let mistake = format!("layer {layer} is outside its {} layers", image.layers());
             return Err(VulkanError::misuse(image.name(), mistake));
         }
         image.check_device(self.device())?;
@@ -394,17 +394,17 @@ const ALL_ACCESS: vk::AccessFlags2 =
     vk::AccessFlags2::from_raw(vk::AccessFlags2::MEMORY_READ.as_raw() | vk::AccessFlags2::MEMORY_WRITE.as_raw());
 
 fn check_source(device: &Device, buffer: &Buffer) -> Result<(), VulkanError> {
-    buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_SRC, "copied from")
+    buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_SRC, "a source of copies")
 }
 
 fn check_target(device: &Device, buffer: &Buffer) -> Result<(), VulkanError> {
-    buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_DST, "copied to")
+    buffer.check_use(device, vk::BufferUsageFlags::TRANSFER_DST, "a target of copies")
 }
 
 /// Returns an error for bytes outside `buffer` or an offset where an image copy may not start.
 fn check_copy(buffer: &Buffer, offset: u64, bytes: u64, texel: u64) -> Result<(), VulkanError> {
     if !offset.is_multiple_of(texel.max(4)) {
-        let mistake = format!("a copy from or to byte {offset}, which is no multiple of {}", texel.max(4));
+        let mistake = format!("the offset {offset} of a copy is not a multiple of {}", texel.max(4));
         return Err(VulkanError::misuse(buffer.name(), mistake));
     }
     buffer.check_range(offset, bytes)

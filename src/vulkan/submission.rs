@@ -172,7 +172,7 @@ impl Submission {
     /// [`VulkanError::Misuse`] before the commands have finished.
     pub fn timestamps(&self) -> Result<Vec<Duration>, VulkanError> {
         if !self.ended {
-            return Err(VulkanError::misuse(&self.name, "it has not ended, so its timestamps are not known"));
+            return Err(VulkanError::misuse(&self.name, "it is unfinished, so its timestamps are unknown"));
         }
         if self.timestamps == 0 {
             return Ok(Vec::new());

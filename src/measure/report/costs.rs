@@ -32,7 +32,7 @@ pub struct CostCurve {
 pub fn costs_html(device: &str, findings: &[String], tables: &[CostTable], curves: &[CostCurve]) -> String {
     let mut page = format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width\">\n\
-         <title>What frames cost</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>What frames cost</h1>\n\
+         <title>Costs of frames</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Costs of frames</h1>\n\
          <p class=\"about\">{}. Relume {}.</p>\n",
         escaped(device),
         env!("CARGO_PKG_VERSION")

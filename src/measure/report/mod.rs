@@ -72,7 +72,7 @@ pub fn html(survey: &Survey<'_>, findings: &Findings<'_>) -> Result<String, Outp
     };
     section("Which setting to use", &choices::about(survey, trust), &choices::choices(survey, &entries, rows, trust));
     if let Some(own) = rows.first() {
-        section("What k = 8 buys", "", &eight::eight(survey, &carried, own, scale, trust)?);
+        section("Effect of k = 8", "", &eight::eight(survey, &carried, own, scale, trust)?);
     }
     section(
         "Time against error",

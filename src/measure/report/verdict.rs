@@ -40,7 +40,7 @@ pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<
         ("Where the error comes from", Some(origin(scene, rows, own, trust))),
         ("Which setting to use", Some(advice(rows, own, trust))),
         ("Which knobs matter", worth(rows, scene, trust)),
-        ("What k = 8 buys", bought(carried, trust)),
+        ("Effect of k = 8", bought(carried, trust)),
     ];
     let said = answers.into_iter().filter_map(|(question, answer)| Some((question, answer?)));
     said.map(|(question, answer)| format!("<p><b>{question}.</b> {}</p>\n", escaped(&answer))).collect()

@@ -92,7 +92,7 @@ impl FilmFile {
         }
         if wanted.len() < headers.len() {
             let all = headers.len();
-            return Err(foreign(format!("it has {all} parts, and {} belong to accumulators", wanted.len())));
+            return Err(foreign(format!("it has {all} parts, and {} belong to a film", wanted.len())));
         }
         allocate(&mut wanted, headers, file_bytes).map_err(too_long)?;
         read_blocks(reader, &mut wanted).map_err(damaged)?;
@@ -124,8 +124,8 @@ impl Wanted {
         for channel in &header.channels.list {
             let name = String::from_utf8_lossy(channel.name.as_slice());
             let Some(plane) = missing.remove(&*name) else {
-                let owner = if place.is_empty() { "belongs to no position and component" } else { "is none of it" };
-                return Err(format!("its channel {name:?}{place} {owner}, or is there twice"));
+                let owner = if place.is_empty() { "matches no position and component" } else { "is unknown" };
+                return Err(format!("its channel {name:?}{place} {owner}, or occurs twice"));
             };
             if channel.sampling != Vec2(1, 1) {
                 return Err(format!("its channel {name:?}{place} is subsampled"));
@@ -163,7 +163,7 @@ impl Wanted {
                         *value = sample?.to_f32();
                     }
                 }
-                SampleType::U32 => return Err(ExrError::Invalid("a channel of integers".into())),
+                SampleType::U32 => return Err(ExrError::Invalid("a channel holds integers".into())),
             }
         }
         Ok(())
@@ -176,7 +176,7 @@ fn picture_part(headers: &[Header]) -> Result<(usize, String), String> {
     match headers.iter().enumerate().find_map(|(part, header)| Some((part, attribute(header)?))) {
         Some((_, AttributeValue::Text(text))) if text.as_slice().len() > LONGEST_TEXT => {
             let length = text.as_slice().len();
-            Err(format!("the attribute `{ATTRIBUTE}` has {length} bytes, and at most {LONGEST_TEXT} are read"))
+            Err(format!("the attribute `{ATTRIBUTE}` has {length} bytes; the limit is {LONGEST_TEXT}"))
         }
         Some((part, AttributeValue::Text(text))) => match String::from_utf8(text.as_slice().to_vec()) {
             Ok(text) => Ok((part, text)),
@@ -209,7 +209,7 @@ fn parts_of(model: &ModelDraft, headers: &[Header]) -> Result<Vec<Wanted>, Strin
             let (rows, of_vectors) = ((spectra.size.1, vectors.size.1), of_vectors.0);
             if rows.0 != rows.1 {
                 let part = of_spectra.0;
-                return Err(format!("it has {} spectra in its {part} and {} rows of {of_vectors}", rows.0, rows.1));
+                return Err(format!("its part {part} has {} spectra, and {of_vectors} has {} rows", rows.0, rows.1));
             }
             parts.extend([spectra, vectors]);
         } else {
@@ -227,7 +227,7 @@ fn allocate(wanted: &mut [Wanted], headers: &[Header], file_bytes: u64) -> Resul
     };
     let promised = wanted.iter().map(bytes).fold(0, u64::saturating_add);
     if promised > file_bytes.saturating_mul(LARGEST_EXPANSION) {
-        return Err(format!("it is {file_bytes} bytes long, and its header promises {promised} bytes of pixels"));
+        return Err(format!("it has {file_bytes} bytes, but its header announces {promised} bytes of pixels"));
     }
     for part in wanted {
         let values = part.names.len().saturating_mul(part.size.0).saturating_mul(part.size.1);

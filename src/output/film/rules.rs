@@ -17,10 +17,10 @@ impl FilmFile {
         let passed = self.passed() * pixels;
         let expected = names.len() * pixels - passed;
         if self.accumulators.len() != expected {
-            return Err(format!("{expected} weights are needed, and there are {}", self.accumulators.len()));
+            return Err(format!("it needs {expected} numbers in the accumulators, and has {}", self.accumulators.len()));
         }
         if self.transmittance.len() != passed {
-            return Err(format!("{passed} transmittances are needed, and there are {}", self.transmittance.len()));
+            return Err(format!("it needs {passed} transmittances, and has {}", self.transmittance.len()));
         }
         let planes = self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels));
         check_planes(&names, planes, self.width, "")
@@ -43,7 +43,7 @@ impl FilmFile {
         check_names("light", self.lights.iter().map(|light| &*light.name))?;
         for name in channels {
             if name.len() > 255 {
-                return Err(format!("the channel name {name:?} has {} bytes, and OpenEXR allows 255", name.len()));
+                return Err(format!("the channel name {name:?} has {} bytes; OpenEXR allows 255", name.len()));
             }
         }
         let components = self.components.names();
@@ -55,7 +55,7 @@ impl FilmFile {
                 let [one, other] =
                     [first, pair].map(|(position, component)| format!("{position:?} with {component:?}"));
                 return Err(format!(
-                    "two pairs of a position and a component make the channel {channel:?}: {one}, and {other}"
+                    "two pairs of position and component have the channel name {channel:?}: {one}, and {other}"
                 ));
             }
         }
@@ -69,7 +69,7 @@ impl FilmFile {
             check_finite("the light ", &light.name, &[light.weight, light.shown.unwrap_or_default()])?;
             if light.position >= self.positions.len() {
                 let (name, positions) = (&light.name, self.positions.len());
-                return Err(format!("the light {name:?} is at position {}, and there are {positions}", light.position));
+                return Err(format!("the light {name:?} is at position {}, but there are {positions} positions", light.position));
             }
         }
         if let Some(dial) = &self.dial {
@@ -78,12 +78,12 @@ impl FilmFile {
             for node in &dial.nodes {
                 check_finite("the dial's node ", &node.light, &node.place)?;
                 if !self.lights.iter().any(|light| light.name == node.light) {
-                    return Err(format!("the dial has a node {:?}, and no light has this name", node.light));
+                    return Err(format!("the dial has a node {:?}, but no light has this name", node.light));
                 }
             }
-            check_names("situation of the dial", dial.situations.iter().map(|situation| &*situation.name))?;
+            check_names("preset of the dial", dial.situations.iter().map(|situation| &*situation.name))?;
             for situation in &dial.situations {
-                check_finite("the dial's situation ", &situation.name, &situation.hand)?;
+                check_finite("the dial's preset ", &situation.name, &situation.hand)?;
             }
         }
         check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;
@@ -103,7 +103,7 @@ pub(super) fn check_dimension(dimension: usize) -> Result<(), String> {
     if (1..=LARGEST_DIMENSION).contains(&dimension) {
         Ok(())
     } else {
-        Err(format!("its colour model has {dimension} coefficients, and one has 1 to {LARGEST_DIMENSION}"))
+        Err(format!("its colour model has {dimension} coefficients; the limits are 1 to {LARGEST_DIMENSION}"))
     }
 }
 
@@ -112,7 +112,7 @@ pub(super) fn check_cloud(spectra: usize) -> Result<(), String> {
     if (1..=LARGEST_CLOUD).contains(&spectra) {
         Ok(())
     } else {
-        Err(format!("its colour model was fitted on {spectra} spectra, and one is on 1 to {LARGEST_CLOUD}"))
+        Err(format!("its colour model was fitted to {spectra} spectra; the limits are 1 to {LARGEST_CLOUD}"))
     }
 }
 
@@ -150,10 +150,10 @@ fn check_names<'a>(what: &str, names: impl Iterator<Item = &'a str>) -> Result<(
             return Err(format!("a {what} has an empty name"));
         }
         if name.chars().any(char::is_control) {
-            return Err(format!("the name of the {what} {name:?} holds a control character"));
+            return Err(format!("the name of the {what} {name:?} contains a control character"));
         }
         if !seen.insert(name) {
-            return Err(format!("two of the {what}s are called {name:?}"));
+            return Err(format!("two {what}s have the name {name:?}"));
         }
     }
     Ok(())

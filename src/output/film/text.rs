@@ -218,15 +218,15 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
     let VersionOnly { version } = toml::from_str(text).map_err(located)?;
     if ![WEIGHTS, MODEL, CHECKED].contains(&version) {
         return Err(format!(
-            "version {version} is not known here; this program knows the versions {WEIGHTS} to {CHECKED}"
+            "unknown version {version}; this program reads the versions {WEIGHTS} to {CHECKED}"
         ));
     }
     let mut document: Document = toml::from_str(text).map_err(located)?;
     match (version, &document.model) {
-        (WEIGHTS, Some(_)) => return Err(format!("a file with a `[model]` has the version {MODEL} or {CHECKED}")),
-        (MODEL | CHECKED, None) => return Err(format!("a file of version {version} has a `[model]`")),
+        (WEIGHTS, Some(_)) => return Err(format!("a file with a `[model]` needs the version {MODEL} or {CHECKED}")),
+        (MODEL | CHECKED, None) => return Err(format!("a file of version {version} needs a `[model]`")),
         (MODEL | CHECKED, Some(_)) if !document.components.is_empty() => {
-            return Err("a file with a `[model]` has no `[[components]]`".to_owned());
+            return Err("a file with a `[model]` cannot have `[[components]]`".to_owned());
         }
         _ => {}
     }
@@ -240,7 +240,7 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
         .map(|entry| model_draft(entry, document.observer, &document.lights, version == CHECKED))
         .transpose()?;
     if let Some(light) = document.lights.iter().find(|light| model.is_none() && light.has_matrix()) {
-        return Err(format!("the light {:?} has a matrix, and there is no `[model]`", light.name));
+        return Err(format!("the light {:?} has a matrix, but the file has no `[model]`", light.name));
     }
     let components = document.components.into_iter().map(component).collect::<Result<_, String>>()?;
     let positions = document.positions.into_iter().map(position).collect::<Result<Vec<_>, String>>()?;
@@ -283,7 +283,7 @@ impl LightEntry {
 /// Converts the spectrum of `owner` to samples.
 fn bands(owner: &str, spectrum: Vec<f64>) -> Result<[f64; BANDS], String> {
     <[f64; BANDS]>::try_from(spectrum)
-        .map_err(|spectrum| format!("{owner} has {} numbers, and a spectrum has {BANDS}", spectrum.len()))
+        .map_err(|spectrum| format!("{owner} has {} numbers; a spectrum has {BANDS}", spectrum.len()))
 }
 
 fn position(entry: PositionEntry) -> Result<Position, String> {
@@ -293,7 +293,7 @@ fn position(entry: PositionEntry) -> Result<Position, String> {
         (Kind::Directional, Some(vector)) => PositionKind::Directional(vector),
         (Kind::Point, Some(vector)) => PositionKind::Point(vector),
         (Kind::Ambient | Kind::Headlight, Some(_)) => {
-            return Err(format!("the position {:?} needs no `vector`: its kind has none", entry.name));
+            return Err(format!("the position {:?} has a `vector`, but its kind has none", entry.name));
         }
         (Kind::Directional | Kind::Point, None) => {
             return Err(format!("the position {:?} needs a `vector` of three numbers", entry.name));
