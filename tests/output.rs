@@ -214,7 +214,7 @@ fn samples_that_are_ready_arrive_unchanged() {
     write_ready_png(&path, 8, 10, &samples).unwrap();
     assert_eq!(read_png(&path), (samples.clone(), (png::ColorType::Rgb, png::BitDepth::Eight), true));
     let error = write_ready_png(&path, 7, 10, &samples).unwrap_err();
-    assert_eq!(error.to_string(), "a PNG of 7×10 pixels needs 210 (RGB) or 280 (RGBA) samples, and 240 were given");
+    assert_eq!(error.to_string(), "a PNG of 7×10 pixels needs 210 (RGB) or 280 (RGBA) samples, and has 240");
 }
 
 #[test]

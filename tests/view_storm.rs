@@ -420,7 +420,7 @@ fn the_pictures_of_a_tour_are_of_one_thing() {
     window.press_with_control('z');
     let report = report(&ended(child));
     let told = report["notices"].to_string();
-    assert!(told.contains("Something was changed: the tour was given up after "), "{told}");
+    assert!(told.contains("was changed: the tour was cancelled after"), "{told}");
     let bytes = |name: &str| std::fs::read(folder.path(name)).unwrap();
     assert_eq!(bytes("relume-0001.png"), bytes("still.png"));
     assert!(!folder.path("tour-9000.png").exists());

@@ -152,6 +152,6 @@ pub enum StepError {
     #[error(transparent)]
     Render(#[from] RenderError),
     /// Its ray.
-    #[error("the ray of this pixel cannot be followed")]
+    #[error("cannot march the ray of this pixel")]
     Ray(#[from] ProbeError),
 }

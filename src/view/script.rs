@@ -83,7 +83,7 @@ pub enum Command {
 
 /// What is asked of the light, the node, the situation, the material or the label of a name.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(missing_docs, reason = "each is the edit of its name")]
+#[expect(missing_docs, reason = "each variant maps to the edit of its name")]
 pub enum About {
     Weight(f64),
     On(bool),
@@ -246,13 +246,13 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "sees" => {
             let found = Deficiency::ALL.into_iter().find(|one| one.to_string() == text());
             if found.is_none() && rest != ["all"] {
-                return Err("sees all, protan, deutan or tritan".to_owned());
+                return Err("write sees all, sees protan, sees deutan or sees tritan".to_owned());
             }
             edit(Edit::Deficiency(found))
         }
         "observer" => {
             let found = Observer::ALL.into_iter().find(|one| one.to_string() == text());
-            edit(Edit::Observer(found.ok_or("observer 1931 or 1964")?))
+            edit(Edit::Observer(found.ok_or("write observer 1931 or observer 1964")?))
         }
         "crop" => match rest {
             ["off"] => edit(Edit::Crop(None)),
@@ -289,7 +289,7 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             ["reference"] => Some(Preset::Reference.goal()),
             ["error", number] => Some(Goal::MaxError(above_zero(verb, number)?)),
             ["budget", number] => Some(Goal::Budget(above_zero(verb, number)?)),
-            _ => return Err("measure takes nothing, a preset, error DE, or budget MS".to_owned()),
+            _ => return Err("write measure, followed by nothing, a preset, error DE or budget MS".to_owned()),
         })),
         "palette" => match rest {
             ["on" | "off"] => Command::Do(Action::Palette(switch(verb, rest)?)),
@@ -331,14 +331,14 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         "scroll" => Command::Input(Input::Scroll(numbers::<f32, 1>(verb, rest)?[0])),
         "key" => Command::Input(Input::Key(name()?)),
         "drop" => Command::Input(Input::Drop(file()?)),
-        _ => return Err(format!("{verb:?} is no command of a script")),
+        _ => return Err(format!("{verb:?} is not a script command")),
     })
 }
 
 fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T; N], String> {
     let numbers: Option<Vec<T>> = words.iter().map(|word| word.parse().ok()).collect();
     let wanted = if N == 1 { "a number".to_owned() } else { format!("{N} numbers") };
-    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} takes {wanted}"))
+    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} needs {wanted}"))
 }
 
 /// A step of `palette`.
@@ -373,14 +373,14 @@ fn design(words: &[&str]) -> Result<Step, String> {
 
 fn above_zero(verb: &str, word: &str) -> Result<f64, String> {
     let number = word.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
-    number.ok_or_else(|| format!("{verb} takes a number above 0, not {word:?}"))
+    number.ok_or_else(|| format!("{verb} needs a number above 0, not {word:?}"))
 }
 
 fn switch(verb: &str, words: &[&str]) -> Result<bool, String> {
     match words {
         ["on"] => Ok(true),
         ["off"] => Ok(false),
-        _ => Err(format!("{verb} is on or off")),
+        _ => Err(format!("{verb} needs on or off")),
     }
 }
 
@@ -393,7 +393,7 @@ impl About {
     pub fn edit(self, state: &State, name: &str) -> Result<Edit, String> {
         let find = |names: Vec<&str>| {
             let found = names.iter().position(|&one| one == name);
-            found.ok_or_else(|| format!("there is no {name:?}; there are: {}", names.join(", ")))
+            found.ok_or_else(|| format!("unknown name {name:?}; the names are {}", names.join(", ")))
         };
         let light = || find(state.scene.lights.iter().map(|light| light.name.as_str()).collect());
         let node = || find(state.dial.nodes.iter().map(|node| node.light.as_str()).collect());
@@ -434,5 +434,5 @@ impl About {
 pub fn interval(state: &State, index: usize) -> Result<Interval, String> {
     let terms = &state.scene.transfer.terms;
     let found = terms.get(index).and_then(Interval::of);
-    found.ok_or_else(|| format!("there is no interval {index}: of {} terms, counted from 0, it is none", terms.len()))
+    found.ok_or_else(|| format!("no interval {index} among the {} terms of the transfer function (counted from 0; curves are not intervals)", terms.len()))
 }

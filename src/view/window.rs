@@ -85,14 +85,14 @@ pub struct Options {
 pub enum ViewError {
     /// There is no screen.
     #[error(
-        "there is no display to open a window on; `relume render` writes pictures without one, and `xvfb-run` lends one"
+        "no display for a window; `relume render` needs none, and `xvfb-run` provides a virtual one"
     )]
     NoDisplay,
     /// The system's events ended in an error.
-    #[error("the window's events ended")]
+    #[error("the event loop of the window failed")]
     Events(#[source] EventLoopError),
     /// The system gives no window.
-    #[error("the system opens no window")]
+    #[error("cannot open a window")]
     NoWindow(#[from] OsError),
     /// The device.
     #[error(transparent)]
@@ -412,7 +412,7 @@ impl Viewer {
             return;
         }
         if !spares {
-            self.give_up_tour("Something was changed");
+            self.give_up_tour("The scene or the light was changed");
         }
         self.show_again();
     }
@@ -732,7 +732,7 @@ impl Viewer {
                 (Some(_), _, None) => Some("measuring"),
                 (None, Some(_), None) => Some("solving"),
                 (None, None, None) if matches!(self.tour, Some(Tour::Saving { .. })) => Some("saving the tour"),
-                (None, None, None) => is_held.then_some("coarse, until the hand rests"),
+                (None, None, None) => is_held.then_some("coarse while the input lasts"),
             },
             finest: engine.is_some_and(Engine::is_finest),
             counts: self.counts(),

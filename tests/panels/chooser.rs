@@ -122,7 +122,7 @@ fn a_scene_without_its_volume_is_shown_the_one_that_is_chosen() {
     window.state_mut().chooser.ask_volume(source.clone(), (&scene, false));
     window.run();
     until_listed(&mut window);
-    assert!(is_painted(&window, "Which volume is scene.toml to show?"));
+    assert!(is_painted(&window, "Which volume should scene.toml show?"));
     window.get_by_label_contains("head.mhd").click();
     window.run();
     window.get_by_label_contains("  Open").click();
@@ -278,7 +278,7 @@ fn a_tour_whose_pictures_are_not_all_there_is_left_only_once_somebody_says_so() 
         window.run();
         assert!(is_painted(&window, "A tour is being saved"));
         assert_eq!(is_painted(&window, "not saved as a session"), changes);
-        assert_eq!(is_painted(&window, "as fine as it gets"), !changes);
+        assert_eq!(is_painted(&window, "waits for the full resolution"), !changes);
         assert_eq!(window.query_by_label("Save session…").is_some(), changes);
         window.get_by_label(button).click();
         window.step();

@@ -74,7 +74,7 @@ fn a_side_of_the_crop_box_that_is_typed_past_the_other_stops_there_and_says_so()
     window.run();
     let [low, high] = window.state().document.as_ref().unwrap().state().crop().unwrap();
     assert!((low.x - 0.25).abs() < 1e-9 && (high.x - 0.25).abs() < 2e-3, "{low} {high}");
-    assert!(is_painted(&window, "It stops at “from”, which is 0.2500"));
+    assert!(is_painted(&window, "“from”, which is 0.2500"));
 }
 
 #[test]

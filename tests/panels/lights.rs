@@ -105,7 +105,7 @@ fn who_decides_is_said_in_a_line_and_the_panels_below_stay_where_they_are() {
         assert!(window.query_by_label(line).is_some(), "{line}");
         window.get_by_label("Transfer function").rect().top()
     };
-    let by_sliders = top(document.clone(), "The sliders mix: click the dial to let it.");
+    let by_sliders = top(document.clone(), "The sliders mix: click the dial to use it.");
     document.edit(&Edit::Hand(DVec2::ZERO));
     let by_dial = top(document, "The dial mixes: move a slider to take over.");
     assert!((by_sliders - by_dial).abs() < 0.5, "{by_sliders} and {by_dial}");

@@ -73,14 +73,14 @@ fn what_is_typed_and_is_no_number_changes_nothing_and_says_so() {
             window.run();
             retype(&mut window, label, text);
             assert!(window.state().asked.is_empty(), "{label} {text}: {:?}", window.state().asked);
-            assert!(is_painted(&window, &format!("“{text}” is no number")), "{label} {text}");
+            assert!(is_painted(&window, &format!("“{text}” is not a number")), "{label} {text}");
         }
     }
 }
 
 #[test]
 fn what_is_typed_and_is_too_much_says_what_became_of_it() {
-    for (typed, told, opacity) in [("2", "2 is more than is possible here: it became 1.", 1.0), ("0.5", "", 0.5)] {
+    for (typed, told, opacity) in [("2", "2 is more than the limit: the value is now 1.", 1.0), ("0.5", "", 0.5)] {
         let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
         window.run();
         let before = intervals(&window)[0];
@@ -88,7 +88,7 @@ fn what_is_typed_and_is_too_much_says_what_became_of_it() {
         window.key_press(Key::Enter);
         window.run();
         assert_eq!(intervals(&window)[0], Interval { opacity, ..before });
-        assert_eq!(is_painted(&window, "than is possible here"), !told.is_empty(), "{typed}");
+        assert_eq!(is_painted(&window, "than the limit"), !told.is_empty(), "{typed}");
         assert!(is_painted(&window, told), "{typed}");
     }
 }
@@ -174,13 +174,13 @@ fn what_is_typed_holds_before_what_is_clicked_then() {
 
 #[test]
 fn a_slider_that_is_typed_below_nothing_says_that_it_became_nothing() {
-    for (typed, told, weight) in [("-1", "-1 is less than is possible here: it became 0.", 0.0), ("5", "", 5.0)] {
+    for (typed, told, weight) in [("-1", "-1 is less than the limit: the value is now 0.", 0.0), ("5", "", 5.0)] {
         let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
         window.run();
         retype(&mut window, "Exposure", typed);
         let display = &window.state().document.as_ref().unwrap().state().scene.display;
         assert!((display.exposure - weight).abs() < 1e-9, "{typed}: {}", display.exposure);
-        assert_eq!(is_painted(&window, "than is possible here"), !told.is_empty(), "{typed}");
+        assert_eq!(is_painted(&window, "than the limit"), !told.is_empty(), "{typed}");
         assert!(is_painted(&window, told), "{typed}");
     }
 }
@@ -243,7 +243,7 @@ fn a_long_number_takes_no_room_from_the_picture() {
 
 #[test]
 fn what_is_said_of_a_number_is_clicked_through_and_goes_with_it() {
-    let told = "2 is more than is possible here";
+    let told = "2 is more than the limit";
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.run();
     retype(&mut window, "interval 0: opacity", "2");

@@ -95,7 +95,7 @@ fn a_way_out_of_what_cannot_be_had_is_a_button_that_changes_it_and_solves_again(
         ways_out: vec![open, gone],
     }];
     window.run();
-    assert!(window.query_by_label("Not all of this can be had: flesh cannot be black.").is_some());
+    assert!(window.query_by_label("The targets conflict: flesh cannot be black.").is_some());
     assert!(window.query_by_label("Leave the light moon open").is_none(), "there is no such light any more");
     window.get_by_label("Leave the light lamp open").click_accesskit();
     window.run();

@@ -43,7 +43,7 @@ fn the_probe_names_lights_and_materials_and_escape_closes_it() {
     let mut window = wide(document());
     window.state_mut().probe = Some((DVec2::splat(0.5), None));
     window.run();
-    assert!(window.query_by_label("The picture is on its way.").is_some());
+    assert!(window.query_by_label("Waiting for the picture.").is_some());
     window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
     window.run();
     for label in ["Under each light", "What it shows", "Where its light comes from", "Along the ray", "flesh", "now"] {
@@ -62,7 +62,7 @@ fn a_ray_that_misses_the_volume_is_said_to_and_not_to_be_followed_for_ever() {
     window.state_mut().probe = Some((DVec2::splat(0.25), Some(probed_of(&document))));
     window.run();
     assert!(window.query_by_label_contains("The ray misses the volume").is_some());
-    assert!(window.query_by_label_contains("following the ray").is_none());
+    assert!(window.query_by_label_contains("marching the ray").is_none());
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn all_that_the_probe_says_is_seen_in_a_window_of_1280_by_720() {
     window.state_mut().probe = Some((DVec2::splat(0.5), Some(probed())));
     window.run();
     window.run();
-    let last = window.get_by_label_contains("orange: light that still passes").rect();
+    let last = window.get_by_label_contains("orange: transmittance").rect();
     let picture = window.get_by_label("picture").rect();
     assert!(last.bottom() <= picture.bottom() && last.top() > 300.0, "{last:?} in {picture:?}");
 }
@@ -140,7 +140,7 @@ fn what_the_probe_says_of_materials_are_parts_of_a_whole() {
     let mut window = wide(document());
     window.state_mut().probe = Some((DVec2::splat(0.5), Some(probe)));
     window.run();
-    for label in ["of the pixel", "blue: of even light, as a share"] {
+    for label in ["of the pixel", "blue: fraction of equal-energy light"] {
         assert!(window.query_by_label(label).is_some(), "{label}");
     }
     assert!(window.query_all_by_label("of its light").count() >= 1);

@@ -30,7 +30,7 @@ fn a_tour_takes_as_long_and_saves_as_many_pictures_as_somebody_says() {
         window.key_press(Key::Enter);
         window.run();
     }
-    assert!(is_painted(&window, "1 is less than is possible here: it became 2."), "both ends of the way");
+    assert!(is_painted(&window, "1 is less than the limit: the value is now 2."), "both ends of the way");
     assert_eq!(press(&mut window, "Tour"), Some(Action::Tour(Some(2.5))));
     assert_eq!(press(&mut window, "save the tour"), Some(Action::SaveTour(None, 2)));
 }

@@ -123,7 +123,7 @@ fn an_end_of_an_interval_that_is_typed_past_the_other_takes_it_along() {
         window.key_press(Key::Enter);
         window.run();
         assert_eq!(intervals(&window)[0], Interval { range: [typed; 2], ..before }, "{end}");
-        assert!(is_painted(&window, "along: no interval ends before it begins"), "{end}: and says so");
+        assert!(is_painted(&window, "as well, because an interval cannot end before it begins"), "{end}: and says so");
     }
 }
 
@@ -131,7 +131,7 @@ fn an_end_of_an_interval_that_is_typed_past_the_other_takes_it_along() {
 fn a_transfer_function_that_shows_no_value_says_so() {
     let mut window = with_histogram();
     window.run();
-    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
+    assert!(window.query_by_label_contains("Nothing of the volume is visible").is_none());
     let mut document = document();
     let statistics = document.opened().scene.volume.statistics().unwrap();
     for index in [0, 1] {
@@ -140,18 +140,18 @@ fn a_transfer_function_that_shows_no_value_says_so() {
     }
     let mut window = wide(document.clone().with_statistics(statistics.clone()));
     window.run();
-    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_some());
+    assert!(window.query_by_label_contains("Nothing of the volume is visible").is_some());
     window.get_all_by_label("Reset transfer").last().unwrap().click();
     window.run();
     window.run();
-    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
+    assert!(window.query_by_label_contains("Nothing of the volume is visible").is_none());
     // Where it opened so, there is nothing to go back to.
     let mut window = wide(Document::new(reopened(&document)).with_statistics(statistics));
     window.run();
     window.get_by_label("Show all values").click();
     window.run();
     window.run();
-    assert!(window.query_by_label_contains("Nothing of the volume is shown").is_none());
+    assert!(window.query_by_label_contains("Nothing of the volume is visible").is_none());
 }
 
 #[test]

@@ -29,13 +29,13 @@ pub struct Effort<'a> {
 
 /// Presets, with their goals.
 const PRESETS: [(&str, Preset, &str); 3] = [
-    ("interactive", Preset::Interactive, "At most 50 ms a frame: fast enough to turn the picture by hand."),
+    ("interactive", Preset::Interactive, "At most 50 ms per frame: fast enough for interactive rotation."),
     (
         "balanced",
         Preset::Balanced,
-        "Within ΔE00 1 of the truth in 95 of 100 pixels: but for a few, none looks different.",
+        "Within ΔE00 1 of the truth in 95 of 100 pixels: hardly visible differences.",
     ),
-    ("reference", Preset::Reference, "Within ΔE00 0.25 of the truth in 95 of 100 pixels: nobody sees a difference."),
+    ("reference", Preset::Reference, "Within ΔE00 0.25 of the truth in 95 of 100 pixels: no visible difference."),
 ];
 
 /// Shows the accuracy panel.
@@ -58,7 +58,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             let dragged =
                 number(ui, &mut step, 3, |drag| drag.speed(0.02).range(shortest..=longest).suffix(" voxels"));
             dragged.widget_info(|| WidgetInfo::slider(true, step, "step"));
-            let help = "How far apart the volume is looked at along a ray. Half the step takes about twice the time, and errs by a fourth.";
+            let help = "Distance between samples along a ray. Half the step takes about twice the time, and has a quarter of the error.";
             if dragged.on_hover_text(help).changed() {
                 let accuracy = Accuracy { step_length: step * voxel, ..scene.accuracy.clone() };
                 asked.push(Action::Edit(Edit::Accuracy(accuracy)));
@@ -68,7 +68,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             Some((part, stage)) => {
                 let bar = part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new);
                 ui.add(bar.text(RichText::new(stage).small()));
-                if ui.button("Cancel").on_hover_text("Measures no further.").clicked() {
+                if ui.button("Cancel").on_hover_text("Stops the measurement.").clicked() {
                     asked.push(Action::GiveUp);
                 }
             }
@@ -81,9 +81,9 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
             plot(ui, &scene.accuracy, curve, asked);
             let [width, height] = curve.size;
             let of = if is_of_this {
-                format!("measured of this view, {width}×{height} pixels")
+                format!("measured for this view, {width}×{height} pixels")
             } else {
-                format!("measured of another view, {width}×{height} pixels: measure again for this one")
+                format!("measured for another view, {width}×{height} pixels: measure again for this one")
             };
             ui.label(RichText::new(of).small().weak());
         }
@@ -93,15 +93,15 @@ pub(super) fn show(ui: &mut Ui, document: &Document, effort: Effort<'_>, asked: 
 /// Colour errors of the colour model.
 fn colours(ui: &mut Ui, planned: &Planned) {
     let Some(model) = &planned.model else {
-        ui.label(RichText::new("Another light is exact; errors are of the march, by its steps.").small()).on_hover_text(
-            "A pixel keeps how much it shows of each material, and nothing of a spectrum is left out. What is measured below is \
-             how far the march is from one of very short steps.",
+        ui.label(RichText::new("Relighting is exact; only the steps of the march cause errors.").small()).on_hover_text(
+            "A pixel stores material weights, which lose nothing of a spectrum. The errors below compare the march with one of \
+             very short steps.",
         );
         return;
     };
-    let text = format!("{} numbers stand for a spectrum. Colours are off by ΔE00:", planned.plan.components());
+    let text = format!("{} coefficients represent a spectrum. Colour errors, ΔE00:", planned.plan.components());
     ui.label(RichText::new(text).small()).on_hover_text(
-        "The colour model's own error, over spectra that this scene can make; of ΔE00, 1 can just be seen side by side.",
+        "Error of the colour model over possible spectra of this scene; ΔE00 1 is just visible side by side.",
     );
     Grid::new("model error").num_columns(4).spacing([10.0, 2.0]).show(ui, |ui| {
         for head in ["under", "mean", "p95", "most"] {
@@ -124,7 +124,7 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         for (name, preset, help) in PRESETS {
             let help =
-                format!("{help} Measures settings of this scene here, some seconds each, and takes the one that does.");
+                format!("{help} Measures settings of this scene on this device, some seconds each, and applies the one that reaches the goal.");
             if ui.small_button(name).on_hover_text(help).clicked() {
                 asked.push(Action::Measure(Some(preset.goal())));
             }
@@ -138,7 +138,7 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
             });
             let button = ui.add(Button::new("Choose").small());
             button.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("choose by {label}")));
-            if button.on_hover_text("Measures settings until one does this, and takes it.").clicked() {
+            if button.on_hover_text("Measures settings until one reaches the goal, and applies it.").clicked() {
                 asked.push(Action::Measure(Some(goal(wanted))));
             }
         });
@@ -156,12 +156,12 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
         "frame within",
         50.0,
         " ms",
-        "The setting nearest to the truth whose frames, march and relight, take no longer.",
+        "The most accurate setting with frames (march and relight) within this time.",
         Goal::Budget,
     );
     if ui
         .small_button("Measure the curve")
-        .on_hover_text("What steps an octave apart take here, and how far from the truth they are. Without a graphics card it takes a minute or so, and can be cancelled.")
+        .on_hover_text("Time and error of step lengths an octave apart on this device. Takes about a minute without a graphics card, and can be cancelled.")
         .clicked()
     {
         asked.push(Action::Measure(None));
@@ -216,13 +216,13 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
         }
         let error = it.point.error;
         let help = format!(
-            "{}: {:.1} ms a frame; ΔE00 {:.2} on average, within {:.2} in 95 of 100 pixels, {:.2} at most.{} Click to take it.",
+            "{}: {:.1} ms per frame; ΔE00 {:.2} on average, within {:.2} in 95 of 100 pixels, {:.2} at most.{} Click to apply it.",
             it.name,
             it.point.frame_ms,
             error.mean,
             error.p95,
             error.max,
-            if on_front { "" } else { " Another one is faster and no worse." }
+            if on_front { "" } else { " Another setting is faster and as accurate." }
         );
         if touched.on_hover_text(help).clicked() {
             asked.push(Action::Edit(Edit::Accuracy(it.accuracy.clone())));
@@ -240,9 +240,9 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
     say(rect.left_bottom() - vec2(8.0, 0.0), Align2::RIGHT_CENTER, format!("{near:.2}"));
     say(rect.left_center() - vec2(8.0, 0.0), Align2::RIGHT_CENTER, "ΔE00".to_owned());
     say(rect.left_bottom() + vec2(0.0, 9.0), Align2::LEFT_TOP, format!("{fast:.1} ms"));
-    say(rect.right_bottom() + vec2(0.0, 9.0), Align2::RIGHT_TOP, format!("{slow:.1} ms a frame"));
+    say(rect.right_bottom() + vec2(0.0, 9.0), Align2::RIGHT_TOP, format!("{slow:.1} ms per frame"));
     ui.label(
-        RichText::new("right: slower; up: farther from the truth; ring: now; both scales are logarithmic")
+        RichText::new("right: slower; up: larger error; ring: current setting; both scales are logarithmic")
             .small()
             .weak(),
     );

@@ -122,7 +122,7 @@ impl Chooser {
     pub fn ask_volume(&mut self, source: Source, (scene, is_named): (&Path, bool)) {
         let name = scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let folder = self.folder.as_deref().or(scene.parent());
-        let mut dialog = dialog(&format!("Which volume is {name} to show?"), folder);
+        let mut dialog = dialog(&format!("Which volume should {name} show?"), folder);
         dialog = dialog.add_file_filter(VOLUMES, Filter::new(is_known)).default_file_filter(VOLUMES);
         dialog.pick_file();
         self.begin(Stage::Volume(Box::new(source), is_named, Box::new(dialog)));
@@ -273,28 +273,28 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
         // Everything has been saved in the meantime.
         return Some(Some(Action::Leave(leaving.clone())));
     }
-    let (verb, what) = match leaving {
-        Leaving::Open(_) => ("Open", "Leave"),
-        Leaving::Close => ("Close", "Close"),
+    let verb = match leaving {
+        Leaving::Open(_) => "Open",
+        Leaving::Close => "Close",
     };
     let (heading, go_on) = if losing.changes {
-        (format!("{what} what was changed?"), format!("{verb} without saving"))
+        ("Discard the changes?".to_owned(), format!("{verb} without saving"))
     } else {
-        (format!("{verb} before all is saved?"), format!("{verb} now"))
+        (format!("{verb} before everything is saved?"), format!("{verb} now"))
     };
     let escape = context.input(|input| input.key_pressed(Key::Escape));
     let shown = Modal::new(Id::new("unsaved")).show(context, |ui| {
         ui.set_max_width(360.0);
         ui.heading(heading);
         if losing.changes {
-            ui.label("It is not saved as a session, and cannot be had back.");
+            ui.label("The changes are not saved as a session, and will be lost.");
         }
         if losing.tour {
-            ui.label("A tour is being saved: its pictures that are not there yet will not come.");
+            ui.label("A tour is being saved: its remaining pictures will not be written.");
         }
         if losing.picture {
             ui.label(
-                "What was asked to be saved of the picture waits until that is as fine as it gets, and will not come.",
+                "A picture or film waits for the full resolution: it will not be saved.",
             );
         }
         ui.add_space(6.0);

@@ -153,7 +153,7 @@ impl Typing {
         }
         let number = parsed(text);
         if number.is_none() {
-            *self.refused.borrow_mut() = Some(format!("“{text}” is no number, such as 0.25: nothing was changed."));
+            *self.refused.borrow_mut() = Some(format!("“{text}” is not a number (such as 0.25): nothing was changed."));
         }
         self.typed.set(number);
         number
@@ -169,7 +169,7 @@ impl Typing {
         if let Some(typed) = self.typed.get().filter(|typed| (typed - is).abs() > near(*typed)) {
             let than = if typed > is { "more" } else { "less" };
             let [typed, is] = [typed, is].map(|number| shorter(number, number.to_string(), 3));
-            say(&field.ctx, id, format!("{typed} is {than} than is possible here: it became {is}."));
+            say(&field.ctx, id, format!("{typed} is {than} than the limit: the value is now {is}."));
         }
         show_said(id, &field, is);
         let as_shown =

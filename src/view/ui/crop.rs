@@ -53,14 +53,14 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let crop = document.state().crop();
         ui.horizontal(|ui| {
             let mut on = crop.is_some();
-            let switch = ui.checkbox(&mut on, "crop").on_hover_text("Shows the part of the volume within a box alone.");
+            let switch = ui.checkbox(&mut on, "crop").on_hover_text("Shows only the part of the volume in a box.");
             if switch.changed() {
                 let last = ui.data(|data| data.get_temp::<[DVec3; 2]>(kept()));
                 asked.push(Action::Edit(Edit::Crop(on.then(|| last.unwrap_or([DVec3::ZERO, DVec3::ONE])))));
                 ui.data_mut(|data| crop.map(|crop| data.insert_temp(kept(), crop)));
             }
             let mut shown = !ui.data(|data| data.get_temp(hidden())).unwrap_or(false);
-            let help = "Its edges over the picture, with a handle on each side to drag.";
+            let help = "Shows the edges of the box, with a handle to drag on each side.";
             if ui.add_enabled(on, egui::Checkbox::new(&mut shown, "box")).on_hover_text(help).changed() {
                 ui.data_mut(|data| data.insert_temp(hidden(), !shown));
             }
@@ -72,7 +72,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 None => (crop.is_some_and(|crop| crop != all), Edit::Crop(Some(all))),
             };
             let button = ui.add_enabled(changed, egui::Button::new("Reset crop").small());
-            if button.on_hover_text("The part that the scene shows, or all of it.").clicked() {
+            if button.on_hover_text("The crop box of the scene, or the whole volume.").clicked() {
                 asked.push(Action::Edit(reset));
             }
         });
@@ -89,10 +89,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                     let other = now[1 - end][axis];
                     if dragged.changed() && !dragged.dragged() && if end == 0 { value > other } else { value < other } {
                         let word = ["to", "from"][end];
-                        say_beside(&dragged, format!("It stops at “{word}”, which is {other:.4}: move that first."));
+                        say_beside(&dragged, format!("The limit is “{word}”, which is {other:.4}: move that first."));
                     }
                     let dragged = dragged.on_hover_ui(|ui| {
-                        ui.label(format!("{}. Drag, or type a part from 0 to 1.", part_text(document, axis, value)));
+                        ui.label(format!("{}. Drag, or type a fraction from 0 to 1.", part_text(document, axis, value)));
                     });
                     dragged.widget_info(|| WidgetInfo::slider(true, value, format!("crop {name}: {word}")));
                 }
@@ -169,13 +169,13 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     // If only some corners are behind the eye, the eye is in or close to the volume.
     let is_beside = corners.len() == places.len() && !around.intersects(rect);
     if corners.is_empty() || is_beside {
-        return Some(("The volume is beside the picture.", "Reset the camera", Move::Reset));
+        return Some(("The volume is outside the picture.", "Reset the camera", Move::Reset));
     }
     if corners.len() < places.len() {
         return None;
     }
     if around.size().max_elem() < THINNEST_SEEN {
-        return Some(("The volume is too far away to be seen.", "Reset the camera", Move::Reset));
+        return Some(("The volume is too far away to be visible.", "Reset the camera", Move::Reset));
     }
     let spread = |normal: Vec2| {
         let along = || corners.iter().map(|corner| corner.to_vec2().dot(normal));
@@ -188,7 +188,7 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     let outward = geometry.direction.col(thin);
     let face =
         Side::ALL.into_iter().max_by(|one, other| outward.dot(one.outward()).total_cmp(&outward.dot(other.outward())));
-    let told = ("What is shown is a thin sheet, seen from its edge.", "Look at its face", Move::Axis(face?));
+    let told = ("The shown part is a thin sheet, seen from its edge.", "Look at its face", Move::Axis(face?));
     (thickness < THINNEST_SEEN).then_some(told)
 }
 
@@ -208,7 +208,7 @@ pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
         |axis: &usize| geometry.dims[*axis] > 1 && parts[*axis] < SLICE && lengths[*axis] < scene.accuracy.step_length;
     let axis = (0..3).find(is_thin)?;
     let text =
-        format!("Along {}, the crop box is thinner than a step of the rays: little is there to see.", AXES[axis]);
+        format!("Along {}, the crop box is thinner than a step of the rays, so little is visible.", AXES[axis]);
     let mut whole = crop;
     (whole[0][axis], whole[1][axis]) = (0.0, 1.0);
     Some((text, Edit::Crop(Some(whole))))

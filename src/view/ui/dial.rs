@@ -38,15 +38,15 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         draw_hand(ui, document, &map);
         names(ui, document, &map);
         hand.on_hover_text(
-            "Drag the hand between the lights: the nearer, the stronger. Click a node for that light alone. \
-             Right-click a node to leave it out, drag it with Shift to move it.",
+            "Drag the hand between the lights: nearer lights are stronger. Click a node for its light alone. \
+             Right-click a node to switch it off, drag it with Shift to move it.",
         );
         // One line in both cases, so that the controls below do not move.
         let (now, help) = match document.state().light.mixing {
-            Mixing::Sliders => ("The sliders mix: click the dial to let it.", "The nodes and the hand wait."),
+            Mixing::Sliders => ("The sliders mix: click the dial to use it.", "The dial has no effect until you click it."),
             Mixing::Dial => (
                 "The dial mixes: move a slider to take over.",
-                "While it mixes, master and keep brightness are the dial's own, and it has no use for the lights' switches.",
+                "While the dial mixes, it uses its own master and keep brightness, and ignores the switches of the lights.",
             ),
         };
         ui.label(RichText::new(now).small().weak()).on_hover_text(help);
@@ -54,13 +54,13 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         ui.horizontal(|ui| {
             let moved = reset_nodes(document.opened()) != dial.nodes;
             let reset = ui.add_enabled(moved, egui::Button::new("Reset nodes"));
-            let reset = reset.on_hover_text("All of them take part, where the scene has them.");
-            if reset.on_disabled_hover_text("All nodes take part, where the scene has them.").clicked() {
+            let reset = reset.on_hover_text("Switches all nodes on and moves them to their positions in the scene.");
+            if reset.on_disabled_hover_text("All nodes are on, at their positions in the scene.").clicked() {
                 asked.push(Action::Edit(Edit::ResetDial));
             }
             let even = ui.add_enabled(polygon(dial) != dial.nodes, egui::Button::new("Polygon"));
-            let even = even.on_hover_text("All of them take part, at the corners of a regular polygon.");
-            if even.on_disabled_hover_text("They are the corners of a regular polygon.").clicked() {
+            let even = even.on_hover_text("Switches all nodes on and moves them to the corners of a regular polygon.");
+            if even.on_disabled_hover_text("All nodes are on, at the corners of a regular polygon.").clicked() {
                 asked.push(Action::Edit(Edit::Polygon));
             }
         });

@@ -18,13 +18,13 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             ui.label("Exposure");
             ui.spacing_mut().slider_width = ui.available_width() - 76.0;
             let slider = slider(ui, &mut exposure, 0.05..=20.0, 2, |slider| slider.logarithmic(true));
-            if slider.on_hover_text("What all colours are multiplied by before they are shown.").changed() {
+            if slider.on_hover_text("Factor of all colours before display.").changed() {
                 asked.push(Action::Edit(Edit::Exposure(exposure)));
             }
         });
         let mut adapt = display.adapt;
         let adapts = ui.checkbox(&mut adapt, "eye adapts to the light");
-        if adapts.on_hover_text("White looks white under every light; off, a tungsten light looks orange.").changed() {
+        if adapts.on_hover_text("On: white looks white under every light. Off: tungsten light looks orange.").changed() {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
         ui.horizontal_wrapped(|ui| {
@@ -37,12 +37,12 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 Some(Deficiency::Tritan) => "tritan (blue-blind)",
             };
             ComboBox::from_id_salt("seen by").width(0.0).selected_text(named(by)).show_ui(ui, |ui| {
-                ui.selectable_value(&mut by, None, named(None)).on_hover_text("As most people see it.");
+                ui.selectable_value(&mut by, None, named(None)).on_hover_text("Normal colour vision.");
                 for one in Deficiency::ALL {
                     let help = match one {
-                        Deficiency::Protan => "As somebody sees it without cones for long waves: red is dark.",
-                        Deficiency::Deutan => "As somebody sees it without cones for middle waves: red and green meet.",
-                        Deficiency::Tritan => "As somebody sees it without cones for short waves: blue and green meet.",
+                        Deficiency::Protan => "Vision without cones for long wavelengths: red is dark.",
+                        Deficiency::Deutan => "Vision without cones for medium wavelengths: red and green look alike.",
+                        Deficiency::Tritan => "Vision without cones for short wavelengths: blue and green look alike.",
                     };
                     ui.selectable_value(&mut by, Some(one), named(Some(one))).on_hover_text(help);
                 }
@@ -56,12 +56,12 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             for observer in Observer::ALL {
                 let (name, help) = match observer {
                     Observer::Cie1931 => {
-                        ("2° (1931)", "The CIE's standard observer of 1931, for things as small as on a screen. D65 is white.")
+                        ("2° (1931)", "CIE standard observer of 1931, for small fields such as details on a screen. D65 is white.")
                     }
                     Observer::Cie1964 => (
                         "10° (1964)",
-                        "The CIE's standard observer of 1964, for large surfaces. D65 is white to it, too; spectra that look \
-                         alike to one may differ to the other.",
+                        "CIE standard observer of 1964, for large fields. D65 is white, too; metamers for one observer may \
+                         differ for the other.",
                     ),
                 };
                 let button = toggle(ui, display.observer == observer, name).on_hover_text(help);

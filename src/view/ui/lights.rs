@@ -24,21 +24,21 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let other_alone = state.light.solo.is_some_and(|alone| alone != index);
             let switch = |ui: &mut Ui| {
                 swatch(ui, &light.spectrum, &state.scene.display, 16.0)
-                    .on_hover_text("The light's own colour to whoever looks, at its brightest.");
+                    .on_hover_text("Colour of the light on the display, at full brightness.");
                 let mut on = if by_slider { stated.is_some_and(|slider| slider.on) } else { share > 0.0 };
                 let name = RichText::new(&light.name).strong();
                 let switch = ui.add_enabled(by_slider && !other_alone, Checkbox::new(&mut on, name));
                 let switch =
                     switch.on_hover_text("Switches this light on and off.").on_disabled_hover_text(if by_slider {
-                        "Another light shines alone: press its solo again for all of them."
+                        "Another light is on solo: press its solo again for all lights."
                     } else {
-                        "The dial mixes now, without switches: move a slider, or press solo, to take over."
+                        "The dial mixes, and ignores the switches: move a slider or press solo to take over."
                     });
                 switch.changed().then_some(Action::Edit(Edit::On(index, on)))
             };
             let solo = |ui: &mut Ui| {
                 let alone = state.light.solo == Some(index) && by_slider;
-                let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all again.");
+                let solo = toggle(ui, alone, "solo").on_hover_text("This light alone, or all lights again.");
                 curve(ui, light.spectrum.spectrum(), Vec2::new(56.0, 16.0)).on_hover_ui(|ui| {
                     ui.label(format!("{}: power from 380 to 780 nm", light.name));
                     curve(ui, light.spectrum.spectrum(), Vec2::new(260.0, 90.0));
@@ -50,7 +50,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let mut weight = if by_slider { stated.map_or(0.0, |slider| slider.weight) } else { share };
             ui.spacing_mut().slider_width = ui.available_width() - 62.0;
             let moved = slider(ui, &mut weight, 0.0..=2.0, 2, |slider| slider.fixed_decimals(2))
-                .on_hover_text("How strongly it shines, as a multiple of what the scene states.");
+                .on_hover_text("Strength of the light, as a multiple of its intensity in the scene.");
             name(&moved, &format!("{}: strength", light.name), weight);
             if moved.changed() {
                 asked.push(Action::Edit(Edit::Weight(index, weight)));
@@ -60,15 +60,15 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         let (whose, help) = match state.light.mixing {
             Mixing::Sliders => (
                 "master and brightness: kept by the sliders",
-                "A white surface keeps its brightness, whatever the sliders mix. The dial has a switch of its own.",
+                "A white surface has the same brightness under every mix of the sliders. The dial has a switch of its own.",
             ),
             Mixing::Dial => (
                 "master and brightness: kept by the dial",
-                "A white surface keeps its brightness wherever the hand is. This is the dial's; the sliders have their own.",
+                "A white surface has the same brightness at every position of the hand. The sliders have a switch of their own.",
             ),
         };
         ui.horizontal(|ui| {
-            ui.label("Master").on_hover_text("All lights together.");
+            ui.label("Master").on_hover_text("Strength of all lights together.");
             let dragged = number(ui, &mut master, 3, |drag| drag.speed(0.01).range(0.0..=BRIGHTEST))
                 .on_hover_text("Drag, or type a number.");
             name(&dragged, "master", master);
@@ -81,7 +81,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             }
         });
         ui.label(RichText::new(whose).small().weak())
-            .on_hover_text("The sliders and the dial have a master and a switch each; these are of what mixes now.");
+            .on_hover_text("The sliders and the dial each have a master and a switch; these belong to the one that mixes.");
     });
 }
 

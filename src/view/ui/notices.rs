@@ -48,7 +48,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
     let area = area.pivot(Align2::RIGHT_BOTTOM).fixed_pos(corner).show(ui.ctx(), |ui| {
         ui.set_max_width(width);
         if let Some(document) = shown.document.filter(|document| !document.state().is_lit()) {
-            notice(ui, "No light arrives: the picture is black.", "Turn the lights on", || {
+            notice(ui, "All lights are off: the picture is black.", "Turn the lights on", || {
                 asked.extend(lit(document).into_iter().map(Action::Edit));
             });
         }
@@ -63,19 +63,19 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
                 notice(ui, &text, "Show all that way", || asked.push(Action::Edit(edit)));
             }
             if let Some((button, edit)) = nothing_shown(document) {
-                let text = "Nothing of the volume is shown: no value that occurs has an opacity.";
+                let text = "Nothing of the volume is visible: the opacity of all its values is 0.";
                 notice(ui, text, button, || asked.push(Action::Edit(edit)));
             }
         }
         if let Some(Tour::Saving { frames, saved, .. }) = shown.tour {
             let text = format!(
-                "The tour is being saved, {saved} of {frames} pictures so far. The picture goes with it, and then comes back to the \
-                 light that the panels show."
+                "The tour is being saved: {saved} of {frames} pictures. The picture shows the tour, and afterwards the light of the \
+                 panels again."
             );
             notice(ui, &text, "Cancel", || asked.push(Action::Tour(None)));
         }
         if shown.stopped {
-            let text = "The device was lost again before it had shown a picture. Perhaps this scene takes it too long.";
+            let text = "The device was lost again before the first picture. This scene may take it too long.";
             notice(ui, text, "Start the device again", || asked.push(Action::Restart));
         }
         for (index, Notice { text, .. }) in shown.notices.iter().enumerate() {

@@ -81,14 +81,14 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
 }
 
 fn offer(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
-    ui.label("This scene has no palette: its spectra stand by themselves.");
-    ui.label("A palette says which colour each material is to have under each light. One for the materials that show can be made: under the second light all look alike, under the first they keep what they can of their hues.");
+    ui.label("This scene has no palette: its spectra are independent of each other.");
+    ui.label("A palette has a target colour for each material under each light. The default palette has the visible materials: under the second light they all look alike, under the first they keep their hues as far as possible.");
     if is_running(ui, design, asked) {
         return;
     }
     if ui
         .button("Design a palette")
-        .on_hover_text("What it asks for can be changed before anything is solved.")
+        .on_hover_text("You can change the targets before solving.")
         .clicked()
     {
         asked.push(Action::Offer);
@@ -115,8 +115,8 @@ fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>
     let scene = &state.scene;
     Grid::new("palette matrix").spacing([6.0, 6.0]).show(ui, |ui| {
         ui.label(RichText::new("asked | now, ΔE00").small().weak()).on_hover_text(
-            "A cell is a material under a light: at the left what is asked of it, = where that is another cell's colour, at the right what \
-             it looks like now, and how far that is off in ΔE00, of which 1 can just be seen.",
+            "A cell is a material under a light. Left: the target, with = for the colour of another cell. Right: the present colour and \
+             its difference from the target in ΔE00 (1 is just visible).",
         );
         for (index, light) in palette.lights.iter().enumerate() {
             ui.vertical(|ui| {
@@ -139,7 +139,7 @@ fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>
 fn for_whom(ui: &mut Ui, display: &Display) {
     if display.observer != Observer::default() || display.deficiency.is_some() {
         let text =
-            "Whoever looks at the picture: palettes are designed, and shown here, for the 2° observer with all cones.";
+            "Regardless of the display settings, palettes are designed and shown here for the 2° observer with normal colour vision.";
         ui.label(RichText::new(text).small());
     }
 }
@@ -150,14 +150,14 @@ fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member,
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().icon_spacing = 2.0;
         let is_chosen = chosen(ui) == Some(Chosen::Member(side, index));
-        if ui.selectable_label(is_chosen, &member.name).on_hover_text("Its spectrum, and what that may be.").clicked() {
+        if ui.selectable_label(is_chosen, &member.name).on_hover_text("Shows its spectrum and the bounds.").clicked() {
             choose(ui, Chosen::Member(side, index));
         }
         let mut open = member.spectrum.is_none();
         let check = ui.checkbox(&mut open, RichText::new("open").small());
         let name = format!("{}: open", member.name);
         check.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, open, &name));
-        if check.on_hover_text("Open: its spectrum is found. Otherwise it is given, and stays as it is.").changed() {
+        if check.on_hover_text("Open: solving finds its spectrum. Otherwise the spectrum is given and stays.").changed() {
             step(asked, Step::Open(side, index, open));
         }
     });
@@ -170,7 +170,7 @@ fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member,
 fn alone(ui: &mut Ui, state: &State, name: &str, asked: &mut Vec<Action>) {
     let Some(index) = state.scene.lights.iter().position(|light| light.name == name) else { return };
     let alone = state.light.solo == Some(index) && state.light.mixing == Mixing::Sliders;
-    let solo = toggle(ui, alone, "solo").on_hover_text("The picture under this light alone, or all again.");
+    let solo = toggle(ui, alone, "solo").on_hover_text("The picture under this light alone, or under all lights again.");
     solo.widget_info(|| WidgetInfo::selected(WidgetType::Button, true, alone, format!("{name}: solo")));
     if solo.clicked() {
         asked.push(Action::Edit(Edit::Solo((!alone).then_some(index))));
@@ -217,8 +217,8 @@ fn cell(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, column: usize
         [palette.materials.get(row), palette.lights.get(column)].map(|it| it.map_or("", |it| &it.name));
     let name = format!("{material} under {light}");
     response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, &name));
-    let off = difference.map_or_else(String::new, |off| format!("; it is off by ΔE00 {off:.2}"));
-    if response.on_hover_text(format!("{name}: asked is {asks}{off}. Left what is asked, right what is.")).clicked() {
+    let off = difference.map_or_else(String::new, |off| format!("; difference ΔE00 {off:.2}"));
+    if response.on_hover_text(format!("{name}: target {asks}{off}. Left: target. Right: present colour.")).clicked() {
         choose(ui, Chosen::Cell(row, column));
     }
 }
@@ -228,7 +228,7 @@ fn details(ui: &mut Ui, scene: &Scene, palette: &Palette, asked: &mut Vec<Action
         Some(Chosen::Cell(row, column)) => cell_details(ui, scene, palette, row, column, asked),
         Some(Chosen::Member(side, index)) => member_details(ui, scene, palette, side, index, asked),
         None => {
-            ui.label(RichText::new("Click a cell, a material or a light to see what is asked of it.").weak());
+            ui.label(RichText::new("Click a cell, a material or a light for its target or spectrum.").weak());
         }
     }
 }
@@ -243,7 +243,7 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
         let mut ask = |target: Option<Target>| step(asked, Step::Target(row, column, target));
         ComboBox::from_id_salt("target").selected_text(palette.target_text(row, column)).show_ui(ui, |ui| {
             let kind = found.map(|cell| cell.target);
-            if ui.selectable_label(kind.is_none(), "free").on_hover_text("Whatever comes.").clicked() {
+            if ui.selectable_label(kind.is_none(), "free").on_hover_text("No target.").clicked() {
                 ask(None);
             }
             if ui.selectable_label(matches!(kind, Some(Target::Srgb(_))), "a colour").clicked() {
@@ -251,7 +251,7 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
             }
             if ui
                 .selectable_label(kind == Some(Target::Black), "black")
-                .on_hover_text("It sends nothing back.")
+                .on_hover_text("No reflected light.")
                 .clicked()
             {
                 ask(Some(Target::Black));
@@ -270,12 +270,12 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
             }
         });
         let mut code = [r, g, b];
-        if found.is_some() && ui.color_edit_button_srgb(&mut code).on_hover_text("The colour asked for.").changed() {
+        if found.is_some() && ui.color_edit_button_srgb(&mut code).on_hover_text("Target colour.").changed() {
             ask(Some(Target::Srgb(code)));
         }
         if let Some(cell) = found {
             let mut weight = cell.weight;
-            ui.label("weight").on_hover_text("How much its ΔE00 counts beside others.");
+            ui.label("weight").on_hover_text("Weight of its ΔE00 relative to other cells.");
             if number(ui, &mut weight, 3, |drag| drag.speed(0.02).range(1e-3..=1e3)).changed() {
                 step(asked, Step::Weight(row, column, weight));
             }
@@ -283,7 +283,7 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
     });
     if found.is_some() && material.spectrum.is_some() && light.spectrum.is_some() {
         let text = format!(
-            "{} and {} are both given: to solve changes nothing here. Tick the one whose spectrum is to be found.",
+            "{} and {} are both given, so solving changes nothing here. Tick the one with the spectrum to solve for.",
             material.name, light.name
         );
         ui.label(RichText::new(text).small());
@@ -301,12 +301,12 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
         plot(ui, &[(spectrum, ui.visuals().strong_text_color())], vec2(300.0, 90.0));
     }
     if member.spectrum.is_some() {
-        ui.label(RichText::new("given: it stays as it is").small().weak());
+        ui.label(RichText::new("given: solving does not change it").small().weak());
         return;
     }
     ui.horizontal(|ui| {
         let [mut low, mut high] = member.bounds;
-        let unit = if side == Side::Light { "times its mean" } else { "of what falls on it" };
+        let unit = if side == Side::Light { "times its mean" } else { "of the incident light" };
         ui.label("from");
         let lower = number(ui, &mut low, 3, |drag| drag.speed(0.02).range(-1e3..=1e3));
         ui.label("to");
@@ -321,12 +321,12 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
                     step(asked, Step::Bounds(side, index, to));
                 }
             };
-            bounds(ui, "natural", NATURAL, "Bounds from 0 to 1: what real surfaces reflect.");
+            bounds(ui, "natural", NATURAL, "Bounds from 0 to 1, as for real surfaces.");
             bounds(
                 ui,
                 "signed",
                 [-1.0, 1.0],
-                "Bounds from -1 to 1: negative, too. No surface is like that, but more colours can be had.",
+                "Bounds from -1 to 1: negative reflectance is unphysical, but reaches more colours.",
             );
         }
     });
@@ -335,7 +335,7 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
         // Logarithmic: the steps 10⁻⁶ → 10⁻³ and 10⁻³ → 1 are equal.
         let mut power = member.smoothness.log10();
         let field = number(ui, &mut power, 2, |drag| drag.speed(0.02).range(-12.0..=6.0).prefix("10^"));
-        let help = "What bends of the spectrum count beside ΔE00: more is smoother and less exact.";
+        let help = "Weight of the curvature relative to ΔE00: larger is smoother and less exact.";
         if field.on_hover_text(help).changed() {
             step(asked, Step::Smoothness(side, index, 10.0_f64.powf(power)));
         }
@@ -346,7 +346,7 @@ fn member_details(ui: &mut Ui, scene: &Scene, palette: &Palette, side: Side, ind
 fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         let mut settled = palette.model.is_some();
-        let help = "Fits a colour model of so many numbers first, and finds spectra whose colours it shows well; the scene has to ask for as many.";
+        let help = "Fits a colour model of this dimension first, and solves for spectra that it represents well; the scene must use the same k.";
         let usual = ModelTerm { dimension: 8, weight: 1.0 };
         if ui.checkbox(&mut settled, "for a colour model").on_hover_text(help).changed() {
             step(asked, Step::Model(settled.then_some(usual)));
@@ -356,7 +356,7 @@ fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
             let k = number(ui, &mut term.dimension, 0, |drag| drag.speed(0.05).range(1..=LARGEST_DIMENSION));
             ui.label("weight");
             let weight = number(ui, &mut term.weight, 3, |drag| drag.speed(0.02).range(1e-3..=1e3));
-            if weight.on_hover_text("What its own ΔE00 counts.").changed() || k.changed() {
+            if weight.on_hover_text("Weight of the model's ΔE00.").changed() || k.changed() {
                 step(asked, Step::Model(Some(term)));
             }
         }
@@ -367,7 +367,7 @@ fn model(ui: &mut Ui, palette: &Palette, asked: &mut Vec<Action>) {
 fn is_running(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) -> bool {
     let Some((part, stage)) = design.running else { return false };
     ui.add(part.map_or_else(|| ProgressBar::new(0.0), ProgressBar::new).text(RichText::new(stage).small()));
-    if ui.button("Cancel").on_hover_text("Solves no further; spectra stay as they are.").clicked() {
+    if ui.button("Cancel").on_hover_text("Stops solving; the spectra stay unchanged.").clicked() {
         asked.push(Action::GiveUp);
     }
     true
@@ -379,15 +379,15 @@ fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Act
     }
     ui.horizontal(|ui| {
         let help =
-            "Finds the open spectra, so that all cells come as near to what is asked as they can, and takes them.";
+            "Solves for the open spectra, with all cells as close to their targets as possible, and applies them.";
         let opens = palette.materials.iter().chain(&palette.lights).any(|member| member.spectrum.is_none());
         let solve = ui.add_enabled(opens, Button::new("Solve")).on_hover_text(help);
-        if solve.on_disabled_hover_text("All is given. Tick what is open: its spectrum is to be found.").clicked() {
+        if solve.on_disabled_hover_text("All spectra are given. Tick the open ones to solve for.").clicked() {
             asked.push(Action::Solve(None));
         }
         if ui
             .small_button("Offer anew")
-            .on_hover_text("Another palette in place of this one, for the materials that show: under the second of two lights all look alike, under the first they keep what they can of their hues.")
+            .on_hover_text("Replaces this palette by the default one of the visible materials: under the second of two lights they all look alike, under the first they keep their hues as far as possible.")
             .clicked()
         {
             asked.push(Action::Offer);
@@ -399,14 +399,14 @@ fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Act
 fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Action>) {
     for conflict in design.conflicts.iter().filter(|_| design.running.is_none()) {
         ui.separator();
-        ui.label(format!("Not all of this can be had: {}.", conflict.reason.trim_end_matches('.')));
+        ui.label(format!("The targets conflict: {}.", conflict.reason.trim_end_matches('.')));
         let steps: Vec<_> = conflict.ways_out.iter().filter_map(|way| Some((way, changed(palette, way)?))).collect();
         if steps.is_empty() {
-            ui.label(RichText::new("No single change is known that may help.").small().weak());
+            ui.label(RichText::new("No single change is known to resolve it.").small().weak());
             continue;
         }
         ui.label(
-            RichText::new("One of these may help; each solves it anew, and a step back undoes it:").small().weak(),
+            RichText::new("One of these changes may resolve it; each solves again, and one undo reverts it:").small().weak(),
         );
         ui.horizontal_wrapped(|ui| {
             for (way, change) in steps {

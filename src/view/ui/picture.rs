@@ -25,7 +25,7 @@ const KEY_TURN: f64 = 5.0;
 const NEARER: f64 = 1.1;
 
 /// Help text for the mouse.
-pub(super) const HELP: &str = "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll, wheel to go nearer. Click to look at a pixel.";
+pub(super) const HELP: &str = "Drag to orbit, drag with the right button or Shift to pan, with Ctrl to roll; use the wheel to go nearer. Click to probe a pixel.";
 
 /// Moves the camera by mouse and keyboard. Without a picture, shows the progress of loading or how to open a file. A
 /// click only closes an open `popup`.
@@ -152,7 +152,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
                 let sign = if side.outward().element_sum() < 0.0 { '−' } else { '+' };
                 let axis = ['x', 'y', 'z'][side.outward().abs().max_position()];
                 let volume = &document.state().scene.volume;
-                let help = format!("From this side of the volume, {sign}{axis} (key {number}).");
+                let help = format!("View from this side of the volume, {sign}{axis} (key {number}).");
                 let name = side_name(side, volume.anatomical);
                 if ui.small_button(name).on_hover_text(help).clicked() {
                     go(Move::Axis(side));
@@ -162,8 +162,8 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
         ui.horizontal_wrapped(|ui| {
             let parallel = matches!(document.state().scene.camera.projection, Projection::Orthographic { .. });
             let kinds = [
-                ("Perspective", false, "What is farther is smaller (key P changes)."),
-                ("Parallel rays", true, "Orthographic: what is farther is as large (key P changes)."),
+                ("Perspective", false, "Distant parts look smaller (key P toggles)."),
+                ("Parallel rays", true, "Orthographic: size does not depend on distance (key P toggles)."),
             ];
             for (name, is_it, help) in kinds {
                 let kind = toggle(ui, parallel == is_it, name).on_hover_text(help);
@@ -177,7 +177,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
         });
         let volume = &document.state().scene.volume;
         if !volume.anatomical && !volume.files.is_empty() {
-            let text = "Sides are the file's axes: it does not say which is a patient's left.";
+            let text = "Sides are axes of the file, which has no anatomical orientation.";
             ui.label(egui::RichText::new(text).small().weak());
         }
         ui.label(egui::RichText::new(HELP).small().weak());

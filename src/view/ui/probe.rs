@@ -38,7 +38,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
         area.show(ui, |ui| {
             ui.set_width(WIDTH);
             match probe {
-                None => drop(ui.label("The picture is on its way.")),
+                None => drop(ui.label("Waiting for the picture.")),
                 Some(probe) => contents(ui, document, probe),
             }
         });
@@ -51,7 +51,7 @@ pub(super) fn show(ui: &Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<Actio
 fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
     let [[x, y], [width, height]] = [probe.place, probe.size];
     ui.horizontal(|ui| {
-        patch(ui, &probe.now.shown.code(), 34.0).on_hover_text("The pixel as it is shown now.");
+        patch(ui, &probe.now.shown.code(), 34.0).on_hover_text("Present colour of the pixel.");
         ui.vertical(|ui| {
             ui.label(RichText::new(format!("{}   {}", probe.now.shown.code(), lab(&probe.now))).monospace())
                 .on_hover_text(
@@ -59,19 +59,19 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
                 );
             ui.label(
                 RichText::new(format!(
-                    "pixel {x}, {y} of {width}×{height}; {:.1} % passes",
+                    "pixel {x}, {y} of {width}×{height}; {:.1} % transmitted",
                     100.0 * probe.transmittance
                 ))
                 .small(),
             )
-            .on_hover_text("How much of the light from behind the volume passes through it here.");
+            .on_hover_text("Fraction of the light from behind the volume that reaches the eye here.");
         });
     });
     spectra(ui, probe);
     section(
         ui,
         "Under each light",
-        "The pixel under each light alone, as strong as the scene states: CIE L*a*b*, and how far that is from the truth in ΔE00, of which 1 can just be seen. The truth is this pixel in full spectra, in double precision, at an eighth of the steps.",
+        "The pixel under each light alone, at its intensity in the scene: CIE L*a*b*, and its error in ΔE00 (1 is just visible). The truth is this pixel with full spectra in double precision, at an eighth of the step.",
     );
     Grid::new("lights").num_columns(4).min_col_width(14.0).spacing([8.0, 3.0]).show(ui, |ui| {
         for lit in std::iter::once(&probe.now).chain(&probe.lights) {
@@ -92,19 +92,19 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         section(
             ui,
             "What it shows",
-            "How much of the pixel is each material, and its part in the brightness of the pixel as it is lit now: what is in the shade is less of it than it fills. The parts of its light add up to 100 %. Where no label says what a voxel is, its value \
-             does: at the edge of something bright there are all values in between, and so materials that are not there.",
+            "Share of each material in the pixel, and in its present brightness, which is smaller for parts in the shade. The shares of the light add up to 100 %. Voxels without a label get materials by their value: edges have intermediate values, and \
+             thus materials that the object does not have.",
         );
         shares(ui, ["shares", "of the pixel", "of its light"], &probe.shares, of);
         if probe.shares.iter().filter_map(|share| share.seen).sum::<f64>() > MORE_THAN_ALL {
-            let text = "Together it is more than the pixel: what hides nothing shines in front of the rest.";
+            let text = "The sum exceeds the pixel: X-ray materials hide nothing behind them.";
             ui.label(RichText::new(text).small().weak());
         }
     } else if !probe.seen.is_empty() {
         section(
             ui,
             "What it shows",
-            "This picture keeps a colour model's numbers, which do not tell materials apart: how much of each is seen comes from the ray, without its shade.",
+            "This picture stores coefficients of a colour model, which do not separate materials: the shares come from the ray, without shading.",
         );
         let materials = document.state().scene.materials.iter().map(|material| &material.name);
         for (name, seen) in materials.zip(&probe.seen).filter(|(_, seen)| **seen > 0.0005) {
@@ -120,27 +120,27 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         section(
             ui,
             "Where its light comes from",
-            "Each place that light comes from, and its part in the brightness of the pixel as it is lit now.",
+            "Share of each light position in the present brightness of the pixel.",
         );
         shares(ui, ["positions", "", "of its light"], &probe.positions, |_| None);
     }
     section(
         ui,
         "Along the ray",
-        "From the eye on: the line is the data value, bars what each stretch hides, in the colours of its materials, and the falling line how much light still passes.",
+        "From the eye: the thin line is the data value, bars are opacities in the colours of the materials, and the falling line is the transmittance.",
     );
     match probe.ray.as_deref() {
         None => {
-            ui.label(RichText::new("following the ray …").small().weak());
+            ui.label(RichText::new("marching the ray …").small().weak());
         }
         Some([]) => {
-            ui.label(RichText::new("The ray misses the volume, or what is shown of it.").small());
+            ui.label(RichText::new("The ray misses the volume, or its shown part.").small());
         }
         Some(met) => {
             ray(ui, document, met, &colours);
             if let Some(stretch) = probe.brightest() {
                 let (place, value) = (place(document, stretch), brief(stretch.value));
-                let text = format!("What it shows is mostly of value {value}, at {place}.");
+                let text = format!("Most of the light comes from the value {value}, at {place}.");
                 ui.label(RichText::new(text).small());
             }
         }
@@ -157,8 +157,8 @@ fn absorbers(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32
     section(
         ui,
         "What colours its light",
-        "The materials that absorb along the ray, and how much each takes of the light that is on its way to the eye. They need \
-         not reflect any: what they show is the light that they leave.",
+        "Materials that absorb along the ray, and the share of the light towards the eye that each absorbs. They are visible by \
+         the light that they transmit, even if they reflect none.",
     );
     for ((material, &colour), &taken) in taking {
         ui.horizontal(|ui| {
@@ -187,7 +187,7 @@ fn error(ui: &mut Ui, lit: &Lit) {
         None => ui.label(RichText::new("ΔE …").small().weak()),
         Some(error) => {
             let help = format!(
-                "{:.4} from the truth, all in all; {:.4} of full spectra at the same steps: what the colour model, tables and rounding do.",
+                "{:.4} from the truth in total; {:.4} from full spectra at the same step, which is the error of the colour model, tables and rounding.",
                 error.all, error.model
             );
             ui.label(RichText::new(format!("ΔE {:.2}", error.all)).small()).on_hover_text(help)
@@ -198,7 +198,7 @@ fn error(ui: &mut Ui, lit: &Lit) {
 fn spectra(ui: &mut Ui, probe: &Probe) {
     let (strong, weak) = (ui.visuals().strong_text_color(), blue(ui));
     let (Some(spectrum), Some(reflectance)) = (&probe.spectrum, &probe.reflectance) else {
-        ui.label(RichText::new("making spectra of the colour model's numbers …").small().weak());
+        ui.label(RichText::new("reconstructing spectra from the colour model …").small().weak());
         return;
     };
     // Power and reflectance have different units, so the curves are scaled to equal height.
@@ -207,18 +207,18 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
     let scaled = spectrum.scaled(most(reflectance) / most(spectrum));
     let scaled = if scaled.is_finite() { scaled } else { spectrum.clone() };
     plot(ui, &[(reflectance, weak), (&scaled, strong)], vec2(WIDTH, 74.0)).on_hover_text(
-        "What comes from this pixel at each wavelength, reflected or let through. Blue: of light that is alike at all of them, as a \
-         share. White or black: of the light that shines now, scaled to the same height.",
+        "Light from this pixel per wavelength, reflected or transmitted. Blue: under equal-energy light, as a fraction of it. White \
+         or black: under the present light, scaled to the same height.",
     );
     ui.horizontal(|ui| {
-        ui.label(RichText::new("blue: of even light, as a share").small().color(weak));
+        ui.label(RichText::new("blue: fraction of equal-energy light").small().color(weak));
         ui.label(
-            RichText::new(format!("{}: of the light of now", if ui.visuals().dark_mode { "white" } else { "black" }))
+            RichText::new(format!("{}: present light", if ui.visuals().dark_mode { "white" } else { "black" }))
                 .small(),
         );
     });
     if let Some(rms) = probe.spectral_error {
-        let text = format!("made of a colour model's numbers: off by {:.2} % on average", 100.0 * rms);
+        let text = format!("reconstructed from a colour model: mean error {:.2} %", 100.0 * rms);
         ui.label(RichText::new(text).small().weak());
     }
 }
@@ -254,11 +254,11 @@ fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: 
             ui.add(Label::new(&share.name).truncate());
             match share.seen {
                 Some(seen) => ui.label(percent(seen)).on_hover_text(
-                    "How much of the pixel it is, whatever its shade. X-ray materials hide nothing: with them it may be more than all.",
+                    "Share of the pixel, regardless of shading. The sum may exceed 100 %, because X-ray materials hide nothing.",
                 ),
                 None => ui.label(""),
             };
-            ui.label(percent(share.light)).on_hover_text("Its part in the brightness of the pixel.");
+            ui.label(percent(share.light)).on_hover_text("Share of the brightness of the pixel.");
             ui.end_row();
         }
     });
@@ -308,7 +308,7 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     });
     let [from, to] = [low, high].map(brief);
     let text = format!(
-        "thin line: value, {from} to {to}, over {length:.1} of the file's units of length, as mm; orange: light that still passes"
+        "thin line: value, {from} to {to}, over {length:.1} units of the file, such as mm; orange: transmittance"
     );
     ui.label(RichText::new(text).small().weak());
 }
@@ -326,7 +326,7 @@ fn mixed(stretch: &Stretch, colours: &[Color32]) -> Color32 {
         let sum: f64 = (depths.iter().zip(colours))
             .map(|(depth, colour)| depth / all.max(f64::MIN_POSITIVE) * f64::from(of(colour)))
             .sum();
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of bytes is one")]
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a mean of bytes is a byte")]
         let byte = sum.round().clamp(0.0, 255.0) as u8;
         byte
     };
@@ -353,7 +353,7 @@ fn told(document: &Document, stretch: &Stretch) -> String {
     let shown: Vec<String> = shown.into_iter().flatten().collect();
     let shown = if shown.is_empty() { "shows nothing".to_owned() } else { shown.join(" and ") };
     format!(
-        "At {:.2}, {}: value {}, which {shown}. It hides {:.2} %, and {:.2} % of the light in front of it passes.",
+        "At {:.2}, {}: value {}, which {shown}. Opacity {:.2} %; transmittance up to here {:.2} %.",
         stretch.distance,
         place(document, stretch),
         brief(stretch.value),

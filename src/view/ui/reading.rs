@@ -55,7 +55,7 @@ impl Reading {
             ui.add_space(6.0);
             ui.horizontal(|ui| {
                 let open = ui.add_enabled(sound, Button::new("Open"));
-                let open = open.on_disabled_hover_text("The file has too few bytes for that.").clicked();
+                let open = open.on_disabled_hover_text("The file has too few bytes for this layout.").clicked();
                 if open || sound && enter {
                     return Some(Answer::Open(self.answered()));
                 }
@@ -87,7 +87,7 @@ impl Reading {
             }
             Unknown::Layout { bytes, .. } => {
                 ui.heading(format!("How are the voxels of {file} stored?"));
-                let help = "The file has no header that says so. Its name often does, else whoever made it knows.";
+                let help = "The file has no header. Its name often states the layout; otherwise ask its author.";
                 ScrollArea::vertical().max_height(room).show(ui, |ui| {
                     ui.label(RichText::new(help).small());
                     stored(ui, &mut self.layout);
@@ -146,7 +146,7 @@ fn stored(ui: &mut Ui, layout: &mut RawLayout) {
             }
         });
         ui.end_row();
-        ui.label("Type").on_hover_text("What number a voxel is.");
+        ui.label("Type").on_hover_text("Number type of a voxel.");
         ui.horizontal(|ui| {
             ComboBox::from_id_salt("type").selected_text(layout.voxel_type.name()).width(80.0).show_ui(ui, |ui| {
                 for known in VoxelType::ALL {
@@ -164,13 +164,13 @@ fn stored(ui: &mut Ui, layout: &mut RawLayout) {
             }
         });
         ui.end_row();
-        ui.label("Skip").on_hover_text("Bytes before the first voxel that are none of it.");
+        ui.label("Skip").on_hover_text("Bytes before the first voxel.");
         ui.horizontal(|ui| {
             name(&number(ui, &mut layout.header_bytes, 0, |drag| drag.range(0..=u64::MAX >> 16)), "bytes to skip");
             ui.label("bytes");
         });
         ui.end_row();
-        ui.label("Spacing").on_hover_text("From voxel to voxel along x, y and z, as in millimetres.");
+        ui.label("Spacing").on_hover_text("Distance between voxels along x, y and z, for example in mm.");
         ui.horizontal(|ui| {
             for (step, axis) in layout.spacing.iter_mut().zip(AXES) {
                 let step = number(ui, step, 6, |drag| drag.range(1e-6..=1e6).speed(0.01));
@@ -190,10 +190,10 @@ fn name(response: &Response, of: &str) {
 fn fits(ui: &mut Ui, layout: &RawLayout, there: u64) -> bool {
     let taken = layout.bytes();
     let text = match taken {
-        Some(taken) if taken == there => format!("That is all {there} bytes of the file."),
-        Some(taken) if taken < there => format!("That is {taken} of the file's {there} bytes."),
-        Some(taken) => format!("That is {taken} bytes, and the file has {there}."),
-        None => format!("That is more than can be counted, and the file has {there} bytes."),
+        Some(taken) if taken == there => format!("This layout has all {there} bytes of the file."),
+        Some(taken) if taken < there => format!("This layout has {taken} of the {there} bytes of the file."),
+        Some(taken) => format!("This layout needs {taken} bytes, and the file has {there}."),
+        None => format!("This layout is too large, and the file has {there} bytes."),
     };
     ui.label(text);
     taken.is_some_and(|taken| taken <= there)

@@ -42,8 +42,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         let nodes = &state.dial.nodes;
         let between = |situation: &Situation| !nodes.iter().any(|node| node.lies_at(situation.hand));
         if are_moved && situations.iter().any(between) {
-            let text = "Nodes were moved: between them, a situation is another light than it was.";
-            let help = "A situation is a place of the hand. One on a node goes with it; elsewhere, the light is what the nodes mix there.";
+            let text = "Nodes were moved: presets between nodes now have a different light.";
+            let help = "A preset is a position of the hand. A preset on a node moves with it; elsewhere, its light is the mix at this position.";
             ui.label(egui::RichText::new(text).small().weak()).on_hover_text(help);
         }
         let id = Id::new("name of a situation");
@@ -52,33 +52,33 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         ui.horizontal_wrapped(|ui| {
             let field = ui.add(TextEdit::singleline(&mut name).hint_text("a name").desired_width(64.0));
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
-            field.on_hover_text("What the light of now is to be called.");
+            field.on_hover_text("Name for the present light.");
             let given = name.trim().to_owned();
             let can = !given.is_empty() && state.light.mixing == Mixing::Dial;
             let replaces = situations.iter().any(|situation| situation.name == given);
             let (word, help) = if replaces {
                 (
                     "Replace",
-                    "There is a situation of this name: it becomes where the hand is, and which lights are out.",
+                    "A preset of this name exists: replaces it by the present hand and switched-off nodes.",
                 )
             } else {
-                ("Keep", "Keeps where the hand is, and which lights are out, under this name.")
+                ("Keep", "Saves the hand and the switched-off nodes as a preset of this name.")
             };
             let keep = ui.add_enabled(can, egui::Button::new(word)).on_hover_text(help);
             if keep
-                .on_disabled_hover_text("Type a name, and let the dial mix: a situation is a place of its hand.")
+                .on_disabled_hover_text("Type a name, and mix with the dial: a preset is a position of its hand.")
                 .clicked()
                 || entered && can
             {
                 ask(Edit::Keep(given.clone()));
             }
             let rename = ui.add_enabled(here.is_some() && !given.is_empty(), egui::Button::new("Rename"));
-            let rename = rename.on_hover_text("Gives the situation that is shown this name.");
+            let rename = rename.on_hover_text("Renames the shown preset.");
             if let (true, Some(index)) = (rename.clicked(), here) {
                 ask(Edit::Rename(index, given));
             }
             let forget = ui.add_enabled(here.is_some(), egui::Button::new("Forget"));
-            let forget = forget.on_hover_text("Leaves out the situation that is shown.");
+            let forget = forget.on_hover_text("Deletes the shown preset.");
             if let (true, Some(index)) = (forget.clicked(), here) {
                 ask(Edit::Forget(index));
             }
@@ -87,11 +87,11 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         ui.horizontal_wrapped(|ui| {
             let (plays, saves) = (matches!(tour, Some(Tour::Playing { .. })), matches!(tour, Some(Tour::Saving { .. })));
             let enough = situations.len() > 1 && !saves;
-            let none = if saves { "The pictures of a tour are being saved." } else { "A tour takes two situations." };
+            let none = if saves { "The pictures of a tour are being saved." } else { "A tour needs at least two presets." };
             let play = ui.add_enabled(enough, egui::Button::new(if plays { "Stop" } else { "Tour" }));
-            let help = "Moves the hand from each situation to the next; a step back of its own undoes it.";
+            let help = "Moves the hand from each preset to the next; one undo reverts it.";
             let play = play.on_hover_text(help).on_disabled_hover_text(none);
-            let help = "How long the hand takes for the tour.";
+            let help = "Duration of the tour.";
             let seconds = remembered(ui, ("tour: seconds", help), SECONDS, 1, |drag| {
                 drag.speed(0.1).range(0.1..=LONGEST).suffix(" s")
             });
@@ -99,10 +99,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
                 asked.push(Action::Tour((!plays).then_some(seconds)));
             }
             let save = ui.add_enabled(enough, egui::Button::new("Save"));
-            let help = "Saves pictures of the way as relume-tour-0001-0001.png and so on, in the folder that relume was started in. A tour that is there stays: the next one is relume-tour-0002-0001.png.";
+            let help = "Saves pictures of the tour as relume-tour-0001-0001.png and so on, in the current folder of relume. Existing tours are kept: the next one is relume-tour-0002-0001.png.";
             let save = save.on_hover_text(help).on_disabled_hover_text(none);
             save.widget_info(|| WidgetInfo::labeled(egui::WidgetType::Button, enough, "save the tour"));
-            let help = "How many pictures are saved of the tour, evenly along its way.";
+            let help = "Number of pictures, evenly spaced along the tour.";
             let frames = remembered(ui, ("tour: pictures", help), FRAMES, 0, |drag| {
                 drag.speed(0.5).range(2..=u16::MAX).suffix(" pictures")
             });

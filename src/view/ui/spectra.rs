@@ -62,7 +62,7 @@ fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Ve
             Stroke::new(1.0, ui.visuals().strong_text_color()),
         );
         response
-            .on_hover_text(format!("{nm} nm: {:.3} of the light comes back. Draw it up or down.", now.samples()[band]));
+            .on_hover_text(format!("{nm} nm: reflectance {:.3}. Drag up or down.", now.samples()[band]));
     }
 }
 
@@ -93,10 +93,10 @@ fn absorbed(ui: &mut Ui, name: &str, absorption: &Absorption) {
     ui.horizontal(|ui| {
         let shape = absorption.spectrum();
         curve(ui, shape, vec2(56.0, 16.0)).on_hover_ui(|ui| {
-            ui.label(format!("{name}: what it absorbs from 380 to 780 nm, as a share of where it absorbs most"));
+            ui.label(format!("{name}: absorption from 380 to 780 nm, relative to its peak"));
             plot(ui, &[(shape, ui.visuals().strong_text_color())], vec2(260.0, 90.0));
         });
-        let help = "What passes through it loses the wavelengths where this is high; how much, each interval says. The curve above is what it scatters back.";
+        let help = "Transmitted light loses the wavelengths with high values; each interval sets the strength. The curve above is the reflectance.";
         ui.label(RichText::new("absorbs").small()).on_hover_text(help);
     });
 }
@@ -115,7 +115,7 @@ fn row(
             ui.label(format!("{name}, from 380 to 780 nm"));
             plot(ui, &[(now, ui.visuals().strong_text_color())], vec2(260.0, 90.0));
             if side == Side::Material {
-                ui.label(RichText::new("A click shows it as a curve that can be drawn.").small());
+                ui.label(RichText::new("Click to edit the curve.").small());
             }
         });
         if side == Side::Material {

@@ -26,70 +26,70 @@ struct Item {
 const FILES: [Item; 10] = [
     Item {
         text: "Open…",
-        help: "Another scene or volume, as if it were dropped on the window.",
+        help: "Opens another scene or volume, as by dropping it on the window.",
         action: || Action::Choose(File::Opened),
         shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::O)),
         saves: false,
     },
     Item {
         text: "Open the built-in scene",
-        help: "The scene that is part of the program.",
+        help: "Opens the scene of the program.",
         action: || Action::Open(Box::default()),
         shortcut: None,
         saves: false,
     },
     Item {
         text: "Another volume of this file…",
-        help: "Another of its time steps, components or arrays, looked at in the same way.",
+        help: "Opens another time step, component or array with the same settings.",
         action: || Action::Another,
         shortcut: None,
         saves: false,
     },
     Item {
         text: "Save session as…",
-        help: "All this as a scene file to go on from, also by relume render.",
+        help: "Saves all settings as a scene file, to continue later or for relume render.",
         action: || Action::Choose(File::Session),
         shortcut: Some(KeyboardShortcut::new(SHIFT, Key::S)),
         saves: true,
     },
     Item {
         text: "Save session",
-        help: "The same as relume-session-0001.toml, or the next number that is free, in the folder that relume was started in.",
+        help: "Saves relume-session-0001.toml, or the next free number, in the current folder of relume.",
         action: || Action::SaveSession(None),
         shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::S)),
         saves: true,
     },
     Item {
         text: "Save picture as…",
-        help: "The picture alone, as PNG.",
+        help: "Saves the picture without panels, as PNG.",
         action: || Action::Choose(File::Picture),
         shortcut: Some(KeyboardShortcut::new(SHIFT, Key::P)),
         saves: true,
     },
     Item {
         text: "Save picture",
-        help: "The same as relume-0001.png, or the next number that is free, in the folder that relume was started in.",
+        help: "Saves relume-0001.png, or the next free number, in the current folder of relume.",
         action: || Action::SavePicture(None),
         shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::P)),
         saves: true,
     },
     Item {
         text: "Save linear picture as…",
-        help: "The picture alone, as OpenEXR: linear values, for programs that go on computing.",
+        help: "Saves the picture without panels, as OpenEXR with linear values, for further processing.",
         action: || Action::Choose(File::LinearPicture),
         shortcut: None,
         saves: true,
     },
     Item {
         text: "Save accumulators as…",
-        help: "What the rays have left: relume relight makes pictures of it under any light.",
+        help: "Saves the film: relume relight makes pictures of it under any light.",
         action: || Action::Choose(File::Accumulators),
         shortcut: None,
         saves: true,
     },
     Item {
         text: "Quit",
-        help: "Closes the window. What is not saved is asked about first.",
+        help: "Closes the window, and asks about unsaved work first.",
         action: || Action::Close,
         shortcut: Some(KeyboardShortcut::new(Modifiers::COMMAND, Key::Q)),
         saves: false,
@@ -126,17 +126,17 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
             }
         };
         let has = |can: fn(&crate::document::Document) -> bool| shown.document.is_some_and(can);
-        button(ui, has(crate::document::Document::can_undo), "Undo", "A step back (Ctrl+Z).", Action::Undo);
-        button(ui, has(crate::document::Document::can_redo), "Redo", "A step forward (Ctrl+Shift+Z).", Action::Redo);
-        button(ui, true, "Hide", "Shows the picture alone (F1).", Action::Panels(false));
+        button(ui, has(crate::document::Document::can_undo), "Undo", "Reverts the last change (Ctrl+Z).", Action::Undo);
+        button(ui, has(crate::document::Document::can_redo), "Redo", "Repeats the reverted change (Ctrl+Shift+Z).", Action::Redo);
+        button(ui, true, "Hide", "Hides the panels (F1).", Action::Panels(false));
         let other = match ui.theme() {
             Theme::Dark => Theme::Light,
             Theme::Light => Theme::Dark,
         };
-        if ui.button("Theme").on_hover_text("Changes between a light and a dark window.").clicked() {
+        if ui.button("Theme").on_hover_text("Switches between the light and the dark theme.").clicked() {
             ui.ctx().set_theme(other);
         }
-        let help = "Designs spectra: which colour each material is to have under each light.";
+        let help = "Designs spectra for target colours of the materials under the lights.";
         let palette = ui.add_enabled_ui(shown.document.is_some(), |ui| toggle(ui, shown.design.shown, "Palette"));
         if palette.inner.on_hover_text(help).clicked() {
             asked.push(Action::Palette(!shown.design.shown));
@@ -158,7 +158,7 @@ fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         let action = (item.action)();
         let enabled = if action == Action::Another { shown.several } else { !item.saves || shown.document.is_some() };
         let line = ui.add_enabled(enabled, button).on_hover_text(item.help);
-        let line = if action == Action::Another { line.on_disabled_hover_text("It holds no other.") } else { line };
+        let line = if action == Action::Another { line.on_disabled_hover_text("The file has no other volume.") } else { line };
         if line.clicked() {
             asked.push(action);
             ui.close();

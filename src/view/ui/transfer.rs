@@ -29,7 +29,7 @@ const HANDLE: f32 = 9.0;
 /// Drag steps over the value range.
 const PARTS: f64 = 1000.0;
 
-const HELP: &str = "Grey: how often each value occurs, on a log scale. Drag an interval's inside to shift it, its corners to \
+const HELP: &str = "Grey: histogram of the values, on a log scale. Drag the inside of an interval to shift it, its corners to \
     move an end, its feet to widen its ramps, and the middle of its top for its opacity; the height is the square root of the \
     opacity.";
 
@@ -62,7 +62,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             row(ui, state, index, &colours, document.statistics(), asked);
         }
         ui.horizontal_wrapped(|ui| {
-            let help = "Another interval, in the middle of the values.";
+            let help = "Adds an interval in the middle of the values.";
             if ui.button("Add interval").on_hover_text(help).clicked() {
                 asked.extend(document.statistics().map(|it| Action::Edit(Edit::AddInterval(middle(it)))));
             }
@@ -70,7 +70,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             let labels = |scene: &Scene| scene.labels.as_ref().map(|labels| labels.declared.clone());
             let changed = state.scene.transfer != opened.transfer || labels(&state.scene) != labels(opened);
             presets(ui, state, document.statistics(), asked);
-            let help = "The transfer function and the labels as the scene has them.";
+            let help = "Restores the transfer function and the labels of the scene.";
             if ui.add_enabled(changed, egui::Button::new("Reset transfer")).on_hover_text(help).clicked() {
                 asked.push(Action::Edit(Edit::ResetTransfer));
             }
@@ -86,7 +86,7 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
         for preset in Preset::ALL {
             let intervals = preset.intervals(statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(preset.name()));
-            let none = format!("{} These values are no CT in Hounsfield units.", preset.help());
+            let none = format!("{} These values are not a CT in Hounsfield units.", preset.help());
             let clicked = button.on_hover_text(preset.help_for(statistics)).on_disabled_hover_text(none).clicked();
             if let (true, Some(intervals)) = (clicked, intervals) {
                 asked.push(Action::Edit(Edit::Intervals(intervals)));
@@ -94,7 +94,7 @@ fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &
             }
         }
     });
-    menu.response.on_hover_text("Transfer functions to begin with, in place of this one. A step back undoes it.");
+    menu.response.on_hover_text("Replaces the transfer function by a preset. One undo reverts it.");
 }
 
 /// Default interval, in the middle of the value range.
@@ -382,7 +382,7 @@ fn row(
     let shown = term.material.0.first().map_or(0, |&(_, material)| material);
     let material = |ui: &mut Ui| {
         let swatch = swatch(ui, colours.get(shown).copied().unwrap_or(Color32::GRAY), materials.get(shown));
-        let swatch = swatch.interact(Sense::click()).on_hover_text("A click brings the interval to the front.");
+        let swatch = swatch.interact(Sense::click()).on_hover_text("Click to bring the interval to the front.");
         if swatch.clicked() {
             choose(ui, index);
         }
@@ -395,7 +395,7 @@ fn row(
         Some(Action::Edit(Edit::Interval(index, Interval { material, ..*interval })))
     };
     let remove = |ui: &mut Ui| {
-        let remove = ui.small_button("remove").on_hover_text("Leaves this out of the transfer function.");
+        let remove = ui.small_button("remove").on_hover_text("Removes this from the transfer function.");
         remove.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, format!("remove interval {index}")));
         remove.clicked().then_some(Action::Edit(Edit::RemoveTerm(index)))
     };
@@ -419,10 +419,10 @@ fn row(
             dragged
         };
         let all = || f64::MIN..=f64::MAX;
-        let help = "The value from which it shows fully. Typed above the next one, it takes that along.";
+        let help = "Start of full opacity. Typed above “to”, it moves that as well.";
         let from_field = field(ui, &mut now.range[0], span / 500.0, all(), "from", help);
         ui.label("to");
-        let help = "The value up to which it shows fully. Typed below the one before, it takes that along.";
+        let help = "End of full opacity. Typed below “from”, it moves that as well.";
         let to_field = field(ui, &mut now.range[1], span / 500.0, all(), "to", help);
         let [from, to] = now.range;
         let is_typed = |field: &Response| field.changed() && !field.dragged();
@@ -433,25 +433,25 @@ fn row(
         }
         for (field, other) in [(&from_field, "to"), (&to_field, "from")] {
             if from > to && is_typed(field) {
-                say_beside(field, format!("It took “{other}” along: no interval ends before it begins."));
+                say_beside(field, format!("It moved “{other}” as well, because an interval cannot end before it begins."));
             }
         }
-        ui.label("±").on_hover_text("The ramp: over so many values it falls to nothing on either side.");
+        ui.label("±").on_hover_text("Ramp: the value range over which the opacity falls to 0 on either side.");
         field(
             ui,
             &mut now.ramp,
             span / 1000.0,
             0.0..=f64::MAX,
             "ramp",
-            "Over so many values it falls to nothing on either side.",
+            "Value range over which the opacity falls to 0 on either side.",
         );
-        ui.label("α").on_hover_text("Opacity: what one opacity length of it hides, 0 to 1.");
-        field(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "What one opacity length of it hides, 0 to 1.");
+        ui.label("α").on_hover_text("Opacity: fraction of light lost over one opacity length, 0 to 1.");
+        field(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "Fraction of light lost over one opacity length, 0 to 1.");
     });
     let absorbs = materials.get(interval.material).is_some_and(|material| material.absorption.is_some());
     if absorbs {
         ui.horizontal(|ui| {
-            let help = "How much it absorbs: the optical depth of one opacity length of it where its material absorbs most. Its curve is in Spectra.";
+            let help = "Absorption: optical depth of one opacity length at the peak of the material's absorption spectrum, which is in Spectra.";
             ui.label(RichText::new("absorbs").small()).on_hover_text(help);
             let most = 0.0..=OPAQUE_DEPTH;
             let dragged = number(ui, &mut now.absorption, 4, |drag| drag.speed(0.005).range(most)).on_hover_text(help);
@@ -471,10 +471,10 @@ fn swatch(ui: &mut Ui, colour: Color32, material: Option<&Material>) -> Response
     response.widget_info(|| WidgetInfo::labeled(WidgetType::ColorButton, true, code(colour)));
     let absorption = material.and_then(|material| material.absorption.as_ref());
     let help = if absorption.is_some_and(|it| !is_constant(it.spectrum())) {
-        "The present light to whoever looks, seen through as much of the material as lets a tenth pass where it absorbs most, times \
-         what it reflects, if it does. Less of it is paler, more of it darker."
+        "The present light through a layer of the material with a transmittance of 0.1 at its absorption peak, times its \
+         reflectance, if not 0. Thinner layers are paler, thicker ones darker."
     } else {
-        "The material under the present light, to whoever looks."
+        "The material under the present light, as displayed."
     };
     response.on_hover_text(help)
 }
@@ -495,7 +495,7 @@ fn choose_material(ui: &mut Ui, id: (&str, usize), materials: &[Material], now: 
 fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Action>) {
     let Some(labels) = state.scene.labels.as_ref().filter(|labels| !labels.declared.is_empty()) else { return };
     let title = RichText::new("Labels").strong();
-    ui.label(title).on_hover_text("Voxels with a label show as that says, whatever their value is.");
+    ui.label(title).on_hover_text("Voxels with a label use its material and opacity, regardless of their value.");
     for (index, entry) in labels.declared.iter().enumerate() {
         let shown = |ui: &mut Ui| {
             let material = state.scene.materials.get(entry.material);
@@ -510,7 +510,7 @@ fn labels(ui: &mut Ui, state: &State, colours: &[Color32], asked: &mut Vec<Actio
         let hidden = |ui: &mut Ui| {
             let mut opacity = entry.opacity;
             let dragged = number(ui, &mut opacity, 4, |drag| drag.speed(0.002).range(0.0..=1.0))
-                .on_hover_text("What one opacity length of it hides, 0 to 1.");
+                .on_hover_text("Fraction of light lost over one opacity length, 0 to 1.");
             dragged.widget_info(|| WidgetInfo::slider(true, opacity, format!("{}: opacity", entry.name)));
             dragged.changed().then_some(Action::Edit(Edit::Label(index, entry.material, opacity)))
         };

@@ -55,9 +55,9 @@ fn verdict(palette: &Palette, worst: f64) -> Option<String> {
     if palette.cells.is_empty() {
         None
     } else if worst <= UNSEEN {
-        Some(format!("Solved: every cell looks as asked, within ΔE00 {worst:.2}."))
+        Some(format!("Solved: all cells are within ΔE00 {worst:.2} of their targets."))
     } else {
-        Some(format!("Solved as far as it goes: the worst cell is off by ΔE00 {worst:.2}."))
+        Some(format!("Solved as far as possible: the worst cell is off by ΔE00 {worst:.2}."))
     }
 }
 
@@ -113,7 +113,7 @@ impl Viewer {
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
                     self.ask(Action::Edit(Edit::Accuracy(accuracy)));
-                    let told = format!("Chosen, {}: {}.", choice.setting, choice.why);
+                    let told = format!("Chosen: {}. {}.", choice.setting, choice.why);
                     let taken = self.document.as_ref().map(|document| document.state().scene.accuracy.clone());
                     self.chosen = taken.map(|accuracy| (accuracy, told));
                     if self.is_scripted() {
@@ -140,7 +140,7 @@ impl Viewer {
             Some(step) => step.applied(&state.scene, state.palette.as_deref()).map(Arc::new),
         });
         let Some(palette) = palette else {
-            self.note("There is no palette to solve: offer one for the materials first.".to_owned());
+            self.note("There is no palette to solve: design one first.".to_owned());
             return;
         };
         self.begin_to_solve(move |progress| {

@@ -108,7 +108,7 @@ impl Viewer {
                 self.notices.retain(|notice| notice.until.is_some());
             }
             self.stop_tour();
-            self.give_up_tour("Something else was opened");
+            self.give_up_tour("Another file was opened");
             self.forget_waiting();
             self.document = Some(document.with_statistics(loaded.on_device.statistics().clone()));
             self.source = loaded.source.clone();
@@ -168,10 +168,10 @@ impl Viewer {
         self.screen = Some(screen);
         match was_opening {
             Some(source) if self.document.is_some() => {
-                self.note(format!("{} was not opened: the device was lost, and started again.", source.name()));
+                self.note(format!("{} was not opened: the device was lost, and has restarted.", source.name()));
             }
             was_opening => {
-                self.note("The device was lost, and started again.".to_owned());
+                self.note("The device was lost, and has restarted.".to_owned());
                 // It is what is opened again.
                 self.options.source = was_opening.unwrap_or(std::mem::take(&mut self.options.source));
             }

@@ -173,7 +173,7 @@ impl Viewer {
                 modifiers,
             }],
             Input::Key(name) => {
-                let key = egui::Key::from_name(name).ok_or_else(|| format!("{name:?} is no key"))?;
+                let key = egui::Key::from_name(name).ok_or_else(|| format!("unknown key {name:?}"))?;
                 let event = |pressed| egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
                 vec![event(true), event(false)]
             }

@@ -103,7 +103,7 @@ impl Viewer {
     /// Plays a tour in so many `seconds`; without them, ends the one that is played or saved.
     pub(super) fn tour(&mut self, seconds: Option<f64>) {
         if let Some(Tour::Saving { frames, saved, .. }) = self.tour {
-            self.tell_done(format!("The tour was given up: {saved} of its {frames} pictures are there."));
+            self.tell_done(format!("The tour was cancelled: {saved} of {frames} pictures are saved."));
             self.end_saved_tour();
         }
         self.tour = seconds.map(Tour::playing);
@@ -117,7 +117,7 @@ impl Viewer {
     /// A tour that is saved has an end, and it is said why.
     pub(super) fn give_up_tour(&mut self, why: &str) {
         if let Some(Tour::Saving { frames, saved, .. }) = self.tour {
-            self.note(format!("{why}: the tour was given up after {saved} of its {frames} pictures."));
+            self.note(format!("{why}: the tour was cancelled after {saved} of {frames} pictures."));
             self.end_saved_tour();
         }
     }
@@ -133,7 +133,7 @@ impl Viewer {
     pub(super) fn save_session(&mut self, path: Option<PathBuf>) {
         let path = &self.saving.named(path, SESSION);
         let Some(document) = &mut self.document else {
-            self.note("There is no session to save: nothing is open.".to_owned());
+            self.note("No session to save: nothing is open.".to_owned());
             return;
         };
         match session::save(path, &self.source, document.opened(), document.state()) {
@@ -143,7 +143,7 @@ impl Viewer {
                 self.title = Source::of(path).title(&self.selection);
                 let ([width, height], path) = (self.report.size, whole_path(path));
                 self.tell_done(format!(
-                    "The session is {path}; relume render with --size {width}x{height} makes this picture."
+                    "Saved the session as {path}; relume render with --size {width}x{height} makes this picture."
                 ));
             }
         }
@@ -153,7 +153,7 @@ impl Viewer {
     pub(super) fn forget_waiting(&mut self) {
         for export in std::mem::take(&mut self.saving.waiting) {
             let (Export::Picture(path) | Export::Accumulators(path)) = export;
-            self.note(format!("{} was not saved: something else was opened.", path.display()));
+            self.note(format!("{} was not saved: another file was opened.", path.display()));
         }
     }
 
@@ -171,7 +171,7 @@ impl Viewer {
         }
         let (Some(engine), Some(document)) = (&self.engine, &self.document) else {
             self.saving.waiting.clear();
-            self.note("There is no picture to save: nothing is open.".to_owned());
+            self.note("No picture to save: nothing is open.".to_owned());
             return;
         };
         if !engine.is_finest() {
@@ -183,11 +183,11 @@ impl Viewer {
             let snapshot = Arc::clone(&snapshot);
             match export {
                 Export::Picture(path) => {
-                    let there = format!("The picture is {}.", whole_path(&path));
+                    let there = format!("Saved the picture as {}.", whole_path(&path));
                     self.begin(Some(there), move || snapshot.write_picture(&path));
                 }
                 Export::Accumulators(path) => {
-                    let there = format!("The accumulators are {}.", whole_path(&path));
+                    let there = format!("Saved the film as {}.", whole_path(&path));
                     let state = state.clone();
                     self.begin(Some(there), move || snapshot.write_accumulators(&state, &path));
                 }
@@ -245,7 +245,7 @@ impl Viewer {
         }
         if failed || saved == frames {
             let there = format!(
-                "The pictures of the tour are there, the last of them {}.",
+                "Saved the pictures of the tour; the last one is {}.",
                 whole_path(&numbered(path, *saved))
             );
             self.end_saved_tour();
@@ -258,7 +258,7 @@ impl Viewer {
         let Some(snapshot) = snapshot else { return };
         let fits = self.tour.as_mut().is_some_and(|tour| tour.takes(snapshot.size()));
         if !fits {
-            self.give_up_tour("The picture has another size now");
+            self.give_up_tour("The size of the picture changed");
             return;
         }
         let Some(Tour::Saving { path, saved, .. }) = &mut self.tour else { return };
