@@ -296,7 +296,10 @@ fn hostile_files_are_refused_in_one_sentence() {
         (good.replace("max = 0.0", "max = nan"), "the error of the light \"lamp\" holds NaN"),
         (good.replace("error = { mean = 0.0, p95 = 0.0, max = 0.0 }\n", ""), "needs both `matrix` and `error`"),
         (good.replace("[model]", "[model]\ntolerance = nan"), "\"tolerance\" holds NaN"),
-        (format!("{good}[[components]]\nname = \"x\"\nspectrum = {}\n", row(&[1.0; BANDS])), "cannot have `[[components]]`"),
+        (
+            format!("{good}[[components]]\nname = \"x\"\nspectrum = {}\n", row(&[1.0; BANDS])),
+            "cannot have `[[components]]`",
+        ),
         (bands, "the part \"coefficients\" is missing"),
     ] {
         let parts = if reason.contains("rgb") { with_coefficients(2, 3) } else { small_parts() };

@@ -448,10 +448,7 @@ fn a_wrong_text_is_refused_with_its_line_and_reason() {
         (good.replace("version = 1", "version = 1\nexposure = inf"), "\"exposure\" holds inf"),
         (good.replace("\"bone\"", "\"\""), "a component has an empty name"),
         (good.replace("\"bone\"", "\"bo\\nne\""), "contains a control character"),
-        (
-            format!("{good}[[positions]]\nname = \"key\"\nkind = \"ambient\"\n"),
-            "two positions have the name \"key\"",
-        ),
+        (format!("{good}[[positions]]\nname = \"key\"\nkind = \"ambient\"\n"), "two positions have the name \"key\""),
         (good.replace("version = 1", "version = "), "line 1: "),
     ];
     for (text, reason) in cases {

@@ -75,7 +75,10 @@ impl Swapchain {
             return Ok(None);
         }
         if !can.supported_usage_flags.contains(USAGE) {
-            return Err(VulkanError::misuse(NAME, format!("the window supports only the image usages {:?}", can.supported_usage_flags)));
+            return Err(VulkanError::misuse(
+                NAME,
+                format!("the window supports only the image usages {:?}", can.supported_usage_flags),
+            ));
         }
         let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
         let alpha = [vk::CompositeAlphaFlagsKHR::OPAQUE, vk::CompositeAlphaFlagsKHR::INHERIT]

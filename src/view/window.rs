@@ -84,9 +84,7 @@ pub struct Options {
 #[non_exhaustive]
 pub enum ViewError {
     /// There is no screen.
-    #[error(
-        "no display for a window; `relume render` needs none, and `xvfb-run` provides a virtual one"
-    )]
+    #[error("no display for a window; `relume render` needs none, and `xvfb-run` provides a virtual one")]
     NoDisplay,
     /// The system's events ended in an error.
     #[error("the event loop of the window failed")]

@@ -162,8 +162,8 @@ impl Buffer {
         self.check_range(offset, bytes as u64)?;
         let start = self.0.memory.host().filter(|_| self.0.seen_by_host);
         let start = start.ok_or_else(|| VulkanError::misuse(&self.0.name, "this buffer is not visible to the host"))?;
-        let offset =
-            usize::try_from(offset).map_err(|_| VulkanError::misuse(&self.0.name, "its offset exceeds the address space"))?;
+        let offset = usize::try_from(offset)
+            .map_err(|_| VulkanError::misuse(&self.0.name, "its offset exceeds the address space"))?;
         Ok(start.wrapping_add(offset))
     }
 

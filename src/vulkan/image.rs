@@ -195,8 +195,7 @@ impl Inner {
         let (image_kind, view_kind) = kind;
         let [width, height, depth] = extent;
         if extent.contains(&0) || layers == 0 {
-            let mistake =
-                format!("{width}×{height}×{depth} texels in {layers} layers: each must be at least 1");
+            let mistake = format!("{width}×{height}×{depth} texels in {layers} layers: each must be at least 1");
             return Err(VulkanError::misuse(name, mistake));
         }
         let texels = u64::from(width) * u64::from(height) * u64::from(depth);

@@ -202,7 +202,8 @@ impl Candidate {
         if version < least {
             let [major, minor, patch] = candidate.info.api_version;
             let [least_major, least_minor] = [vk::api_version_major(least), vk::api_version_minor(least)];
-            let missing = format!("it has Vulkan {major}.{minor}.{patch}, and Relume needs {least_major}.{least_minor}");
+            let missing =
+                format!("it has Vulkan {major}.{minor}.{patch}, and Relume needs {least_major}.{least_minor}");
             candidate.info.missing.push(missing);
             return Ok(candidate);
         }

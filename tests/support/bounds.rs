@@ -161,7 +161,8 @@ pub fn bounds<R: Real>(
         ..planned.plan.clone()
     };
     let everywhere = Position { name: "everywhere".into(), placement: Placement::Ambient, lights: Vec::new() };
-    let differences = Planned { plan, materials: Vec::new(), positions: vec![everywhere], model: None, warnings: Vec::new() };
+    let differences =
+        Planned { plan, materials: Vec::new(), positions: vec![everywhere], model: None, warnings: Vec::new() };
     let behind =
         expected.accumulators.iter().fold(largest_behind(rungs), |most, weight| most.max(weight.to_f64().abs()));
     let rounded = roundings * longest(rungs) * ROUNDING_UNIT;

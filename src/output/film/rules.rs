@@ -17,7 +17,10 @@ impl FilmFile {
         let passed = self.passed() * pixels;
         let expected = names.len() * pixels - passed;
         if self.accumulators.len() != expected {
-            return Err(format!("it needs {expected} numbers in the accumulators, and has {}", self.accumulators.len()));
+            return Err(format!(
+                "it needs {expected} numbers in the accumulators, and has {}",
+                self.accumulators.len()
+            ));
         }
         if self.transmittance.len() != passed {
             return Err(format!("it needs {passed} transmittances, and has {}", self.transmittance.len()));
@@ -69,7 +72,10 @@ impl FilmFile {
             check_finite("the light ", &light.name, &[light.weight, light.shown.unwrap_or_default()])?;
             if light.position >= self.positions.len() {
                 let (name, positions) = (&light.name, self.positions.len());
-                return Err(format!("the light {name:?} is at position {}, but there are {positions} positions", light.position));
+                return Err(format!(
+                    "the light {name:?} is at position {}, but there are {positions} positions",
+                    light.position
+                ));
             }
         }
         if let Some(dial) = &self.dial {

@@ -217,9 +217,7 @@ pub(super) fn parse(text: &str) -> Result<(FilmFile, Option<ModelDraft>), String
     };
     let VersionOnly { version } = toml::from_str(text).map_err(located)?;
     if ![WEIGHTS, MODEL, CHECKED].contains(&version) {
-        return Err(format!(
-            "unknown version {version}; this program reads the versions {WEIGHTS} to {CHECKED}"
-        ));
+        return Err(format!("unknown version {version}; this program reads the versions {WEIGHTS} to {CHECKED}"));
     }
     let mut document: Document = toml::from_str(text).map_err(located)?;
     match (version, &document.model) {

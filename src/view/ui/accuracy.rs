@@ -30,11 +30,7 @@ pub struct Effort<'a> {
 /// Presets, with their goals.
 const PRESETS: [(&str, Preset, &str); 3] = [
     ("interactive", Preset::Interactive, "At most 50 ms per frame: fast enough for interactive rotation."),
-    (
-        "balanced",
-        Preset::Balanced,
-        "Within ΔE00 1 of the truth in 95 of 100 pixels: hardly visible differences.",
-    ),
+    ("balanced", Preset::Balanced, "Within ΔE00 1 of the truth in 95 of 100 pixels: hardly visible differences."),
     ("reference", Preset::Reference, "Within ΔE00 0.25 of the truth in 95 of 100 pixels: no visible difference."),
 ];
 

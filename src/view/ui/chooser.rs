@@ -293,9 +293,7 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
             ui.label("A tour is being saved: its remaining pictures will not be written.");
         }
         if losing.picture {
-            ui.label(
-                "A picture or film waits for the full resolution: it will not be saved.",
-            );
+            ui.label("A picture or film waits for the full resolution: it will not be saved.");
         }
         ui.add_space(6.0);
         ui.horizontal_wrapped(|ui| {

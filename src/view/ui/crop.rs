@@ -92,7 +92,10 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                         say_beside(&dragged, format!("The limit is “{word}”, which is {other:.4}: move that first."));
                     }
                     let dragged = dragged.on_hover_ui(|ui| {
-                        ui.label(format!("{}. Drag, or type a fraction from 0 to 1.", part_text(document, axis, value)));
+                        ui.label(format!(
+                            "{}. Drag, or type a fraction from 0 to 1.",
+                            part_text(document, axis, value)
+                        ));
                     });
                     dragged.widget_info(|| WidgetInfo::slider(true, value, format!("crop {name}: {word}")));
                 }
@@ -207,8 +210,7 @@ pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
     let is_thin =
         |axis: &usize| geometry.dims[*axis] > 1 && parts[*axis] < SLICE && lengths[*axis] < scene.accuracy.step_length;
     let axis = (0..3).find(is_thin)?;
-    let text =
-        format!("Along {}, the crop box is thinner than a step of the rays, so little is visible.", AXES[axis]);
+    let text = format!("Along {}, the crop box is thinner than a step of the rays, so little is visible.", AXES[axis]);
     let mut whole = crop;
     (whole[0][axis], whole[1][axis]) = (0.0, 1.0);
     Some((text, Edit::Crop(Some(whole))))

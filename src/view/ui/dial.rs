@@ -43,7 +43,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         );
         // One line in both cases, so that the controls below do not move.
         let (now, help) = match document.state().light.mixing {
-            Mixing::Sliders => ("The sliders mix: click the dial to use it.", "The dial has no effect until you click it."),
+            Mixing::Sliders => {
+                ("The sliders mix: click the dial to use it.", "The dial has no effect until you click it.")
+            }
             Mixing::Dial => (
                 "The dial mixes: move a slider to take over.",
                 "While the dial mixes, it uses its own master and keep brightness, and ignores the switches of the lights.",

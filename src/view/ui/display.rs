@@ -24,7 +24,8 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
         });
         let mut adapt = display.adapt;
         let adapts = ui.checkbox(&mut adapt, "eye adapts to the light");
-        if adapts.on_hover_text("On: white looks white under every light. Off: tungsten light looks orange.").changed() {
+        if adapts.on_hover_text("On: white looks white under every light. Off: tungsten light looks orange.").changed()
+        {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
         ui.horizontal_wrapped(|ui| {

@@ -80,8 +80,9 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                 asked.push(Action::Edit(Edit::Normalise(normalise)));
             }
         });
-        ui.label(RichText::new(whose).small().weak())
-            .on_hover_text("The sliders and the dial each have a master and a switch; these belong to the one that mixes.");
+        ui.label(RichText::new(whose).small().weak()).on_hover_text(
+            "The sliders and the dial each have a master and a switch; these belong to the one that mixes.",
+        );
     });
 }
 

@@ -86,11 +86,7 @@ fn offer(ui: &mut Ui, design: Design<'_>, asked: &mut Vec<Action>) {
     if is_running(ui, design, asked) {
         return;
     }
-    if ui
-        .button("Design a palette")
-        .on_hover_text("You can change the targets before solving.")
-        .clicked()
-    {
+    if ui.button("Design a palette").on_hover_text("You can change the targets before solving.").clicked() {
         asked.push(Action::Offer);
     }
 }
@@ -138,8 +134,7 @@ fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>
 /// States the observer of the colours, if the display uses another one.
 fn for_whom(ui: &mut Ui, display: &Display) {
     if display.observer != Observer::default() || display.deficiency.is_some() {
-        let text =
-            "Regardless of the display settings, palettes are designed and shown here for the 2° observer with normal colour vision.";
+        let text = "Regardless of the display settings, palettes are designed and shown here for the 2° observer with normal colour vision.";
         ui.label(RichText::new(text).small());
     }
 }
@@ -157,7 +152,8 @@ fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member,
         let check = ui.checkbox(&mut open, RichText::new("open").small());
         let name = format!("{}: open", member.name);
         check.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, open, &name));
-        if check.on_hover_text("Open: solving finds its spectrum. Otherwise the spectrum is given and stays.").changed() {
+        if check.on_hover_text("Open: solving finds its spectrum. Otherwise the spectrum is given and stays.").changed()
+        {
             step(asked, Step::Open(side, index, open));
         }
     });
@@ -170,7 +166,8 @@ fn member(ui: &mut Ui, scene: &Scene, side: Side, index: usize, member: &Member,
 fn alone(ui: &mut Ui, state: &State, name: &str, asked: &mut Vec<Action>) {
     let Some(index) = state.scene.lights.iter().position(|light| light.name == name) else { return };
     let alone = state.light.solo == Some(index) && state.light.mixing == Mixing::Sliders;
-    let solo = toggle(ui, alone, "solo").on_hover_text("The picture under this light alone, or under all lights again.");
+    let solo =
+        toggle(ui, alone, "solo").on_hover_text("The picture under this light alone, or under all lights again.");
     solo.widget_info(|| WidgetInfo::selected(WidgetType::Button, true, alone, format!("{name}: solo")));
     if solo.clicked() {
         asked.push(Action::Edit(Edit::Solo((!alone).then_some(index))));
@@ -249,10 +246,7 @@ fn cell_details(ui: &mut Ui, scene: &Scene, palette: &Palette, row: usize, colum
             if ui.selectable_label(matches!(kind, Some(Target::Srgb(_))), "a colour").clicked() {
                 ask(Some(Target::Srgb([r, g, b])));
             }
-            if ui
-                .selectable_label(kind == Some(Target::Black), "black")
-                .on_hover_text("No reflected light.")
-                .clicked()
+            if ui.selectable_label(kind == Some(Target::Black), "black").on_hover_text("No reflected light.").clicked()
             {
                 ask(Some(Target::Black));
             }
@@ -406,7 +400,9 @@ fn conflicts(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec
             continue;
         }
         ui.label(
-            RichText::new("One of these changes may resolve it; each solves again, and one undo reverts it:").small().weak(),
+            RichText::new("One of these changes may resolve it; each solves again, and one undo reverts it:")
+                .small()
+                .weak(),
         );
         ui.horizontal_wrapped(|ui| {
             for (way, change) in steps {

@@ -213,8 +213,7 @@ fn spectra(ui: &mut Ui, probe: &Probe) {
     ui.horizontal(|ui| {
         ui.label(RichText::new("blue: fraction of equal-energy light").small().color(weak));
         ui.label(
-            RichText::new(format!("{}: present light", if ui.visuals().dark_mode { "white" } else { "black" }))
-                .small(),
+            RichText::new(format!("{}: present light", if ui.visuals().dark_mode { "white" } else { "black" })).small(),
         );
     });
     if let Some(rms) = probe.spectral_error {

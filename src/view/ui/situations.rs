@@ -57,10 +57,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             let can = !given.is_empty() && state.light.mixing == Mixing::Dial;
             let replaces = situations.iter().any(|situation| situation.name == given);
             let (word, help) = if replaces {
-                (
-                    "Replace",
-                    "A preset of this name exists: replaces it by the present hand and switched-off nodes.",
-                )
+                ("Replace", "A preset of this name exists: replaces it by the present hand and switched-off nodes.")
             } else {
                 ("Keep", "Saves the hand and the switched-off nodes as a preset of this name.")
             };

@@ -61,8 +61,7 @@ fn handles(ui: &mut Ui, index: usize, name: &str, now: &Spectrum, asked: &mut Ve
             if held { 5.0 } else { 3.5 },
             Stroke::new(1.0, ui.visuals().strong_text_color()),
         );
-        response
-            .on_hover_text(format!("{nm} nm: reflectance {:.3}. Drag up or down.", now.samples()[band]));
+        response.on_hover_text(format!("{nm} nm: reflectance {:.3}. Drag up or down.", now.samples()[band]));
     }
 }
 

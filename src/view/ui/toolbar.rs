@@ -127,7 +127,13 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         };
         let has = |can: fn(&crate::document::Document) -> bool| shown.document.is_some_and(can);
         button(ui, has(crate::document::Document::can_undo), "Undo", "Reverts the last change (Ctrl+Z).", Action::Undo);
-        button(ui, has(crate::document::Document::can_redo), "Redo", "Repeats the reverted change (Ctrl+Shift+Z).", Action::Redo);
+        button(
+            ui,
+            has(crate::document::Document::can_redo),
+            "Redo",
+            "Repeats the reverted change (Ctrl+Shift+Z).",
+            Action::Redo,
+        );
         button(ui, true, "Hide", "Hides the panels (F1).", Action::Panels(false));
         let other = match ui.theme() {
             Theme::Dark => Theme::Light,
@@ -158,7 +164,8 @@ fn files(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) {
         let action = (item.action)();
         let enabled = if action == Action::Another { shown.several } else { !item.saves || shown.document.is_some() };
         let line = ui.add_enabled(enabled, button).on_hover_text(item.help);
-        let line = if action == Action::Another { line.on_disabled_hover_text("The file has no other volume.") } else { line };
+        let line =
+            if action == Action::Another { line.on_disabled_hover_text("The file has no other volume.") } else { line };
         if line.clicked() {
             asked.push(action);
             ui.close();

@@ -433,7 +433,10 @@ fn row(
         }
         for (field, other) in [(&from_field, "to"), (&to_field, "from")] {
             if from > to && is_typed(field) {
-                say_beside(field, format!("It moved “{other}” as well, because an interval cannot end before it begins."));
+                say_beside(
+                    field,
+                    format!("It moved “{other}” as well, because an interval cannot end before it begins."),
+                );
             }
         }
         ui.label("±").on_hover_text("Ramp: the value range over which the opacity falls to 0 on either side.");
@@ -446,7 +449,14 @@ fn row(
             "Value range over which the opacity falls to 0 on either side.",
         );
         ui.label("α").on_hover_text("Opacity: fraction of light lost over one opacity length, 0 to 1.");
-        field(ui, &mut now.opacity, 0.002, 0.0..=1.0, "opacity", "Fraction of light lost over one opacity length, 0 to 1.");
+        field(
+            ui,
+            &mut now.opacity,
+            0.002,
+            0.0..=1.0,
+            "opacity",
+            "Fraction of light lost over one opacity length, 0 to 1.",
+        );
     });
     let absorbs = materials.get(interval.material).is_some_and(|material| material.absorption.is_some());
     if absorbs {

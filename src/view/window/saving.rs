@@ -244,10 +244,8 @@ impl Viewer {
             return;
         }
         if failed || saved == frames {
-            let there = format!(
-                "Saved the pictures of the tour; the last one is {}.",
-                whole_path(&numbered(path, *saved))
-            );
+            let there =
+                format!("Saved the pictures of the tour; the last one is {}.", whole_path(&numbered(path, *saved)));
             self.end_saved_tour();
             if !failed {
                 self.tell_done(there);
