@@ -142,7 +142,7 @@ fn a_component_is_chosen_by_flag_or_by_the_scene() {
     folder.refused(2, &["info", "--component", "0"], &["--component has no effect"]);
     let outcome = folder.done(&["info", "rgb.nrrd", "--component", "1", "--json"]).json();
     assert_eq!((&outcome["min"], &outcome["max"], &outcome["components"]), (&1.0.into(), &22.0.into(), &3.into()));
-    assert!(folder.done(&["info", "rgb.nrrd", "--component", "1"]).out.contains("one of 3"));
+    assert!(folder.done(&["info", "rgb.nrrd", "--component", "1"]).out.contains("3, one of which is read"));
     folder.done(&["info", "rgb.toml"]);
     folder.done(&["info", "rgb.toml", "-D", "volume.component=0"]);
     folder.refused(1, &["info", "rgb.toml", "--component", "3"], &["--component 3"]);
@@ -606,7 +606,7 @@ fn labels_show_as_what_the_scene_declares() {
         ]
         .concat(),
     );
-    assert!(outcome.err.starts_with("warning: labels") && outcome.err.contains("7 ("), "{}", outcome.err);
+    assert!(outcome.err.starts_with("warning: undeclared labels") && outcome.err.contains("7 ("), "{}", outcome.err);
 }
 
 /// What `render` with `more` warns of, on the device and by the reference.
