@@ -1,4 +1,4 @@
-//! What can be asked of the viewer, by a hand or by a script.
+//! Actions of the viewer, requested by the user or a script.
 
 use std::path::PathBuf;
 
@@ -9,103 +9,105 @@ use crate::document::Source;
 use crate::document::design::Step;
 use crate::measure::Goal;
 
-/// A file that is chosen in a dialog.
+/// Kind of file chosen in a dialog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum File {
     /// A scene or a volume to open.
     Opened,
-    /// A picture to save, as PNG.
+    /// PNG picture to save.
     Picture,
-    /// A picture to save, linear, as OpenEXR.
+    /// Linear OpenEXR picture to save.
     LinearPicture,
-    /// Accumulators to save.
+    /// Film file to save.
     Accumulators,
-    /// A session to save.
+    /// Session to save.
     Session,
 }
 
-/// For what somebody leaves what is looked at.
+/// Reason to leave the current document.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Leaving {
-    /// For another scene or volume.
+    /// Another scene or volume is opened.
     Open(Box<Source>),
-    /// For nothing: the window closes.
+    /// The window closes.
     Close,
 }
 
-/// What is lost with what is left.
+/// Unsaved work lost when the current document is left.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Losing {
-    /// Changes that are not saved.
+    /// Unsaved changes.
     pub changes: bool,
-    /// The pictures of a tour that are still to be saved.
+    /// A tour with pictures still to be saved.
     pub tour: bool,
-    /// A picture that is saved once it is as fine as it gets.
+    /// A picture to be saved once the finest one is finished.
     pub picture: bool,
 }
 
 impl Losing {
-    /// Whether there is any of it.
+    /// Whether anything would be lost.
     #[must_use]
     pub fn anything(self) -> bool {
         self.changes || self.tour || self.picture
     }
 }
 
-/// Something that is asked of the viewer.
+/// Action of the viewer.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Action {
-    /// A change of what is looked at.
+    /// Edit of the document.
     Edit(Edit),
-    /// A step back.
+    /// Undo of one step.
     Undo,
-    /// A step forward.
+    /// Redo of one step.
     Redo,
-    /// A dialog in which the file is chosen.
+    /// Dialog for choosing the file.
     Choose(File),
-    /// Another scene or volume; where something would be lost, somebody is asked first.
+    /// Opens another scene or volume; asks first if work would be lost.
     Open(Box<Source>),
-    /// Another of the volumes in the file that is looked at: it is asked which, and looked at in the same way.
+    /// Asks for another volume of the current file and opens it with the same view.
     Another,
-    /// What is looked at is left, saved or not.
+    /// Leaves the current document, saved or not.
     Leave(Leaving),
-    /// The window closes; where something would be lost, somebody is asked first.
+    /// Closes the window; asks first if work would be lost.
     Close,
-    /// The picture alone, once it is as fine as it gets: the bytes that `relume render` would write to this name, which ends
-    /// in .png or .exr; `None` is a numbered name in this folder that is free.
+    /// Saves the finest picture once it is finished: the same bytes as `relume render` writes to this name, which ends
+    /// in
+    /// .png or .exr. `None` takes a free numbered name in the current folder.
     SavePicture(Option<PathBuf>),
-    /// What the picture is made of, once it is as fine as it gets: the file that `relume render --accumulators` would write to
-    /// this name, which ends in .exr; `None` as above.
+    /// Saves the film of the finest picture once it is finished: the file that `relume render --accumulators` writes to
+    /// this name, which ends in .exr. `None` as above.
     SaveAccumulators(Option<PathBuf>),
-    /// What is looked at, as a scene file; `None` as above.
+    /// Saves the document as a scene file; `None` as above.
     SaveSession(Option<PathBuf>),
-    /// All pixels of the window, as PNG.
+    /// Saves all pixels of the window as PNG.
     SaveWindow(PathBuf),
-    /// A pixel to look at, in parts of the picture from the top left; or none.
+    /// Selects the pixel to probe, as fractions of the picture from the top left; `None` for no pixel.
     Probe(Option<DVec2>),
-    /// The panels beside the picture, or the picture alone.
+    /// Shows or hides the panels next to the picture.
     Panels(bool),
-    /// The hand from situation to situation in so many seconds; `None` stops it where it is.
+    /// Plays a tour of the dial presets in this many seconds; `None` stops it at its current position.
     Tour(Option<f64>),
-    /// So many pictures of that way, as NAME-0001.png and so on; `None` is a name in this folder that is free.
+    /// Saves this many pictures of the tour as NAME-0001.png and so on; `None` takes a free name in the current folder.
     SaveTour(Option<PathBuf>, u16),
-    /// The scene on the device again, after that was lost more than once.
+    /// Loads the scene onto the device again after repeated device loss.
     Restart,
-    /// Settings are measured: a curve of them, or those that it takes to find the one that does what is asked, which is then
-    /// taken.
+    /// Measures accuracy settings: a curve of them, or those needed to find the one that meets the goal, which is then
+    /// applied.
     Measure(Option<Goal>),
-    /// The palette's editor, or none.
+    /// Shows or hides the palette editor.
     Palette(bool),
-    /// A palette for the materials that show, which can be had: [`crate::document::design::offer`].
+    /// Offers a palette for the visible materials that can be realised: [`crate::document::design::offer`].
     Offer,
-    /// The open spectra of the palette are found, and take effect; with a step, those of the palette after it, which is taken
-    /// together with them.
+    /// Solves the open spectra of the palette and applies them. With a step, solves the palette after the step and
+    /// applies
+    /// both together.
     Solve(Option<Step>),
-    /// What is measured or solved is given up.
+    /// Cancels the measurement and the palette solver.
     GiveUp,
-    /// A notice that was read, by its index.
+    /// Dismisses the notice with this index.
     Dismiss(usize),
 }

@@ -1,4 +1,4 @@
-//! What settings of a scene take and err by on this device, measured beside the window, and the choice of one.
+//! Background measurement of the time and error of a scene's accuracy settings on this device, and the choice of one.
 
 use std::path::Path;
 
@@ -9,22 +9,22 @@ use crate::progress::Progress;
 use crate::render::Renderer;
 use crate::scene::{Accuracy, Camera, Mix, Scene, Transfer};
 
-/// A setting that was measured.
+/// Measured setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Measured {
-    /// The knobs that it turns, in words.
+    /// Description of the changed knobs.
     pub name: String,
-    /// The accuracy that it gives the scene.
+    /// Accuracy of the scene with the setting applied.
     #[serde(skip)]
     pub accuracy: Accuracy,
-    /// What it takes and errs by.
+    /// Measured time and error.
     pub point: Point,
 }
 
-/// Settings that were measured of one view of a scene.
+/// Settings measured for one view of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// The settings, the fastest first.
+    /// Settings, fastest first.
     pub settings: Vec<Measured>,
     camera: Camera,
     transfer: Transfer,
@@ -33,7 +33,7 @@ pub struct Curve {
 }
 
 impl Curve {
-    /// What was `tried` of `scene` in pictures of `size`.
+    /// Creates the curve of the settings `tried` on `scene` in pictures of `size`.
     #[must_use]
     pub fn new(scene: &Scene, size: [usize; 2], tried: &[Tried]) -> Self {
         let mut settings: Vec<Measured> = tried
@@ -48,13 +48,14 @@ impl Curve {
         Self { settings, camera: scene.camera.clone(), transfer: scene.transfer.clone(), size }
     }
 
-    /// Whether it is of this view of the scene.
+    /// Whether the curve belongs to this view of the scene.
     #[must_use]
     pub fn is_of(&self, scene: &Scene, size: [usize; 2]) -> bool {
         self.camera == scene.camera && self.transfer == scene.transfer && self.size == size
     }
 
-    /// Takes what `other` has over from it, where it is of the same view.
+    /// Adds the settings of `other`, which replace equal ones; if `other` belongs to another view, it replaces the
+    /// curve.
     pub fn merge(&mut self, other: Self) {
         if (&self.camera, &self.transfer, self.size) != (&other.camera, &other.transfer, other.size) {
             *self = other;
@@ -67,7 +68,7 @@ impl Curve {
         self.settings.sort_by(|one, two| one.point.frame_ms.total_cmp(&two.point.frame_ms));
     }
 
-    /// Whether nothing that was measured is both faster and nearer to the truth than the setting number `index`.
+    /// Whether no other setting is at least as fast and as accurate as setting `index`, and better in one of the two.
     #[must_use]
     pub fn is_on_the_front(&self, index: usize) -> bool {
         let Some(Measured { point, .. }) = self.settings.get(index) else { return false };
@@ -80,8 +81,9 @@ impl Curve {
     }
 }
 
-/// Measures settings of `scene` under `mix` in pictures of `size`: a curve of them, or what it takes to find the one that
-/// does what `goal` asks for.
+/// Measures settings of `scene` under `mix` in pictures of `size`: a curve of them, or those needed to find the one
+/// that
+/// meets `goal`.
 ///
 /// # Errors
 ///
@@ -98,7 +100,7 @@ pub fn measure(
     let Some(goal) = goal else {
         return Ok((Curve::new(scene, size, &curve(renderer, scene, mix, size, cache, progress)?), None));
     };
-    // Pictures that are still coming are coarse of themselves.
+    // Pictures in progress are coarse anyway.
     let wanted = Wanted { size, goal, pixels: Pixels::All };
     let choice = choose(renderer, scene, mix, wanted, cache, progress)?;
     Ok((Curve::new(scene, size, &choice.tried), Some(choice)))

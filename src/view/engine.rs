@@ -1,4 +1,5 @@
-//! Pictures of a state, made in slices: coarse at once, then as fine as the window; relit as often as the light changes.
+//! Renders a state in slices: a coarse picture first, then finer ones up to the window's size, relit when the light
+//! changes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -22,123 +23,124 @@ use crate::scene::{Scene, positions};
 use crate::volume::Statistics;
 use crate::vulkan::StorageImage;
 
-/// How long one dispatch of a march may take, about.
+/// Approximate duration of one dispatch of a march.
 pub(super) const DISPATCH: Duration = Duration::from_millis(8);
-/// How long a step may take, about: between two frames, nobody waits for it longer than for a frame.
+/// Approximate duration of a step: work between two frames delays input by no more than a frame.
 const SLICE: Duration = Duration::from_millis(16);
-/// How long a picture may take while a hand moves the camera, about.
+/// Approximate duration of a picture while the camera moves.
 const COARSE: Duration = Duration::from_millis(60);
-/// Most pixels of the window, across and down, that a pixel of a coarse picture stands for.
+/// Largest width and height, in window pixels, of a pixel of a coarse picture.
 const COARSEST: usize = 16;
-/// Pixels of a coarse picture for one of the next finer one.
+/// Factor between the pixel widths of a coarse picture and the next finer one.
 const FINER: usize = 4;
 
-/// What was done so far.
+/// Numbers of operations so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counts {
-    /// Marches that were begun, coarse ones too.
+    /// Marches started, coarse ones included.
     pub marches: u64,
     /// Dispatches of all marches.
     pub dispatches: u64,
-    /// Times that accumulators were lit.
+    /// Relights.
     pub relights: u64,
 }
 
-/// Makes pictures of one loaded scene.
+/// Renders pictures of one loaded scene.
 #[derive(Debug)]
 pub struct Engine {
-    /// The scene of the march under way and of those that refine it.
+    /// Scene of the current march and of its refinements.
     on_device: SceneRenderer,
-    /// Pixels of the finest picture.
+    /// Size of the finest picture, in pixels.
     size: [usize; 2],
-    /// The scene to march, where another than the one that is marched or shown.
+    /// Scene to march next, if it differs from the scene that is marched or shown.
     wanted: Option<Box<Scene>>,
-    /// Another plan, which is made ready beside the window: its colour model, its pipelines, the volume as it needs it.
+    /// New plan in preparation in the background: its colour model, its pipelines and the volume in its storage format.
     planning: Option<Planning>,
-    /// The colour model for whoever looks now, which is fitted beside the window.
+    /// Colour model for the current observer, fitted in the background.
     fitting: Option<Fitting>,
     marching: Option<Marching>,
     lit: Option<Lit>,
-    /// The light to show it in.
+    /// State whose light the picture shows.
     state: Box<State>,
-    /// Whether what is shown may have another light than it should.
+    /// Whether the light has changed since the last relight.
     unlit: bool,
-    /// How often a light was asked for.
+    /// Number of requested lights.
     lights: u64,
-    /// Whether the last march or relight could not be made: no finer one is tried.
+    /// Whether the last march or relight failed; no finer one is tried then.
     failed: bool,
-    /// Where the next picture of a new scene starts.
+    /// Level of the next picture of a new scene.
     coarse: usize,
-    /// How fast the last march by the plan was, for each level.
+    /// Speed of the last march with this plan, per level.
     speeds: BTreeMap<usize, Speed>,
     counts: Counts,
     changed: Instant,
-    /// What is there of what was asked for then.
+    /// Pictures completed since the last change.
     reached: Reached,
-    /// Marches that were finished.
+    /// Number of finished marches.
     pictures: u64,
 }
 
-/// Which pictures there are of what was last asked for.
+/// Pictures completed since the last request.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reached {
-    /// A first one.
+    /// A first picture.
     pub first: bool,
-    /// The finest.
+    /// The finest picture.
     pub finest: bool,
 }
 
-/// What a step has done.
+/// Result of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stepped {
-    /// Whether the picture is another.
+    /// Whether the picture changed.
     pub shown: bool,
-    /// Whether anything was done on the device: else what is to be done waits for what is made beside the window.
+    /// Whether the device did any work; otherwise the remaining work waits for a background task.
     pub worked: bool,
 }
 
-/// A plan under way.
+/// Planning in the background.
 #[derive(Debug)]
 struct Planning {
     thread: JoinHandle<Result<SceneRenderer, RenderError>>,
 }
 
-/// A fit of a colour model's matrices under way.
+/// Fit of a colour model's matrices in the background.
 #[derive(Debug)]
 struct Fitting {
     of: Arc<ColourModel>,
     thread: JoinHandle<Result<ColourModel, ModelError>>,
 }
 
-/// A march under way.
+/// March in progress.
 #[derive(Debug)]
 struct Marching {
     march: March,
-    /// Pixels of the window, across and down, that one of its own stands for.
+    /// Width and height of a pixel of the march, in window pixels.
     level: usize,
     spent: Duration,
 }
 
-/// A picture that can be shown.
+/// Picture ready to be shown.
 #[derive(Debug)]
 struct Lit {
     relight: Relight,
-    /// What it is lit by; none before it is.
+    /// Matrices of the last relight; `None` before the first.
     by: Option<RelightMatrices>,
     level: usize,
-    /// The pixels of the window that it was marched for.
+    /// Window size for which the picture was marched, in pixels.
     size: [usize; 2],
     accumulators: DeviceFilm,
     components: Components,
 }
 
 impl Lit {
-    /// What lights it as `state` asks, to whom its colour model is for; `None` before a march has the light positions of
-    /// that.
+    /// Returns the relight matrices for `state` and the colour model's observer; `None` while the film lacks the light
+    /// positions of `state`.
     fn matrices(&self, state: &State) -> Option<RelightMatrices> {
         let (scene, count) = (&state.scene, self.accumulators.planned.positions.len());
-        // Where parallel rays turn, or other materials show, a light may come to stand where another one does, or no longer:
-        // the march that is wanted will have as many positions as the mix.
+        // When directional lights turn or other materials become visible, light positions may merge or separate. The
+        // pending
+        // march will have as many positions as the mix.
         (positions(scene).len() == count).then(|| {
             let (background, mut display) = (scene.background.as_ref(), scene.display.clone());
             if let Components::Model(model, _) = &self.components {
@@ -150,7 +152,7 @@ impl Lit {
 }
 
 impl Engine {
-    /// Makes pictures of what was `loaded`; nothing is marched yet.
+    /// Creates the engine for the scene `loaded`, without marching.
     #[must_use]
     pub fn new(loaded: Loaded) -> Self {
         let Loaded { on_device, file, .. } = loaded;
@@ -176,12 +178,13 @@ impl Engine {
         }
     }
 
-    /// Asks for pictures of `size` (width, height) of `scene`. The march of a picture for any other is given up, but for
-    /// the coarsest: a hand that never rests sees that one.
+    /// Requests pictures of `scene` in `size` (width, height). Cancels any other march except one at the coarsest
+    /// level, which
+    /// stays visible during continuous input.
     pub fn look(&mut self, scene: &Scene, size: [usize; 2]) {
         let pixels = |[width, height]: [usize; 2]| width * height;
         if pixels(size) > pixels(self.size) {
-            // What was quick enough of a small window may not be of a large one.
+            // A level that was fast enough in a small window may not be in a large one.
             self.coarse = self.coarse.max(FINER);
         }
         self.size = size;
@@ -194,18 +197,19 @@ impl Engine {
         }
     }
 
-    /// Asks for the light of `state`. Nothing is marched.
+    /// Requests the light of `state`, without a march.
     pub fn light(&mut self, state: &State) {
         self.unlit = true;
         self.lights += 1;
         *self.state = state.clone();
     }
 
-    /// Asks for pictures of `size` of `state`, and does what has become stale since the last one. Returns whether rays
-    /// are marched anew.
+    /// Requests pictures of `state` in `size` and updates everything that has become stale. Returns whether a new march
+    /// is
+    /// needed.
     pub fn update(&mut self, state: &State, size: [usize; 2]) -> bool {
         let stale = Stale::between(&self.state.scene, self.planned(), &state.scene);
-        // A scene that waits for its plan has its spectra from there.
+        // A scene waiting for its plan takes its spectra from the plan.
         let waits = self.wanted.is_some() || self.planning.is_some();
         let marches = stale >= Stale::Accumulators || size != self.size || (waits && stale > Stale::Nothing);
         self.light(state);
@@ -217,7 +221,7 @@ impl Engine {
         marches
     }
 
-    /// Takes the spectra of `scene`, in which what pixels keep is the same.
+    /// Takes over the spectra of `scene`, which leave the films valid.
     fn follow_spectra(&mut self, scene: &Scene) {
         let planned = self.planned().clone();
         self.on_device.retarget(scene.clone(), planned);
@@ -227,26 +231,26 @@ impl Engine {
             && *spectra != now
         {
             *spectra = now;
-            // The same numbers are another picture.
+            // The same film yields another picture.
             self.pictures += 1;
         }
     }
 
-    /// Lights the picture as it was last asked for. Says whether it is another.
+    /// Relights the picture as last requested. Returns whether it changed.
     ///
     /// # Errors
     ///
-    /// [`RenderError`]. What failed is not tried again before something else is asked for.
+    /// [`RenderError`]. A failed operation is not repeated before the next request.
     pub fn show(&mut self) -> Result<bool, RenderError> {
         let shown = self.follow_observer().and_then(|()| self.relight());
         self.attempted(shown)
     }
 
-    /// Goes on for about 16 ms with what there is to do; `hand_rests` allows pictures finer than the first.
+    /// Continues the outstanding work for about 16 ms; `hand_rests` allows pictures finer than the first.
     ///
     /// # Errors
     ///
-    /// As [`Self::show`].
+    /// As for [`Self::show`].
     pub fn step(&mut self, hand_rests: bool) -> Result<Stepped, RenderError> {
         let stepped = self.advance(hand_rests);
         self.attempted(stepped)
@@ -264,7 +268,7 @@ impl Engine {
         self.follow_observer()?;
         let shown = self.relight()?;
         let mut stepped = Stepped { shown, worked: shown };
-        // A dispatch begins only where it will be done in time.
+        // A dispatch starts only if it is expected to end in time.
         while begun.elapsed() + DISPATCH <= SLICE && self.has_work(hand_rests) {
             if self.marching.is_none() && !self.begin()? {
                 break;
@@ -278,7 +282,7 @@ impl Engine {
             }
             if self.marching.as_ref().is_some_and(|marching| marching.march.is_done()) {
                 self.finish()?;
-                // Else it is the first thing of the next step.
+                // Otherwise the next step starts with it.
                 if begun.elapsed() + DISPATCH <= SLICE {
                     stepped.shown |= self.relight()?;
                 }
@@ -287,21 +291,22 @@ impl Engine {
         Ok(stepped)
     }
 
-    /// Whether [`Self::step`] has anything to do.
+    /// Whether [`Self::step`] has work to do.
     #[must_use]
     pub fn has_work(&self, hand_rests: bool) -> bool {
         let finer = !self.failed && self.lit.as_ref().is_some_and(|lit| lit.level > 1);
         let wanted = self.wanted.is_some() || self.planning.is_some() || self.fitting.is_some();
-        // Where nothing can be lit, or no more be made, frames look after it.
+        // Without a picture or after a failure, frames handle the relight.
         let unlit = self.unlit && !self.failed && self.lit.is_some();
         unlit || wanted || self.marching.is_some() || (hand_rests && finer)
     }
 
-    /// Takes the colour model that was fitted for whoever looks, or begins to fit it; until it is there, the picture is as
-    /// it was seen before. What pixels keep stays.
+    /// Applies the colour model fitted for the current observer, or starts its fit; until then the picture keeps the
+    /// previous
+    /// observer. Films stay valid.
     fn follow_observer(&mut self) -> Result<(), RenderError> {
         if let Some(Fitting { of, thread }) = self.fitting.take_if(|fitting| fitting.thread.is_finished()) {
-            // A panic there has been told of.
+            // A panic of the thread has already been reported.
             if let Ok(fitted) = thread.join() {
                 let fitted = Arc::new(fitted.map_err(PlanError::from)?);
                 if self.planned().model.as_ref().is_some_and(|model| Arc::ptr_eq(model, &of)) {
@@ -313,7 +318,7 @@ impl Engine {
                 {
                     *model = Arc::clone(&fitted);
                     lit.accumulators.planned.model = Some(fitted);
-                    // The same numbers are another picture.
+                    // The same film yields another picture.
                     self.pictures += 1;
                     self.unlit = true;
                 }
@@ -328,8 +333,9 @@ impl Engine {
         Ok(())
     }
 
-    /// Begins the march of what is wanted, or else a finer one of what is shown. Says whether there is one to go on with:
-    /// a new plan may take its time.
+    /// Starts the march of the requested scene, or else a refinement of the shown one. Returns whether a march has
+    /// started; a
+    /// new plan may delay it.
     fn begin(&mut self) -> Result<bool, RenderError> {
         let mut level = self.lit.as_ref().map(|lit| lit.level).filter(|&level| level > 1).map(|it| it / FINER.min(it));
         if let Some(planning) = self.planning.take() {
@@ -337,7 +343,7 @@ impl Engine {
                 self.planning = Some(planning);
                 return Ok(false);
             }
-            // A panic there has been told of.
+            // A panic of the thread has already been reported.
             if let Ok(on_device) = planning.thread.join() {
                 let on_device = on_device?;
                 if on_device.planned().plan != self.planned().plan {
@@ -365,12 +371,12 @@ impl Engine {
         Ok(true)
     }
 
-    /// Begins to plan `scene`, and to make ready on the device what the plan runs there.
+    /// Starts to plan `scene` in the background and to prepare the device for the plan.
     fn plan(&mut self, scene: Scene) {
         let before = self.on_device.clone();
         let thread = std::thread::spawn(move || {
             let made = ready(&before, scene);
-            // Its volume may have been replaced.
+            // This may be the last use of a replaced volume.
             drop(before);
             give_back_freed();
             made
@@ -378,13 +384,13 @@ impl Engine {
         self.planning = Some(Planning { thread });
     }
 
-    /// Waits for the plan under way: the end of the program is no time to be at work on the device.
+    /// Waits for the planning thread: it must not use the device while the program exits.
     pub fn end(mut self) {
-        // A panic there has been told of.
+        // A panic of the thread has already been reported.
         self.planning.take().map(|planning| planning.thread.join()).transpose().ok();
     }
 
-    /// Shows what the march has left.
+    /// Shows the film of the finished march.
     fn finish(&mut self) -> Result<(), RenderError> {
         let Some(Marching { march, level, spent }) = self.marching.take() else { return Ok(()) };
         self.speeds.insert(level, march.speed());
@@ -397,7 +403,7 @@ impl Engine {
         }
         let mut accumulators = march.finish(self.renderer())?;
         let relight = self.renderer().relight_window(&accumulators)?;
-        // Its colour model may have been fitted for another observer since.
+        // Its colour model may have been refitted for another observer in the meantime.
         accumulators.planned.model.clone_from(&self.planned().model);
         let components = Components::new(self.scene(), &accumulators.planned);
         self.pictures += 1;
@@ -422,13 +428,13 @@ impl Engine {
         Ok(true)
     }
 
-    /// The picture to show: linear light encoded as sRGB, 8 bits, blue first.
+    /// The picture to show: linear light encoded as sRGB, 8 bits per channel, BGRA.
     #[must_use]
     pub fn picture(&self) -> Option<&StorageImage> {
         self.lit.as_ref().map(|lit| lit.relight.picture())
     }
 
-    /// What the picture is made of; none before the first.
+    /// Returns the film and relight matrices of the picture; `None` before the first picture.
     #[must_use]
     pub fn snapshot(&self) -> Option<Snapshot> {
         let lit = self.lit.as_ref()?;
@@ -436,14 +442,14 @@ impl Engine {
         Some(Snapshot { renderer, accumulators, matrices: lit.matrices(&self.state)? })
     }
 
-    /// Whether the picture is the finest one of what was asked for, or the last one that could be made.
+    /// Whether the picture is the finest one requested, or the last one before a failure.
     #[must_use]
     pub fn is_finest(&self) -> bool {
         let lit = self.lit.as_ref().is_some_and(|lit| lit.level == 1 && lit.size == self.size);
         (lit || self.failed) && !self.has_work(true)
     }
 
-    /// How far the march under way is, 0 to 1.
+    /// Completed fraction of the current march, 0 to 1.
     #[must_use]
     pub fn progress(&self) -> Option<f64> {
         let marching = self.marching.as_ref()?;
@@ -451,8 +457,9 @@ impl Engine {
         Some(f64::from(marching.march.rows_done()) / count(height.max(1)))
     }
 
-    /// What the picture keeps of the pixel at `place`, in parts of its width and height from the top left; none before the
-    /// first picture.
+    /// Returns the film's values at the pixel at `place`, given as fractions of the width and height from the top left;
+    /// `None`
+    /// before the first picture.
     ///
     /// # Errors
     ///
@@ -468,62 +475,62 @@ impl Engine {
         Ok(Some(Pixel { place, size, numbers, planned, components }))
     }
 
-    /// How many pictures were finished, coarse ones too: a number that tells one from the next.
+    /// Number of finished pictures, coarse ones included; identifies a picture.
     #[must_use]
     pub fn pictures(&self) -> u64 {
         self.pictures
     }
 
-    /// How often a light was asked for: a number that tells one from the next.
+    /// Number of requested lights; identifies a light.
     #[must_use]
     pub fn lights(&self) -> u64 {
         self.lights
     }
 
-    /// The scene whose picture is shown or on its way.
+    /// The scene whose picture is shown or being marched.
     #[must_use]
     pub fn scene(&self) -> &Scene {
         self.on_device.scene()
     }
 
-    /// What the volume's values are like.
+    /// Statistics of the volume.
     #[must_use]
     pub fn statistics(&self) -> &Statistics {
         self.on_device.statistics()
     }
 
-    /// What was done so far.
+    /// Numbers of operations so far.
     #[must_use]
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// Which pictures there are of what [`Self::look`] last asked for.
+    /// Pictures completed since the last [`Self::look`].
     #[must_use]
     pub fn reached(&self) -> Reached {
         self.reached
     }
 
-    /// How long ago [`Self::look`] was last called.
+    /// Time since the last [`Self::look`].
     #[must_use]
     pub fn since_change(&self) -> Duration {
         self.changed.elapsed()
     }
 
-    /// What is computed for each pixel.
+    /// Plan of the current scene.
     #[must_use]
     pub fn planned(&self) -> &Planned {
         self.on_device.planned()
     }
 
-    /// The renderer, and with it the device.
+    /// The renderer and its device.
     #[must_use]
     pub fn renderer(&self) -> &Renderer {
         self.on_device.renderer()
     }
 }
 
-/// `scene` planned and on the device, warmed up where its plan differs from the one `before`.
+/// Plans `scene` and moves it to the device; warms the pipelines up if the plan differs from the one `before`.
 fn ready(before: &SceneRenderer, scene: Scene) -> Result<SceneRenderer, RenderError> {
     let planned = plan(&scene, &Quiet)?;
     warn_of_plan(&planned);

@@ -1,4 +1,4 @@
-//! Pictures and accumulators on their way to files, beside the window.
+//! Export of pictures and film files in the background.
 
 use std::path::Path;
 
@@ -7,19 +7,19 @@ use crate::film::RelightMatrices;
 use crate::output::{self, OutputError, Picture, PictureKind, write_exr, write_ready_png};
 use crate::render::{DeviceFilm, RenderError, Renderer};
 
-/// Why a picture, or what it is made of, could not be saved.
+/// Reason why a picture or film file could not be saved.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExportError {
-    /// The device.
+    /// Error of the device.
     #[error(transparent)]
     Render(#[from] RenderError),
-    /// The file.
+    /// Error of the file.
     #[error(transparent)]
     Output(#[from] OutputError),
 }
 
-/// What a picture is made of. What the window goes on with changes nothing of it.
+/// Film and relight matrices of one picture. Later work of the window does not change them.
 #[derive(Debug)]
 pub struct Snapshot {
     pub(super) renderer: Renderer,
@@ -34,11 +34,11 @@ impl Snapshot {
         self.accumulators.size
     }
 
-    /// Writes the picture to `path`: the PNG that is shown, or linear OpenEXR, by its extension.
+    /// Writes the picture to `path`, by its extension: PNG as shown, or linear OpenEXR.
     ///
     /// # Errors
     ///
-    /// [`ExportError`]; then `path` is what it was.
+    /// [`ExportError`]; `path` is then unchanged.
     pub fn write_picture(&self, path: &Path) -> Result<(), ExportError> {
         let [width, height] = self.accumulators.size;
         match PictureKind::of(path)? {
@@ -56,12 +56,11 @@ impl Snapshot {
         }
     }
 
-    /// Writes what the march of `scene`, mixed as it opens, has left: the accumulator file of
-    /// [`output::film`].
+    /// Writes the film, with the scene, mix and dial of `state`, as a film file of [`output::film`].
     ///
     /// # Errors
     ///
-    /// [`ExportError`]; then `path` is what it was.
+    /// [`ExportError`]; `path` is then unchanged.
     pub fn write_accumulators(&self, state: &State, path: &Path) -> Result<(), ExportError> {
         PictureKind::require_exr(path)?;
         let accumulation = self.renderer.read(&self.accumulators)?;
@@ -71,7 +70,7 @@ impl Snapshot {
     }
 }
 
-/// Writes a PNG of RGBA pixels, without their opacity.
+/// Writes RGBA pixels as a PNG without alpha.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Work beside the window: started, watched, and given up when nobody waits for it any more.
+//! Background tasks: started, watched, and cancelled when their result is no longer needed.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use crate::progress::Progress;
 
-/// Least time between two pieces of news.
+/// Least time between two progress notifications.
 const NEWS: Duration = Duration::from_millis(50);
 
-/// How far something is.
+/// Progress of the current stage.
 #[derive(Debug, Default)]
 struct Stage {
     name: String,
@@ -20,7 +20,7 @@ struct Stage {
     told: Option<Instant>,
 }
 
-/// What work on another thread reports to, and hears from that it should stop.
+/// Receives the progress of a background task and tells it to stop.
 pub(super) struct Listener {
     stage: Mutex<Stage>,
     cancelled: AtomicBool,
@@ -28,17 +28,17 @@ pub(super) struct Listener {
 }
 
 impl Listener {
-    /// One that calls `progressed` now and then.
+    /// Creates a listener that calls `progressed` from time to time.
     pub(super) fn new(progressed: impl Fn() + Send + Sync + 'static) -> Self {
         Self { stage: Mutex::default(), cancelled: AtomicBool::new(false), progressed: Box::new(progressed) }
     }
 
-    /// Asks the work to stop.
+    /// Asks the task to stop.
     pub(super) fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
 
-    /// How much of the present stage is done (0 to 1, where known), and what stage that is.
+    /// Completed fraction of the current stage (0 to 1, if known), and the stage's name.
     pub(super) fn progress(&self) -> (Option<f32>, String) {
         let stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "for a bar on the screen")]
@@ -72,7 +72,7 @@ impl Progress for Listener {
     }
 }
 
-/// Work on a thread of its own. Dropping it is to give it up.
+/// Background task on its own thread. Dropping it cancels it.
 #[derive(Debug)]
 pub struct Job<T> {
     listener: Arc<Listener>,
@@ -82,7 +82,7 @@ pub struct Job<T> {
 }
 
 impl<T: Send + 'static> Job<T> {
-    /// Begins `work`. `wake` is called now and then, and when it is done.
+    /// Starts `work`. `wake` is called from time to time and at the end.
     pub fn start(
         wake: impl Fn() + Send + Sync + Clone + 'static,
         work: impl FnOnce(&dyn Progress) -> T + Send + 'static,
@@ -97,28 +97,28 @@ impl<T: Send + 'static> Job<T> {
         Self { listener, made, thread: Some(thread), begun: Instant::now() }
     }
 
-    /// What came of it, once it is done; only once.
+    /// Returns the result once the task is finished, and only once.
     #[must_use]
     pub fn take(&mut self) -> Option<T> {
         self.made.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// How much of the present stage is done (0 to 1, where known), and what stage that is.
+    /// Completed fraction of the current stage (0 to 1, if known), and the stage's name.
     #[must_use]
     pub fn progress(&self) -> (Option<f32>, String) {
         self.listener.progress()
     }
 
-    /// How long it has been at work.
+    /// Time since the start.
     #[must_use]
     pub fn spent(&self) -> Duration {
         self.begun.elapsed()
     }
 
-    /// Gives up, and waits until nothing is done for it any more.
+    /// Cancels the task and waits for its thread to end.
     pub fn end(mut self) {
         self.listener.cancel();
-        // A panic there has been told of.
+        // A panic of the thread has already been reported.
         self.thread.take().map(JoinHandle::join).transpose().ok();
     }
 }

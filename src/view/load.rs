@@ -1,4 +1,4 @@
-//! What is opened: read, planned and brought to the device beside the window.
+//! Opening of scenes in the background: reading, planning and upload to the device.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -11,38 +11,38 @@ use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::volume::Statistics;
 
-/// Why something could not be opened.
+/// Reason why a scene could not be opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
-    /// The scene or its volume.
+    /// Error of the scene or its volume.
     #[error(transparent)]
     Open(#[from] OpenError),
-    /// Its plan, or the device.
+    /// Error of the plan or the device.
     #[error(transparent)]
     Render(#[from] RenderError),
 }
 
 impl LoadError {
-    /// The error of opening the source, if that is what failed.
+    /// Returns the error of reading the source, if reading failed.
     #[must_use]
     pub fn of_source(&self) -> Option<&OpenError> {
         if let Self::Open(error) = self { Some(error) } else { None }
     }
 }
 
-/// A scene on the device.
+/// Scene on the device.
 #[derive(Debug)]
 pub struct Loaded {
     /// The scene, planned, uploaded and warmed up.
     pub on_device: SceneRenderer,
     /// The scene file.
     pub file: SceneFile,
-    /// What was opened.
+    /// Source of the scene.
     pub source: Source,
 }
 
-/// Something that is being opened on a thread of its own. Dropping it is to give up.
+/// Background task that opens a source. Dropping it cancels it.
 #[derive(Debug)]
 pub struct Loading {
     source: Source,
@@ -51,7 +51,7 @@ pub struct Loading {
 }
 
 impl Loading {
-    /// Begins to `load` what is at `source`. `progressed` is called now and then, `loaded` at the end.
+    /// Starts to `load` `source`. `progressed` is called from time to time, `loaded` at the end.
     pub fn start(
         source: Source,
         load: impl FnOnce(&dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
@@ -62,38 +62,38 @@ impl Loading {
         let heard = Arc::clone(&listener);
         let thread = std::thread::spawn(move || {
             let result = load(&*heard);
-            // Reading and planning take many times what they leave.
+            // Reading and planning need many times the memory that they keep.
             give_back_freed();
             loaded(result);
         });
         Self { source, listener, thread: Some(thread) }
     }
 
-    /// What is opened.
+    /// The source being opened.
     #[must_use]
     pub fn source(&self) -> &Source {
         &self.source
     }
 
-    /// Gives up; what is under way may take a moment to hear of it.
+    /// Asks the task to stop; it may take a moment to do so.
     pub fn give_up(&self) {
         self.listener.cancel();
     }
 
-    /// Whether nothing is done for it any more.
+    /// Whether the task's thread has ended.
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Gives up, and waits until nothing is done for it any more.
+    /// Cancels the task and waits for its thread to end.
     pub fn end(mut self) {
         self.give_up();
-        // A panic there has been told of.
+        // A panic of the thread has already been reported.
         self.thread.take().map(JoinHandle::join).transpose().ok();
     }
 
-    /// What is opened, how much of the present stage is done (0 to 1, where known), and what stage that is.
+    /// Name of the source, completed fraction of the current stage (0 to 1, if known), and the stage's name.
     #[must_use]
     pub fn progress(&self) -> (String, Option<f32>, String) {
         let (part, stage) = self.listener.progress();
@@ -115,7 +115,7 @@ pub(super) fn warn_of_plan(planned: &Planned) {
 }
 
 impl Loaded {
-    /// Opens `source` on a device: reads, plans, uploads, and warms the pipelines up.
+    /// Opens `source` on a device: reads, plans and uploads it, and warms the pipelines up.
     ///
     /// # Errors
     ///
@@ -125,7 +125,7 @@ impl Loaded {
         Self::prepare(renderer, file, statistics, source, progress)
     }
 
-    /// Plans the scene of `file`, read from `source`, uploads its volume and warms the pipelines up.
+    /// Plans the scene of `file`, which was read from `source`, uploads its volume and warms the pipelines up.
     ///
     /// # Errors
     ///

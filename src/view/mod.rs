@@ -1,7 +1,8 @@
-//! The viewer: a scene explored by its light, in a window.
+//! The viewer: a window for exploring a scene under changing light.
 //!
-//! [`state`] is what a person changes, [`engine`] makes pictures of it in slices, [`load`] opens files beside the window.
-//! Those know no window and no toolkit; `window` and `ui`, of the feature `window`, put them on a screen.
+//! [`crate::document::State`] is the editable state, [`engine`] renders it in slices, [`load`] opens files in the
+//! background. These depend on no window and no toolkit; `window` and `ui`, behind the feature `window`, put them on
+//! screen.
 
 pub mod action;
 pub mod effort;

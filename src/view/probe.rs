@@ -1,4 +1,4 @@
-//! What a pixel is: its spectrum, its colour under each light, what it shows, and what its ray meets on the way.
+//! Probe of a pixel: its spectrum, its colour under each light, the materials it shows, and the samples along its ray.
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -16,27 +16,27 @@ use crate::spectrum::{BANDS, Spectrum};
 use crate::tables::{LabelMap, Reflected, Storage};
 use crate::volume::{Statistics, VolumeError};
 
-/// How many times shorter the steps of the truth are than those of the picture.
+/// Factor by which the steps of the truth are shorter than those of the picture.
 const FINER: f64 = 8.0;
-/// Stretches of a ray that are kept.
+/// Largest number of segments kept per ray.
 const STRETCHES: usize = 240;
 
-/// What a picture keeps of one of its pixels.
+/// Film of one pixel of a picture.
 #[derive(Clone, Debug)]
 pub struct Pixel {
-    /// Which, from the left and from the top.
+    /// Pixel coordinates from the left and from the top.
     pub place: [usize; 2],
     /// Pixels of the picture, across and down.
     pub size: [usize; 2],
-    /// Its numbers, as an accumulation of one pixel.
+    /// Film with one pixel.
     pub numbers: Film<f32>,
-    /// What they are about.
+    /// Plan of the film.
     pub planned: Planned,
-    /// What they stand for.
+    /// Components of the accumulators.
     pub components: Components,
 }
 
-/// A colour as it is shown, exposure and adaptation in it.
+/// Displayed colour, with exposure and adaptation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shown(
     /// Linear sRGB.
@@ -50,7 +50,7 @@ impl Shown {
         lab_from_xyz(Xyz((*XYZ_FROM_LINEAR_SRGB * self.0).to_array()), d65_white())
     }
 
-    /// `#rrggbb`, the nearest that a screen can show.
+    /// `#rrggbb`, the nearest displayable colour.
     #[must_use]
     pub fn code(self) -> String {
         display_code(LinearSrgb(self.0.to_array()))
@@ -62,82 +62,89 @@ impl Shown {
         if self == other { 0.0 } else { ciede2000(self.lab(), other.lab()) }
     }
 
-    /// CIE luminance; the white of the screen has 1.
+    /// CIE luminance, relative to the display white.
     fn luminance(self) -> f64 {
         (*XYZ_FROM_LINEAR_SRGB * self.0).y
     }
 }
 
-/// A colour, and how far from the truth it is, where that is known.
+/// Colour under a light, with its error if known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lit {
-    /// What lights it.
+    /// Name of the light.
     pub name: String,
     /// The colour.
     pub shown: Shown,
-    /// ΔE00 from the truth.
+    /// ΔE00 against the truth.
     pub error: Option<Error>,
 }
 
-/// How far a colour is from the truth, in ΔE00.
+/// Error of a colour against the truth, in ΔE00.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Error {
-    /// All in all: from full spectra at an eighth of the picture's steps.
+    /// Total error, against full spectra with steps of an eighth of the picture's length.
     pub all: f64,
-    /// From full spectra at the picture's own steps: what the colour model, tables and rounding do, and the end of rays.
+    /// Error against full spectra with the picture's own steps: colour model, tables, rounding and early ray
+    /// termination.
     pub model: f64,
 }
 
-/// What something has to do with a pixel.
+/// Contribution to a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Share {
-    /// The material, the place that light comes from, or what else it is.
+    /// Name of the material, light position or other contributor.
     pub name: String,
-    /// How much of the pixel it is, whatever its shade; `None` of what is no matter, and before the ray was marched.
+    /// Visible amount regardless of shading, 1 for a full pixel; `None` for highlights and light positions, and before
+    /// the ray
+    /// was marched.
     pub seen: Option<f64>,
-    /// How much of it is seen: 1 fills the pixel. Of materials, times their shade, summed over the places of lights.
+    /// Sum of the accumulators, 1 for a full pixel; includes the shading for materials, summed over light positions.
     pub weight: f64,
-    /// Its part in the luminance of the pixel as it is lit now; all parts add up to 1 where there is any.
+    /// Fraction of the pixel's luminance under the current mix; all fractions add up to 1 unless the pixel is black.
     pub light: f64,
 }
 
-/// What a pixel is.
+/// Everything known about a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Probe {
-    /// Which, from the left and from the top.
+    /// Pixel coordinates from the left and from the top.
     pub place: [usize; 2],
     /// Pixels of the picture, across and down.
     pub size: [usize; 2],
-    /// Its colour as it is shown now.
+    /// Displayed colour under the current mix.
     pub now: Lit,
-    /// Its colour under each light of the scene alone, as strong as the scene states.
+    /// Colours under each light of the scene alone, at the intensity given in the scene.
     pub lights: Vec<Lit>,
-    /// What reaches the eye as it is lit now; `None` before the numbers of a colour model are turned into spectra.
+    /// Radiance at the eye under the current mix; `None` until the coefficients of a colour model are reconstructed.
     pub spectrum: Option<Spectrum>,
-    /// What materials and background would send to the eye where light of power 1 at all wavelengths shone from each place.
+    /// Radiance of materials and background under light of power 1 at all wavelengths from every light position.
     pub reflectance: Option<Spectrum>,
-    /// Of spectra that are made of a colour model's numbers: the root of their mean squared error, as a share of what white
-    /// sends there. `None` where they are exact.
+    /// RMS error of spectra reconstructed from a colour model's coefficients, relative to white. `None` for exact
+    /// spectra.
     pub spectral_error: Option<f64>,
-    /// The materials, highlights and the background. Where a pixel keeps a colour model's numbers, none of the materials.
+    /// Contributions of materials, highlights and background; materials are absent from coefficient films.
     pub shares: Vec<Share>,
-    /// The places that light comes from.
+    /// Contributions of the light positions.
     pub positions: Vec<Share>,
-    /// How much light passes, as it is lit now.
+    /// Transmittance under the current mix.
     pub transmittance: f64,
-    /// How much of each material of the scene is seen along the ray, whatever its shade: 1 fills the pixel. Empty before
+    /// Visible amount of each material of the scene along the ray, regardless of shading; 1 for a full pixel. Empty
+    /// before
     /// the ray was marched.
     pub seen: Vec<f64>,
-    /// What each material of the scene takes by absorbing of the light that would pass to the eye, as a grey eye sees it. Empty
-    /// before the ray was marched.
+    /// Light absorbed by each material of the scene that would otherwise reach the eye, weighted by luminance. Empty
+    /// before
+    /// the ray was marched.
     pub absorbed: Vec<f64>,
-    /// What the ray meets, from the eye on: nothing where it misses what is shown of the volume. `None` before it was marched.
+    /// Segments of the ray, from the eye on; empty if it misses the rendered part of the volume. `None` before it was
+    /// marched.
     pub ray: Option<Vec<Stretch>>,
 }
 
 impl Probe {
-    /// What `pixel` of `scene` is under `mix`. `reflected` is what its numbers stand for, `ray` what is known of its ray,
-    /// where they are there yet.
+    /// Creates the probe of `pixel` of `scene` under `mix`. `reflected` holds the spectra of its components and `ray`
+    /// its
+    /// marched ray, once available.
     #[must_use]
     pub fn new(pixel: &Pixel, scene: &Scene, mix: &Mix, reflected: Option<&Reflected>, ray: Option<&Ray>) -> Self {
         let (numbers, positions) = (&pixel.numbers, pixel.planned.positions.len());
@@ -179,7 +186,7 @@ impl Probe {
                 let components = reflected.components.iter().cycle().zip(&numbers.accumulators);
                 let sent =
                     components.fold(Spectrum::constant(0.0), |sum, (part, &weight)| &sum + &part.scaled(weight.into()));
-                // The background is lit from every place.
+                // The background is lit from every light position.
                 let behind = reflected.behind.iter().zip(&numbers.transmittance);
                 behind.fold(sent, |sum, (part, &passed)| &sum + &part.scaled(count(positions) * f64::from(passed)))
             }),
@@ -193,7 +200,7 @@ impl Probe {
         }
     }
 
-    /// Where along the ray most is seen; `None` before that was marched, and where nothing is.
+    /// Segment with the most visible scattering; `None` before the ray was marched, or if nothing is visible.
     #[must_use]
     pub fn brightest(&self) -> Option<&Stretch> {
         let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
@@ -201,7 +208,7 @@ impl Probe {
         met.max_by(|one, two| seen(one).total_cmp(&seen(two)))
     }
 
-    /// The same for programs.
+    /// Returns the probe as JSON.
     #[must_use]
     pub fn json(&self, scene: &Scene) -> Value {
         let lit = |lit: &Lit| {
@@ -243,19 +250,19 @@ impl Probe {
     }
 }
 
-/// The colour of a picture of one pixel.
+/// Colour of a picture with one pixel.
 fn only(picture: Vec<DVec3>) -> DVec3 {
     picture.into_iter().next().unwrap_or_default()
 }
 
-/// The spectrum that `numbers` send to the eye under `mix`.
+/// Radiance of the film's pixel under `mix`.
 fn spectrum(reflected: &Reflected, numbers: &Film<f32>, mix: &Mix, positions: usize) -> Spectrum {
     let [parts, behind] = reflected.under(mix, positions);
     let kept = parts.iter().zip(&numbers.accumulators).chain(behind.iter().zip(&numbers.transmittance));
     kept.fold(Spectrum::constant(0.0), |sum, (part, &number)| &sum + &part.scaled(f64::from(number)))
 }
 
-/// What materials, highlights and background, and what places of lights have to do with `pixel`.
+/// Contributions of materials, highlights and background, and of light positions, to `pixel`.
 fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<&Ray>) -> (Vec<Share>, Vec<Share>) {
     let (numbers, planned) = (&pixel.numbers, &pixel.planned);
     let parts = planned.plan.components();
@@ -300,56 +307,58 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
     (shares, places.collect())
 }
 
-/// What a ray meets on a stretch of its way.
+/// Segment of a ray.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stretch {
-    /// Its middle, in world units behind where the ray enters.
+    /// Distance of its middle from the ray's entry point, in world units.
     pub distance: f64,
-    /// The same as a place in the volume, in voxels from the middle of the first.
+    /// Its middle in voxel indices; the centre of the first voxel is 0.
     pub place: DVec3,
-    /// The mean of the data values.
+    /// Mean data value.
     pub value: f64,
-    /// What of the light behind it it hides.
+    /// Opacity of the segment.
     pub opacity: f64,
-    /// What of the light in front of it passes to the eye.
+    /// Transmittance from the segment to the eye.
     pub transmittance: f64,
-    /// Optical depth that each material of the scene scatters with.
+    /// Optical depth of the scattering of each material of the scene.
     pub scattering: Vec<f64>,
-    /// Optical depth that each absorbs with, where it absorbs most.
+    /// Optical depth of the absorption of each material, at the peak of its spectrum.
     pub absorption: Vec<f64>,
 }
 
-/// A ray in full spectra: what it meets, and what truly comes back.
+/// Ray marched with full spectra: its segments and its true radiance.
 #[derive(Clone, Debug)]
 pub struct Ray {
     components: Components,
     positions: usize,
-    /// At an eighth of the picture's steps, and at its own.
+    /// Films with an eighth of the picture's step length, and with the picture's own.
     marched: [Film<f64>; 2],
-    /// What it meets, from the eye on.
+    /// Segments, from the eye on.
     pub stretches: Vec<Stretch>,
-    /// How much of each material of the scene is seen along it, whatever its shade; to a grey eye, where what passes has a
-    /// colour.
+    /// Visible amount of each material of the scene along the ray, regardless of shading; weighted by luminance if the
+    /// transmittance is coloured.
     pub seen: Vec<f64>,
-    /// What each material of the scene takes of the light by absorbing it, to that eye.
+    /// Light absorbed by each material of the scene, with the same weighting.
     pub absorbed: Vec<f64>,
 }
 
-/// Why a ray cannot be followed.
+/// Reason why a ray cannot be marched.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProbeError {
-    /// The reference gave up.
+    /// Error of the reference renderer.
     #[error(transparent)]
     Reference(#[from] ReferenceError),
-    /// The labels cannot be used.
+    /// The labels are unusable.
     #[error(transparent)]
     Volume(#[from] VolumeError),
 }
 
 impl Ray {
-    /// Follows the ray through pixel `place` of a picture of `size` of `scene` in f64, with 81 wavelengths, exact samples and
-    /// no tables: at the picture's own steps, and at an eighth of them to its end, where so many can be counted.
+    /// Marches the ray through pixel `place` of a picture of `size` of `scene` in f64, with 81 wavelengths, exact
+    /// samples and
+    /// no tables: once with the picture's own steps, and once with an eighth of their length and without early ray
+    /// termination. If the fine march has too many samples, the own steps serve as the truth.
     ///
     /// # Errors
     ///
@@ -383,7 +392,7 @@ impl Ray {
         Ok(Self { components, positions: planned.positions.len(), marched: [truth, own], stretches, seen, absorbed })
     }
 
-    /// Its colour under `mix`: at an eighth of the picture's steps, and at its own.
+    /// Colours under `mix`: with an eighth of the picture's step length, and with its own.
     #[must_use]
     pub fn colours(&self, scene: &Scene, mix: &Mix) -> [Shown; 2] {
         let background = scene.background.as_ref();
@@ -392,12 +401,12 @@ impl Ray {
     }
 }
 
-/// What a ray meets, sample by sample.
+/// Accumulates the segments of a ray sample by sample.
 struct Profile<'a> {
     scene: &'a Scene,
-    /// What a grey eye sees of each wavelength that passes; adds up to 1.
+    /// Luminance weight of each component of the transmittance; the weights add up to 1.
     eye: Vec<f64>,
-    /// Samples a stretch; doubled when there are too many stretches.
+    /// Samples per segment; doubled when there are too many segments.
     per_stretch: usize,
     samples: usize,
     stretches: Vec<Stretch>,
@@ -419,7 +428,9 @@ impl<'a> Profile<'a> {
         Self { scene, eye, per_stretch: 1, samples: 0, stretches: Vec::new(), seen: none.clone(), absorbed: none }
     }
 
-    /// The next sample: where it is, its value, the label that decides in its stead, and what passes from there to the eye.
+    /// Adds the next sample: its place, its value, the label that replaces the transfer function, and the transmittance
+    /// to
+    /// the eye.
     fn add(&mut self, place: DVec3, (value, label): (f64, Option<usize>), transmittance: &[f64]) {
         let scene = self.scene;
         let materials = scene.materials.len();
@@ -486,7 +497,7 @@ impl<'a> Profile<'a> {
         self.samples += 1;
     }
 
-    /// Makes one stretch of every two; there is an even number.
+    /// Merges the segments in pairs; their number is even.
     fn halve(&mut self) {
         let sum = |one: &[f64], two: &[f64]| one.iter().zip(two).map(|(one, two)| one + two).collect();
         let pairs = self.stretches.chunks_exact(2).map(|pair| Stretch {

@@ -1,4 +1,4 @@
-//! Keeps what is known of one pixel up to date with the picture: at once what its numbers say, and its ray beside the window.
+//! Keeps the probe of one pixel up to date: values of the film immediately, the marched ray from a background task.
 
 use std::sync::Arc;
 
@@ -14,26 +14,26 @@ use crate::render::RenderError;
 use crate::scene::positions;
 use crate::tables::Reflected;
 
-/// What takes longer than a frame.
+/// Results of the background task.
 struct Behind {
     reflected: Option<Reflected>,
     ray: Result<Ray, ProbeError>,
 }
 
-/// Looks at one pixel.
+/// Probes one pixel.
 #[derive(Debug, Default)]
 pub struct Prober {
-    /// Where, in parts of the picture from the top left.
+    /// Position of the pixel, as fractions of the picture from the top left.
     place: Option<DVec2>,
-    /// The picture that `pixel` is of, and the light that `probe` is under.
+    /// Numbers of the picture that `pixel` belongs to and of the light of `probe`.
     picture: u64,
     light: u64,
     pixel: Option<Pixel>,
-    /// Spectra of a colour model's numbers, which take their time; of this model.
+    /// Spectra reconstructed from a colour model's coefficients, which is slow; with their model.
     reflected: Option<(Arc<ColourModel>, Reflected)>,
     job: Option<Job<Behind>>,
     ray: Option<Ray>,
-    /// Whether the ray was followed, or cannot be.
+    /// Whether the ray was marched or cannot be.
     followed: bool,
     probe: Option<Probe>,
 }
@@ -45,7 +45,7 @@ impl std::fmt::Debug for Behind {
 }
 
 impl Prober {
-    /// Looks there from now on; at nothing with `None`.
+    /// Selects the pixel to probe; `None` for no pixel.
     pub fn look(&mut self, place: Option<DVec2>) {
         let inside = |place: DVec2| if place.is_finite() { place.clamp(DVec2::ZERO, DVec2::ONE) } else { DVec2::ZERO };
         let place = place.map(inside);
@@ -55,30 +55,31 @@ impl Prober {
         }
     }
 
-    /// Where it looks.
+    /// Position of the pixel, as fractions of the picture.
     #[must_use]
     pub fn place(&self) -> Option<DVec2> {
         self.place
     }
 
-    /// What is known.
+    /// Current probe.
     #[must_use]
     pub fn probe(&self) -> Option<&Probe> {
         self.probe.as_ref()
     }
 
-    /// Whether nothing is left to find out.
+    /// Whether the probe is complete or no pixel is selected.
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.place.is_none() || self.followed
     }
 
-    /// Catches up with the picture of `engine`, which shows `state`. `wake` is called when there is more to catch up with.
-    /// Says whether anything is new.
+    /// Updates the probe from the picture of `engine`, which shows `state`. `wake` is called when there is more to
+    /// update.
+    /// Returns whether anything changed.
     ///
     /// # Errors
     ///
-    /// [`RenderError`] where the pixel cannot be read, [`ProbeError`] where its ray cannot be followed.
+    /// [`RenderError`] if the pixel cannot be read, [`ProbeError`] if its ray cannot be marched.
     pub fn step(
         &mut self,
         engine: &Engine,
@@ -94,7 +95,7 @@ impl Prober {
             new = true;
         }
         let Some(pixel) = &self.pixel else {
-            // There is nothing to see, and will not be.
+            // A finest state without a picture means that there will be none.
             self.followed |= engine.is_finest();
             return Ok(false);
         };
@@ -120,9 +121,9 @@ impl Prober {
                 Behind { reflected, ray: Ray::march(&scene, &statistics, which, progress) }
             }));
         }
-        // What the picture is to another observer is on its way.
+        // The refitted picture for another observer is still pending.
         let is_seen = model.as_ref().is_none_or(|model| model.observer() == state.scene.display.observer);
-        // Where a light has come to stand elsewhere, the picture that is on its way has places for it.
+        // If light positions have merged or separated, the pending picture has the right ones.
         if new && is_seen && positions(&state.scene).len() == pixel.planned.positions.len() {
             self.light = engine.lights();
             let exact = || Reflected::new(&pixel.components, state.scene.background.as_ref());
@@ -136,7 +137,7 @@ impl Prober {
         Ok(new)
     }
 
-    /// Gives up, and waits until nothing is done for it any more.
+    /// Cancels the background task and waits for its thread to end.
     pub fn end(&mut self) {
         if let Some(job) = self.job.take() {
             job.end();
@@ -144,11 +145,11 @@ impl Prober {
     }
 }
 
-/// Why a pixel cannot be looked at.
+/// Reason why a pixel cannot be probed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// The device.
+    /// Error of the device.
     #[error(transparent)]
     Render(#[from] RenderError),
     /// Its ray.

@@ -1,4 +1,4 @@
-//! The window with what draws in it; a device that is lost is opened anew under it.
+//! The window and its device; a lost device is reopened without closing the window.
 
 use std::sync::Arc;
 
@@ -15,32 +15,32 @@ use crate::present::{self, Surface};
 use crate::render::Renderer;
 use crate::vulkan::VulkanError;
 
-/// Texels along a side of a texture that every device has; egui asks before it makes its fonts.
+/// Texture size that every device supports; egui needs a limit before it makes its fonts.
 const TEXELS: usize = 2048;
 
-/// A window and what draws in it.
+/// A window with its surface, egui state and renderer.
 pub(super) struct Screen {
-    // Before the window it draws in.
+    // Declared before the window so that it is dropped first.
     pub(super) surface: Surface,
     pub(super) egui: egui_winit::State,
     pub(super) renderer: Renderer,
     pub(super) window: Arc<Window>,
-    /// How often the device was opened.
+    /// Number of times the device was opened.
     opened: usize,
 }
 
 impl Screen {
-    /// Opens the window. Other threads tell it of what happens through `proxy`.
+    /// Opens the window. Other threads send their events through `proxy`.
     pub(super) fn open<T: From<accesskit_winit::Event> + Send>(
         events: &ActiveEventLoop,
         options: &Options,
         context: &Context,
         proxy: &EventLoopProxy<T>,
     ) -> Result<Self, ViewError> {
-        // Pictures are measured in pixels; a hand wants its window as large on every screen.
+        // Sizes given in options are in pixels; the default size is equal on every screen, in points.
         let usual = || Size::from(LogicalSize::new(1280.0, 800.0));
         let size = options.size.map_or_else(usual, |[width, height]| PhysicalSize::new(width, height).into());
-        // Seen once AccessKit is there, and what can draw in it: Mesa asks for answers of a display that may be gone by then.
+        // Shown once AccessKit and the surface exist: Mesa waits for answers of a display that may be gone by then.
         let attributes = Window::default_attributes().with_title("Relume").with_inner_size(size).with_visible(false);
         let window = Arc::new(events.create_window(attributes)?);
         let scale = window.scale_factor();
@@ -54,19 +54,19 @@ impl Screen {
         Ok(Self { surface, egui, renderer, window, opened: 1 })
     }
 
-    /// The same window on a device that is opened anew; the one it had is lost, with all that was on it.
+    /// Reopens the lost device for the same window. Everything on the old device is lost.
     pub(super) fn renewed(self, options: &Options) -> Result<Self, ViewError> {
         let Self { surface, mut egui, renderer, window, opened } = self;
         // A window has one swapchain at a time.
         drop((surface, renderer));
         let (surface, renderer) = device(options, &window)?;
-        // Another size makes egui send its fonts once more: it believes that they are on the device.
+        // A changed texture limit makes egui upload its fonts again, which it believes to be on the device.
         egui.set_max_texture_side(TEXELS - opened % 2);
         Ok(Self { surface, egui, renderer, window, opened: opened + 1 })
     }
 }
 
-/// A device that shows pictures in `window`.
+/// Opens a device that can present to `window`.
 fn device(options: &Options, window: &Arc<Window>) -> Result<(Surface, Renderer), ViewError> {
     let display = window.display_handle().map_err(|_| VulkanError::NoWindow { lacking: "a display".to_owned() })?;
     let device = present::open_device(&options.device, options.validation, display.as_raw())?;

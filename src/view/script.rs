@@ -1,7 +1,8 @@
-//! Recorded input: what a hand would do, line by line, so that the viewer can be driven without one.
+//! Recorded input: a file of commands that drives the viewer without a user.
 //!
-//! A line is a command and what it needs, words apart by spaces; `#` begins a comment. Each line takes a frame. The commands
-//! are in `docs/VIEW.md`.
+//! Each line holds a command and its arguments, separated by spaces; `#` starts a comment. Each command takes a frame.
+//! The
+//! commands are listed in `docs/VIEW.md`.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -21,67 +22,67 @@ use crate::spectrum::deficiency::Deficiency;
 use crate::spectrum::observer::Observer;
 use crate::spectrum::srgb_code;
 
-/// Longer than any script of a person.
+/// Largest size of a script, in bytes.
 const LONGEST: u64 = 1 << 20;
 
-/// Why a script cannot be carried out.
+/// Reason why a script cannot run.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScriptError {
     /// The file cannot be read.
     #[error("cannot read the script {}", path.display())]
     Read {
-        /// The file.
+        /// File.
         path: PathBuf,
-        /// Why.
+        /// Cause.
         source: std::io::Error,
     },
-    /// A line is not what a line may be.
+    /// Invalid line.
     #[error("{at}: {message}")]
     Line {
         /// `file:line`.
         at: String,
-        /// What is wrong.
+        /// Error message.
         message: String,
     },
 }
 
-/// A script, checked.
+/// Parsed script.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Script {
-    /// What errors call it.
+    /// Name in error messages.
     name: String,
-    /// Its commands, and the lines they stand on.
+    /// Commands with their line numbers.
     commands: Vec<(usize, Command)>,
 }
 
-/// A line of a script.
+/// Command of a script.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Command {
-    /// Draws so many frames more.
+    /// Draws this many frames.
     Frames(u32),
-    /// Draws until nothing is left to do.
+    /// Draws frames until no work is left.
     Settle,
-    /// Something that needs no name of the scene.
+    /// Action that refers to no name in the scene.
     Do(Action),
-    /// An interval of the transfer function, by its index: from, to, ramp, opacity.
+    /// Changes an interval of the transfer function, by its index: from, to, ramp, opacity.
     Interval(usize, [f64; 4]),
-    /// Something about the light, the material or the label of this name.
+    /// Edit of an object of the scene, by its name.
     Named(About, String),
     /// A movement of the camera.
     Camera(Move),
-    /// Looks at a pixel, in parts of the picture, until all is known of it.
+    /// Probes a pixel, given as fractions of the picture, until the probe is complete.
     Probe(DVec2),
-    /// A standard for the spectrum of the material or the light of a name.
+    /// Sets a standard spectrum for the named material or light.
     Spectrum(Side, String, String),
-    /// A window of so many pixels.
+    /// Resizes the window, in pixels.
     Size([u32; 2]),
-    /// What a hand does.
+    /// Input event.
     Input(Input),
 }
 
-/// What is asked of the light, the node, the situation, the material or the label of a name.
+/// Edit of a light, node, dial preset, material or label, without its name.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(missing_docs, reason = "each variant maps to the edit of its name")]
 pub enum About {
@@ -92,34 +93,34 @@ pub enum About {
     NodePlace(DVec2),
     NodeOn(bool),
     Situation,
-    /// Another name for the situation.
+    /// New name of the dial preset.
     Rename(String),
     Forget,
-    /// A new interval of the transfer function that shows this material: from, to, ramp, opacity.
+    /// New interval of the transfer function with this material: from, to, ramp, opacity.
     AddInterval([f64; 4]),
-    /// The material of an interval, by the interval's index.
+    /// Material of the interval with this index.
     IntervalMaterial(usize),
-    /// What the label of this name hides.
+    /// Opacity of the label.
     LabelOpacity(f64),
 }
 
-/// What a hand does at the mouse and the keyboard; places are in points of the window.
+/// Mouse and keyboard input; positions are in points of the window.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
-    /// The pointer is here now.
+    /// Moves the pointer to this position.
     Pointer(f32, f32),
-    /// The first button goes down, or up.
+    /// Presses or releases the primary button.
     Button(bool),
-    /// The wheel turns by so many lines.
+    /// Turns the wheel by this many lines.
     Scroll(f32),
-    /// A key goes down and up, by its name.
+    /// Presses and releases a key, by its name.
     Key(String),
-    /// A file is dropped on the window.
+    /// Drops a file on the window.
     Drop(PathBuf),
 }
 
 impl Command {
-    /// Whether it can only be carried out where a scene is open.
+    /// Whether the command needs an open scene.
     #[must_use]
     pub fn is_about_a_scene(&self) -> bool {
         match self {
@@ -140,7 +141,7 @@ impl Command {
 }
 
 impl Script {
-    /// The script in the file `path`.
+    /// Reads the script file `path`.
     ///
     /// # Errors
     ///
@@ -152,7 +153,7 @@ impl Script {
         Self::parse(&path.display().to_string(), &text)
     }
 
-    /// The script that `text` is; `name` heads messages.
+    /// Parses `text`; `name` is used in error messages.
     ///
     /// # Errors
     ///
@@ -170,13 +171,13 @@ impl Script {
         Ok(Self { name: name.to_owned(), commands })
     }
 
-    /// The command number `index`, counted from 0; `None` behind the last.
+    /// Returns the command `index`, counted from 0; `None` after the last.
     #[must_use]
     pub fn command(&self, index: usize) -> Option<&Command> {
         self.commands.get(index).map(|(_, command)| command)
     }
 
-    /// What is wrong with the command number `index`.
+    /// Creates the error for the command `index`.
     #[must_use]
     pub fn wrong(&self, index: usize, message: String) -> ScriptError {
         let line = self.commands.get(index).map_or(0, |(line, _)| *line);
@@ -341,7 +342,7 @@ fn numbers<T: FromStr, const N: usize>(verb: &str, words: &[&str]) -> Result<[T;
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| format!("{verb} needs {wanted}"))
 }
 
-/// A step of `palette`.
+/// Parses the arguments of `palette`.
 fn design(words: &[&str]) -> Result<Step, String> {
     const USE: &str = "palette on, off, offer, target ROW COLUMN COLOUR, weight ROW COLUMN NUMBER, open SIDE INDEX, \
                        given SIDE INDEX or bounds SIDE INDEX LOW HIGH; SIDE is material or light";
@@ -385,11 +386,11 @@ fn switch(verb: &str, words: &[&str]) -> Result<bool, String> {
 }
 
 impl About {
-    /// The edit that this is in `state`, for the light, node or situation `name`.
+    /// Returns the edit of the object `name` in `state`.
     ///
     /// # Errors
     ///
-    /// A sentence with the names that there are.
+    /// A message that lists the existing names.
     pub fn edit(self, state: &State, name: &str) -> Result<Edit, String> {
         let find = |names: Vec<&str>| {
             let found = names.iter().position(|&one| one == name);
@@ -426,11 +427,11 @@ impl About {
     }
 }
 
-/// The interval that the term number `index` of the transfer function is.
+/// Returns the interval that is term `index` of the transfer function.
 ///
 /// # Errors
 ///
-/// A sentence that says how many there are.
+/// A message with the number of terms.
 pub fn interval(state: &State, index: usize) -> Result<Interval, String> {
     let terms = &state.scene.transfer.terms;
     let found = terms.get(index).and_then(Interval::of);

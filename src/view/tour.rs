@@ -1,51 +1,51 @@
-//! A tour of the situations: played before the eye, or saved picture by picture.
+//! A tour of the dial presets: played in the window, or saved picture by picture.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::document::Edit;
 
-/// Longest tour, in seconds.
+/// Duration of the longest tour, in seconds.
 pub const LONGEST: f64 = 3600.0;
 
-/// A tour under way.
+/// Tour in progress.
 #[derive(Clone, Debug)]
 pub enum Tour {
-    /// The hand moves.
+    /// The hand moves in the window.
     Playing {
-        /// Since when.
+        /// Start time.
         begun: Instant,
-        /// How long it takes.
+        /// Duration.
         milliseconds: usize,
     },
-    /// Pictures are saved, and the hand stays.
+    /// Pictures are saved while the hand of the document stays.
     Saving {
-        /// What they are numbered after.
+        /// Path from which the numbered names are derived.
         path: PathBuf,
-        /// How many there will be.
+        /// Number of pictures.
         frames: u16,
-        /// How many there are.
+        /// Number of pictures saved.
         saved: u16,
-        /// Pixels of the first one, across and down: all are to be of the same size.
+        /// Size of the first picture, in pixels; all pictures must have it.
         size: Option<[usize; 2]>,
     },
 }
 
 impl Tour {
-    /// One that is played in `seconds` from now on.
+    /// Starts a tour that plays for `seconds`.
     #[must_use]
     pub fn playing(seconds: f64) -> Self {
         let seconds = if seconds.is_finite() { seconds.clamp(0.0, LONGEST) } else { LONGEST };
         Self::Playing { begun: Instant::now(), milliseconds: crate::number::whole(1000.0 * seconds) }
     }
 
-    /// One that is saved in `frames` pictures named after `path`.
+    /// Starts a tour that is saved in `frames` pictures named after `path`.
     #[must_use]
     pub fn saving(path: PathBuf, frames: u16) -> Self {
         Self::Saving { path, frames: frames.max(1), saved: 0, size: None }
     }
 
-    /// Whether a picture of this size belongs to a tour that is saved: the first one decides.
+    /// Whether a picture of this size fits the saved tour; the first picture sets the size.
     pub fn takes(&mut self, picture: [usize; 2]) -> bool {
         match self {
             Self::Playing { .. } => false,
@@ -53,7 +53,7 @@ impl Tour {
         }
     }
 
-    /// Where the hand is now.
+    /// Edit that moves the hand to the tour's current position.
     #[must_use]
     pub fn edit(&self) -> Edit {
         match self {
