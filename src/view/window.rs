@@ -1,4 +1,4 @@
-//! The window: the system's events in, frames out; it draws when something has changed, and rests otherwise.
+//! The window: handles the system's events and draws a frame when something has changed.
 
 mod beside;
 mod opening;
@@ -45,41 +45,41 @@ pub use report::Report;
 use report::{Times, keep};
 use saving::Saving;
 
-/// How long after its last movement a hand rests.
+/// Time after the last change of the camera or scene at which finer pictures start.
 const REST: Duration = Duration::from_millis(150);
-/// How often the device may be lost before a picture is there, until the window is given up.
+/// Largest number of device losses before a finest picture; the window closes after more.
 const MOST_LOSSES: u32 = 4;
-/// Time between two frames that show nothing but how far a march is.
+/// Time between two frames that only update the progress of a march.
 const NEWS_OF_MARCHING: Duration = Duration::from_millis(100);
-/// How long until what waits for something made beside the window is looked after again.
+/// Interval for checking on background tasks that block the march.
 const LOOKED_AFTER: Duration = Duration::from_millis(4);
-/// Least time between two pieces of news of what is measured.
+/// Least time between two frames that show the progress of a measurement.
 const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
-/// Notices that are kept.
+/// Largest number of notices kept.
 const MOST_NOTICES: usize = 4;
 
-/// How the viewer is started.
+/// Options of the viewer.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// What is opened first.
+    /// First scene or volume.
     pub source: Source,
-    /// Pixels of the window, across and down; without them, 1280 by 800 points.
+    /// Width and height of the window in pixels; 1280 by 800 points by default.
     pub size: Option<[u32; 2]>,
-    /// What renders.
+    /// Rendering device.
     pub device: DeviceChoice,
-    /// Whether the validation layer watches.
+    /// Use of the validation layer.
     pub validation: Validation,
-    /// The folder that measurements are kept in.
+    /// Folder for cached measurements.
     pub cache: Option<PathBuf>,
-    /// Ends after so many frames of what was opened.
+    /// Number of frames of the opened scene after which the viewer exits.
     pub frames: Option<u32>,
-    /// Ends after what is recorded here.
+    /// Script to run; the viewer exits after it.
     pub script: Option<Script>,
-    /// Ends the program when its display goes away, where the system leaves no other way.
+    /// Ends the process when the display disappears and the system permits nothing else.
     pub display_gone: Option<fn() -> !>,
 }
 
-/// Why there is no window, or no longer.
+/// Reason why the window could not open or had to close.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
@@ -92,15 +92,15 @@ pub enum ViewError {
     /// The system gives no window.
     #[error("cannot open a window")]
     NoWindow(#[from] OsError),
-    /// The device.
+    /// Error of the device.
     #[error(transparent)]
     Vulkan(#[from] VulkanError),
-    /// The script.
+    /// Error of the script.
     #[error(transparent)]
     Script(#[from] ScriptError),
 }
 
-/// Opens the window and returns when it is closed. Must be called on the main thread, once.
+/// Opens the window and returns when it closes. Must be called once, on the main thread.
 ///
 /// # Errors
 ///
@@ -120,14 +120,14 @@ pub fn run(options: Options) -> Result<Report, ViewError> {
     viewer.end()
 }
 
-/// What other threads tell the window.
+/// Event sent to the window by another thread.
 #[derive(Debug)]
 enum Woken {
-    /// Something is read aloud, or asks to be.
+    /// Event of the accessibility interface.
     Accessibility(accesskit_winit::Event),
-    /// What is opened has gone on.
+    /// Progress of a background task.
     Progress,
-    /// What was opened, by its number; `again` where it is what was looked at already.
+    /// Scene with its number, after loading; `again` if it is already the open one.
     Loaded { number: u64, again: bool, loaded: Box<Result<Loaded, LoadError>> },
 }
 
@@ -146,87 +146,87 @@ struct Viewer {
     engine: Option<Engine>,
     screen: Option<Screen>,
     document: Option<Document>,
-    /// What the document was read from.
+    /// Source of the document.
     source: Source,
-    /// Which of several volumes in a file that is.
+    /// Selected volume of the source's file.
     selection: Selection,
-    /// What the window is called by what it shows.
+    /// Window title derived from the document.
     title: String,
-    /// What it was called last, with or without a mark.
+    /// Title as last set, with the mark for unsaved changes if any.
     title_shown: String,
     loading: Option<Loading>,
-    /// What was being opened before, and may still be at work.
+    /// Cancelled loading tasks that may still be running.
     given_up: Vec<Loading>,
     lost: Lost,
     tour: Option<Tour>,
-    /// How many things were opened.
+    /// Number of loading tasks started.
     opened: u64,
     notices: Vec<Notice>,
-    /// Whether the last of them came after the panels were laid out.
+    /// Whether a notice was added after the last layout of the panels.
     untold: bool,
     panels: Option<bool>,
     textures: TexturesDelta,
-    /// The picture's place in the window, in points.
+    /// Rectangle of the picture in the window, in points.
     place: Rect,
-    /// The pixel that is looked at.
+    /// Probe of the selected pixel.
     prober: Prober,
-    /// The point of the world that it was put on when the picture got another size: where in the picture, by which camera.
+    /// World point kept under the probe while the picture's size changes, with its position in the picture and the
+    /// camera.
     looked_at: Option<(DVec2, Camera, DVec3)>,
-    /// What was measured, and what is being measured.
+    /// Measured settings and the measurement in progress.
     curve: Option<Curve>,
     measuring: Option<Job<Chosen>>,
-    /// What the setting that was chosen last came to.
+    /// Accuracy of the last chosen setting and its description.
     chosen: Option<(Accuracy, String)>,
-    /// Whether the palette's editor is there, and what is being solved.
+    /// Whether the palette editor is open, and the solver in progress.
     editing: bool,
     solving: Option<Job<Result<Solved, PaletteError>>>,
-    /// What excluded itself in palettes that were solved.
+    /// Conflicts of the solved palettes.
     verdicts: Vec<Verdict>,
-    /// The last edit that marches.
+    /// Time of the last edit that needed a march.
     moved: Instant,
-    /// Which pictures of what was asked for were shown.
+    /// Pictures of the current request that were shown.
     reached: Reached,
-    /// When the next frame is due at the latest, where the picture is gone on with until then.
+    /// Latest time of the next frame while the engine marches.
     marches_until: Option<Instant>,
     turn: Turn,
-    /// What was done before the last frame was over.
+    /// Counts before the last frame.
     counted: Counts,
-    /// What is still to be written, and in which dialog it is said where.
+    /// Files still to be written, and the dialog for their paths.
     saving: Saving,
     chooser: Chooser,
     script: Position,
     drawn: Times,
-    /// Those of frames that showed another light and marched nothing.
+    /// Durations of frames that only relit.
     relit: Times,
     report: Report,
-    /// Counts of engines that are gone.
+    /// Counts of previous engines.
     before: Counts,
-    /// Whether somebody has asked the window to close: what is typed holds first, in the next frame.
+    /// Whether the window was asked to close; the next frame commits typed values first.
     to_close: bool,
     /// Whether the window closes after this frame.
     closes: bool,
     failed: Option<ViewError>,
 }
 
-/// Who has had the last turn of the system's events: frames and slices of a march take turns, and what a hand does is heard
-/// before either.
+/// Last turn of the event loop: frames and march slices alternate, and input is handled before either.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Turn {
-    /// A slice of a march.
+    /// Slice of a march.
     #[default]
     Marched,
-    /// A frame, an earlier time.
+    /// Frame in an earlier turn.
     Drawn,
-    /// A frame, this time.
+    /// Frame in this turn.
     Drawing,
 }
 
-/// What became of the device.
+/// State after device losses.
 #[derive(Default)]
 struct Lost {
-    /// How often it was lost since a picture was as fine as it gets.
+    /// Number of losses since the last finest picture.
     times: u32,
-    /// Whether nothing is rendered until somebody asks for it.
+    /// Whether rendering waits for the user to restart it.
     stopped: bool,
 }
 
@@ -288,7 +288,7 @@ impl Viewer {
         }
         self.saving.end();
         self.give_up();
-        // The end of the program is no time to be at work on the device.
+        // Background tasks must not use the device while the process exits.
         self.engine.take().into_iter().for_each(Engine::end);
         self.given_up.drain(..).for_each(Loading::end);
         if let Some(failed) = self.failed.take() {
@@ -324,7 +324,7 @@ impl Viewer {
         self.note(text);
     }
 
-    /// Tells that something was done; a script has asked for it, and nobody reads.
+    /// Adds a notice of success, except in a scripted run, where nobody reads it.
     fn tell_done(&mut self, text: String) {
         if !self.is_scripted() {
             self.add(Notice::done(text));
@@ -359,7 +359,7 @@ impl Viewer {
                 if !edit.leaves_light() {
                     self.stop_tour();
                 }
-                // Neither changes a picture.
+                // Neither changes the picture.
                 let spares = matches!(edit, Edit::Design(_) | Edit::Rename(..));
                 self.change(spares, |document| document.edit(&edit));
             }
@@ -404,7 +404,8 @@ impl Viewer {
         }
     }
 
-    /// Changes what is looked at. The pictures of a tour that is saved are all of one thing, which the change `spares` or not.
+    /// Changes the document. Gives up a tour being saved, whose pictures must show one state, unless the change
+    /// `spares` it.
     fn change(&mut self, spares: bool, change: impl FnOnce(&mut Document) -> bool) {
         if !self.document.as_mut().is_some_and(change) {
             return;
@@ -415,7 +416,7 @@ impl Viewer {
         self.show_again();
     }
 
-    /// Shows the document as it is now.
+    /// Updates the picture from the document.
     fn show_again(&mut self) {
         let (Some(document), Some(engine)) = (&self.document, &mut self.engine) else { return };
         if engine.update(document.state(), self.report.size) {
@@ -423,7 +424,7 @@ impl Viewer {
         }
     }
 
-    /// The picture's place in pixels of the window: left, top, width, height.
+    /// Rectangle of the picture in window pixels: left, top, width, height.
     fn pixels(&self, pixels_per_point: f32) -> [u32; 4] {
         let edge = |points: f32| unsigned(whole(f64::from(points * pixels_per_point).round().max(0.0)));
         let (low, high) = (self.place.min, self.place.max);
@@ -431,7 +432,7 @@ impl Viewer {
         [left, top, edge(high.x).saturating_sub(left), edge(high.y).saturating_sub(top)]
     }
 
-    /// Does what nobody is heard during. A device that is lost in it is opened anew; what else fails ends the window.
+    /// Runs `work`, which blocks input. Reopens a lost device; any other error closes the window.
     fn attempt(&mut self, events: &ActiveEventLoop, work: impl FnOnce(&mut Self) -> Result<(), ViewError>) {
         let (begun, shown) = (Instant::now(), self.report.first_picture_ms.is_some());
         let done = work(self);
@@ -449,10 +450,10 @@ impl Viewer {
         }
     }
 
-    /// Goes on with the picture between two frames: they take time that it may be finished in.
+    /// Continues the march between two frames, and requests a frame when a picture is finished or one is due.
     fn go_on(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
         if self.turn == Turn::Drawing {
-            // Hands are heard before.
+            // Input is handled first.
             self.turn = Turn::Drawn;
             return Ok(());
         }
@@ -483,13 +484,13 @@ impl Viewer {
         Ok(())
     }
 
-    /// Whether there is something to march while the hand does what it does.
+    /// Whether there is something to march at present.
     fn is_busy(&self) -> bool {
         let rests = self.hand_rests();
         self.engine.as_ref().is_some_and(|engine| engine.has_work(rests))
     }
 
-    /// Asks for a frame: at once, or after the slice of a march whose turn it is.
+    /// Requests a frame: now, or after the next march slice if it is the march's turn.
     fn redraw(&mut self) {
         if self.turn != Turn::Marched && self.is_busy() {
             self.marches_until = Some(Instant::now());
@@ -498,7 +499,7 @@ impl Viewer {
         }
     }
 
-    /// What the engine has made, or nothing: why not is told.
+    /// Returns the engine's result; reports an error other than device loss and returns the default.
     fn made<T: Default>(&mut self, made: Result<T, RenderError>) -> Result<T, VulkanError> {
         match made {
             Err(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. })) => Err(lost),
@@ -510,7 +511,7 @@ impl Viewer {
         }
     }
 
-    /// One frame. Says when the next one is due: at once, later, or when something happens.
+    /// Draws one frame and schedules the next one.
     fn draw(&mut self, events: &ActiveEventLoop) -> Result<(), ViewError> {
         (self.marches_until, self.turn) = (None, Turn::Drawing);
         let begun = Instant::now();
@@ -524,7 +525,7 @@ impl Viewer {
         let (status, losing) = (self.status(), self.losing());
         let loading = self.loading.as_ref().map(Loading::progress).or_else(|| self.first_march());
         let Some(screen) = &mut self.screen else { return Ok(()) };
-        // To ask the window once more would wait for the screen.
+        // Asking the window again would wait for the screen.
         let (scale, points) = (
             egui_winit::pixels_per_point(&self.context, &screen.window),
             raw.screen_rect.map_or(Vec2::ZERO, |rect| rect.size()),
@@ -543,7 +544,7 @@ impl Viewer {
                 .as_ref()
                 .zip(self.document.as_ref())
                 .map(|(curve, document)| (curve, curve.is_of(&document.state().scene, self.report.size))),
-            // It is told of as long as it holds.
+            // Shown while the chosen accuracy is in use.
             chosen: (self.chosen.as_ref().zip(self.document.as_ref()))
                 .filter(|((accuracy, _), document)| *accuracy == document.state().scene.accuracy)
                 .map(|((_, told), _)| told.as_str()),
@@ -593,7 +594,7 @@ impl Viewer {
         self.fit(place, output.pixels_per_point);
         let shown = self.engine.as_mut().map_or(Ok(false), Engine::show);
         self.made(shown)?;
-        // Panels were laid out before a tour that is played went on: where it has ended, they are once more.
+        // The panels were laid out before a playing tour advanced; after its end they are laid out once more.
         let news = self.probe()? | self.measured() | self.solved() | self.tour.is_some() | plays;
         let failed = !self.written();
         self.save_tour(failed);
@@ -629,7 +630,7 @@ impl Viewer {
                     self.tell(&error);
                 }
             }
-            // It was shown in no frame; the next one will do.
+            // No frame was shown; the next one is captured instead.
             (None, Some(path)) => self.saving.capture = Some(path),
             _ => {}
         }
@@ -646,7 +647,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// What was opened, while its first picture is on its way, and how far that is.
+    /// Name and progress of the opened scene until its first picture.
     fn first_march(&self) -> Option<(String, Option<f32>, String)> {
         let engine = self.engine.as_ref().filter(|engine| engine.picture().is_none() && engine.has_work(true))?;
         #[expect(clippy::cast_possible_truncation, reason = "for a bar on the screen")]
@@ -654,7 +655,7 @@ impl Viewer {
         Some((self.source.name(), part, "marching the first picture".to_owned()))
     }
 
-    /// Gives the picture its place; a picture of another size is marched.
+    /// Sets the picture's rectangle and requests a picture if it has changed.
     fn fit(&mut self, place: Rect, pixels_per_point: f32) {
         if self.place == place && self.report.size != [0; 2] {
             return;
@@ -666,7 +667,7 @@ impl Viewer {
         self.show_again();
     }
 
-    /// Looks at what it looked at in a picture of another size, or at nothing where that is no longer in the picture.
+    /// Moves the probe to the same world point after a size change; removes it if the point has left the picture.
     fn look_at_the_same(&mut self, before: [usize; 2]) {
         let (Some(place), Some(document)) = (self.prober.place(), &self.document) else { return };
         let (camera, geometry) = (&document.state().scene.camera, &document.state().scene.volume.geometry);
@@ -674,7 +675,7 @@ impl Viewer {
         let (Some(was), Some(is)) = (view(before), view(self.report.size)) else { return };
         let at = |index: DVec3| geometry.world_from_index(index);
         let middle = at((DVec3::from_array(geometry.dims.map(count)) - 1.0) / 2.0);
-        // Of sizes in a row nothing is known of the pixel in between.
+        // During successive size changes, intermediate pixels are not probed.
         let known = self.looked_at.take().filter(|(there, by, _)| *there == place && by == camera);
         let point = match (known, self.prober.probe().and_then(Probe::brightest)) {
             (Some((.., point)), _) => point,
@@ -691,7 +692,7 @@ impl Viewer {
         self.moved.elapsed() > REST || self.is_scripted()
     }
 
-    /// Notes which pictures the frame has shown first.
+    /// Records the times of the first and finest pictures shown.
     fn note_reached(&mut self) {
         let Some(engine) = &self.engine else { return };
         let (before, after) = (self.reached, engine.reached());
@@ -707,7 +708,7 @@ impl Viewer {
         self.reached = after;
     }
 
-    /// Calls the window by what it shows, with a mark where that was changed and is not saved.
+    /// Sets the window title, with a mark for unsaved changes.
     fn name_window(&mut self) {
         let Some(screen) = &self.screen else { return };
         let changed = self.document.as_ref().is_some_and(|document| !document.is_saved());
@@ -738,12 +739,12 @@ impl Viewer {
         }
     }
 
-    /// Whether a field has the keyboard, beside what is asked about a file.
+    /// Whether a field outside the file dialogs has the keyboard focus.
     fn is_typed_into(&self) -> bool {
         !self.chooser.is_open() && self.context.memory(|memory| memory.focused().is_some())
     }
 
-    /// What is not saved, where somebody is there to be asked.
+    /// Unsaved work; none in a scripted run, which nobody can answer for.
     fn losing(&self) -> Losing {
         if self.is_scripted() {
             return Losing::default();
@@ -759,7 +760,7 @@ impl Viewer {
         self.options.script.is_some() || self.options.frames.is_some()
     }
 
-    /// When the next frame is due.
+    /// Schedules the next frame.
     fn next(&mut self, events: &ActiveEventLoop, again: Duration, news: bool) {
         let over = self.options.frames.is_some_and(|frames| self.report.frames >= u64::from(frames));
         if self.failed.is_some() || self.closes || (over && self.options.script.is_none() && self.loading.is_none()) {
@@ -768,10 +769,10 @@ impl Viewer {
         }
         events.set_control_flow(ControlFlow::Wait);
         let (busy, unfinished) = (self.is_busy(), self.engine.as_ref().is_some_and(|engine| engine.has_work(true)));
-        // Frames would take time of what is measured, and a script has nothing to do before that.
+        // Frames would disturb the measurement, and a script waits for its end.
         let again =
             if self.measuring.is_some() { again.clamp(NEWS_OF_MEASURING / 7, NEWS_OF_MEASURING) } else { again };
-        // The picture that `settle` of a script waits for comes without frames.
+        // `settle` waits for a picture, which needs no frames.
         let driven = self.is_scripted() && self.measuring.is_none() && !(busy && self.settles());
         let at_once = news || self.untold || driven || self.saving.capture.is_some();
         match if at_once { Next::Frame } else { next(again, busy, unfinished) } {
@@ -788,20 +789,19 @@ impl Viewer {
     }
 }
 
-/// What is done after a frame.
+/// Work after a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Next {
-    /// Another one.
+    /// Another frame.
     Frame,
-    /// The picture is gone on with, for so long at most.
+    /// The march, for this long at most.
     March(Duration),
-    /// Nothing, for so long at most.
+    /// Nothing, for this long at most.
     Rest(Duration),
 }
 
-/// What is done after a frame, where the panels want one `again`. What there is to march while a hand moves makes the engine
-/// `busy`; what is `unfinished` is gone on with as soon as the hand rests: it may have come to rest while a coarse picture was
-/// made.
+/// Chooses the work after a frame, where the panels want a frame after `again`. `busy`: the engine has work at present.
+/// `unfinished`: the engine has more work once input pauses, which may already have happened during a coarse march.
 fn next(again: Duration, busy: bool, unfinished: bool) -> Next {
     if again.is_zero() {
         Next::Frame
@@ -845,7 +845,7 @@ impl ApplicationHandler<Woken> for Viewer {
             }
             Woken::Progress => {}
             Woken::Loaded { number, again, loaded } if number == self.opened => self.loaded(*loaded, again),
-            // Something else was opened since.
+            // Another scene was opened in the meantime.
             Woken::Loaded { .. } => {}
         }
         self.redraw();
@@ -857,10 +857,10 @@ impl ApplicationHandler<Woken> for Viewer {
 }
 
 impl Viewer {
-    /// What the system tells of the window.
+    /// Handles an event of the window.
     fn hear(&mut self, events: &ActiveEventLoop, event: &WindowEvent) {
         match event {
-            // A window out of sight may show no frame: who asks again is not kept waiting.
+            // A hidden window may show no frame: a second request to close takes effect at once.
             WindowEvent::CloseRequested if self.is_typed_into() && !self.to_close => self.to_close = true,
             WindowEvent::CloseRequested => {
                 self.to_close = false;

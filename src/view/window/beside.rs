@@ -1,4 +1,4 @@
-//! What is computed beside the window: the pixel that is looked at, settings that are measured, spectra that are solved.
+//! Background computations: the probe, measurements of settings and the palette solver.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -16,41 +16,41 @@ use crate::view::job::Job;
 use crate::view::prober::StepError;
 use crate::vulkan::VulkanError;
 
-/// Palettes whose conflicts are remembered.
+/// Largest number of palettes whose conflicts are kept.
 const MOST_VERDICTS: usize = 20;
 
-/// ΔE00 that is hardly seen.
+/// Barely visible ΔE00.
 const UNSEEN: f64 = 0.5;
 
-/// What settings take and err by, and the one that was chosen by it.
+/// Measured settings, and the chosen one.
 pub(super) type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
 
-/// What was solved.
+/// Result of the palette solver.
 pub(super) enum Solved {
-    /// A palette to begin with.
+    /// Initial palette.
     Offered(Palette),
-    /// The open spectra of one.
+    /// Solved open spectra of a palette.
     Found {
-        /// What was asked.
+        /// Palette as requested.
         palette: Arc<Palette>,
-        /// What was found.
+        /// Solution.
         solution: Box<Solution>,
-        /// What of the palette changes with it.
+        /// Step applied to the palette together with the solution.
         step: Option<Step>,
     },
 }
 
-/// What excludes itself in a palette that was solved.
+/// Conflicts of a solved palette.
 pub(super) type Verdict = (Arc<Palette>, Vec<Conflict>);
 
-/// What excludes itself in the palette of `document`, where that was solved: also after a step back.
+/// Returns the conflicts of `document`'s palette if it was solved before, possibly before an undo.
 pub(super) fn conflicts<'a>(verdicts: &'a [Verdict], document: Option<&Document>) -> &'a [Conflict] {
     let now = document.and_then(|document| document.state().palette.as_ref());
     let verdict = verdicts.iter().find(|(of, _)| Some(of) == now);
     verdict.map_or(&[], |(_, conflicts)| conflicts)
 }
 
-/// What is said of a palette that was solved, whose worst cell is off by so much, where nothing is known to exclude itself.
+/// Returns the notice for a solved palette without known conflicts, given its largest ΔE00.
 fn verdict(palette: &Palette, worst: f64) -> Option<String> {
     if palette.cells.is_empty() {
         None
@@ -62,7 +62,7 @@ fn verdict(palette: &Palette, worst: f64) -> Option<String> {
 }
 
 impl Viewer {
-    /// Goes on with the pixel that is looked at. Says whether there is something new to show.
+    /// Updates the probe. Returns whether it changed.
     pub(super) fn probe(&mut self) -> Result<bool, VulkanError> {
         let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return Ok(false) };
         let proxy = self.proxy.clone();
@@ -77,14 +77,14 @@ impl Viewer {
         }
     }
 
-    /// Measures settings of what is looked at, for `goal` or for a curve; what was being measured is given up.
+    /// Measures settings of the document, for `goal` or for a curve; cancels a measurement in progress.
     pub(super) fn measure(&mut self, goal: Option<Goal>) {
         let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
         let renderer = engine.renderer().clone();
         let (scene, mix) = (document.state().scene.clone(), document.state().mix());
         let (size, cache) = (self.report.size, self.options.cache.clone());
         let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
-        // Frames take time of what is measured: few of them say how far it is.
+        // Frames disturb the measurement, so few of them show its progress.
         let wake = move || {
             let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
             if last.is_none_or(|last| last.elapsed() > NEWS_OF_MEASURING) {
@@ -97,7 +97,7 @@ impl Viewer {
         }));
     }
 
-    /// Takes what was measured, once it is. Says whether there is something new to show.
+    /// Takes over a finished measurement. Returns whether there was one.
     pub(super) fn measured(&mut self) -> bool {
         let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
         self.measuring = None;
@@ -108,7 +108,7 @@ impl Viewer {
                     Some(known) => known.merge(curve),
                     none => *none = Some(curve),
                 }
-                // What was said of it were times of another measurement.
+                // The old description states times of an earlier measurement.
                 self.chosen = None;
                 if let (Some(choice), Some(document)) = (choice, &self.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
@@ -125,14 +125,14 @@ impl Viewer {
         true
     }
 
-    /// Designs a palette for what is looked at; what was being solved is given up.
+    /// Designs a palette for the scene; cancels a solver in progress.
     pub(super) fn offer(&mut self) {
         let Some(document) = &self.document else { return };
         let scene = document.state().scene.clone();
         self.begin_to_solve(move |progress| Ok(Solved::Offered(design::offer(&scene, progress)?)));
     }
 
-    /// Finds the open spectra of the palette, after `step` where there is one; what was being solved is given up.
+    /// Solves the palette's open spectra, after `step` if given; cancels a solver in progress.
     pub(super) fn solve(&mut self, step: Option<Step>) {
         let state = self.document.as_ref().map(Document::state);
         let palette = state.and_then(|state| match &step {
@@ -155,7 +155,7 @@ impl Viewer {
         self.solving = Some(Job::start(wake, solve));
     }
 
-    /// Takes what was solved, once it is. Says whether there is something new to show.
+    /// Takes over a finished solution. Returns whether there was one.
     pub(super) fn solved(&mut self) -> bool {
         let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
         self.solving = None;
@@ -168,12 +168,12 @@ impl Viewer {
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 let worst = solution.worst();
                 self.report.solved.push(worst);
-                // The editor tells why, and offers ways out, where anybody sees that not all is as asked.
+                // The editor opens and explains conflicts whenever the error is visible.
                 let conflicts = if worst > UNSEEN { solution.conflicts } else { Vec::new() };
                 self.editing |= !conflicts.is_empty();
                 self.verdicts.retain(|(of, _)| *of != palette);
                 let told = if conflicts.is_empty() { verdict(&palette, worst) } else { None };
-                // What was asked may be something else by now.
+                // The palette may have changed in the meantime.
                 let is_there = self.document.as_ref().is_some_and(|it| it.state().palette.as_ref() == Some(&palette));
                 told.filter(|_| is_there).into_iter().for_each(|told| self.tell_done(told));
                 self.verdicts.push((palette, conflicts));

@@ -1,4 +1,4 @@
-//! What is opened, beside the window; and the device, opened again when it is lost.
+//! Opening of scenes in the background, and recovery of a lost device.
 
 use egui::Rect;
 
@@ -13,19 +13,19 @@ use crate::volume::Selection;
 use crate::vulkan::VulkanError;
 
 impl Viewer {
-    /// Opens something beside the window; what was being opened is given up.
+    /// Opens `source` in the background; cancels loading in progress.
     pub(super) fn open(&mut self, source: Source) {
-        // What is asked there is of what was to be opened before.
+        // An open question belongs to the previous source.
         self.chooser.close();
         self.load(source.clone(), false, move |renderer, progress| Loaded::open(renderer, source, progress));
     }
 
-    /// Opens another of the volumes in the file that is looked at.
+    /// Opens another volume of the current file.
     pub(super) fn open_another(&mut self) {
         self.open(self.source.reselected());
     }
 
-    /// Brings what is looked at to the device again.
+    /// Loads the document onto the device again.
     pub(super) fn restore(&mut self) {
         self.lost.stopped = false;
         let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
@@ -38,7 +38,7 @@ impl Viewer {
         });
     }
 
-    /// Begins to `load` on a thread what is at `source`, a thing that is looked at already or another one.
+    /// Starts to `load` `source` on a thread; `again` if it is already the open one.
     fn load(
         &mut self,
         source: Source,
@@ -50,7 +50,7 @@ impl Viewer {
         let (number, proxy) = (self.opened, self.proxy.clone());
         let loaded = {
             let proxy = proxy.clone();
-            // A window that is gone needs no news.
+            // The event loop may be gone.
             move |loaded| drop(proxy.send_event(Woken::Loaded { number, again, loaded: Box::new(loaded) }))
         };
         let progressed = move || drop(proxy.send_event(Woken::Progress));
@@ -59,7 +59,7 @@ impl Viewer {
         self.loading = Some(Loading::start(source, move |progress| load(&renderer, progress), progressed, loaded));
     }
 
-    /// Gives up what is being opened.
+    /// Cancels loading in progress.
     pub(super) fn give_up(&mut self) {
         self.given_up.retain(|loading| !loading.is_over());
         if let Some(loading) = self.loading.take() {
@@ -72,10 +72,10 @@ impl Viewer {
         let opened = self.loading.take().map(|loading| loading.source().clone());
         let loaded = match loaded {
             Ok(loaded) => loaded,
-            // The next frame notices it too, and starts again.
+            // The next frame reports the loss and recovers.
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
             Err(error) => {
-                // Nobody is there to answer a script's, and what is being asked is not taken away: the error says it, too.
+                // A script cannot answer, and an open question stays; the error says as much.
                 let opened = opened.filter(|_| !self.is_scripted() && !self.chooser.is_open());
                 let of_source = error.of_source();
                 let question = of_source.and_then(OpenError::question);
@@ -96,7 +96,7 @@ impl Viewer {
         };
         let document = self.document_of(&loaded);
         if document.is_none() && !again {
-            // It is asked once: it is opened as something else then.
+            // Asked once: if the user agrees, the source opens as a new document.
             let mut source = loaded.source;
             source.options.selection.asks = false;
             return self.chooser.leave(Leaving::Open(Box::new(source)));
@@ -104,7 +104,7 @@ impl Viewer {
         self.before = self.counts();
         if let Some(document) = document.filter(|_| !again) {
             if !self.is_scripted() {
-                // What went wrong before is over.
+                // Older errors no longer apply.
                 self.notices.retain(|notice| notice.until.is_some());
             }
             self.stop_tour();
@@ -118,7 +118,7 @@ impl Viewer {
         }
         (self.measuring, self.solving) = (None, None);
         self.verdicts.clear();
-        // Pictures are counted anew.
+        // The new engine counts its pictures from zero.
         let looked_at = self.prober.place().filter(|_| again);
         self.prober.look(None);
         self.prober.look(looked_at);
@@ -127,11 +127,11 @@ impl Viewer {
             engine.light(document.state());
         }
         self.engine = Some(engine);
-        // The next frame looks: only there is the size of the picture known.
+        // The next frame requests a picture, since it knows the picture's size.
         self.place = Rect::ZERO;
     }
 
-    /// How what was opened is looked at first. `None` where that would take away what was changed and not saved.
+    /// Returns the initial document of a loaded scene; `None` if it would discard unsaved changes.
     fn document_of(&self, loaded: &Loaded) -> Option<Document> {
         let scene = loaded.on_device.scene();
         let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
@@ -139,7 +139,7 @@ impl Viewer {
         match self.document.as_ref().filter(|_| loaded.source.is_another_of(&self.source)) {
             Some(before) if before.lies_as(scene) => Some(before.clone().beside(loaded.file.clone(), alike)),
             Some(_) if self.losing().changes => None,
-            // Its lights are there to choose from, and not meant together.
+            // The lights of a bare volume are a choice, not a mix.
             _ if loaded.source.bare_volume().is_some() => {
                 Some(Document::starting(loaded.file.clone(), &Edit::HandOnNode(0)))
             }
@@ -147,8 +147,8 @@ impl Viewer {
         }
     }
 
-    /// Opens the device anew that `error` has lost, and goes on where it was. What is lost again before it has shown a
-    /// picture waits for somebody to say so: it may be the scene that does it.
+    /// Reopens the device after the loss `error` and restores the scene. After a second loss without a finest picture,
+    /// rendering waits for the user, since the scene may be the cause.
     pub(super) fn recover(&mut self, error: VulkanError) -> Result<(), ViewError> {
         let Some(screen) = self.screen.take() else { return Ok(()) };
         self.lost.times += 1;

@@ -1,4 +1,4 @@
-//! A script in place of a hand.
+//! Execution of scripts.
 
 use std::sync::Arc;
 
@@ -15,23 +15,23 @@ use crate::view::action::Action;
 use crate::view::engine::Engine;
 use crate::view::script::{self, Command, Input};
 
-/// Frames that a script waits for a size it has asked for; a window that cannot have it goes on.
+/// Number of frames for which a script waits for a requested window size.
 const PATIENCE: u32 = 120;
 
-/// How far the script is.
+/// Progress of a script.
 #[derive(Default)]
 pub(super) struct Position {
-    /// The next command.
+    /// Next command.
     next: usize,
-    /// Frames that the last one still waits.
+    /// Number of frames that the last command still waits.
     waits: u32,
 }
 
 impl Viewer {
-    /// Whether nothing is left to do of what was asked for.
+    /// Whether all requested work is done.
     fn is_settled(&self) -> bool {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
-        // The first frame after something was opened has not yet looked at it.
+        // The first frame after opening has not requested a picture yet.
         let looked = self.document.is_none() || self.place != Rect::ZERO;
         self.loading.is_none()
             && finest
@@ -42,14 +42,14 @@ impl Viewer {
             && !self.is_saving()
     }
 
-    /// Whether the script waits until nothing is left to do.
+    /// Whether the script waits for all work to end.
     pub(super) fn settles(&self) -> bool {
         let script = self.options.script.as_ref();
         self.script.waits == 0
             && script.is_some_and(|script| script.command(self.script.next) == Some(&Command::Settle))
     }
 
-    /// What a line of a script is about; why it cannot be done where nothing is open.
+    /// Returns the document, or the reason why none is open.
     fn open_document(&self) -> Result<&Document, String> {
         self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
             Some(failure) => format!("nothing is open: {failure}"),
@@ -57,7 +57,7 @@ impl Viewer {
         })
     }
 
-    /// The next command of the script; what a hand does is answered.
+    /// Runs the next command of the script and returns its input events.
     pub(super) fn run_script(&mut self, events: &ActiveEventLoop) -> Result<Vec<egui::Event>, ViewError> {
         let Some(script) = &self.options.script else { return Ok(Vec::new()) };
         if self.script.waits > 0 {
@@ -65,7 +65,7 @@ impl Viewer {
             return Ok(Vec::new());
         }
         let at = self.script.next;
-        // What is opened first is what the first lines are about.
+        // The first commands refer to the source still being opened.
         let opens = self.document.is_none() && self.loading.is_some();
         let Some(command) = script.command(at).cloned() else {
             if !self.is_saving() {
@@ -76,11 +76,11 @@ impl Viewer {
         let inputs = match command {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             _ if opens && command.is_about_a_scene() => return Ok(Vec::new()),
-            // A palette that is asked for is what the next lines are about.
+            // The next commands refer to the palette being solved.
             Command::Do(Action::Solve(_) | Action::Edit(Edit::Design(_))) if self.solving.is_some() => {
                 return Ok(Vec::new());
             }
-            // What is saved is what was asked for before, and not after.
+            // Saved files must show the state at the time of the request.
             _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
                 self.report.settled.push(self.counts());
@@ -123,7 +123,7 @@ impl Viewer {
                 let wanted = PhysicalSize::new(width, height);
                 if self.options.size != Some([width, height]) {
                     self.options.size = Some([width, height]);
-                    // Where the system gives it at once, it tells of it as always.
+                    // If the size changes at once, the system still sends its usual event.
                     let _given = screen.window.request_inner_size(wanted);
                     self.script.waits = 1;
                     return Ok(Vec::new());
@@ -156,7 +156,7 @@ impl Viewer {
         Ok(inputs)
     }
 
-    /// What a hand does, as egui hears of it.
+    /// Converts scripted input to egui events.
     fn input(&self, input: &Input) -> Result<Vec<egui::Event>, String> {
         let pointer = self.context.input(|input| input.pointer.latest_pos()).unwrap_or(Pos2::ZERO);
         let modifiers = egui::Modifiers::NONE;
@@ -177,7 +177,7 @@ impl Viewer {
                 let event = |pressed| egui::Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
                 vec![event(true), event(false)]
             }
-            // The system tells of it in another way.
+            // Handled as a window event.
             Input::Drop(_) => Vec::new(),
         })
     }

@@ -1,68 +1,69 @@
-//! What a session was like, for `--json`.
+//! Report of a session, for `--json`.
 
 use crate::measure::Choice;
 use crate::number::{count, whole};
 use crate::view::effort::Measured;
 use crate::view::engine::Counts;
 
-/// What a session was like.
+/// Report of a session.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Report {
-    /// The device's name.
+    /// Device name.
     pub device: String,
-    /// Pixels of the picture, at the end.
+    /// Pixels of the picture at the end, across and down.
     pub size: [usize; 2],
-    /// Frames drawn.
+    /// Number of frames.
     pub frames: u64,
-    /// Marches, dispatches and relights, of all that was opened.
+    /// Marches, dispatches and relights of all scenes.
     #[serde(flatten)]
     pub counts: Counts,
-    /// The counts at each `settle` of the script.
+    /// Counts at each `settle` of the script.
     pub settled: Vec<Counts>,
-    /// Settings that were chosen by what was measured.
+    /// Settings chosen by measurements.
     pub choices: Vec<Choice>,
-    /// What was measured of settings, at the end.
+    /// Measured settings at the end.
     pub curve: Vec<Measured>,
-    /// The largest ΔE00 of a cell of each palette that was solved, from what was asked.
+    /// Largest ΔE00 of each solved palette from its target colours.
     pub solved: Vec<f64>,
-    /// What `probe` of the script has found.
+    /// Results of the script's `probe` commands.
     pub probes: Vec<serde_json::Value>,
-    /// From the start to the first picture.
+    /// Time from the start to the first picture.
     pub first_picture_ms: Option<f64>,
-    /// From each change of what is marched to a picture of it, of the last 10,000.
+    /// Time from each change that needs a march to the first picture of it; the last 10,000.
     pub coarse_ms: Vec<f64>,
-    /// From each to the finest picture, where nothing came between, of the last 10,000.
+    /// Time from each of these changes to the finest picture, unless interrupted; the last 10,000.
     pub finest_ms: Vec<f64>,
-    /// Frames by how long they took, the longest of them last: median, 95th of a hundred, longest. Of more than 65,536 frames,
-    /// the first two are of a part of them, evenly chosen.
+    /// Frame durations: median, 95th percentile, maximum. With more than 65,536 frames, the first two come from an
+    /// evenly
+    /// chosen subset.
     pub frame_ms: [f64; 3],
-    /// The same of frames that showed another light, where nothing was marched since the last one.
+    /// The same for frames that relit without a dispatch since the previous frame.
     pub relit_ms: [f64; 3],
-    /// The longest slice of a march.
+    /// Longest slice of a march.
     pub longest_step_ms: f64,
-    /// The longest that nobody was heard after the first picture was there: during a frame, or a slice of a march.
+    /// Longest time without input handling after the first picture: a frame or a march slice.
     pub stall_ms: f64,
-    /// How often the device was lost, and opened again.
+    /// Number of device losses.
     pub losses: u64,
-    /// What was told last.
+    /// Last notices.
     pub notices: Vec<String>,
-    /// What could not be opened, saved or done: all of it, or the last 10,000.
+    /// Failures to open, save or do something; the last 10,000.
     pub failures: Vec<String>,
-    /// What the validation layer has said.
+    /// Messages of the validation layer.
     pub validation: Vec<String>,
 }
 
-/// Frame times that are kept.
+/// Largest number of frame durations kept.
 const MOST_TIMES: usize = 1 << 16;
 
-/// Of what is told one by one, so much is kept.
+/// Largest number of entries of each list.
 pub(super) const MOST_TOLD: usize = 10_000;
 
-/// How long frames took. A window may be open for days: of more frames than are kept, every second is let go, again and again.
+/// Frame durations. When the storage is full, which may take days, every second entry is dropped, repeatedly.
 #[derive(Default)]
 pub(super) struct Times {
     kept: Vec<f64>,
-    /// How often half of them were let go.
+    /// Number of times that entries were dropped.
     halved: u32,
     count: u64,
     last: f64,
@@ -70,7 +71,7 @@ pub(super) struct Times {
 }
 
 impl Times {
-    /// One frame more.
+    /// Adds a frame.
     pub(super) fn add(&mut self, time: f64) {
         if self.count.trailing_zeros() >= self.halved {
             if self.kept.len() == MOST_TIMES {
@@ -87,12 +88,12 @@ impl Times {
         (self.last, self.longest) = (time, self.longest.max(time));
     }
 
-    /// How long the last one took; 0 of none.
+    /// Duration of the last frame; 0 without frames.
     pub(super) fn last(&self) -> f64 {
         self.last
     }
 
-    /// Median, 95th of a hundred and longest; zeros of none.
+    /// Median, 95th percentile and maximum; zeros without frames.
     pub(super) fn spread(mut self) -> [f64; 3] {
         self.kept.sort_by(f64::total_cmp);
         let at = |part: f64| self.kept.get(whole(part * count(self.kept.len().saturating_sub(1)))).copied();
@@ -101,7 +102,7 @@ impl Times {
     }
 }
 
-/// Keeps `new` after `all`, and of too many the last.
+/// Appends `new` to `all`, which keeps its last entries.
 pub(super) fn keep<T>(all: &mut Vec<T>, new: T) {
     if all.len() >= MOST_TOLD {
         all.remove(0);

@@ -1,4 +1,4 @@
-//! Files that the window writes, and the tour, which is played or saved.
+//! Files written by the window, and the played or saved tour.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -14,34 +14,35 @@ use crate::view::export::ExportError;
 use crate::view::job::Job;
 use crate::view::tour::Tour;
 
-/// What is still to be written.
+/// Files still to be written.
 #[derive(Default)]
 pub(super) struct Saving {
-    /// What to save once the picture is finest.
+    /// Exports that wait for the finest picture.
     waiting: Vec<Export>,
-    /// Files that are being written.
+    /// Files being written.
     writing: Vec<Writing>,
-    /// Names that were given to files, which may not be there yet.
+    /// Reserved file names, which may not exist yet.
     named: Vec<PathBuf>,
-    /// Where the window's pixels of this frame go.
+    /// File for the window's pixels in this frame.
     pub(super) capture: Option<PathBuf>,
 }
 
 impl Saving {
-    /// No file is still to be written, and none to be waited for.
+    /// Waits for the files being written.
     pub(super) fn end(&mut self) {
         self.writing.drain(..).for_each(|writing| writing.job.end());
     }
 
-    /// The first of the numbered names after `name` that no file has or will have; of a tour, whose pictures are numbered,
-    /// one that has none yet.
+    /// Returns the first numbered name after `name` that is neither taken nor reserved; the names of a tour's numbered
+    /// pictures
+    /// must be free too.
     fn free(&self, name: &str) -> PathBuf {
         let is_free = |path: &PathBuf| !path.exists() && !numbered(path, 1).exists() && !self.named.contains(path);
         let mut names = (1..=u16::MAX).map(|number| numbered(Path::new(name), number));
         names.find(is_free).unwrap_or_else(|| name.into())
     }
 
-    /// `path`, or where there is none, a free name, which nothing else is called from now on.
+    /// Returns `path`, or else reserves a free name.
     fn named(&mut self, path: Option<PathBuf>, name: &str) -> PathBuf {
         path.unwrap_or_else(|| {
             let free = self.free(name);
@@ -51,13 +52,13 @@ impl Saving {
     }
 }
 
-/// What of a picture is to be saved, and where.
+/// Export of a picture.
 enum Export {
     Picture(PathBuf),
     Accumulators(PathBuf),
 }
 
-/// A file that is being written, and what is said of it once it is there.
+/// File being written, and the notice to show once it is complete.
 struct Writing {
     job: Job<Result<(), ExportError>>,
     there: Option<String>,
@@ -70,7 +71,7 @@ const SESSION: &str = "relume-session.toml";
 const TOUR: &str = "relume-tour.png";
 
 impl Viewer {
-    /// Lets a file be chosen.
+    /// Opens the dialog for `file`.
     pub(super) fn choose(&mut self, file: File) {
         let name = match file {
             File::Opened => self.source.path.clone().unwrap_or_default(),
@@ -82,25 +83,25 @@ impl Viewer {
         self.chooser.open(file, &name);
     }
 
-    /// The picture is saved once it is finest.
+    /// Saves the picture once it is the finest.
     pub(super) fn save_picture(&mut self, path: Option<PathBuf>) {
         let path = self.saving.named(path, PICTURE);
         self.saving.waiting.push(Export::Picture(path));
     }
 
-    /// What it is made of is.
+    /// Saves the film once the picture is the finest.
     pub(super) fn save_accumulators(&mut self, path: Option<PathBuf>) {
         let path = self.saving.named(path, ACCUMULATORS);
         self.saving.waiting.push(Export::Accumulators(path));
     }
 
-    /// A tour is saved from now on, in so many `frames`.
+    /// Starts to save a tour in `frames` pictures.
     pub(super) fn begin_tour(&mut self, path: Option<PathBuf>, frames: u16) {
         let path = self.saving.named(path, TOUR);
         self.tour = Some(Tour::saving(path, frames));
     }
 
-    /// Plays a tour in so many `seconds`; without them, ends the one that is played or saved.
+    /// Plays a tour for `seconds`; `None` ends the tour being played or saved.
     pub(super) fn tour(&mut self, seconds: Option<f64>) {
         if let Some(Tour::Saving { frames, saved, .. }) = self.tour {
             self.tell_done(format!("The tour was cancelled: {saved} of {frames} pictures are saved."));
@@ -109,12 +110,12 @@ impl Viewer {
         self.tour = seconds.map(Tour::playing);
     }
 
-    /// The hand of a tour that is played stays where it is.
+    /// Stops a playing tour; the hand stays.
     pub(super) fn stop_tour(&mut self) {
         self.tour.take_if(|tour| matches!(tour, Tour::Playing { .. }));
     }
 
-    /// A tour that is saved has an end, and it is said why.
+    /// Ends the tour being saved, with a notice of the reason.
     pub(super) fn give_up_tour(&mut self, why: &str) {
         if let Some(Tour::Saving { frames, saved, .. }) = self.tour {
             self.note(format!("{why}: the tour was cancelled after {saved} of {frames} pictures."));
@@ -122,7 +123,7 @@ impl Viewer {
         }
     }
 
-    /// What was there before a tour was saved is shown again.
+    /// Ends the saved tour and restores the document's light.
     fn end_saved_tour(&mut self) {
         self.tour = None;
         if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
@@ -149,7 +150,7 @@ impl Viewer {
         }
     }
 
-    /// What was to be saved of a picture that will not come.
+    /// Drops exports of a picture that another scene has replaced.
     pub(super) fn forget_waiting(&mut self) {
         for export in std::mem::take(&mut self.saving.waiting) {
             let (Export::Picture(path) | Export::Accumulators(path)) = export;
@@ -157,14 +158,14 @@ impl Viewer {
         }
     }
 
-    /// Whether something waits for a picture that is finest.
+    /// Whether an export waits for the finest picture.
     pub(super) fn is_awaited(&self) -> bool {
         !self.saving.waiting.is_empty()
     }
 
-    /// Begins to write what is to be saved of a picture that is finest.
+    /// Starts the exports that wait for the finest picture.
     pub(super) fn save_pictures(&mut self) {
-        // While a tour is saved, the picture is not of what is looked at.
+        // A tour being saved shows other light than the document.
         let tours = matches!(self.tour, Some(Tour::Saving { .. }));
         if self.saving.waiting.is_empty() || self.loading.is_some() || tours {
             return;
@@ -195,14 +196,14 @@ impl Viewer {
         }
     }
 
-    /// Does `write` beside the window; `there` is said once the file is.
+    /// Runs `write` in the background; `there` is the notice of success.
     fn begin(&mut self, there: Option<String>, write: impl FnOnce() -> Result<(), ExportError> + Send + 'static) {
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
         self.saving.writing.push(Writing { job: Job::start(wake, move |_| write()), there });
     }
 
-    /// Says what became of files that were being written. Whether all could be.
+    /// Reports finished files. Returns whether all succeeded.
     pub(super) fn written(&mut self) -> bool {
         let mut all = true;
         for mut writing in std::mem::take(&mut self.saving.writing) {
@@ -218,7 +219,7 @@ impl Viewer {
         all
     }
 
-    /// Shows where a tour is now. Says whether one is played: all of it is one step back.
+    /// Applies the tour's current position. Returns whether a tour is playing, all of which is one undo step.
     pub(super) fn go_on_tour(&mut self) -> bool {
         let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
         let edit = tour.edit();
@@ -237,7 +238,7 @@ impl Viewer {
         plays
     }
 
-    /// Saves the picture of a tour that is there, and shows what was there before once all are saved, or one `failed`.
+    /// Saves the tour's next finished picture; ends the tour after the last one or after a failure.
     pub(super) fn save_tour(&mut self, failed: bool) {
         let Some(Tour::Saving { path, frames, saved, .. }) = &self.tour else { return };
         if !self.saving.writing.is_empty() {
@@ -265,7 +266,7 @@ impl Viewer {
         self.begin(None, move || snapshot.write_picture(&path));
     }
 
-    /// Whether pictures are still to be saved of what was asked for.
+    /// Whether any export is still to be written.
     pub(super) fn is_saving(&self) -> bool {
         !(self.saving.waiting.is_empty() && self.saving.writing.is_empty())
             || self.saving.capture.is_some()
@@ -273,7 +274,7 @@ impl Viewer {
     }
 }
 
-/// Where `path` is, to somebody who does not know what folder this is.
+/// Absolute path, for display.
 fn whole_path(path: &Path) -> String {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned()).display().to_string()
 }
