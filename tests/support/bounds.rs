@@ -1,12 +1,17 @@
-//! How far two rungs may be apart in each number of each pixel, from how far their samples may be apart.
+//! Bounds of the difference between two rungs in every number of every pixel, from bounds of their samples.
 //!
-//! Where a step's sources s may be off by δs, its opacity by δα and its normal by δn, an accumulator Σ T·s·shade is off
-//! by at most Σ T·(δs·shade + |s|·|shade′|·δn + δα·B): losing δα more of the light loses at most that share of what is
-//! behind. That is B ≤ 1 for weights of materials that occlude as much as they scatter (Σ s = α); of spectra, it is the
-//! largest coefficient of a reflectance under all its shares of light; and where there are X-ray materials it is the
-//! brightest pixel's own sum. That is itself a march, of the differences in place of the sources, component by component
-//! with the transmittance of each, and `reference::march` does it. Products of two errors are left out; they are below
-//! 1e-5 of the bounds.
+//! If a step's sources s are off by at most δs, its opacity by δα and its normal by δn, an accumulator Σ T·s·shade is
+//! off
+//! by at most Σ T·(δs·shade + |s|·|shade′|·δn + δα·B): an excess opacity δα removes at most that share of the light
+//! from
+//! behind, which is bounded by B. B ≤ 1 for weights of materials that occlude as much as they scatter (Σ s = α). For
+//! spectra, B is the largest coefficient of a reflectance times its shading coefficients. With X-ray materials, B is
+//! the
+//! brightest pixel's own sum. The bound is itself a march, with differences in place of the sources, and
+//! `reference::march`
+//! evaluates it for each component with its own transmittance. Products of two errors are omitted; they are below 1e-5
+//! of
+//! the bounds.
 
 use glam::DVec3;
 use relume::film::Film;
@@ -20,10 +25,10 @@ use super::rungs::Rungs;
 use super::scenes::float;
 use super::tolerance::ROUNDING_UNIT;
 
-/// Half-vectors are further off than the directions they halve, by 2/|l + v|: the scenes' lights are in front.
+/// Half-vectors are off by up to 2/|l + v| times the error of their directions; this assumes lights in front.
 const HALFWAY: f64 = 2.0;
 
-/// What two rungs may take differently from a sample.
+/// Bound of the difference between two rungs' samples.
 #[derive(Debug, Default)]
 pub struct Difference {
     pub source: Vec<f64>,
@@ -32,7 +37,7 @@ pub struct Difference {
 }
 
 impl Difference {
-    /// At least as far as from `one` to `other`.
+    /// Widens the bound to include the difference between `one` and `other`.
     fn include(&mut self, one: &Step<f64>, other: &Step<f64>) {
         let widen = |differences: &mut Vec<f64>, one: &[f64], other: &[f64]| {
             differences.resize(one.len(), 0.0);
@@ -47,11 +52,11 @@ impl Difference {
     }
 }
 
-/// Samples that hold a bound per component and, behind them, one per number of what passes.
+/// Samples with the bounds of the components, followed by the bounds of the transmittance's components.
 struct Bounding<'a, F> {
     rungs: &'a Rungs,
     behind: f64,
-    /// What the arithmetic of spectra may be off by, relative to Σ|terms|.
+    /// Rounding error of the spectral arithmetic, relative to Σ|terms|.
     rounded: f64,
     sample: F,
 }
@@ -75,12 +80,12 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
 }
 
 impl<F> Bounding<'_, F> {
-    /// The materials in use.
+    /// Materials in use.
     fn used(&self) -> impl Iterator<Item = &Material> {
         self.rungs.planned.materials.iter().map(|&m| &self.rungs.scene.materials[m])
     }
 
-    /// How much a highlight of this exponent turns with its normal.
+    /// Largest change of a highlight of this exponent per change of the normal.
     fn steepness(exponent: u32) -> f64 {
         f64::from(exponent) * (1.0 + HALFWAY)
     }
@@ -102,14 +107,14 @@ impl<F> Bounding<'_, F> {
         bounds
     }
 
-    /// The largest of what each kind of position makes of a step.
+    /// Largest bound over the kinds of light position.
     fn of_spectra(&self, found: &Step<f64>, difference: &Difference, dimension: usize) -> Vec<f64> {
         let (scene, planned) = (&self.rungs.scene, &self.rungs.planned);
         let plan = &planned.plan;
         let (parts, directed) = (plan.parts(), plan.shading.is_some());
         let Accumulate::Spectral { shares, .. } = plan.accumulate else { return Vec::new() };
         let first = |lanes: usize| 4 * lanes;
-        // What a number of the table may move a component by, and all that it can send there.
+        // Bound of the change and the size of a component that entry `at` of the step contributes to.
         let of = |at: usize, shade: f64, slope: f64| {
             let (size, moved) = (found.source[at].abs(), difference.source[at]);
             moved * shade + size * (slope * difference.normal + self.rounded * shade)
@@ -143,8 +148,8 @@ impl<F> Bounding<'_, F> {
     }
 }
 
-/// The bound of every number of `expected` (its own layout), for samples that differ as `sample` says and for
-/// `roundings` per step in the arithmetic of a step and its sum.
+/// Returns the bound of every number of `expected`, in its layout, for samples that differ as `sample` says and for
+/// `roundings` roundings per step in the arithmetic of a step and its sum.
 pub fn bounds<R: Real>(
     rungs: &Rungs,
     expected: &Film<R>,
@@ -171,7 +176,7 @@ pub fn bounds<R: Real>(
 
     let pixels = size[0] * size[1];
     let plane = |component: usize| &marched.accumulators[component * pixels..][..pixels];
-    // Weights are what they sum up; the terms of spectra may cancel, and have brought their roundings along.
+    // Weights are sums of positive terms; spectral terms may cancel, and already include their roundings.
     let of_sum = if planned.model.is_some() { 0.0 } else { rounded };
     let weights = expected.accumulators.iter().enumerate().map(|(i, weight)| {
         plane(i / pixels % components)[i % pixels] + of_sum * weight.to_f64().abs() + f64::from(f32::MIN_POSITIVE)
@@ -182,7 +187,7 @@ pub fn bounds<R: Real>(
     Film { size: *size, components, accumulators: weights.collect(), transmittance: transmittance.collect() }
 }
 
-/// The most, in a component, that materials send from behind a step which hide as much as they scatter.
+/// Largest value of a component that can arrive from behind a step, for materials that occlude as much as they scatter.
 fn largest_behind(rungs: &Rungs) -> f64 {
     let (scene, planned) = (&rungs.scene, &rungs.planned);
     let Some(model) = &planned.model else { return 1.0 };
@@ -196,12 +201,13 @@ fn largest_behind(rungs: &Rungs) -> f64 {
     planned.materials.iter().map(of_material).fold(1.0, f64::max)
 }
 
-/// Between two f64 rungs: the scene itself, and its stored tables and volume.
+/// Bounds between two f64 rungs: the scene itself, and its stored tables and volume.
 ///
-/// A linear table misses what it stands for by at most a quarter of the second difference over two entries (a bend in the
-/// middle of an entry is missed by a quarter of its change of slope per entry, of which such a difference sees at least
-/// 1.5 entries; a parabola, by a 32nd of it), a rounding of its own entries aside; a stored value is off by
-/// [`relume::tables::Storage::loss`], a stored difference by half a code.
+/// Except for rounding of its entries, a linear table is off by at most a quarter of the second difference over two
+/// entries. (Its error at a kink in the middle of an entry is a quarter of the change of slope per entry, and such a
+/// difference includes at least 1.5 entries of that; the error for a parabola is a 32nd of the difference.) A stored
+/// value
+/// is off by [`relume::tables::Storage::loss`], a stored gradient component by half a code.
 pub fn of_tables(rungs: &Rungs, expected: &Film<f64>) -> Film<f64> {
     assert_eq!(rungs.planned.plan.lookup, Lookup::Linear, "jumps move by an entry");
     let [low, high] = rungs.storage.domain;
@@ -239,9 +245,9 @@ pub fn of_tables(rungs: &Rungs, expected: &Film<f64>) -> Film<f64> {
     })
 }
 
-/// Between two rungs that read the same tables and volume, at places up to `reach` (texture coordinates) apart: the
-/// differences to the corners of the cube that far around a place, which hold the extremes of anything that is monotonic
-/// in the cube, and the roundings of interpolation.
+/// Bounds between two rungs that read the same tables and volume at places up to `reach` (texture coordinates) apart:
+/// the differences to the corners of the cube of that half-width, which contain the extremes of any function that is
+/// monotonic in the cube, plus the roundings of interpolation.
 pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], roundings: f64) -> Film<f64> {
     let stored = rungs.stored::<f64>();
     let texels = Texels::new(&rungs.volume);
@@ -259,22 +265,22 @@ pub fn of_places<R: Real>(rungs: &Rungs, expected: &Film<R>, reach: [f64; 3], ro
             difference.include(&here, &there);
         }
         if texels.parts == 4 {
-            // Three interpolations, each of at most three roundings of numbers up to 1.
+            // Three interpolations, each with at most three roundings of numbers up to 1.
             difference.normal += direction_error(&texels.at(place), scale, 9.0 * ROUNDING_UNIT) + 8.0 * ROUNDING_UNIT;
         }
-        // A value's own roundings are those of its place: three interpolations, a scale and an offset.
+        // The roundings of a value are covered by those of its place: three interpolations, a scale and an offset.
         (here, difference)
     })
 }
 
-/// How far a normal may turn when each stored difference is off by `error`.
+/// Largest change of a normal if each stored gradient component is off by `error`.
 fn direction_error(texel: &[f64; 4], scale: DVec3, error: f64) -> f64 {
     let gradient = DVec3::new(texel[0], texel[1], texel[2]) * scale;
     let off = (scale * error).length();
     if off > 0.0 { (2.0 * off / gradient.length()).min(2.0) } else { 0.0 }
 }
 
-/// Trilinear interpolation of a stored volume, written once more.
+/// Independent implementation of trilinear interpolation in a stored volume.
 struct Texels<'a> {
     volume: &'a StoredVolume,
     parts: usize,
@@ -311,7 +317,7 @@ fn whole(value: f64) -> usize {
     value as usize
 }
 
-/// Samples of the longest ray.
+/// Number of samples of the longest ray.
 pub fn longest(rungs: &Rungs) -> f64 {
     f64::from(rays(rungs).0.samples)
 }
@@ -322,21 +328,22 @@ fn rays(rungs: &Rungs) -> (RayTable, View) {
     (RayTable::new(&rungs.scene, &view).unwrap(), view)
 }
 
-/// How far the place of a sample may be off in f32, in texture coordinates, and the pixels that cannot be judged.
+/// Rounding error of sample places in f32, in texture coordinates, and the pixels excluded from comparison.
 #[derive(Debug)]
 pub struct Places {
     pub error: f64,
-    /// A rounding decides over a whole sample: the ray's length is a whole number of steps, or it enters by a face that
-    /// it grazes.
+    /// Pixels in which a rounding may add or remove a sample: the ray's length is a whole number of steps, or the ray
+    /// grazes
+    /// the face it enters.
     pub undecided: Vec<bool>,
 }
 
-/// A rounding moves the entry along a ray by up to this many times itself, or the pixel counts as grazing.
+/// Largest factor from a rounding error to the resulting error of a ray's entry; larger factors count as grazing.
 const GRAZING: f64 = 8.0;
 
-/// About 16 roundings of numbers up to the farthest coordinate: two in u and v each, three in the base, five in the
-/// direction, five in its length, one division and a difference to the box, two in the place itself. The division by
-/// the direction makes them up to [`GRAZING`] times larger; what it is for this picture is measured.
+/// About 16 roundings of numbers up to the farthest coordinate: two each in u and v, three in the base, five in the
+/// direction, five in its length, one in a division, one in a difference to the box, and two in the place itself. The
+/// division by the direction enlarges them by up to [`GRAZING`]; the factor is measured for each picture.
 pub fn places(rungs: &Rungs) -> Places {
     let rays = rays(rungs).0;
     let [width, height] = rungs.size;

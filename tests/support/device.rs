@@ -1,12 +1,12 @@
-//! A device to test on.
+//! Vulkan device for tests.
 
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-/// A device with validation; none where tests that need one are to be skipped.
+/// Opens a device with validation; `None` if GPU tests are skipped (`GPU_TESTS=skip`).
 ///
 /// # Panics
 ///
-/// Where there is no such device: the error says how to get one.
+/// If there is no such device; the error says how to get one.
 #[expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 pub fn open() -> Option<Device> {
     if std::env::var("GPU_TESTS").as_deref() == Ok("skip") {
@@ -19,7 +19,7 @@ pub fn open() -> Option<Device> {
     }
 }
 
-/// Runs `test` on a device, and fails where the validation layer has something to say.
+/// Runs `test` on a device and fails on any validation message.
 pub fn with_device(test: impl FnOnce(&Device)) {
     let Some(device) = open() else { return };
     test(&device);

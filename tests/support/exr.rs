@@ -1,4 +1,4 @@
-//! OpenEXR files as another program reads them, and when two pictures are one.
+//! Independent reader of OpenEXR files, and comparison of pictures.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use exr::prelude::attribute::AttributeValue;
 use exr::prelude::{ReadChannels as _, ReadLayers as _};
 
-/// An OpenEXR file as another program reads it: channels by name, and the attributes that this program added.
+/// Contents of an OpenEXR file: channels by name, and non-standard text attributes.
 pub struct Exr {
     pub size: (usize, usize),
     pub channels: BTreeMap<String, Vec<f32>>,
@@ -36,7 +36,7 @@ impl Exr {
     }
 }
 
-/// Two pictures are one, but for the rounding of f32: `relative` of the larger value, and 1e-6 of white.
+/// Asserts that two pictures agree up to f32 rounding: `relative` of the larger value, plus 1e-6 of white.
 pub fn assert_same(one: &[f32], other: &[f32], relative: f32) {
     assert_eq!(one.len(), other.len(), "pictures of one size");
     assert!(one.iter().any(|&value| value > 0.01), "a black picture shows nothing");
@@ -45,8 +45,10 @@ pub fn assert_same(one: &[f32], other: &[f32], relative: f32) {
     }
 }
 
-/// Cuts the accumulator file at `path` at every length, and damages it everywhere but in the middle of its text, which is long
-/// and harmless: `read`, which says whether it was read, refuses what is cut and has an answer to the rest.
+/// Truncates the film file at `path` to every length, and damages all its bytes except the middle of its text, which is
+/// long
+/// and harmless. `read` returns whether reading succeeded; it must refuse every truncated file and return for every
+/// other.
 pub fn damage(path: &Path, read: impl Fn() -> bool) {
     let whole = std::fs::read(path).unwrap();
     assert!(read(), "before");
@@ -60,7 +62,7 @@ pub fn damage(path: &Path, read: impl Fn() -> bool) {
             let mut damaged = whole.clone();
             damaged[at] ^= bits;
             std::fs::write(path, &damaged).unwrap();
-            // Some bytes do not matter; what counts is that an answer comes.
+            // Some bytes do not matter; only a panic or a hang is a failure.
             let _answer = read();
         }
     }

@@ -1,8 +1,9 @@
-//! Pictures that were looked at once, and comparison with them.
+//! Golden images, which were inspected once, and comparison with them.
 //!
-//! `tests/golden/NAME.exr` holds one picture of each name in [`NAMES`]. `BLESS=NAME cargo test` rewrites it, from the
-//! one rung that may, and fails that run: look at the picture, then run again. A failure leaves both pictures, their
-//! difference and the numbers in `target/golden/NAME.TOLERANCE/`.
+//! `tests/golden/NAME.exr` holds one picture for each name in [`NAMES`]. `BLESS=NAME cargo test` rewrites it from the
+//! one
+//! rung with permission, and fails that run: inspect the picture, then run again. A failure writes both pictures, their
+//! difference and the numbers to `target/golden/NAME.TOLERANCE/`.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -17,34 +18,34 @@ use relume::output::{Alpha, Depth, Picture, write_png};
 
 use super::tolerance::Tolerance;
 
-/// Every golden image there is.
+/// Names of all golden images.
 pub const NAMES: &[&str] = super::scenes::NAMES;
 
-/// A picture or a set of accumulators, and who made it.
+/// Picture or set of accumulators, with its source.
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// Who made it: a rung, such as "reference f64" or "GPU".
+    /// Name of the rung that made it, such as "reference f64" or "GPU".
     pub source: String,
-    /// Pixels across.
+    /// Width in pixels.
     pub width: usize,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: usize,
-    /// The name of each channel.
+    /// Channel names.
     pub channels: Vec<String>,
-    /// Pixel by pixel, rows from the top.
+    /// Samples, pixel by pixel, rows from the top.
     pub samples: Vec<f32>,
-    /// Σ|terms| of each sample, which its error is relative to; where absent, errors are absolute.
+    /// Σ|terms| of each sample, to which its error is relative; without it, errors are absolute.
     pub scale: Option<Vec<f64>>,
 }
 
 impl Image {
-    /// Linear RGB.
+    /// Creates a linear RGB image.
     pub fn rgb(source: &str, width: usize, height: usize, samples: Vec<f32>) -> Self {
         let channels = ["R", "G", "B"].map(str::to_owned).to_vec();
         Self { source: source.to_owned(), width, height, channels, samples, scale: None }
     }
 
-    /// Refuses a picture whose samples do not fill it.
+    /// Checks that the number of samples matches the size.
     fn whole(&self) -> Result<(), String> {
         let (expected, found) = (self.width * self.height * self.channels.len(), self.samples.len());
         if expected == found { Ok(()) } else { Err(format!("{} has {found} samples, not {expected}", self.source)) }
@@ -55,7 +56,7 @@ impl Image {
 ///
 /// # Panics
 ///
-/// When they differ by more than `tolerance`, when there is no such golden image, and when it was rewritten.
+/// If they differ by more than `tolerance`, if the golden image is missing, or after it was rewritten.
 pub fn check(name: &str, image: &Image, tolerance: &Tolerance) {
     let target = Path::new(env!("CARGO_TARGET_TMPDIR")).parent().map(|target| target.join("golden"));
     let golden = Golden {
@@ -69,21 +70,21 @@ pub fn check(name: &str, image: &Image, tolerance: &Tolerance) {
     }
 }
 
-/// Where golden images are, and whether one is to be rewritten.
+/// Folders of golden images, and the one to rewrite.
 #[derive(Debug)]
 pub struct Golden<'a> {
-    /// The folder of the golden images.
+    /// Folder of the golden images.
     pub folder: PathBuf,
-    /// The folder for what a failure leaves.
+    /// Folder for the output of failures.
     pub failures: PathBuf,
-    /// The golden images that should be in the folder.
+    /// Names of the golden images that should exist.
     pub names: &'a [&'a str],
-    /// The golden image that is to be rewritten.
+    /// Name of the golden image to rewrite.
     pub bless: Option<String>,
 }
 
 impl Golden<'_> {
-    /// [`check`] with an answer.
+    /// As [`check`], with an error in place of a panic.
     pub fn check(&self, name: &str, image: &Image, tolerance: &Tolerance) -> Result<(), String> {
         if !self.names.contains(&name) {
             return Err(format!("{name:?} is not in the list of golden images: add it to NAMES"));
@@ -112,7 +113,7 @@ impl Golden<'_> {
         })
     }
 
-    /// What is in the folder and should not be, and what should be and is not.
+    /// Returns messages about unexpected, missing and unknown golden images.
     pub fn strays(&self) -> Vec<String> {
         let files = fs::read_dir(&self.folder).into_iter().flatten().flatten();
         let found: Vec<String> = files.map(|file| file.file_name().to_string_lossy().into_owned()).collect();
@@ -126,7 +127,7 @@ impl Golden<'_> {
     }
 }
 
-/// Whether `actual` is within `tolerance` of `expected`; the answer says by how much it is not.
+/// Compares `actual` with `expected`; the error states the difference.
 pub fn compare(actual: &Image, expected: &Image, tolerance: &Tolerance) -> Result<(), String> {
     let shared = std::ptr::eq(actual.samples.as_ptr(), expected.samples.as_ptr());
     if shared || actual.source == expected.source {
@@ -145,7 +146,7 @@ pub fn compare(actual: &Image, expected: &Image, tolerance: &Tolerance) -> Resul
     let exceptions = error.relative_count_over(tolerance.usual);
     let share =
         f64::from(u32::try_from(exceptions).unwrap_or(u32::MAX)) / f64::from(u32::try_from(samples).unwrap_or(1));
-    // Written so that NaN fails.
+    // The comparisons fail for NaN.
     if relative.largest <= tolerance.largest && relative.mean <= tolerance.mean && share <= tolerance.exceptions {
         return Ok(());
     }
@@ -176,7 +177,7 @@ pub fn compare(actual: &Image, expected: &Image, tolerance: &Tolerance) -> Resul
     ))
 }
 
-/// Leaves both pictures, their difference and the numbers in `folder`.
+/// Writes both pictures, their difference and the numbers to `folder`.
 fn leave(folder: &Path, actual: &Image, expected: &Image, numbers: &str) -> Result<(), String> {
     fs::create_dir_all(folder).map_err(|error| error.to_string())?;
     fs::write(folder.join("numbers.txt"), numbers).map_err(|error| error.to_string())?;
@@ -188,7 +189,7 @@ fn leave(folder: &Path, actual: &Image, expected: &Image, numbers: &str) -> Resu
     }
     for (name, picture) in pictures {
         write(&folder.join(format!("{name}.exr")), &picture)?;
-        // Of many channels the first three; a difference so bright that one can see it, NaN as white.
+        // Shows the first three of many channels; brightens the difference to be visible, and shows NaN as white.
         let first =
             |pixel: &[f32]| [0, 1, 2].map(|channel| pixel.get(channel).or(pixel.last()).copied().unwrap_or(0.0));
         let mut rgb: Vec<f32> = picture.samples.chunks(picture.channels.len().max(1)).flat_map(first).collect();
@@ -222,7 +223,7 @@ fn write(path: &Path, image: &Image) -> Result<(), String> {
     written.map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 
-/// Reads every channel, in this order where the file has these channels, in the order of their names where not.
+/// Reads every channel, in the given order if it contains them all, otherwise in the order of their names.
 fn read(path: &Path, order: &[String]) -> Result<Image, String> {
     let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
     let image =

@@ -1,4 +1,4 @@
-//! Bytes that anybody may have made, given to a reader, and what reading them took; for tests and fuzz targets.
+//! Feeds untrusted bytes to the readers and checks their memory use, for tests and fuzz targets.
 #![allow(dead_code, unreachable_pub, reason = "each program uses a part of it, and has it to itself")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -17,13 +17,13 @@ use relume::progress::{Progress, Quiet};
 use relume::spectrum::{Column, SpectrumSource};
 use relume::volume::{self, Selection, VolumeError};
 
-/// What a reader may hold, whatever it reads; or twice what comes back, if that is more.
+/// Largest number of bytes a reader may hold; alternatively, twice the size of its result.
 const ALLOWED: usize = 64 << 20;
 
-/// How often work that takes long may ask whether it should go on: a few steps of it.
+/// Number of cancellation checks after which long work is cancelled: a few of its steps.
 const QUESTIONS: u32 = 8;
 
-/// The system's allocator, which counts what the thread holds.
+/// System allocator that counts the bytes held by each thread.
 #[derive(Debug)]
 pub struct Counting;
 
@@ -39,34 +39,34 @@ fn count(more: usize, less: usize) {
 }
 
 #[expect(unsafe_code, reason = "the trait is unsafe; every call is handed on as it came")]
-// SAFETY: the system's allocator keeps the contract, and counting neither allocates nor unwinds.
+// SAFETY: the system's allocator upholds the contract; counting neither allocates nor unwinds.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);
-        // SAFETY: as the caller promised.
+        // SAFETY: the caller upholds the contract.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);
-        // SAFETY: as the caller promised.
+        // SAFETY: the caller upholds the contract.
         unsafe { System.alloc_zeroed(layout) }
     }
 
     unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
         count(0, layout.size());
-        // SAFETY: as the caller promised.
+        // SAFETY: the caller upholds the contract.
         unsafe { System.dealloc(place, layout) }
     }
 
     unsafe fn realloc(&self, place: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         count(size, layout.size());
-        // SAFETY: as the caller promised.
+        // SAFETY: the caller upholds the contract.
         unsafe { System.realloc(place, layout, size) }
     }
 }
 
-/// What `work` answers, and the most bytes that this thread held in it beyond those it held before.
+/// Returns the result of `work` and the peak number of bytes this thread allocated for it.
 pub fn most_held<T>(work: impl FnOnce() -> T) -> (T, usize) {
     let before = HELD.get();
     MOST.set(before);
@@ -74,7 +74,7 @@ pub fn most_held<T>(work: impl FnOnce() -> T) -> (T, usize) {
     (answer, (MOST.get() - before).unsigned_abs())
 }
 
-/// Something that reads files from anywhere.
+/// Reader of untrusted files.
 #[derive(Clone, Copy, Debug)]
 pub enum Reader {
     MetaImage,
@@ -88,7 +88,7 @@ pub enum Reader {
 }
 
 impl Reader {
-    /// What its files are called.
+    /// File name with the reader's extension.
     fn file(self) -> &'static str {
         match self {
             Self::MetaImage => "v.mha",
@@ -103,7 +103,7 @@ impl Reader {
     }
 }
 
-/// Work that is stopped once it has asked so often whether it should.
+/// Progress that cancels the work after a number of checks.
 struct Patience(AtomicU32);
 
 impl Patience {
@@ -120,23 +120,24 @@ impl Progress for Patience {
     }
 }
 
-/// A folder of its own, in memory where the system has such a place, with some voxels for headers to name.
+/// Temporary folder, in memory if possible, with voxel files to which headers can refer.
 pub struct Place {
     folder: tempfile::TempDir,
     path: PathBuf,
-    /// It stays open: some file systems wait for the disk when a file that was cut is closed.
+    /// Kept open, because some file systems wait for the disk when a truncated file is closed.
     file: File,
     reader: Reader,
     rarely: u64,
 }
 
 impl Place {
-    /// What takes a thousand times as long as reading, planning a scene and solving a palette, is done with one in
-    /// `rarely` of what is read.
+    /// Work that takes a thousand times as long as reading, such as planning a scene or solving a palette, is done for
+    /// one in
+    /// `rarely` inputs.
     ///
     /// # Panics
     ///
-    /// Where no folder can be made.
+    /// If no folder can be created.
     pub fn new(reader: Reader, rarely: u64) -> Self {
         let memory = Path::new("/dev/shm");
         let parent = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
@@ -150,11 +151,11 @@ impl Place {
         Self { folder, path, file, reader, rarely }
     }
 
-    /// Whether `bytes` are accepted.
+    /// Returns whether `bytes` are accepted.
     ///
     /// # Panics
     ///
-    /// Where reading them takes more memory than it may.
+    /// If reading uses too much memory.
     pub fn read(&self, bytes: &[u8]) -> bool {
         if !matches!(self.reader, Reader::Scene | Reader::Palette) {
             let length = u64::try_from(bytes.len()).expect("a length");
@@ -176,15 +177,15 @@ impl Place {
         size.is_some()
     }
 
-    /// Whether `bytes` are among those with which more is done.
+    /// Whether the expensive work is done for `bytes`.
     fn is_chosen(&self, bytes: &[u8]) -> bool {
-        // FNV-1a.
+        // FNV-1a hash.
         let step = |hash: u64, &byte: &u8| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
         let hash = bytes.iter().fold(0xcbf2_9ce4_8422_2325, step);
         (hash >> 32).is_multiple_of(self.rarely)
     }
 
-    /// Bytes of what comes back.
+    /// Returns the number of voxel bytes.
     fn volume(&self) -> Option<usize> {
         let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
         let first = Selection { component: Some(0), time: Some(0), array: None, asks: false };
@@ -195,7 +196,7 @@ impl Place {
         opened.ok().map(|volume| volume.voxels.bytes().len())
     }
 
-    /// A scene, and behind zero bytes what is defined of it.
+    /// Reads a scene, followed by zero-separated definitions.
     fn scene(&self, bytes: &[u8]) -> Option<usize> {
         let text = std::str::from_utf8(bytes).ok()?;
         let mut parts = text.split('\0').map(str::to_owned);
@@ -203,7 +204,7 @@ impl Place {
         let definitions: Vec<Definition> = parts.map(|text| Definition::new(&text)).collect();
         let is_chosen = self.is_chosen(bytes);
         let says = |what: &str| definitions.iter().any(|definition| definition.text.contains(what));
-        // No large phantom, no file of this machine, and seldom a palette that is solved.
+        // Large phantoms and paths are excluded, and palettes are rarely solved.
         let solves = text.contains("palette") || says("palette");
         if !is_small(&text) || says("volume") || text.contains('/') || solves && !is_chosen {
             return None;
@@ -235,7 +236,7 @@ impl Place {
     }
 }
 
-/// Whether a scene's phantom, if it has one, is of few voxels.
+/// Whether the scene's phantom, if any, has few voxels.
 fn is_small(text: &str) -> bool {
     let Ok(table) = text.parse::<toml::Table>() else { return true };
     let Some(toml::Value::Table(volume)) = table.get("volume") else { return true };

@@ -1,4 +1,4 @@
-//! What several test programs share.
+//! Helpers shared by the integration tests.
 #![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 pub mod bounds;

@@ -1,11 +1,11 @@
-//! The program, run as a user runs it, in a folder of its own.
+//! Runs the program as a user does, in a temporary folder.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 use tempfile::TempDir;
 
-/// A small frog of two materials under two lights; every test starts from it.
+/// Small frog with two materials and two lights; the base scene of the tests.
 pub const SCENE: &str = r#"version = 1
 [volume]
 phantom = "frog"
@@ -30,7 +30,7 @@ kind = "ambient"
 intensity = 0.5
 "#;
 
-/// A dial for [`SCENE`], with a situation in which a node is off.
+/// Dial for [`SCENE`], with a preset in which one node is off.
 pub const DIAL: &str = r#"
 [dial.nodes]
 day = [0, 1]
@@ -41,13 +41,13 @@ hand = "lamp"
 off = ["day"]
 "#;
 
-/// [`SCENE`] with a label and [`DIAL`].
+/// [`SCENE`] with [`DIAL`] and a label.
 pub fn labelled() -> String {
     let labels = "[labels.2]\nname = \"gut\"\nmaterial = \"bone\"\nopacity = 0.25\n";
     format!("{}{DIAL}{labels}", SCENE.replace("dims =", "phantom_labels = true\ndims ="))
 }
 
-/// A folder that holds `scene.toml`, and that the program runs in.
+/// Temporary folder with `scene.toml`, the program's working directory.
 pub struct Folder(TempDir);
 
 impl Folder {
@@ -65,7 +65,7 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    /// What is in the folder, hidden files too.
+    /// Sorted file names, including hidden files.
     pub fn names(&self) -> Vec<String> {
         let entries = std::fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -73,26 +73,27 @@ impl Folder {
         names
     }
 
-    /// The program in this folder, ready to be changed and started.
+    /// Returns the program's command in this folder.
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_relume"));
         command.args(arguments).current_dir(self.0.path()).stdin(Stdio::null());
         command
     }
 
-    /// Runs the program to its end.
+    /// Runs the program.
     pub fn run(&self, arguments: &[&str]) -> Outcome {
         Outcome::of(&mut self.command(arguments))
     }
 
-    /// Runs the program, which must succeed.
+    /// Runs the program and asserts success.
     pub fn done(&self, arguments: &[&str]) -> Outcome {
         let outcome = self.run(arguments);
         assert_eq!(outcome.code, Some(0), "{arguments:?}: {}", outcome.err);
         outcome
     }
 
-    /// Runs the program, which must refuse with `code` and say each of `words`, and must leave the folder as it was.
+    /// Runs the program and asserts that it exits with `code`, mentions each of `words` and leaves the folder
+    /// unchanged.
     pub fn refused(&self, code: i32, arguments: &[&str], words: &[&str]) -> Outcome {
         let before = self.names();
         let outcome = self.run(arguments);
@@ -102,7 +103,7 @@ impl Folder {
     }
 }
 
-/// How a run of the program ended and what it said.
+/// Exit code and output of the program.
 #[derive(Debug)]
 pub struct Outcome {
     pub code: Option<i32>,
@@ -121,14 +122,14 @@ impl Outcome {
         serde_json::from_str(&self.out).unwrap_or_else(|error| panic!("{error}: {}", self.out))
     }
 
-    /// One error with its causes, each of `words` in it, nothing on standard output, no panic.
+    /// Asserts a single error with its causes that mentions each of `words`, no standard output and no panic.
     pub fn assert_refused(&self, code: i32, words: &[&str]) {
         let Self { err, out, .. } = self;
         assert_eq!(self.code, Some(code), "{err}");
         assert_eq!(out, "", "standard output is for results");
         let told: Vec<&str> = err.lines().filter(|line| !line.starts_with("warning: ")).collect();
         assert!(told[0].starts_with("error: "), "{err}");
-        // clap ends with how to call the program, and indents what it lists.
+        // clap ends its message with a usage hint and indents lists.
         let by_clap = code == 2 && err.ends_with("try '--help'.\n");
         let told = told.into_iter().skip(1).take_while(|line| !by_clap || !line.is_empty());
         let more = told.filter(|line| !line.starts_with(if by_clap { "  " } else { "  because: " }));

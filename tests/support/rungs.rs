@@ -1,4 +1,4 @@
-//! One scene on every rung; what cannot be fails the test.
+//! One scene on every rung; errors fail the test.
 
 use std::ops::{Deref, DerefMut};
 
@@ -15,7 +15,7 @@ use relume::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 
 use super::device::open;
 
-/// A scene with everything the rungs read.
+/// Scene with the input of every rung.
 #[derive(Clone, Debug)]
 pub struct Rungs(measure::Rungs);
 
@@ -46,12 +46,12 @@ impl Rungs {
         self.0.march(samples, &Quiet).unwrap()
     }
 
-    /// The same scene with all 81 bands.
+    /// Returns the same scene with all 81 bands.
     pub fn full_spectrum(&self) -> Self {
         Self(self.0.full_spectrum().unwrap())
     }
 
-    /// XYZ and opacity, from what `samples` finds of the scene.
+    /// XYZ and opacity of the scene, sampled by `samples`.
     pub fn lit(&self, samples: &impl Samples<f64>) -> Vec<(DVec3, f64)> {
         let matrices = self.xyz_matrices();
         reference::render(&self.scene, &self.planned, samples, &matrices, self.size, &Quiet).unwrap()
@@ -63,7 +63,7 @@ impl Rungs {
         full.lit(&full.exact()).into_iter().map(|(colour, _)| colour).collect()
     }
 
-    /// The same over the stored tables and volume.
+    /// As [`Self::truth`], over the stored tables and volume.
     pub fn stored_truth(&self) -> Vec<DVec3> {
         let full = self.full_spectrum();
         full.lit(&full.stored()).into_iter().map(|(colour, _)| colour).collect()
@@ -77,7 +77,7 @@ impl Rungs {
         self.0.render(renderer, &Quiet).unwrap()
     }
 
-    /// Linear sRGB of the components under the scene's own lights.
+    /// Relight matrices in linear sRGB for the scene's lights.
     pub fn matrices(&self) -> RelightMatrices {
         self.matrices_under(&self.mix)
     }
@@ -86,13 +86,13 @@ impl Rungs {
         self.0.matrices(mix)
     }
 
-    /// The same as XYZ.
+    /// Relight matrices in XYZ for the scene's lights.
     pub fn xyz_matrices(&self) -> RelightMatrices {
         in_xyz(&self.matrices())
     }
 }
 
-/// Matrices of linear sRGB as matrices of XYZ.
+/// Converts relight matrices from linear sRGB to XYZ.
 pub fn in_xyz(matrices: &RelightMatrices) -> RelightMatrices {
     RelightMatrices {
         colours: matrices.colours.iter().map(|&colour| *XYZ_FROM_LINEAR_SRGB * colour).collect(),
@@ -101,7 +101,7 @@ pub fn in_xyz(matrices: &RelightMatrices) -> RelightMatrices {
     }
 }
 
-/// Σ|weight · colour| of every pixel and channel: what errors of a picture are relative to.
+/// Σ|weight · colour| of every pixel and channel, the scale of relative errors.
 pub fn magnitudes<R: Real>(accumulation: &Film<R>, matrices: &RelightMatrices) -> Vec<DVec3> {
     let absolute = accumulation.map(|number| number.to_f64().abs());
     let matrices = RelightMatrices {
@@ -112,7 +112,7 @@ pub fn magnitudes<R: Real>(accumulation: &Film<R>, matrices: &RelightMatrices) -
     absolute.relight(&matrices)
 }
 
-/// Runs `test` on a renderer, and fails where the validation layer has something to say.
+/// Runs `test` on a renderer and fails on any validation message.
 pub fn with_renderer<T>(test: impl FnOnce(&Renderer) -> T) -> Option<T> {
     let renderer = Renderer::new(open()?);
     let found = test(&renderer);

@@ -1,7 +1,8 @@
-//! Small scenes, each with something of its own; every rung renders them.
+//! Small scenes, each testing one feature; every rung renders them.
 //!
-//! Ramps of their transfer functions are wide against a table entry, so that a table misses them by its second
-//! difference and not by their height. Their cameras look obliquely, so that no ray grazes the face it enters by.
+//! The ramps of their transfer functions are wide compared with a table entry, so that a table's error is given by its
+//! second difference and not by the ramp's height. Their cameras look obliquely, so that no ray grazes the face it
+//! enters.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,10 +14,10 @@ use relume::scene::{AccumulateAs, LabelEntry, Labels, Scene};
 use relume::spectrum::{Absorption, BANDS, Reflectance, Spectrum};
 use relume::volume::{Geometry, Volume, Voxels};
 
-/// Pictures of these scenes, across and down: not square, and no multiple of a workgroup.
+/// Size of the pictures, width and height: not square, and no multiple of a workgroup.
 pub const SIZE: [usize; 2] = [44, 36];
 
-/// Every scene of the ladder.
+/// Names of the scenes.
 pub const NAMES: &[&str] = &[
     "unshaded_one",
     "unshaded_three",
@@ -43,7 +44,7 @@ pub const NAMES: &[&str] = &[
     "sharpened_semigroup",
 ];
 
-/// Two kinds of coloured glass and a shiny one, lit from two positions, in front of a background.
+/// Two kinds of coloured glass and a shiny material, lit from two positions, in front of a background.
 pub const GLASS: &str = r#"
 version = 1
 background = 0.6
@@ -93,7 +94,7 @@ intensity = 0.3
 termination = 0
 "#;
 
-/// Three balls in one another: a shell, a middle and a core, by grey value.
+/// Three nested layers by data value: a shell, a middle and a core.
 const MATERIALS: &str = r#"
     [materials.core]
     reflectance = "blue sky"
@@ -130,7 +131,7 @@ const CAMERA: &str = "
     fill = 1.8
 ";
 
-/// Every ray to its end: what a termination leaves out is a test of its own.
+/// Rays are marched to the end; early ray termination has its own test.
 const ACCURACY: &str = "
     [accuracy]
     step = 0.7
@@ -144,7 +145,7 @@ const KEY: &str = r#"
     direction = [-0.5, -0.8, -0.4]
 "#;
 
-/// Two more than [`KEY`], of other spectra, elsewhere.
+/// Two more lights than [`KEY`], with other spectra and positions.
 const MORE: &str = r#"
     [lights.head]
     spectrum = "FL11"
@@ -156,22 +157,22 @@ const MORE: &str = r#"
     position = [40, -5, 10]
 "#;
 
-/// The scene that `text` describes.
+/// Parses the scene `text`.
 pub fn parsed(text: &str) -> Scene {
     parse("the test's scene", text, Path::new(""), &SceneOptions::default(), &Quiet)
         .unwrap_or_else(|error| panic!("{error:?}\n{text}"))
         .scene
 }
 
-/// The scene that `text` describes, with `volume` in it.
+/// Parses the scene `text` and replaces its volume with `volume`.
 pub fn of(text: &str, volume: Volume) -> Scene {
-    // The file's own volume is replaced; it has these dimensions, because a crop box is checked against them.
+    // A crop box is checked against the dimensions of the file's own volume, which are therefore the same.
     let text = format!("version = 1\n{text}\n[volume]\nphantom = \"slab\"\ndims = {:?}\n", volume.geometry.dims);
     Scene { volume: Arc::new(volume), ..parsed(&text) }
 }
 
-/// A slab of one value, 24 units thick, seen straight on by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps of
-/// `α = 1 − (1 − o)^Δs`. Its one material is what `material` says beside a colour.
+/// Slab with one value, 24 units thick, seen along its normal by parallel rays: `N = ⌈L/Δs − ½⌉` equal steps with
+/// `α = 1 − (1 − o)^Δs`. `material` adds properties to its orange material.
 pub fn slab_straight_on(step: f64, opacity: f64, material: &str) -> Scene {
     let text = format!(
         r#"
@@ -200,8 +201,8 @@ pub fn slab_straight_on(step: f64, opacity: f64, material: &str) -> Scene {
     of(&text, slab([17, 17, 25], 150))
 }
 
-/// A slab of one value, 64 units thick, that scatters and absorbs, before a `background`, seen straight on by parallel rays;
-/// `accuracy` says how.
+/// Slab with one value, 64 units thick, that scatters and absorbs, in front of `background`, seen along its normal by
+/// parallel rays; `accuracy` adds accuracy settings.
 pub fn glass_straight_on(background: &str, accuracy: &str) -> Scene {
     parsed(&format!(
         r#"
@@ -236,7 +237,7 @@ pub fn glass_straight_on(background: &str, accuracy: &str) -> Scene {
     ))
 }
 
-/// A volume of `value(x, y, z)`, every axis from −1 to 1, in 16 bits; spacing 1.
+/// Samples `value(x, y, z)` in 16 bits, with every axis from −1 to 1 and spacing 1.
 pub fn sampled(dims: [usize; 3], value: impl Fn(DVec3) -> f64) -> Volume {
     let place = |i: usize, n: usize| if n == 1 { 0.0 } else { 2.0 * float(i) / float(n - 1) - 1.0 };
     let [nx, ny, nz] = dims;
@@ -251,7 +252,7 @@ pub fn sampled(dims: [usize; 3], value: impl Fn(DVec3) -> f64) -> Volume {
     Volume::new("sampled", Voxels::U16(voxels), Geometry::unit("sampled", dims).unwrap()).unwrap()
 }
 
-/// Two soft balls that touch.
+/// Two touching soft balls.
 pub fn balls() -> Volume {
     let ball = |p: DVec3, centre: DVec3, width: f64| (-(p - centre).length_squared() / (2.0 * width * width)).exp();
     sampled([32, 28, 26], |p| {
@@ -259,12 +260,12 @@ pub fn balls() -> Volume {
     })
 }
 
-/// A volume of one value.
+/// Volume with one value.
 pub fn slab(dims: [usize; 3], value: u16) -> Volume {
     sampled(dims, |_| f64::from(value))
 }
 
-/// The scene `name` of [`NAMES`].
+/// Returns the scene `name` of [`NAMES`].
 pub fn named(name: &str) -> Scene {
     let usual = |head: &str, lights: &str| of(&[head, MATERIALS, TRANSFER, CAMERA, ACCURACY, lights].concat(), balls());
     match name {
@@ -282,8 +283,9 @@ pub fn named(name: &str) -> Scene {
         "specular_three" => {
             let sky = "[lights.sky]\nspectrum = \"D50\"\nkind = \"ambient\"\nintensity = 0.3\n";
             let mut scene = usual("", &[KEY, MORE, sky].concat());
-            // A fourth material: with white, five components, which is a lane and one more. (Four numbers of a colour
-            // model would keep the tolerance.)
+            // With white, four materials need five components, one more than a lane. (Four coefficients of a colour
+            // model would keep
+            // the tolerance.)
             scene.accuracy.accumulate = AccumulateAs::Weights;
             let mut fourth = scene.materials[1].clone();
             fourth.name = "tip".into();
@@ -326,7 +328,7 @@ pub fn named(name: &str) -> Scene {
         "rotated" => {
             let mut scene = usual("", &[KEY, MORE].concat());
             let mut volume = balls();
-            // Every axis becomes another one, nearly: so that the camera still looks obliquely.
+            // Axes are nearly permuted, so that the camera still looks obliquely.
             let direction = DMat3::from_euler(glam::EulerRot::XYZ, 1.67, 0.1, 1.47);
             volume.geometry =
                 Geometry::new("rotated", volume.geometry.dims, DVec3::new(0.8, 1.0, 1.7), DVec3::splat(5.0), direction)
@@ -341,7 +343,7 @@ pub fn named(name: &str) -> Scene {
             scene
         }
         "ambient_only" => {
-            // Nothing follows the gradient, and yet a directed light is told from one that shines from everywhere.
+            // Shading does not depend on the gradient, yet directional and ambient lights differ.
             let sky = "[lights.sky]\nspectrum = \"A\"\nkind = \"ambient\"\nintensity = 0.3\n";
             let mut scene = usual("", &[KEY, sky].concat());
             for (material, ambient) in scene.materials.iter_mut().zip([0.5, 0.2, 0.9]) {
@@ -356,7 +358,7 @@ pub fn named(name: &str) -> Scene {
             for (material, (specular, exponent)) in scene.materials.iter_mut().zip([(0.5, 12), (0.3, 7), (0.0, 20)]) {
                 (material.specular, material.exponent) = (specular, exponent);
             }
-            // Own shares.
+            // Shading coefficients that differ between materials.
             (scene.materials[0].ambient, scene.materials[0].diffuse) = (0.5, 0.4);
             scene
         }
@@ -384,7 +386,7 @@ pub fn named(name: &str) -> Scene {
     }
 }
 
-/// Glass shells in one another, each of which takes other wavelengths.
+/// Nested glass shells, each of which absorbs other wavelengths.
 fn glass(head: &str, lights: &str, accuracy: &str) -> Scene {
     let materials = MATERIALS.lines().map(|line| {
         let absorption = |centre| {
@@ -407,13 +409,13 @@ fn glass(head: &str, lights: &str, accuracy: &str) -> Scene {
     of(&[head, &materials, &transfer, CAMERA, &accuracy, lights].concat(), balls())
 }
 
-/// An absorption around `centre` nm.
+/// Absorption spectrum with a peak at `centre` nm.
 fn absorbing(centre: f64) -> Absorption {
     let band = &Spectrum::gaussian(centre, 40.0, 1.0).unwrap() + &Spectrum::constant(0.05);
     Absorption::new(band).unwrap()
 }
 
-/// The frog phantom, its skin by value and two organs by label.
+/// Frog phantom with the skin by value and two organs by label.
 fn labels() -> Scene {
     let dims = Some([36, 34, 20]);
     let text = r#"
@@ -447,7 +449,7 @@ fn labels() -> Scene {
     scene
 }
 
-/// A small count as a number.
+/// Converts a small count to f64.
 pub fn float(n: usize) -> f64 {
     f64::from(u32::try_from(n).unwrap())
 }

@@ -1,4 +1,4 @@
-//! A screen of its own for the viewer, and the viewer on it.
+//! Virtual display for tests of the viewer.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -18,18 +18,18 @@ use x11rb::rust_connection::RustConnection;
 
 use super::program::{Folder, Outcome};
 
-/// A screen in memory.
+/// Display of an Xvfb server.
 pub struct Screen {
     server: Child,
     display: String,
 }
 
 impl Screen {
-    /// `None` where tests of the window are to be skipped (`GPU_TESTS=skip`).
+    /// Starts an Xvfb server; `None` if GPU tests are skipped (`GPU_TESTS=skip`).
     ///
     /// # Panics
     ///
-    /// Where there is no Xvfb: the message says how to get it.
+    /// If Xvfb is missing; the message says how to install it.
     #[expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
     pub fn new() -> Option<Self> {
         if std::env::var("GPU_TESTS").as_deref() == Ok("skip") {
@@ -46,12 +46,12 @@ impl Screen {
         Some(Self { server, display: format!(":{}", number.trim()) })
     }
 
-    /// The viewer in `folder` with `arguments`, watched by the validation layer, ready to be started.
+    /// Returns the command for the viewer in `folder` with `arguments` and validation, in a window of 640×480.
     pub fn command(&self, folder: &Folder, arguments: &[&str]) -> Command {
         self.command_of_any_size(folder, &[&["--size", "640x480"], arguments].concat())
     }
 
-    /// The same without a size.
+    /// As [`Self::command`], without a window size.
     pub fn command_of_any_size(&self, folder: &Folder, arguments: &[&str]) -> Command {
         let mut command = folder.command(&["view", "--json", "--validation"]);
         command.args(arguments).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
@@ -63,20 +63,20 @@ impl Screen {
         Outcome::of(&mut self.command(folder, arguments))
     }
 
-    /// Runs `script` on `scene`: see [`report`].
+    /// Runs `script` on `scene` and returns the [`report`].
     pub fn script(&self, folder: &Folder, scene: &str, script: &str) -> Value {
         std::fs::write(folder.path("script.txt"), script).unwrap();
         let outcome = self.run(folder, &[scene, "--script", "script.txt"]);
         report(&outcome)
     }
 
-    /// Takes the screen away from whatever is on it.
+    /// Stops the server.
     pub fn end(&mut self) {
         self.server.kill().ok();
         self.server.wait().ok();
     }
 
-    /// The window that the viewer shows on it, from outside; waits for it no longer than a minute.
+    /// Returns the viewer's window as an X client sees it; waits up to a minute for it.
     #[cfg(target_os = "linux")]
     pub fn window(&self) -> Window {
         let (connection, number) = x11rb::connect(Some(&self.display)).unwrap();
@@ -84,7 +84,7 @@ impl Screen {
         let begun = Instant::now();
         loop {
             for id in connection.query_tree(root).unwrap().reply().unwrap().children {
-                // It may have gone since.
+                // The window may be gone by now.
                 let seen = connection.get_window_attributes(id).unwrap().reply();
                 let name = connection.get_property(false, id, AtomEnum::WM_NAME, AtomEnum::ANY, 0, 64).unwrap().reply();
                 let is_ours = name.is_ok_and(|it| it.value.ends_with(b"Relume"));
@@ -98,7 +98,7 @@ impl Screen {
     }
 }
 
-/// A window from outside.
+/// Window of another X client.
 #[cfg(target_os = "linux")]
 pub struct Window {
     connection: RustConnection,
@@ -107,7 +107,7 @@ pub struct Window {
 
 #[cfg(target_os = "linux")]
 impl Window {
-    /// Asks it to close, as the button in a window's corner does.
+    /// Asks the window to close, as its close button does.
     pub fn close(&self) {
         let atom = |name: &str| self.connection.intern_atom(false, name.as_bytes()).unwrap().reply().unwrap().atom;
         let data = [atom("WM_DELETE_WINDOW"), 0, 0, 0, 0];
@@ -115,20 +115,20 @@ impl Window {
         self.connection.send_event(false, self.id, EventMask::NO_EVENT, message).unwrap().check().unwrap();
     }
 
-    /// Takes it out of sight, as minimising does, or brings it back.
+    /// Hides the window, as minimising does, or shows it again.
     pub fn show(&self, shown: bool) {
         let asked = if shown { self.connection.map_window(self.id) } else { self.connection.unmap_window(self.id) };
         asked.unwrap().check().unwrap();
     }
 
-    /// Moves the pointer to a pixel of it.
+    /// Moves the pointer to a pixel of the window.
     pub fn point(&self, x: i16, y: i16) {
         self.connection.warp_pointer(x11rb::NONE, self.id, 0, 0, 0, 0, x, y).unwrap().check().unwrap();
     }
 
-    /// Presses the key of a small letter with Ctrl, and lets it go.
+    /// Presses and releases Ctrl and a lower-case letter.
     pub fn press_with_control(&self, letter: char) {
-        // Keys are of the window that has the focus.
+        // Key events go to the focused window.
         self.connection.set_input_focus(InputFocus::PARENT, self.id, x11rb::CURRENT_TIME).unwrap().check().unwrap();
         let setup = self.connection.setup();
         let (first, last) = (setup.min_keycode, setup.max_keycode);
@@ -149,7 +149,7 @@ impl Window {
         }
     }
 
-    /// How many of its pixels have this colour.
+    /// Number of the window's pixels of this colour.
     pub fn pixels_of(&self, [red, green, blue]: [u8; 3]) -> usize {
         let size = self.connection.get_geometry(self.id).unwrap().reply().unwrap();
         let image = self.connection.get_image(ImageFormat::Z_PIXMAP, self.id, 0, 0, size.width, size.height, u32::MAX);
@@ -164,8 +164,9 @@ impl Drop for Screen {
     }
 }
 
-/// What a session says that came to its end, without a word of the validation layer: it ends with 0, or with 1 and each
-/// failure on standard error where something could not be done.
+/// Returns the report of a session without validation messages. It must exit with 0, or with 1 and every failure on
+/// standard
+/// error.
 pub fn report(outcome: &Outcome) -> Value {
     assert!(!outcome.out.is_empty(), "{:?}: {}", outcome.code, outcome.err);
     let report = outcome.json();

@@ -1,4 +1,4 @@
-//! Real volumes of the shared folder, set beside what independent readers found in them.
+//! Comparison of real volumes in the shared folder with the results of independent readers.
 #![allow(dead_code, unreachable_pub, reason = "each test program uses a part of it, and has it to itself")]
 
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use relume::volume::{Geometry, Selection, Volume, VolumeError};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-/// The folder of real volumes, where the checkout has one.
+/// Folder of real volumes, if the checkout has one.
 pub fn shared() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/volumes");
     if folder.exists() {
@@ -22,7 +22,7 @@ pub fn hex(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What is wrong, with all its causes.
+/// Error message with all causes.
 pub fn whole_message(error: &VolumeError) -> String {
     let mut message = error.to_string();
     let mut source = std::error::Error::source(error);
@@ -33,7 +33,7 @@ pub fn whole_message(error: &VolumeError) -> String {
     message
 }
 
-/// Reads every file that is `ours` and holds it against `expected.json`; how many there were.
+/// Checks every file that is `ours` against `expected.json`; returns their number.
 pub fn check_all(
     folder: &Path,
     ours: impl Fn(&str) -> bool,
@@ -52,7 +52,7 @@ pub fn check_all(
     files.len()
 }
 
-/// Holds one file, all its time steps and components, against what was found in it.
+/// Checks one file, with all its time steps and components, against the expected contents.
 fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<Volume, VolumeError>) {
     let dims: Vec<usize> = numbers(&expected["dims"]).iter().map(|&n| format!("{n}").parse().unwrap()).collect();
     let times = dims.get(3).copied().unwrap_or(1);
@@ -97,7 +97,7 @@ fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<Volum
         let max = all.iter().map(|one| one.max).fold(f64::NEG_INFINITY, f64::max);
         assert!(same(min, stored("min")) && same(max, stored("max")), "{name}: {min} to {max}");
         let mean = all.iter().map(|one| one.mean / f64::from(u32::try_from(times).unwrap())).sum::<f64>();
-        // As Σ|x| is rounded, of which no voxel has more than the largest.
+        // The rounding error of Σ|x|, in which no voxel exceeds the largest.
         let size = min.abs().max(max.abs());
         assert!((mean - stored("mean")).abs() <= 1e-12 * size, "{name}: {mean}");
         if let (Some(counts), [one]) = (expected["histogram"]["counts"].as_array(), &all[..])
@@ -121,7 +121,7 @@ fn check_geometry(name: &str, expected: &Value, geometry: &Geometry) {
     let Geometry { spacing, origin, direction, .. } = *geometry;
     let close = |ours: f64, theirs: f64| (ours - theirs).abs() <= 1e-14 * theirs.abs().max(1e-3);
     let all_close = |ours: &[f64], theirs: &[f64]| ours.iter().zip(theirs).all(|(&a, &b)| close(a, b));
-    // Frames that name right and anterior have the world's first two axes the other way round.
+    // In frames named right and anterior, the first two world axes are reversed.
     let frame = expected["frame"].as_str().unwrap_or_default();
     let turn = |word: &str| if frame.contains(word) { -1.0 } else { 1.0 };
     let turn = DVec3::new(turn("right-"), turn("anterior-"), 1.0);
@@ -143,12 +143,12 @@ fn check_geometry(name: &str, expected: &Value, geometry: &Geometry) {
     }
 }
 
-/// Equal, but for the last bit, which is lost in reading JSON.
+/// Equal up to the last bit, which may be lost in parsing JSON.
 fn same(ours: f64, theirs: f64) -> bool {
     (ours - theirs).abs() <= f64::EPSILON * theirs.abs()
 }
 
-/// The numbers of a list; those that are not stated are left out.
+/// Numbers of a list; unspecified ones are omitted.
 fn numbers(json: &Value) -> Vec<f64> {
     json.as_array().unwrap().iter().filter_map(Value::as_f64).collect()
 }
