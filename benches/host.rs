@@ -1,4 +1,4 @@
-//! What the host does for a frame: storing a volume, its cells, the transfer table, relighting without a device.
+//! Host work of a frame: storing a volume, macrocells, the transfer table, and relighting on the CPU.
 #![expect(clippy::expect_used, reason = "a benchmark that cannot start fails")]
 
 use std::hint::black_box;

@@ -1,4 +1,4 @@
-//! Designs two reflectances with one colour in daylight and two colours under a light bulb.
+//! Designs two reflectances that match in daylight and differ under a light bulb.
 #![expect(clippy::print_stdout, reason = "an example prints its result")]
 
 use std::error::Error;

@@ -1,4 +1,4 @@
-//! Renders voxels that a program holds in memory, with the f64 reference on the CPU: `own_voxels_from_memory [FOLDER]`.
+//! Renders voxels from memory with the f64 reference on the CPU: `own_voxels_from_memory [FOLDER]`.
 #![expect(clippy::print_stdout, reason = "an example prints its result")]
 
 use std::error::Error;
@@ -15,7 +15,7 @@ use relume::scene::Mix;
 use relume::tables::Storage;
 use relume::volume::{Geometry, Volume, Voxels};
 
-/// The phantom holds the place of the voxels.
+/// The phantom is a placeholder for the voxels.
 const SCENE: &str = r##"
 version = 1
 [volume]
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = parse("example", SCENE, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
     scene.volume = Arc::new(Volume::new("ball", Voxels::F64(values), geometry)?);
 
-    // The truth: all 81 bands in f64.
+    // Full-spectrum reference: all 81 bands in f64.
     let planned = plan_full_spectrum(&scene);
     let storage = Storage::new(&planned.plan, &scene.volume, &scene.volume.statistics()?);
     let samples = Exact::new(&scene, &planned, storage, None);

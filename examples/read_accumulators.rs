@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for light in &film.lights {
         println!("light {}", light.name);
     }
-    // The weights of component c at position p are one plane of the picture.
+    // The weights of component c at position p form one plane.
     let mut planes = film.accumulators.chunks_exact(film.width * film.height);
     for position in &film.positions {
         for component in 0..film.components.len() {

@@ -1,4 +1,4 @@
-//! Marches the built-in scene once and writes it under several lights: `relight_a_volume [FOLDER]`.
+//! Marches the built-in scene once and writes pictures of it under several lights: `relight_a_volume [FOLDER]`.
 #![expect(clippy::print_stdout, reason = "an example prints its result")]
 
 use std::error::Error;
@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let on_device = SceneRenderer::new(&renderer, scene, &Quiet)?;
     let film = on_device.march(size, &Quiet)?;
 
-    // Film × light → picture, as often as the light changes.
+    // Film × light → picture, repeated for every light.
     let relight = renderer.relight_display(&film)?;
     for name in ["D65", "A", "FL11"] {
         let mut mix = Mix::of_scene(on_device.scene());

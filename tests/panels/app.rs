@@ -1,4 +1,4 @@
-//! A document that follows the panels, and a hand that clicks, drags and types.
+//! A document controlled by the panels, and simulated clicks, drags and typing.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -29,12 +29,12 @@ pub(crate) fn document() -> Document {
     Document::new(document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap())
 }
 
-/// A palette for what it shows.
+/// Palette for the document's materials.
 pub(crate) fn offered(document: &Document) -> Edit {
     Edit::Design(Step::Take(Arc::new(design::wished(&document.state().scene))))
 }
 
-/// A document that does what the panels ask for.
+/// Document that executes the panels' actions.
 pub(crate) struct App {
     pub(crate) document: Option<Document>,
     pub(crate) asked: Vec<Action>,
@@ -49,9 +49,9 @@ pub(crate) struct App {
     pub(crate) closes: bool,
     pub(crate) losing: Losing,
     pub(crate) chooser: Chooser,
-    /// The folder that files are chosen in.
+    /// Current folder of the file dialog.
     pub(crate) folder: Folder,
-    /// Where the picture is.
+    /// Rectangle of the picture.
     pub(crate) place: Rect,
 }
 
@@ -127,7 +127,7 @@ pub(crate) fn light_names(mix: &Mix) -> Vec<&str> {
     mix.0.iter().map(|light| light.name.as_str()).collect()
 }
 
-/// A document whose histogram is known, in a window that is tall enough for all panels.
+/// Opens a document with statistics in a window tall enough for all panels.
 pub(crate) fn with_histogram() -> Harness<'static, App> {
     let document = document();
     let statistics = document.opened().scene.volume.statistics().unwrap();
@@ -139,8 +139,7 @@ pub(crate) fn intervals(window: &Harness<'_, App>) -> Vec<Interval> {
     document.state().scene.transfer.terms.iter().map(|term| Interval::of(term).unwrap()).collect()
 }
 
-/// What a picture of four pixels of the scene has in its first.
-/// The scene file of a document as edited, with the mix it opened with.
+/// Returns the scene file of an edited document, with its opening mix.
 pub(crate) fn reopened(document: &Document) -> SceneFile {
     let state = document.state();
     SceneFile { scene: state.scene.clone(), dial: state.dial.clone(), ..document.opened().clone() }
@@ -169,7 +168,7 @@ pub(crate) fn probed_of(document: &Document) -> Probe {
     Probe::new(&pixel, &scene, &Mix::of_scene(&scene), Some(&reflected), Some(&ray))
 }
 
-/// A press and a release of the first button.
+/// Presses and releases the primary button.
 pub(crate) fn click_at(window: &mut Harness<'_, App>, pos: Pos2) {
     window.event(Event::PointerMoved(pos));
     window.run();
@@ -180,19 +179,19 @@ pub(crate) fn click_at(window: &mut Harness<'_, App>, pos: Pos2) {
     }
 }
 
-/// What a hand types into the field that is called `label`.
+/// Types `text` into the field `label`.
 pub(crate) fn type_into(window: &mut Harness<'_, App>, label: &str, text: &str) {
     window.get_by_label(label).click();
     window.run();
     for letter in text.chars() {
         window.event(Event::Text(letter.to_string()));
         window.run();
-        // As the window does where no button is held.
+        // As the window does while no button is held.
         window.state_mut().document.as_mut().unwrap().rest();
     }
 }
 
-/// Types `text` in place of what is in a field, or in the field at the right of a slider.
+/// Replaces the contents of a field, or of the field at the right of a slider, with `text`.
 pub(crate) fn retype(window: &mut Harness<'_, App>, label: &str, text: &str) {
     let named = window.get_by_label(label).rect();
     let in_line = |place: &Rect| (place.center().y - named.center().y).abs() < 5.0;
@@ -209,7 +208,7 @@ pub(crate) fn retype(window: &mut Harness<'_, App>, label: &str, text: &str) {
     window.run();
 }
 
-/// Moves the pointer to each of these places in turn, the first button held from the first to the last.
+/// Moves the pointer along `places` with the primary button held from the first to the last.
 pub(crate) fn drag_along(window: &mut Harness<'_, App>, places: &[Pos2]) {
     let press = |pos, pressed| {
         let button = PointerButton::Primary;
@@ -221,11 +220,11 @@ pub(crate) fn drag_along(window: &mut Harness<'_, App>, places: &[Pos2]) {
         window.event(event);
         window.run();
     }
-    // As the window does where no button is held.
+    // As the window does while no button is held.
     window.state_mut().document.as_mut().unwrap().rest();
 }
 
-/// Whether a text that contains this is painted.
+/// Whether a painted text contains `text`.
 pub(crate) fn is_painted(window: &Harness<'_, App>, text: &str) -> bool {
     window.output().shapes.iter().any(|clipped| match &clipped.shape {
         egui::Shape::Text(shape) => shape.galley.text().contains(text),

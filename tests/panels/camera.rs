@@ -1,4 +1,4 @@
-//! Keys, buttons and the wheel move the camera.
+//! Camera movement by keys, buttons and the wheel.
 
 use std::sync::Arc;
 
@@ -76,7 +76,7 @@ fn a_wheel_that_was_turned_over_the_panels_moves_no_camera() {
             modifiers: Modifiers::NONE,
         });
         window.step();
-        // The rest of it comes while the pointer is over the picture.
+        // egui spreads a wheel event over several frames; the rest arrives with the pointer over the picture.
         window.event(Event::PointerMoved(place.center()));
         window.run();
         window.state().asked.iter().any(|action| matches!(action, Action::Edit(Edit::Camera(..))))

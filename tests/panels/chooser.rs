@@ -1,4 +1,4 @@
-//! Dialogs in which files are chosen, and questions before something is lost.
+//! File dialogs, and questions before work is lost.
 
 use std::path::Path;
 use std::time::Duration;
@@ -16,7 +16,7 @@ use relume::volume::{RawLayout, Selection, Several, VoxelType};
 
 use crate::app::{App, document, drag_along, is_painted, wide};
 
-/// Opens the menu of files and clicks a line of it.
+/// Opens the file menu and clicks `line`.
 fn file_menu(window: &mut Harness<'_, App>, line: &str) {
     window.get_by_label("File").click();
     window.run();
@@ -24,7 +24,7 @@ fn file_menu(window: &mut Harness<'_, App>, line: &str) {
     window.step();
 }
 
-/// Waits until the dialog has read its folder.
+/// Waits until the dialog has listed its folder.
 fn until_listed(window: &mut Harness<'_, App>) {
     for _ in 0..50 {
         std::thread::sleep(Duration::from_millis(10));
@@ -39,7 +39,7 @@ fn saved_or_opened(window: &Harness<'_, App>) -> Vec<Action> {
     window.state().asked.iter().filter(is_file).cloned().collect()
 }
 
-/// What is asked about a file.
+/// Question about a file.
 fn asked(unknown: Unknown) -> Question {
     Question { file: "/data/beat.nrrd".into(), unknown }
 }
@@ -171,7 +171,7 @@ fn a_file_of_several_volumes_is_opened_by_the_one_that_is_chosen() {
     ];
     for (there, chosen) in several {
         let mut window = wide(document());
-        // What was said before is kept.
+        // Other options of the source are kept.
         let mut source = Source::of(Path::new("beat.nrrd"));
         source.options.downsample = Some([2; 3]);
         window.state_mut().chooser.ask(source.clone(), asked(Unknown::Which(there.clone())), &Selection::default());
@@ -229,12 +229,12 @@ fn a_file_without_a_header_is_opened_as_somebody_says_that_it_lies() {
     said.options.raw = Some(cube.clone());
     assert_eq!(saved_or_opened(&window), [Action::Leave(Leaving::Open(Box::new(said)))]);
 
-    // Too few bytes for it are no volume.
+    // The file is too short for this guess, which therefore yields no volume.
     let guess = Some(Box::new(RawLayout { voxel_type: VoxelType::F64, ..cube }));
     window.state_mut().chooser.ask(source, asked(Unknown::Layout { bytes: 1000, guess }), &Selection::default());
     window.run();
     assert!(window.get_by_label("Open").accesskit_node().is_disabled());
-    // What was said is not lost by a click beside it, nor by the key that leaves a field.
+    // Neither a click outside the dialog nor Escape in a field discards the input.
     for escapes in 0..2 {
         drag_along(&mut window, &[Pos2::new(900.0, 20.0)]);
         assert!(window.state().chooser.is_open(), "after {escapes}");
@@ -284,7 +284,7 @@ fn a_tour_whose_pictures_are_not_all_there_is_left_only_once_somebody_says_so() 
         window.step();
         assert_eq!(window.state().asked.last(), Some(&Action::Leave(Leaving::Close)));
     }
-    // Once all of it is there, nothing is left to ask.
+    // After the last picture of the tour there is nothing left to ask.
     let mut window = wide(document());
     window.state_mut().losing.tour = true;
     window.state_mut().chooser.leave(Leaving::Close);

@@ -1,4 +1,4 @@
-//! The crop box, dragged on the picture and typed.
+//! Editing of the crop box by dragging on the picture and by typing.
 
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;

@@ -1,4 +1,4 @@
-//! The light dial: its hand and its nodes.
+//! Hand and nodes of the light dial.
 
 use egui::{Event, Modifiers, PointerButton, Pos2, Rect, Vec2};
 use egui_kittest::Harness;
@@ -66,7 +66,7 @@ fn a_node_that_is_off_keeps_its_place_and_comes_back_to_it() {
 fn nodes_that_a_session_has_left_out_are_brought_back() {
     let mut document = document();
     document.edit(&Edit::NodeOn(1, false));
-    // As it opens again once it was saved.
+    // As a saved session opens.
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(reopened(&document))));
     window.run();
     window.get_by_label("Reset nodes").click();
@@ -88,7 +88,7 @@ fn the_dial_holds_the_hand_of_every_situation_and_stays_while_nodes_move_within_
     let before = ui::node_places(&document, rect);
     document.edit(&Edit::NodePlace(0, DVec2::new(0.0, 0.2)));
     assert_eq!(ui::node_places(&document, rect)[1], before[1], "the other node stays");
-    // Nothing is far away where the hand is far away.
+    // Nodes stay apart on the panel when the hand is far away.
     document.edit(&Edit::Hand(DVec2::new(1e6, 0.0)));
     let far = ui::node_places(&document, rect);
     assert!(far[0].distance(far[1]) > 10.0, "{far:?}");

@@ -1,4 +1,4 @@
-//! Edits of the document, their cost, and undo.
+//! Edits of the document, what they make stale, and undo.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -69,7 +69,7 @@ fn an_edit_makes_stale_what_it_must() {
     let spectra = [Edit::Spectra(Arc::new(
         Spectra::standard(&document().state().scene, design::Side::Light, "lamp", "FL11").unwrap(),
     ))];
-    // Pixels of this scene keep weights, which are the same whatever the spectra.
+    // The film of this scene holds material weights, which do not depend on spectra.
     let expected = [
         (&lights[..], Stale::Nothing),
         (&display, Stale::Picture),
@@ -127,7 +127,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
         back.is_saved() && !after.is_saved() && back.state().scene.camera == scene.scene.camera,
         "with the same steps back"
     );
-    // What nobody has changed is what the other volume opens with, where its values are others.
+    // Without edits, a volume with other values opens with its own transfer function.
     let mut other = scene.clone();
     other.scene.transfer.terms.remove(0);
     let untouched = Document::new(scene.clone());

@@ -1,4 +1,4 @@
-//! Where panels lie in windows of any size.
+//! Layout of the panels in windows of any size.
 
 use std::path::Path;
 
@@ -34,8 +34,8 @@ fn the_bar_of_the_panels_lies_over_no_control() {
     let solo = window.get_all_by_label("solo").next().unwrap().rect();
     click_at(&mut window, Pos2::new(solo.right() - 1.0, solo.center().y));
     assert_eq!(window.state().asked.last(), Some(&Action::Edit(Edit::Solo(Some(0)))));
-    // What is wider than the panel would push the bar out of sight: of its 300 points, margins, the panels' indent and the bar
-    // leave 255.
+    // A wider control would push the scroll bar out of sight: margins, indent and bar leave 255 of the panel's 300
+    // points.
     let left = window.get_by_label("light dial").rect().left();
     for label in ["light dial", "10° (1964)", "Top", "Forget", "remove interval 0", "Measure the curve"] {
         let control = window.get_by_label(label).rect();
@@ -112,7 +112,7 @@ fn no_tooltip_is_seen_while_a_button_is_held_nor_until_the_pointer_goes_on() {
     window.run();
     let dial = window.get_by_label("light dial").rect().center();
     window.event(Event::PointerMoved(dial));
-    // Longer than a tooltip waits.
+    // Longer than the delay of a tooltip.
     window.run_steps(60);
     let help = "Drag the hand between the lights";
     assert!(is_painted(&window, help), "a pointer that rests is told");

@@ -1,4 +1,4 @@
-//! The light panel: switches, solo, sliders, brightness.
+//! The light panel: switches, solo, sliders and brightness.
 
 use egui::Vec2;
 use egui_kittest::Harness;

@@ -1,4 +1,4 @@
-//! What the viewer's panels ask for, and what it does to the document, without a window and without a GPU.
+//! Actions of the viewer's panels and their effect on the document, without a window or a GPU.
 #![cfg(feature = "window")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

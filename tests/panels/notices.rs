@@ -27,7 +27,7 @@ fn a_picture_that_nothing_of_the_volume_is_seen_in_says_why_and_what_to_do() {
     window.get_by_label("Show all that way").click();
     window.run();
     assert!(window.query_by_label_contains("thinner than a step").is_none(), "{:?}", window.state().asked);
-    // A slab that rays do see, however few voxels it has.
+    // A thin slab that rays still hit.
     let mut slab = document();
     slab.edit(&Edit::Accuracy(Accuracy { step_length: 0.02, ..slab.state().scene.accuracy.clone() }));
     slab.edit(&Edit::Crop(Some([DVec3::new(0.0, 0.0, 0.5), DVec3::new(1.0, 1.0, 0.52)])));

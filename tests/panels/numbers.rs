@@ -1,4 +1,4 @@
-//! Numbers that are typed into fields.
+//! Typed numbers.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use relume::view::Action;
 use crate::app::{App, click_at, document, intervals, is_painted, retype, type_into, wide, with_histogram};
 use crate::support::program::{DIAL, SCENE};
 
-/// Types `text` in place of what is in a field, without an end to it.
+/// Replaces the contents of a field with `text` and keeps the focus there.
 fn type_unfinished(window: &mut Harness<'_, App>, label: &str, text: &str) {
     window.get_by_label(label).click();
     window.run();
@@ -43,7 +43,7 @@ fn a_typed_number_holds_once_enter_is_pressed_and_is_one_step_back() {
 
 #[test]
 fn a_number_that_no_hand_may_reach_stays_as_the_scene_has_it() {
-    // A step that no field goes down to, and more exposure than its slider has.
+    // A step length below the field's range, and an exposure above its slider's.
     let text = format!("{SCENE}{DIAL}[accuracy]\nstep = 0.001\n[display]\nexposure = 1000\n");
     let scene = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(Document::new(scene)));
@@ -106,7 +106,7 @@ fn escape_leaves_a_number_as_it_was() {
         window.run();
         assert!(window.state().asked.is_empty(), "{label}: {:?}", window.state().asked);
         assert!(!is_painted(&window, "0.5"), "{label}");
-        // The field is none the worse for it.
+        // The field still works afterwards.
         type_unfinished(&mut window, "master", "0.25");
         window.key_press(Key::Enter);
         window.run();
@@ -196,7 +196,7 @@ fn values_of_three_hundred_digits_leave_the_panels_as_they_are() {
         let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document.with_statistics(statistics)));
         window.run();
         let left = window.state().place.left();
-        // A field that is left as it was changes nothing, though it shows few digits.
+        // Leaving a field unchanged keeps the value's hidden digits.
         type_into(&mut window, "interval 0: from", "");
         window.key_press(Key::Enter);
         window.run();
@@ -248,7 +248,7 @@ fn what_is_said_of_a_number_is_clicked_through_and_goes_with_it() {
     window.run();
     retype(&mut window, "interval 0: opacity", "2");
     assert!(is_painted(&window, told));
-    // The field below it lies under what is said.
+    // The error message covers the field below.
     let below = window.get_by_label("remove interval 1").rect().center();
     click_at(&mut window, below);
     window.run();

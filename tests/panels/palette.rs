@@ -27,7 +27,7 @@ fn a_palette_is_offered_its_cells_are_chosen_and_its_spectra_opened() {
         window.state().document.as_ref().unwrap().state().palette.as_deref().cloned().unwrap()
     };
     assert_eq!(palette(&window).materials.len(), 2);
-    // As the window does where no button is held: what follows is a step of its own.
+    // As the window does while no button is held: the next edit is an undo step of its own.
     window.state_mut().document.as_mut().unwrap().rest();
     window.get_by_label("flesh under day").click_accesskit();
     window.run();
@@ -54,7 +54,7 @@ fn swatches_are_as_whoever_looks_sees_them_and_a_palette_says_for_whom_it_is() {
     for (observer, table) in [(Observer::Cie1931, &OBSERVER), (Observer::Cie1964, &OBSERVER_1964)] {
         window.state_mut().document.as_mut().unwrap().edit(&Edit::Observer(observer));
         window.run();
-        // By the table as it is published, with daylight white on the screen.
+        // From the published table, with daylight as the display white.
         let raw = |spectrum: &Spectrum| DVec3::from(table.each_ref().map(|matching| matching.dot(spectrum)));
         let white = raw(standard::d65().spectrum());
         let linear = |spectrum: &Spectrum| -> DVec3 {

@@ -110,7 +110,7 @@ fn what_colours_the_light_that_passes_is_named() {
     window.state_mut().probe = Some((DVec2::splat(0.5), Some(probe)));
     window.run();
     assert!(window.query_by_label("What colours its light").is_some());
-    // There, and in the legend of the ray.
+    // In the panel and in the legend of the ray.
     let named = window.query_all_by_label("stain").filter(|node| node.rect().left() > 300.0).count();
     assert_eq!(named, 2);
 }

@@ -1,4 +1,4 @@
-//! Light situations: kept, renamed, chosen, forgotten.
+//! Dial presets: keep, rename, select, forget.
 
 use egui::accesskit::Role;
 use egui::{Event, Key, Vec2};
@@ -53,7 +53,7 @@ fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
         let now = document.state().dial.nodes[1].place;
         assert_eq!(document.state().dial.situations[0].hand, now, "{edit:?}");
     }
-    // One that is left out for now goes along, too, and what is shown stays it, wherever the other node is.
+    // A node that is off moves along as well, and the preset stays selected wherever that node is.
     document.edit(&Edit::NodePlace(0, DVec2::new(0.7, 0.1)));
     assert_eq!(document.situation(), Some(0));
     document.edit(&Edit::NodeOn(1, false));
@@ -130,7 +130,7 @@ fn a_situation_that_looks_as_what_is_seen_is_shown_as_the_one_that_is() {
     document.edit(&Edit::Keep("evening".to_owned()));
     let index = document.situation();
     assert!(index.is_some());
-    // As a session opens, which says where the hand is and not what that is called.
+    // A session stores the position of the hand, but not the name of its preset.
     let mut again = Document::new(reopened(&document));
     assert_eq!(again.situation(), None, "sliders mix");
     again.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));

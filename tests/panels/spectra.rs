@@ -1,4 +1,4 @@
-//! Curves and swatches of materials.
+//! Spectral curves and swatches of materials.
 
 use std::path::Path;
 

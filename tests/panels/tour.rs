@@ -1,4 +1,4 @@
-//! Tours of the light situations.
+//! Tours of the dial presets.
 
 use egui::{Key, Vec2};
 use egui_kittest::Harness;

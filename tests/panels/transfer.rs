@@ -1,4 +1,4 @@
-//! The transfer function: intervals and labels.
+//! The transfer function panel: intervals and labels.
 
 use std::path::Path;
 
@@ -29,7 +29,7 @@ fn an_interval_below_another_is_brought_to_the_front_by_its_swatch() {
     window.run();
     let drag_below = |window: &mut Harness<'_, App>| {
         window.state_mut().asked.clear();
-        // Off the handle in the middle of its top.
+        // Beside the handle in the middle of the interval's top.
         let body = window.get_by_label("interval 0: Body").rect();
         let at = body.left_center().lerp(body.center(), 0.5);
         drag_along(window, &[at, at + Vec2::new(12.0, 0.0)]);
