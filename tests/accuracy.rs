@@ -1,4 +1,4 @@
-//! Colour accuracy on the command line: flags, what is said of models, and lights that they were not planned for.
+//! Colour accuracy on the command line: flags, reports on colour models, and lights for which they were not planned.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -13,7 +13,7 @@ fn folder() -> Folder {
     Folder::new().with("glass.toml", GLASS).with("line.csv", "390 0\n395 0\n400 1\n405 0\n410 0\n")
 }
 
-/// The plan of a scene as `info` tells programs.
+/// Plan of a scene from `info --json`, and the reported source of its k.
 fn planned(folder: &Folder, arguments: &[&str]) -> (Value, String) {
     let json = folder.done(&[&["info", "--json"], arguments].concat()).json();
     (json["plan"].clone(), json["scene"].as_str().unwrap().to_owned())
@@ -33,7 +33,7 @@ fn flags_take_the_place_of_the_scenes_accuracy() {
     assert_eq!((&plan["model"]["k"], &plan["model"]["kind"]), (&5.into(), &"nodes".into()));
     assert_eq!(plan["model"]["nodes_nm"].as_array().unwrap().len(), 5);
     assert_eq!(source, "stated.toml with --model nodes --k 5");
-    // A tolerance takes the place of a stated k.
+    // A tolerance replaces a given k.
     let (plan, source) = planned(&folder, &["stated.toml", "--tolerance", "2", "--model", "nodes"]);
     assert!(plan["model"]["k"].as_u64().unwrap() < 12 && number(&plan["model"]["max"]) <= 2.0, "{plan}");
     assert_eq!(source, "stated.toml with --model nodes --tolerance 2");
@@ -72,7 +72,7 @@ fn flags_that_mean_nothing_are_refused() {
     folder.refused(2, &["relight", "acc.exr", "-o", "p.png", "--tolerance", "0"], &["--tolerance", "above 0"]);
 }
 
-/// The bands of 10 nm of many a table, and as many of other models: on the device, into a file, and out of it again.
+/// 31 coefficients, such as the 10 nm bands of many tables, and as many of other models: rendered, stored and relit.
 #[test]
 fn models_of_thirty_one_numbers_are_rendered_stored_and_relit() {
     let folder = folder();
@@ -89,11 +89,11 @@ fn models_of_thirty_one_numbers_are_rendered_stored_and_relit() {
     folder.done(&["render", "glass.toml", "--size", "8x8", "--k", "31", "-o", "p.exr"]);
     let [truth, nodes] = ["r.exr", "p.exr"].map(|name| Exr::read(&folder.path(name)).rgba());
     assert_same(&truth, &nodes, 2e-3);
-    // What is chosen automatically has 16 at most.
+    // An automatic k is at most 16.
     folder.refused(1, &["info", "glass.toml", "--tolerance", "0.001"], &["no k up to 16"]);
 }
 
-/// When no k keeps the tolerance, the program says what does, and goes on with what it says.
+/// If no k meets the tolerance, the message suggests options, and these work.
 #[test]
 fn a_tolerance_that_cannot_be_kept_is_told_with_what_to_type() {
     let folder = folder();
@@ -121,7 +121,7 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
         let lights = json["model"]["lights"].as_array().unwrap();
         lights.iter().find(|light| light["name"] == "line.csv").unwrap().clone()
     };
-    // One line, where daylight and a tube have little to show.
+    // A spectral line, at which daylight and a tube have little power.
     let outcome = folder.done(&[&render[..], &["-o", "p.exr", "--accumulators", "acc.exr"]].concat());
     let light = new(&outcome.json()["plan"]);
     assert!(light["planned"] == false && number(&light["max"]) > 1.0, "{light}");
@@ -129,14 +129,14 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
         assert!(outcome.err.contains(word), "no {word:?} in {}", outcome.err);
     }
     let rendered = light;
-    // From the file it is exactly as bad, and the way out is to render again.
+    // From the file the error is the same, and the message suggests rendering again.
     let outcome = folder.done(&["relight", "acc.exr", "--light", "line.csv", "-o", "q.png", "--json"]);
     assert!(outcome.err.contains("render again with this --light and --replan"), "{}", outcome.err);
     let mut relit = new(&outcome.json());
     relit["planned"] = rendered["planned"].clone();
     assert_eq!(relit, rendered, "one error, by either way");
     assert_eq!(relit["on_unseen_colours"], true);
-    // Lights of the scene are known by their spectra, whatever they are called.
+    // Lights of the scene are recognised by their spectra, whatever their names.
     let known = folder.done(&["relight", "acc.exr", "--light", "D65", "--light", "FL11@key", "-o", "q.png", "--json"]);
     let json = known.json();
     assert!(json["model"]["lights"].as_array().unwrap().iter().all(|light| light["planned"] == true), "{json}");
@@ -144,7 +144,7 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     let outcome = folder.done(&relit);
     assert_eq!(outcome.err, "", "within this tolerance");
     assert!(outcome.out.contains("line.csv is new to the colour model: ΔE00 "), "{}", outcome.out);
-    // Planned for, it keeps the tolerance.
+    // A model planned for this light meets the tolerance.
     let outcome = folder.done(&[&render[..], &["-o", "p.exr", "--replan"]].concat());
     let light = new(&outcome.json()["plan"]);
     assert!(light["planned"] == true && number(&light["max"]) <= 1.0, "{light}");

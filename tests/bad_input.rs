@@ -1,4 +1,5 @@
-//! What is wrong is refused in one message with the right exit code, and leaves nothing behind; what is only odd works.
+//! Invalid input is refused with one message and the right exit code, without leaving files behind; unusual input
+//! works.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -11,12 +12,12 @@ use flate2::write::ZlibEncoder;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 use support::program::{Folder, Outcome, SCENE};
 
-/// `render scene.toml` to a picture of few pixels, and more arguments.
+/// Arguments of `render scene.toml` to a small picture, and more.
 fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&["render", "scene.toml", "--size", "8x8", "-o", "p.png"], more].concat()
 }
 
-/// The scene of every test with `from` replaced by `to` is refused at `line:column`, with `words`.
+/// Asserts that the base scene with `from` replaced by `to` is refused at `line:column`, with `words`.
 fn scene_refused(from: &str, to: &str, place: &str, words: &[&str]) {
     assert!(SCENE.contains(from), "the scene has no {from:?}");
     let folder = Folder::new().with("scene.toml", SCENE.replacen(from, to, 1));
@@ -24,7 +25,7 @@ fn scene_refused(from: &str, to: &str, place: &str, words: &[&str]) {
     folder.refused(1, &render(&[]), &[&[at.as_str()], words].concat());
 }
 
-/// The scene with `-D definition` is refused, and the definition named, with `words`.
+/// Asserts that the scene with `-D definition` is refused with `words`, naming the definition.
 fn definition_refused(definition: &str, words: &[&str]) {
     let named = format!("error: -D {definition}: ");
     Folder::new().refused(2, &render(&["-D", definition]), &[&[named.as_str()], words].concat());
@@ -226,7 +227,7 @@ fn what_is_no_scene_is_refused() {
 
 const HEADER: &str = "NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = v.raw\n";
 
-/// A volume of `header` and `voxels` is refused by `info` and `render` alike.
+/// Asserts that `info` and `render` refuse a volume of `header` and `voxels`.
 fn volume_refused(header: &str, voxels: &[u8], words: &[&str]) {
     let folder = Folder::new().with("v.mhd", header).with("v.raw", voxels);
     folder.refused(1, &["info", "v.mhd"], words);
@@ -261,7 +262,7 @@ fn damaged_and_incredible_compression_is_refused() {
     volume_refused(&header("4 4 4"), &packed[..packed.len() / 2], &["v.raw", "64"]);
     volume_refused(&header("4 4 4"), &[0x55; 40], &["zlib"]);
     volume_refused(&header("4 4 5"), &packed, &["64", "80"]);
-    // A bomb backwards: a short file that claims to hold much.
+    // The reverse of a decompression bomb: a short file that claims a large volume.
     volume_refused(&header("9999 9999 9999"), &packed, &["compressed bytes cannot hold"]);
 }
 
@@ -442,7 +443,7 @@ fn a_picture_over_the_devices_limit_is_refused_with_both_numbers() {
 
 #[test]
 fn a_volume_over_the_devices_extent_is_refused_with_both_numbers() {
-    // No device known has 3D images of more than 16384 texels.
+    // No known device has 3D images of more than 16384 texels per side.
     let folder = Folder::new().with("long.raw", vec![0; 20_000]);
     let arguments = ["--volume", "long.raw", "--dims", "20000x1x1", "--type", "uint8"];
     folder.refused(1, &render(&arguments), &["[20000, 1, 1]", "at most", "--downsample"]);
@@ -453,7 +454,7 @@ fn a_volume_over_the_devices_extent_is_refused_with_both_numbers() {
 fn a_volume_over_the_devices_memory_is_refused_with_both_numbers() {
     let device = Device::open(&DeviceChoice::Auto, Validation::Off).unwrap();
     let limits = device.limits();
-    // Value and gradient are 8 bytes a voxel; the file is a hole.
+    // Value and gradient take 8 bytes per voxel; the file is sparse.
     let side = 1024_u64;
     let slices = limits.device_heap_bytes.min(limits.max_allocation_bytes) / (8 * side * side) + 1;
     if slices > 512 {
@@ -478,7 +479,7 @@ fn without_a_vulkan_device_the_way_to_get_one_is_said() {
         Outcome::of(&mut command).assert_refused(3, &["driver", "apt-get install", "mesa-vulkan-drivers"]);
     }
     assert_eq!(folder.names(), ["scene.toml"]);
-    // A volume, a scene, the reference and relighting need none.
+    // Volumes, scenes, the reference and relighting need no device.
     for arguments in [vec!["info", "scene.toml"], render(&["--reference"])] {
         let mut command = folder.command(&arguments);
         command.env("VK_DRIVER_FILES", "/dev/null").env("VK_ICD_FILENAMES", "/dev/null");
@@ -503,7 +504,7 @@ fn a_device_that_is_not_there_is_refused_with_those_there_are() {
 fn outputs_that_cannot_be_are_refused_before_the_work() {
     let folder = Folder::new().with("v.exr", [0; 64]);
     let refused = |code, outputs: &[&str], words: &[&str]| {
-        // So large that a test which marched it would be seen.
+        // Large enough that marching it would be noticed.
         let arguments = [&["render", "scene.toml", "--size", "4000x4000"], outputs].concat();
         folder.refused(code, &arguments, words);
     };
@@ -538,7 +539,7 @@ fn names_that_no_accumulator_file_can_hold_are_refused_before_the_march() {
         let scene =
             scene.replace("[materials.bone]", "[materials.c]").replace("material = \"bone\"", "material = \"c\"");
         let folder = Folder::new().with("scene.toml", scene);
-        // So large that a test which marched it would be seen.
+        // Large enough that marching it would be noticed.
         let arguments = ["render", "scene.toml", "--size", "4000x4000", "-o", "p.png", "--accumulators", "a.exr"];
         folder.refused(1, &arguments, &[words, &["--accumulators a.exr", "rename a light or a material"]].concat());
     }
@@ -572,7 +573,7 @@ fn a_file_that_may_not_be_written_is_refused() {
     std::fs::remove_file(folder.path("folder.png")).unwrap();
     std::fs::create_dir(folder.path("folder.png")).unwrap();
     folder.refused(1, &["render", "scene.toml", "-o", "folder.png"], &["folder.png", "it is a folder"]);
-    // No user, root included, makes files there.
+    // No user, not even root, can create files there.
     folder.refused(
         1,
         &["render", "scene.toml", "-o", "/proc/p.png"],
@@ -593,7 +594,7 @@ fn a_full_disk_is_said_to_be_full() {
     }
 }
 
-/// The system ends a program that outgrows `ulimit -f`, unless it listens.
+/// The system kills a program that exceeds `ulimit -f` unless it handles the signal.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_file_over_the_limit_of_the_shell_is_an_error_and_leaves_nothing() {
@@ -646,9 +647,9 @@ fn what_is_no_accumulator_file_is_refused() {
     folder.refused(1, &["relight", "acc.exr", "-o", "gone/q.png"], &["no folder gone"]);
 }
 
-// Odd, and right.
+// Unusual but valid input.
 
-/// One white material of opacity ½ between 50 and 150 under a white light, seen along z without shading.
+/// One white material with opacity ½ between 50 and 150 under a white light, seen along z without shading.
 const ODD: &str = r#"version = 1
 shading = "none"
 [materials.paper]
@@ -666,8 +667,9 @@ elevation = 0
 termination = 0
 "#;
 
-/// R, G, B and A of the one pixel of a picture of `voxels`, of `element` type, and what was said; on the device and by
-/// the reference, which must agree.
+/// R, G, B and A of the only pixel of a picture of `voxels` with type `element`, and the messages; from the device and
+/// the
+/// reference, which must agree.
 fn odd_pixel(scene: &str, dims: &str, element: &str, voxels: &[u8], more: &[&str]) -> ([f64; 4], String) {
     let header = HEADER.replace("4 4 4", dims).replace("MET_UCHAR", element);
     let folder = Folder::new().with("odd.toml", scene).with("v.mhd", header).with("v.raw", voxels);
@@ -690,11 +692,11 @@ fn odd_pixel(scene: &str, dims: &str, element: &str, voxels: &[u8], more: &[&str
     (device, said)
 }
 
-/// An opacity within what f32 rounds in `steps` products and sums.
+/// Asserts an opacity within the f32 rounding of `steps` products and sums.
 fn assert_opacity(pixel: [f64; 4], expected: f64, steps: i32) {
     let rounding = f64::from(3 * steps + 2) * f64::exp2(-24.0);
     assert!((pixel[3] - expected).abs() <= rounding, "opacity {}, not {expected}", pixel[3]);
-    // Under illuminant E, white has R : G : B = 1.2048 : 0.9484 : 0.9087 (the rows of the sRGB matrix, summed).
+    // Under illuminant E, white has R : G : B = 1.2048 : 0.9484 : 0.9087 (row sums of the sRGB matrix).
     for (channel, row) in pixel.iter().zip([1.2048, 0.9484, 0.9087]) {
         assert!((channel - row * expected).abs() <= 1e-3, "{pixel:?}");
     }

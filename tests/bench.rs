@@ -1,4 +1,4 @@
-//! What `relume bench` counts: never how long something took, but what was done for it.
+//! Counts reported by `relume bench`; timings are not tested.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -36,8 +36,8 @@ fn changed(change: impl FnOnce(&mut Scene)) -> Scene {
     scene
 }
 
-/// A pixel's four weights (three materials) and the picture's four bytes; nothing is behind, so what passes is not read.
-/// The matrices: 16 bytes of head, 64 of what passes, 48 of a position.
+/// A pixel's four weights (three materials) and the picture's four bytes; without a background the transmittance is not
+/// read. The matrices: 16 bytes of header, 64 of transmittance, 48 per position.
 #[test]
 fn a_relight_is_one_dispatch_and_costs_the_same_whatever_was_marched() {
     let pixels = (SIZE[0] * SIZE[1]) as u64;
@@ -85,7 +85,8 @@ fn the_papers_table_and_its_ratios_come_from_one_command() {
     let rows = json["rows"].as_array().unwrap();
     let lines: Vec<&str> = rows.iter().map(|row| row["line"].as_str().unwrap()).collect();
     assert_eq!(lines, ["RGB", "spectra, 4 weights", "spectra, k = 8", "coloured RGB", "coloured spectra, k = 8"]);
-    // One vector of f32 a pixel and four bytes of what passes; two for k = 8; coloured, as much again of what passes.
+    // Per pixel, one vector of f32 and four bytes of transmittance; two vectors for k = 8; if coloured, as many for the
+    // transmittance.
     let bytes: Vec<u64> = rows.iter().map(|row| row["counts"]["pixel_bytes"].as_u64().unwrap()).collect();
     assert_eq!(bytes, [20, 20, 36, 32, 64]);
     for row in rows {
@@ -97,7 +98,7 @@ fn the_papers_table_and_its_ratios_come_from_one_command() {
     assert!(page.contains("1.29") && page.contains("spectra, k = 8") && !page.contains("<script"), "{page}");
 }
 
-/// Absorption amplifies in RGB: that is a property of the plan, whatever number of frames and cases is made by it.
+/// Amplification by absorption in RGB is a property of the plan, whatever the number of frames and cases.
 #[test]
 fn what_would_amplify_is_warned_of_once_a_plan() {
     let folder = Folder::new();
@@ -119,18 +120,18 @@ fn cost_is_measured_over_k_positions_pixels_and_voxels() {
         let pair = |row: &Value| [row["varied"]["value"].as_u64().unwrap(), row["counts"][count].as_u64().unwrap()];
         rows.iter().filter(of).map(pair).collect()
     };
-    // ⌈k/4⌉ vectors of 16 bytes, and 4 bytes of what passes; coloured, as many vectors of that.
+    // ⌈k/4⌉ vectors of 16 bytes, and 4 bytes of transmittance; if coloured, as many vectors of it.
     let by_k = [1, 2, 3, 4, 6, 8, 12, 16];
     assert_eq!(bytes("k", "grey", "pixel_bytes"), by_k.map(|k: u64| [k, 16 * k.div_ceil(4) + 4]));
     assert_eq!(bytes("k", "coloured", "pixel_bytes"), by_k.map(|k: u64| [k, 32 * k.div_ceil(4)]));
-    // And k² numbers of that where it is a matrix.
+    // A matrix transmittance has k² numbers.
     let matrices: Vec<[u64; 2]> = [2, 4].map(|k: u64| [k, 16 * k.div_ceil(4) + 16 * (k * k).div_ceil(4)]).to_vec();
     assert_eq!(bytes("k", "coloured, matrices", "pixel_bytes"), matrices);
-    // Each position has accumulators of its own; what passes is shared.
+    // Each position has its own accumulators; the transmittance is shared.
     let by_position = [1, 2, 4, 8].map(|positions: u64| [positions, 16 * positions + 4]);
     assert_eq!(bytes("positions", "grey, 4 weights", "pixel_bytes"), by_position);
     assert_eq!(bytes("pixels", "grey, 4 weights", "pixel_bytes"), [[256, 20]]);
-    // 8 bytes a voxel: value and gradient.
+    // 8 bytes per voxel: value and gradient.
     assert_eq!(bytes("voxels", "grey, 4 weights", "volume_bytes"), [[64 * 64 * 64, 8 * 64 * 64 * 64]]);
 }
 
@@ -144,7 +145,8 @@ fn an_earlier_run_is_kept_to_within_the_budget() {
         let small = ["--size", "16x16", "--frames", "1", "-D", "volume.dims=[62,58,34]", "--json"];
         folder.run(&[&["bench"], &peer[..], &["--against", "before.json"], more, &small].concat())
     };
-    // Times of so small pictures say nothing: the budget is a millionfold, but not for bytes that were none.
+    // Times of small pictures mean nothing, so their budget is a millionfold; that still refuses bytes where there were
+    // none.
     let ample = ["--budget-percent", "1e8"];
     let outcome = against(&before, &ample);
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
@@ -161,15 +163,15 @@ fn an_earlier_run_is_kept_to_within_the_budget() {
     before["rows"][0]["id"] = "something else".into();
     against(&before, &ample).assert_refused(1, &["before.json: it has no row of this run"]);
     against(&Value::Null, &ample).assert_refused(1, &["before.json", "no rows"]);
-    // Before anything is measured: this scene has nothing that could be.
+    // Reported before the measurement: this scene could not be measured.
     let nothing = ["bench", "default", "--against", "nothing.json", "-D", "volume.dims=[0,0,0]"];
     folder.refused(1, &nothing, &["--against nothing.json", "`relume bench --json`"]);
     folder.refused(2, &["bench", "model", "--against", "before.json"], &["--against has no effect"]);
     folder.refused(2, &["bench", "peer", "-o", "costs.txt"], &["costs.txt", ".html"]);
 }
 
-/// Every feature of a plan: with it, the plan differs in it alone; without it, nothing is dearer but what the feature saves,
-/// and the picture is that of a plan that has everything.
+/// For every feature: the plan with it differs only in that feature; without it, no cost rises except the one that the
+/// feature saves; and the picture equals that of a plan with all features.
 #[test]
 fn a_scene_pays_only_for_what_it_uses() {
     let mut rows = Vec::new();

@@ -1,4 +1,4 @@
-//! Settings that are chosen: they keep what was asked for, cost little more than they must, and are measured once.
+//! Choice of settings: goals are met at little more than the least cost, and settings are measured once.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -23,7 +23,7 @@ use support::rungs::{Rungs, with_renderer};
 
 const SIZE: [usize; 2] = [64, 56];
 
-/// Any setting that does what `goal` asks for of such a picture.
+/// Request for any setting that meets `goal` for a test picture.
 fn wanted(goal: Goal) -> Wanted {
     Wanted { size: SIZE, goal, pixels: Pixels::Fewer }
 }
@@ -39,7 +39,7 @@ fn step(choice: &Choice) -> f64 {
     }
 }
 
-/// `relume bench goals --scenes 50` does the same for as many, and times what is cheapest.
+/// `relume bench goals --scenes 50` does the same for 50 scenes and measures the cheapest setting.
 #[test]
 fn what_was_asked_for_is_kept_at_little_more_than_it_must_cost() {
     const SCENES: u64 = 6;
@@ -48,14 +48,14 @@ fn what_was_asked_for_is_kept_at_little_more_than_it_must_cost() {
         let rows: Vec<GoalRow> = (0..SCENES).filter_map(|seed| row(renderer, seed)).collect();
         assert!(rows.len() * 2 > 6, "most scenes show something");
         assert!(rows.iter().filter(|row| row.error() > 1.0).count() <= 1, "{rows:?}");
-        // Times of so small pictures say little beside other programs; samples are as many whatever else there is.
+        // Times of small pictures depend on other programs; sample counts do not.
         assert!(rows.iter().all(|row| row.time() >= 1.0 && row.samples >= 1.0), "{rows:?}");
         let found = GoalSummary::of(&rows).unwrap();
         assert!(found.samples.max <= 1.3, "{found:?}");
     });
 }
 
-/// What absorbs in colour passes shares of light that need not add up to 1 where there is nothing.
+/// The transmittances of coloured absorption need not add up to 1 in empty pixels.
 #[test]
 fn pixels_that_show_nothing_are_not_looked_at() {
     let scene = scene(1015);
@@ -96,7 +96,7 @@ fn a_budget_takes_the_shortest_step_that_fits() {
     });
 }
 
-/// Every setting that can be chosen of a scene whose weights are exact: its step, its scale, and what files call it.
+/// All settings that can be chosen for a scene with material weights: step, scale and name in files.
 fn every_setting() -> impl Iterator<Item = (f64, f64, String)> {
     let scales = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
     let of = move |n: i32| {
@@ -109,7 +109,7 @@ fn every_setting() -> impl Iterator<Item = (f64, f64, String)> {
     (-24..=32).flat_map(of)
 }
 
-/// Puts times and errors, by step and scale, in the place of those that the only file in `folder` has.
+/// Replaces times and errors in the only file of `folder`, by step and scale.
 fn believe(folder: &Path, frame_ms: impl Fn(f64, f64) -> f64, error: impl Fn(f64, f64) -> f64) {
     let path = std::fs::read_dir(folder).unwrap().next().unwrap().unwrap().path();
     let mut file: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
@@ -122,7 +122,7 @@ fn believe(folder: &Path, frame_ms: impl Fn(f64, f64) -> f64, error: impl Fn(f64
     std::fs::write(path, file.to_string()).unwrap();
 }
 
-/// Of what is believed to be known of every setting, the search finds what looking at all of them finds.
+/// With known times and errors of every setting, the search finds the result of an exhaustive search.
 #[test]
 fn the_search_finds_the_best_of_all_settings() {
     let folder = tempfile::tempdir().unwrap();
@@ -131,12 +131,12 @@ fn the_search_finds_the_best_of_all_settings() {
     with_renderer(|renderer| {
         let found = |wanted| choose(renderer, &scene, &mix, wanted, Some(folder.path()), &Quiet);
         found(wanted(Goal::MaxError(50.0))).unwrap();
-        // Smooth pictures, such with edges, and frames that take some time whatever they show.
+        // Smooth pictures, pictures with edges, and frames with a constant overhead.
         for (edges, overhead) in [(0.02, 0.0), (0.3, 0.0), (3.0, 0.0), (0.02, 4.0), (0.3, 4.0)] {
             let frame_ms = |step: f64, scale: f64| 100.0 * scale * scale / step + overhead;
             let error = |step: f64, scale: f64| 0.3 * step.powf(1.7) + edges * (1.0 / scale - 1.0);
             believe(folder.path(), frame_ms, error);
-            // A choice uses up 0.92 of a time, and 0.97 of an error.
+            // A choice uses up 0.92 of a time budget and 0.97 of an error budget.
             for asked in [5.0, 12.0, 40.0, 90.0, 300.0, 1e4] {
                 let best = every_setting()
                     .filter(|&(step, scale, _)| frame_ms(step, scale) <= 0.92 * asked)
@@ -153,7 +153,7 @@ fn the_search_finds_the_best_of_all_settings() {
                 assert_eq!(choice.setting.to_string(), best.unwrap().2, "within {asked}, {edges}, {overhead}");
             }
         }
-        // Where all pixels must be marched, they are.
+        // All pixels are marched if required.
         for goal in [Goal::Budget(12.0), Goal::MaxError(2.0)] {
             let choice = found(Wanted { pixels: Pixels::All, ..wanted(goal) }).unwrap();
             assert_eq!(choice.setting.get(Knob::Scale), None, "{}", choice.why);
@@ -161,7 +161,7 @@ fn the_search_finds_the_best_of_all_settings() {
     });
 }
 
-/// Where a device cannot hold a picture at its full size, fewer pixels are marched, and enlarged.
+/// If the device cannot hold a picture of full size, fewer pixels are marched and enlarged.
 #[test]
 fn a_picture_that_the_device_cannot_hold_is_made_of_fewer_pixels() {
     let scene = scene(0);
@@ -191,7 +191,7 @@ fn presets_are_points_on_the_same_curve() {
     assert!(ms > 0.0 && reference < balanced);
 }
 
-/// One number of a picture of 20×20 at a pixel of one of 40×40: bilinear between centres.
+/// A value of a 40×40 picture enlarged from 20×20: bilinear between pixel centres.
 fn enlarged(small: &[f32], x: usize, y: usize) -> f32 {
     let along = |at: usize| {
         let (near, far) =
@@ -209,7 +209,7 @@ fn goals_say_whether_the_bars_are_held() {
     let [row] = &json["goals"].as_array().unwrap()[..] else { panic!("scene 0 shows something: {json}") };
     assert!(row["chosen"]["p95"].as_f64().unwrap() <= row["asked"].as_f64().unwrap(), "{row}");
     assert_eq!(json["goals_summary"]["kept"], 1);
-    // Time is as it comes; what is missed is said, and told to who called.
+    // The time varies; a missed goal is reported to the caller.
     let missed = json["missed"].as_array().unwrap();
     assert_eq!(json["holds"], missed.is_empty());
     assert_eq!(outcome.code, Some(i32::from(!missed.is_empty())), "{missed:?}");
@@ -226,7 +226,7 @@ fn a_picture_of_fewer_pixels_has_the_size_that_was_asked_for_in_every_file() {
     let render = ["render", "scene.toml", "--size", "40x40", "-o", "p.exr", "-o", "p.png"];
     let first = run(&[&render[..], &["--budget", "1e9"]].concat());
     assert_eq!(first.code, Some(0), "{}", first.err);
-    // Fast enough are, for each number of pixels, steps of 4, 2, 1 and a half: the errors are 4, 2.4, 2 and 2.4.
+    // For each scale, steps of 4, 2, 1 and ½ are just fast enough; their errors are 4, 2.4, 2 and 2.4.
     believe(&cache.join("relume"), |step, scale| 1000.0 * scale * scale / step, |step, scale| step + 1.0 / scale - 1.0);
     let files = ["--accumulators", "a.exr", "--spectral", "s.exr", "--budget", "280"];
     let json = run(&[&render[..], &files, &["--json"]].concat()).json();
@@ -246,13 +246,13 @@ fn a_picture_of_fewer_pixels_has_the_size_that_was_asked_for_in_every_file() {
         .flat_map(|name| (0..1600).map(|pixel| enlarged(&small.channels[*name], pixel % 40, pixel / 40)))
         .collect();
     assert_same(&shown.rgba(), &expected, 1e-5);
-    // Relighting is linear: the accumulators were enlarged, and make the same picture.
+    // Relighting is linear, so the enlarged accumulators give the same picture.
     folder.done(&["relight", "a.exr", "-o", "q.exr"]);
     assert_same(&Exr::read(&folder.path("q.exr")).rgba(), &shown.rgba(), 1e-5);
-    // So is a spectrum's colour; its luminance is that of the preview.
+    // The colour of a spectrum is linear as well; its luminance is that of the preview.
     let line = |name: &str| spectra.channels.iter().find(|(channel, _)| channel.contains(name)).map(|(_, it)| it);
     assert!(line("555").is_some_and(|samples| samples.len() == 1600), "{:?}", spectra.channels.keys());
-    // An 8-bit picture of these colours.
+    // The 8-bit picture of the enlarged colours has the full size.
     let small_png = std::fs::read(folder.path("p.png")).unwrap();
     assert_eq!(&small_png[16..24], [0, 0, 0, 40, 0, 0, 0, 40], "IHDR has its size");
 }
@@ -285,8 +285,9 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     }
 }
 
-/// Samples of dispatches are counted, not milliseconds: where those are to take no time, none is longer than the first, which
-/// is about as on a device that nothing is known of.
+/// Counts samples per dispatch instead of milliseconds: with a target duration of 0, no dispatch is longer than the
+/// first,
+/// which has about the length used for an unknown device.
 #[test]
 fn what_measures_beside_a_window_takes_dispatches_as_short_as_the_windows_own() {
     let (Some(device), Some(other)) = (open(), open()) else { return };

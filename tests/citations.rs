@@ -1,10 +1,10 @@
-//! Pages that code and documentation cite are in the repository.
+//! Pages cited by code and documentation exist.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Every text file of the repository below `folder`, by its path from the root.
+/// All text files of the repository below `folder`, with paths from the root.
 fn texts(folder: &str) -> Vec<(PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = Vec::new();
@@ -23,8 +23,9 @@ fn texts(folder: &str) -> Vec<(PathBuf, String)> {
     found
 }
 
-/// The Markdown pages that a text names: words of letters, digits and `._/-` that end in `.md` and begin with a folder or a
-/// capital letter. Addresses are left out.
+/// Markdown pages named in a text: words of letters, digits and `._/-` that end in `.md` and start with a folder or a
+/// capital
+/// letter. URLs are excluded.
 fn pages(text: &str) -> Vec<&str> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || "._/-".contains(c);
     let words = text.split(|c: char| !is_part(c)).map(|word| word.trim_end_matches('.'));
@@ -35,19 +36,19 @@ fn pages(text: &str) -> Vec<&str> {
     words.filter(is_page).collect()
 }
 
-/// The relative links of a Markdown text, without their anchors.
+/// Relative links of a Markdown text, without anchors.
 fn links(text: &str) -> Vec<&str> {
     let targets = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
     let paths = targets.filter(|target| !target.contains("://") && !target.starts_with('#'));
     paths.map(|target| target.split('#').next().unwrap_or(target)).collect()
 }
 
-/// The pages and links of a file that are not in the repository.
+/// Pages and links of a file that do not exist.
 fn missing(path: &Path, text: &str) -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let beside = root.join(path.parent().unwrap_or(Path::new("")));
     let mut wrong = Vec::new();
-    // A page is named from the root, from its own folder, or from docs.
+    // A page may be named from the root, from its own folder or from docs.
     for page in pages(text) {
         if ![root.join(page), beside.join(page), root.join("docs").join(page)].iter().any(|path| path.is_file()) {
             wrong.push(format!("{}: {page} is not in the repository", path.display()));

@@ -1,4 +1,4 @@
-//! The command line as a user meets it: what each command writes and says.
+//! The command line: files and messages of every command.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -15,16 +15,16 @@ use serde_json::Value;
 use support::exr::{Exr, assert_same};
 use support::program::{Folder, Outcome, SCENE};
 
-/// The sides of every picture here.
+/// Size of the pictures.
 const SIZE: &str = "32x32";
 
-/// The linear picture that the program makes with `arguments`.
+/// Linear picture written by the program with `arguments`.
 fn picture(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
     folder.done(&[arguments, &["-o", "picture.exr"]].concat());
     Exr::read(&folder.path("picture.exr")).rgba()
 }
 
-/// The linear picture of the scene of every test, rendered with `arguments`.
+/// Linear picture of the base scene, rendered with `arguments`.
 fn rendered(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
     picture(folder, &[&["render", "scene.toml", "--size", SIZE], arguments].concat())
 }
@@ -38,7 +38,7 @@ fn srgb_from_linear(value: f64) -> f64 {
     if value <= 0.003_130_8 { 12.92 * value } else { 1.055 * value.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Bits of the channels of a PNG, and its samples.
+/// Bit depth and samples of a PNG.
 fn png(path: &Path) -> (u32, Vec<u16>) {
     let mut reader = png::Decoder::new(std::io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
@@ -64,7 +64,7 @@ fn pictures_of_all_kinds_show_the_same() {
         for (index, &sample) in samples.iter().enumerate() {
             let channel = &linear.channels[["R", "G", "B"][index % 3]];
             let exact = srgb_from_linear(f64::from(channel[index / 3])) * largest;
-            // Rounding to the next step, by a device whose powers are good to 2⁻¹² of white at worst.
+            // Rounding to the next code, on a device with a power function accurate to at least 2⁻¹² of white.
             assert!((f64::from(sample) - exact).abs() <= 0.5 + largest / 4096.0, "{name} {index}: {sample}, {exact}");
         }
     }
@@ -95,7 +95,7 @@ fn the_scene_of_the_program_needs_no_file() {
     assert_eq!(folder.names(), ["p.png", "scene.toml"]);
 }
 
-/// 4×2×2 voxels of 0 to 15, as int16.
+/// 4×2×2 voxels with values 0 to 15, as int16.
 fn ramp() -> Vec<u8> {
     (0..16_i16).flat_map(i16::to_le_bytes).collect()
 }
@@ -115,7 +115,7 @@ fn info_of_a_volume_has_the_promised_keys() {
     for (key, value) in expected.as_object().unwrap() {
         assert_eq!(&json[key], value, "{key}");
     }
-    // MetaImage writes the axes one after the other, ITK prints them as columns.
+    // MetaImage lists the axes one after the other; ITK prints them as columns.
     let turned = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     assert_eq!(json["direction"], serde_json::json!(turned));
     let bins: Vec<u64> = serde_json::from_value(json["histogram"].clone()).unwrap();
@@ -216,7 +216,7 @@ fn info_alone_lists_devices() {
     assert_eq!(keys(&json["devices"][0]), ["driver", "index", "kind", "missing", "name", "vulkan"]);
     let name = json["devices"][0]["name"].as_str().unwrap();
     assert!(folder.done(&["info"]).out.contains(name));
-    // A device is called by its number and by any part of its name.
+    // A device can be selected by its number or any part of its name.
     for device in ["0", &name[..4].to_uppercase()] {
         let json =
             folder.done(&["render", "scene.toml", "--size", "8x8", "-o", "p.png", "--device", device, "--json"]).json();
@@ -238,7 +238,7 @@ fn bench_measures_with_the_promised_keys() {
         for key in ["volume", "size", "accumulate", "lanes", "positions", "device", "peak_mb"] {
             assert!(!row[key].is_null(), "{key}");
         }
-        // Later rows find the device open.
+        // The device is already open for later rows.
         let startup = &row["startup_ms"];
         assert!(if number == 0 { startup["median"].as_f64() > Some(0.0) } else { startup.is_null() }, "{row}");
         assert!(startup["min"] == startup["median"] && startup["max"] == startup["median"], "measured once: {row}");
@@ -268,7 +268,7 @@ fn bench_measures_colour_models_without_a_device() {
             assert!(row["all"][part].as_f64().unwrap() >= 0.0, "{row}");
         }
     }
-    // docs/theory/acceptance.md C8: eight nodes against the best RGB, under each group of lights.
+    // docs/theory/acceptance.md C8: eight nodes against the best RGB under each group of lights.
     let beside = json["nodes_beside_rgb"].as_array().unwrap();
     assert_eq!(
         beside.iter().map(|row| row["lights"].as_str().unwrap()).collect::<Vec<_>>(),
@@ -316,7 +316,7 @@ fn bench_measures_reading_beside_decoding() {
         let median = |key: &str| load[key]["cpu_ms"]["median"].as_f64().unwrap();
         assert!(near(number("ratio"), median("open") / median("bare")), "{load}");
         assert!(near(number("open_mb_s"), 8.192 / median("open")), "{load}");
-        // Of packed data only these are decoded, not the header.
+        // For compressed files only the voxel data counts, not the header.
         let bare = if stream.is_some() { 8.192 } else { 8.192 + f64::from(u16::try_from(layout.len()).unwrap()) / 1e3 };
         assert!(near(number("bare_mb_s"), bare / median("bare")), "{load}");
     }
@@ -342,7 +342,7 @@ fn bench_measures_reading_beside_decoding_for_every_compression() {
         let arguments = ["bench", "load", "--volume", path.to_str().unwrap(), "--frames", "3", "--json"];
         let load = folder.done(&arguments).json()["load"].clone();
         assert_eq!(load["stream"], stream, "{file}");
-        // As many bytes come out as there are voxels.
+        // The number of decoded bytes is that of the voxels.
         let decoded = load["bare_mb_s"].as_f64().unwrap() * load["bare"]["cpu_ms"]["median"].as_f64().unwrap() / 1e3;
         assert!((decoded - load["voxels_mb"].as_f64().unwrap()).abs() < 1e-9, "{load}");
     }
@@ -390,13 +390,13 @@ fn lights_add_up_and_weights_multiply() {
     assert_same(&all, &under(&["day", "lamp"]), 1e-5);
     assert_same(&all, &sum(day.clone(), lamp.clone()), 1e-5);
     assert_same(&under(&["day=2"]), &sum(day.clone(), day.clone()), 1e-5);
-    // Another light goes to every position, or to the one that is named.
+    // Another light replaces every position, or the named one.
     assert_same(&day, &under(&["D65@day"]), 1e-5);
     assert_same(&lamp, &under(&["A@lamp=0.5"]), 1e-5);
     assert_same(&under(&["FL11"]), &sum(under(&["FL11@day"]), under(&["FL11@lamp"])), 1e-5);
-    // Illuminant A is a black body of 2856 K, to the digits of its table.
+    // Illuminant A is a black body of 2856 K, to the precision of its table.
     assert_same(&under(&["A"]), &under(&["blackbody 2856"]), 2e-3);
-    // A light of the scene can shine from elsewhere.
+    // A light of the scene can shine from another position.
     assert_same(&under(&["lamp@day=2"]), &under(&["A@day"]), 1e-5);
 }
 
@@ -432,7 +432,7 @@ fn names_of_lights_may_hold_the_signs_of_positions_and_weights() {
 #[test]
 fn a_light_can_be_a_file() {
     let folder = Folder::new().with("flat.csv", "380 3\n580 3\n780 3\n");
-    // Its scale does not matter: a white surface under it has Y = 1, as under illuminant E.
+    // Scale is irrelevant: a white surface under it has Y = 1, as under illuminant E.
     assert_same(&rendered(&folder, &["--light", "flat.csv"]), &rendered(&folder, &["--light", "E"]), 1e-5);
 }
 
@@ -462,13 +462,13 @@ fn accumulators_are_relit_as_their_scene_is_mixed() {
         folder.done(&[&["render", "scene.toml", "--size", SIZE, "--accumulators", "acc.exr"], &asked[..]].concat());
         let fresh = rendered(&folder, &asked);
         assert_same(&fresh, &picture(&folder, &["relight", "acc.exr"]), 1e-5);
-        // Lights that are asked for, and the dial, are of the intensities that are stated.
+        // Requested lights and the dial have the intensities of the scene.
         let day = rendered(&folder, &[&asked[..], &["--light", "day"]].concat());
         assert_same(&day, &picture(&folder, &["relight", "acc.exr", "--light", "day"]), 1e-5);
     }
 }
 
-/// Relighting needs no device, no scene and no volume, and reads what another program wrote by the documentation.
+/// Relighting needs no device, scene or volume, and reads files that another program wrote from the documentation.
 #[test]
 fn accumulators_that_another_program_wrote_are_relit() {
     let ones = vec!["1.0"; 81].join(", ");
@@ -492,8 +492,9 @@ fn accumulators_that_another_program_wrote_are_relit() {
     assert_eq!(outcome.code, Some(0), "{}", outcome.err);
     let picture = Exr::read(&folder.path("picture.exr"));
     assert_eq!(picture.channels["A"], [0.25, 0.0]);
-    // Half of what X = Y = Z = 1 is in linear sRGB (the sums of the rows of IEC 61966-2-1's matrix); the sums of the
-    // colour matching functions agree to 3e-4 of each other.
+    // Half of X = Y = Z = 1 in linear sRGB (row sums of the matrix of IEC 61966-2-1); the sums of the colour matching
+    // functions
+    // agree to 3e-4.
     for (name, row) in
         [("R", 3.2406 - 1.5372 - 0.4986), ("G", -0.9689 + 1.8758 + 0.0415), ("B", 0.0557 - 0.2040 + 1.0570)]
     {
@@ -503,7 +504,7 @@ fn accumulators_that_another_program_wrote_are_relit() {
     }
 }
 
-/// The ladder bounds the difference between the rungs; here, `--reference` shows this scene and no other.
+/// The ladder bounds the difference between the rungs; here, `--reference` must show the same scene.
 #[test]
 fn the_reference_shows_what_the_device_shows() {
     let folder = Folder::new();
@@ -536,7 +537,7 @@ fn a_definition_is_an_edit_of_the_file() {
     assert!(a == b, "the pictures differ");
 }
 
-/// 16×16×16 voxels of a ball of 200 in 0, as uint8.
+/// 16×16×16 voxels of a ball with value 200 in 0, as uint8.
 fn ball() -> Vec<u8> {
     let inside =
         |i: usize| [i % 16, i / 16 % 16, i / 256].iter().map(|&x| (2 * x).abs_diff(15).pow(2)).sum::<usize>() < 150;
@@ -574,7 +575,7 @@ fn labels_show_as_what_the_scene_declares() {
     let labels: Vec<u8> = ball().iter().map(|&value| u8::from(value > 0) * 7).collect();
     let folder = Folder::new().with("ball.raw", ball()).with("labels.raw", labels);
     let folder = folder.with("labels.mhd", BALL_HEADER.replace("ball.raw", "labels.raw"));
-    // Without labels the ball is bone; labelled 7, it is flesh of the same opacity.
+    // Without labels the ball is bone; label 7 makes it flesh with the same opacity.
     let define = |path: &str, value: &str| ["-D".to_owned(), format!("{path}={value}")];
     let labelled = define("labels.7", "{ material = \"flesh\", opacity = 0.9 }");
     let both: Vec<&str> = ["--labels", "labels.mhd"].into_iter().chain(labelled.iter().map(String::as_str)).collect();
@@ -584,10 +585,10 @@ fn labels_show_as_what_the_scene_declares() {
         let sum = |c: usize| picture[c * 1024..][..1024].iter().sum::<f32>();
         (sum(0), sum(1), sum(2))
     };
-    // Foliage is green, white is white: under D65 and A, more red than green.
+    // Foliage is green and white is white: under D65 and A, red exceeds green in white.
     let ((r, g, _), (white_r, white_g, _)) = (colour(&flesh), colour(&bone));
     assert!(g > r && white_r > white_g, "flesh {r} {g}, bone {white_r} {white_g}");
-    // A label that the scene does not declare follows the values, and is reported.
+    // An undeclared label follows the transfer function and is reported.
     let outcome = folder.done(
         &[
             &[
@@ -609,7 +610,7 @@ fn labels_show_as_what_the_scene_declares() {
     assert!(outcome.err.starts_with("warning: undeclared labels") && outcome.err.contains("7 ("), "{}", outcome.err);
 }
 
-/// What `render` with `more` warns of, on the device and by the reference.
+/// Warnings of `render` with `more`, on the device and with the reference.
 fn warnings(folder: &Folder, more: &[&str]) -> [String; 2] {
     [&[][..], &["--reference"]]
         .map(|how| folder.done(&[&["render", "scene.toml", "-o", "p.png", "--size", "8x8"], more, how].concat()).err)
@@ -665,7 +666,7 @@ fn spectra_that_nature_does_not_have_are_reported() {
     for err in warnings(&folder, &["--light", "odd.csv"]) {
         assert!(err.starts_with("warning: --light odd.csv is negative"), "{err}");
     }
-    // Artificial reflectances may be negative, and what is white may be 1.
+    // Artificial reflectances may be negative, and white may be 1.
     assert_eq!(warnings(&folder, &["-D", "materials.bone.reflectance={400=-0.5,700=1}"]), ["", ""]);
     assert_eq!(warnings(&folder, &["-D", "materials.bone.reflectance={srgb=\"#ffffff\"}"]), ["", ""]);
 }
@@ -738,7 +739,7 @@ fn spectral_pictures_have_the_layout_of_fichet_and_others() {
     read_by_python(&folder.path("s.exr"));
 }
 
-/// Reads a spectral file by colour-science, with the Python that `RELUME_PYTHON` names.
+/// Reads a spectral file with colour-science, using the Python in `RELUME_PYTHON`.
 #[expect(clippy::print_stderr, reason = "a test that did not run says so")]
 fn read_by_python(path: &Path) {
     let Some(python) = std::env::var_os("RELUME_PYTHON") else {
@@ -780,7 +781,7 @@ fn help_teaches_by_examples() {
     assert!(folder.done(&["--version"]).out.contains(env!("CARGO_PKG_VERSION")));
 }
 
-/// The example of docs/SCENE.md without the lines that only one kind of volume or camera has.
+/// The example of docs/SCENE.md without the lines for other kinds of volume and camera.
 fn documented_scene() -> String {
     let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/SCENE.md")).unwrap();
     text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap().to_owned()
@@ -797,7 +798,7 @@ fn the_documented_scene_is_a_scene() {
     folder.done(&["info", "documented.toml"]);
 }
 
-/// What the program says it expects, where a key is unknown, is what the documentation lists.
+/// The keys that the program expects are those in the documentation.
 #[test]
 fn every_key_of_a_scene_is_documented() {
     let folder = Folder::new();
@@ -835,7 +836,7 @@ fn every_key_of_a_scene_is_documented() {
     }
 }
 
-/// What `relight` with `arguments` makes of the accumulators of the scene of every test.
+/// Picture of `relight` with `arguments` from the film of the base scene.
 fn dialled(folder: &Folder, arguments: &[&str]) -> Vec<f32> {
     picture(folder, &[&["relight", "acc.exr"], arguments].concat())
 }
@@ -847,7 +848,8 @@ fn the_hand_of_the_dial_mixes_lights_and_on_a_node_is_that_light_alone() {
     let day = dialled(&folder, &["--light", "day"]);
     assert_eq!(dialled(&folder, &["--dial", "2,1", "-o", "p.png"]), day, "the scene's place is in the file");
     assert_eq!(dialled(&folder, &["--dial", "-9,-9", "--nodes-off", "lamp"]), day);
-    // Halfway between the two nodes each light has half: lamp has the intensity 0.5, and white is to keep the luminance 1.
+    // Halfway between the two nodes each light has half the weight: lamp has the intensity 0.5, and white keeps the
+    // luminance 1.
     let json = folder.done(&["relight", "acc.exr", "--sweep", "lamp..day", "--frames", "3", "-o", "s.png", "--json"]);
     let frames = json.json()["frames"].clone();
     assert_eq!(frames[2]["dial"], serde_json::json!([2.0, 1.0]));

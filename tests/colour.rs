@@ -16,7 +16,7 @@ use relume::spectrum::{BANDS, Kind, Reflectance, Spectrum, SpectrumError, smooth
 
 fn assert_close(actual: [f64; 3], expected: [f64; 3], limit: f64) {
     let error = std::array::from_fn::<f64, 3, _>(|axis| (actual[axis] - expected[axis]).abs());
-    // Not `max`, which passes over NaN.
+    // Not `max`, which ignores NaN.
     assert!(error.iter().all(|&error| error <= limit), "{actual:?} is not {expected:?} to {limit}");
 }
 
@@ -88,7 +88,7 @@ fn a_colour_does_not_differ_from_itself() {
     }
 }
 
-/// Plain sums in numpy over the tables of colour-science 0.4.7, without this crate.
+/// Sums in numpy over the tables of colour-science 0.4.7, independent of this crate.
 const PLAIN_SUMS: [(&str, &str, [f64; 3]); 18] = [
     ("A", "dark skin", [0.1478674168920798, 0.10978159704108989, 0.019901079986315063]),
     ("A", "cyan", [0.11935965045631412, 0.15938571419485886, 0.13303855122628563]),
@@ -110,7 +110,8 @@ const PLAIN_SUMS: [(&str, &str, [f64; 3]); 18] = [
     ("LED-V2", "cyan", [0.12534863926809237, 0.18182452165189034, 0.23694084510014077]),
 ];
 
-/// L*a*b* relative to D65 and sRGB codes of [`PLAIN_SUMS`], by the formulas of CIE 15 and IEC 61966-2-1 in plain Python.
+/// L*a*b* relative to D65 and sRGB codes of [`PLAIN_SUMS`], by the formulas of CIE 15 and IEC 61966-2-1 in plain
+/// Python.
 const PLAIN_CODES: [([f64; 3], [u8; 3]); 18] = [
     ([39.543661, 29.506265, 43.081658], [149, 71, 20]),
     ([46.893793, -20.704584, 9.193088], [78, 120, 95]),
@@ -154,8 +155,9 @@ fn the_perfect_reflector_has_luminance_1_under_every_light() {
     }
 }
 
-/// x, y as the CIE publishes them to four digits (CIE 15:2004, CIE 015:2018), here to the five of plain sums at 5 nm
-/// made without this crate.
+/// x, y as published by the CIE to four digits (CIE 15:2004, CIE 015:2018), here to five digits from independent sums
+/// at
+/// 5 nm.
 const CHROMATICITIES: [(&str, [f64; 2]); 10] = [
     ("A", [0.44758, 0.40745]),
     ("D65", [0.31272, 0.32903]),
@@ -206,10 +208,10 @@ fn linear_srgb_goes_there_and_back() {
 fn the_transfer_function_goes_there_and_back() {
     for step in -10_000..=110_000 {
         let encoded = f64::from(step) / 1e5;
-        // The published constants leave a step of 3e-8 between the two branches.
+        // The published constants leave a gap of 3e-8 between the two branches.
         assert!((encode_srgb(decode_srgb(encoded)) - encoded).abs() <= 3e-8, "{encoded}");
     }
-    // IEC 61966-2-1: the linear end, and 18 % grey, which is 118 of 255.
+    // IEC 61966-2-1: the linear segment, and 18 % grey, which is 118 of 255.
     assert!((encode_srgb(0.001) - 0.01292).abs() <= 1e-15);
     assert!((255.0 * encode_srgb(0.18) - 117.6).abs() <= 0.1);
     assert_close([encode_srgb(1.0), decode_srgb(1.0), decode_srgb(0.0)], [1.0, 1.0, 0.0], 1e-15);
@@ -220,7 +222,7 @@ fn lab_takes_its_linear_branch_below_the_knee() {
     let white = d65_white();
     assert_close(lab_from_xyz(white, white).0, [100.0, 0.0, 0.0], 1e-12);
     assert_close(lab_from_xyz(Xyz([0.0; 3]), white).0, [0.0; 3], 1e-12);
-    // CIE 15: L* = 903.3 Y up to Y = 0.008856, below zero too, and 116 ∛Y − 16 beyond.
+    // CIE 15: L* = 903.3 Y up to Y = 0.008856, including Y < 0, and 116 ∛Y − 16 above.
     let lightness = |y: f64| lab_from_xyz(Xyz([y * white.0[0], y, y * white.0[2]]), white).0;
     let slope = (29.0_f64 / 3.0).powi(3);
     for y in [-0.1, 1e-6, 0.008] {
@@ -273,7 +275,8 @@ fn smooth_reflectances_have_their_colour_inside_0_and_1() {
 
 #[test]
 fn no_smoother_curve_has_the_colour() {
-    // Lagrange's condition: the gradient of the sum of squared slopes of z = atanh(2 r − 1) is a mixture of the three
+    // Lagrange condition: the gradient of the sum of squared slopes of z = atanh(2 r − 1) is a linear combination of
+    // the
     // gradients of X, Y and Z.
     let reflectance = smooth_reflectance(LinearSrgb([0.6, 0.2, 0.05])).unwrap();
     let r = reflectance.spectrum().samples();
@@ -291,7 +294,7 @@ fn no_smoother_curve_has_the_colour() {
 
 #[test]
 fn the_smooth_reflectance_of_a_grey_is_flat_to_the_whites_difference() {
-    // The white of D65 on the grid, as a colour, is the perfect reflector's; half of it that of the grey 0.5.
+    // The colour of D65 on the grid gives the perfect reflector; half of it gives the grey 0.5.
     let white = linear_srgb_from_xyz(d65_white());
     let grey = smooth_reflectance(LinearSrgb(white.0.map(|part| 0.5 * part))).unwrap();
     assert!(grey.spectrum().samples().iter().all(|sample| (sample - 0.5).abs() <= 1e-9), "{grey:?}");
@@ -320,7 +323,7 @@ fn colours_brighter_or_purer_than_any_reflectance_are_refused() {
 fn a_display_for_a_deficiency_shows_the_published_columns_of_the_primaries_and_leaves_greys() {
     let display = |deficiency| Display { exposure: 2.0, adapt: false, observer: Observer::Cie1931, deficiency };
     let of = |deficiency| display_from_xyz(&Mix(Vec::new()), &display(deficiency)) * *XYZ_FROM_LINEAR_SRGB;
-    // Machado, Oliveira and Fernandes 2009, table 1, severity 1: what deuteranopes see of red.
+    // Machado, Oliveira and Fernandes 2009, table 1, severity 1: red as seen by deuteranopes.
     assert_close((of(Some(Deficiency::Deutan)) * DVec3::X).to_array(), [0.734644, 0.560170, -0.023640], 1e-12);
     for deficiency in Deficiency::ALL {
         assert_close((of(Some(deficiency)) * DVec3::ONE).to_array(), [2.0; 3], 1e-5);

@@ -1,4 +1,4 @@
-//! Sessions and film files of released versions open, and give the pictures that they gave then.
+//! Sessions and film files of released versions open and give the same pictures as then.
 //!
 //! `tests/data/0.1.0` was written by version 0.1.0: a session of `data/figures/fig1.toml` (40×38×24 voxels, dial presets,
 //! node switches, an interval, a label, camera, exposure and observer changed in the window), its film and pictures; and a
@@ -17,7 +17,7 @@ fn released(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/0.1.0").join(name)
 }
 
-/// Width, height and the 8-bit samples of a PNG.
+/// Width, height and 8-bit samples of a PNG.
 fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
     let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
@@ -25,7 +25,7 @@ fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
     (info.width, info.height, bytes)
 }
 
-/// The largest difference of two pictures of one size, in codes.
+/// Largest difference of two pictures of the same size, in codes.
 fn largest_difference(one: &Path, other: &Path) -> u8 {
     let (one, other) = (pixels(one), pixels(other));
     assert_eq!((one.0, one.1, one.2.len()), (other.0, other.1, other.2.len()), "size");
@@ -33,7 +33,7 @@ fn largest_difference(one: &Path, other: &Path) -> u8 {
     one.2.iter().zip(&other.2).map(|(&a, &b)| a.abs_diff(b)).max().unwrap()
 }
 
-/// Runs the program on a file of 0.1.0; the picture it writes must be the one of that time, within `codes`.
+/// Runs the program on a file of version 0.1.0 and asserts that its picture equals that version's within `codes`.
 fn gives(arguments: &[&str], picture: &str, codes: u8) {
     let folder = Folder::new();
     let files = ["session.toml", "session.exr", "glass.exr"];
@@ -45,7 +45,7 @@ fn gives(arguments: &[&str], picture: &str, codes: u8) {
     assert!(difference <= codes, "{arguments:?}: {difference} codes off {picture}");
 }
 
-/// Devices round the march and the sRGB curve in their own ways: one code.
+/// Devices round the march and the sRGB curve differently, by up to one code.
 #[test]
 fn a_session_of_0_1_0_renders_as_it_did() {
     gives(&["render", "session.toml", "--size", "64x48"], "session.png", 1);

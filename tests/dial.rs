@@ -1,4 +1,4 @@
-//! The light dial: what nodes weigh, and the mixes that it asks for.
+//! The light dial: weights of its nodes, and its mixes.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use glam::{DVec2, dvec2};
@@ -38,7 +38,7 @@ fn luminance(mix: &Mix) -> f64 {
 fn weights_are_inverse_distances_and_add_up_to_one() {
     let nodes = vec![node("a", dvec2(0.0, 0.0)), node("b", dvec2(3.0, 0.0)), node("c", dvec2(0.0, 4.0))];
     let dial = Dial { nodes, normalise: true, master: 1.0, situations: vec![] };
-    // From (0, 1) the distances are 1, √10 and 3.
+    // Distances from (0, 1): 1, √10 and 3.
     let reciprocals = [1.0, 1.0 / 10_f64.sqrt(), 1.0 / 3.0];
     let sum: f64 = reciprocals.iter().sum();
     for (weight, reciprocal) in dial.weights(dvec2(0.0, 1.0)).into_iter().zip(reciprocals) {

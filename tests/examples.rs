@@ -1,16 +1,16 @@
-//! The examples run, and write what they say.
+//! The examples run and write their documented output.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// `cargo test` builds the examples beside the program.
+/// `cargo test` builds the examples next to the program.
 fn example(name: &str) -> PathBuf {
     let program = Path::new(env!("CARGO_BIN_EXE_relume"));
     program.parent().unwrap().join("examples").join(name).with_extension(std::env::consts::EXE_EXTENSION)
 }
 
-/// Runs an example in a folder of its own; returns the folder and the text on standard output.
+/// Runs an example in a temporary folder; returns the folder and standard output.
 fn run(name: &str, arguments: &[&Path]) -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().unwrap();
     let output = Command::new(example(name)).args(arguments).current_dir(folder.path()).output().unwrap();

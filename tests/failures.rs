@@ -1,4 +1,4 @@
-//! Whatever goes wrong around a render, one sentence says so, and no file is half written.
+//! Any failure during a render is reported in one sentence and leaves no partial file.
 #![cfg(unix)]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -18,12 +18,12 @@ fn render<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&["render", "scene.toml", "--size", "16x16"], more].concat()
 }
 
-/// What waits in `folder` under a temporary name.
+/// Temporary files in `folder`.
 fn parts(folder: &Folder) -> Vec<String> {
     folder.names().into_iter().filter(|name| name.ends_with(".part")).collect()
 }
 
-/// Waits until `ready`, no longer than a minute.
+/// Waits up to a minute until `ready`.
 fn wait_until(what: &str, mut ready: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !ready() {
@@ -46,7 +46,7 @@ fn start(folder: &Folder, arguments: &[&str]) -> Child {
 fn a_disk_that_fills_up_keeps_the_old_file_and_no_part_of_the_new_one() {
     let folder = Folder::new();
     std::fs::create_dir(folder.path("disk")).unwrap();
-    // A small disk of our own, where the system lends one; else files that may not grow.
+    // A small tmpfs if the system permits one; otherwise a limit on file sizes.
     let mount = "mount -t tmpfs -o size=16k none disk";
     let lent = Command::new("unshare").args(["-rm", "sh", "-c", mount]).current_dir(folder.path(".")).output();
     let lent = lent.is_ok_and(|output| output.status.success());
@@ -94,13 +94,13 @@ fn an_output_that_is_an_input_by_another_name_is_refused_or_leaves_it_alone() {
     symlink("v.raw", folder.path("link.png")).unwrap();
     let refused = ["--volume", "v.mhd", "-o", "link.png"];
     folder.refused(2, &render(&refused), &["link.png is an input"]);
-    // Another name for the same bytes: the name is given to the picture, the bytes stay.
+    // A hard link to the same bytes: its name is replaced by the picture, the bytes stay.
     std::fs::hard_link(folder.path("v.raw"), folder.path("same.png")).unwrap();
     folder.done(&render(&["--volume", "v.mhd", "-o", "same.png"]));
     assert_eq!(std::fs::read(folder.path("v.raw")).unwrap(), [9; 64]);
 }
 
-/// A long spectral picture over an old one, on its way to the disk.
+/// Starts to write a long spectral picture over an old one.
 fn writing(folder: &Folder) -> Child {
     let child = start(folder, &["render", "scene.toml", "--size", "900x900", "--spectral", "s.exr"]);
     let growing = || {
@@ -118,7 +118,7 @@ fn a_program_that_is_killed_while_it_writes_leaves_the_old_file_whole() {
     child.kill().unwrap();
     assert_eq!(child.wait().unwrap().code(), None, "killed");
     assert_eq!(std::fs::read(folder.path("s.exr")).unwrap(), OLD.as_bytes());
-    // What is left has a name that says what it is, and no program takes it for a picture.
+    // The remaining file has a recognisable name, and no program takes it for a picture.
     assert!(matches!(&parts(&folder)[..], [part] if part.starts_with(".relume-")), "{:?}", folder.names());
     folder.done(&render(&["--spectral", "s.exr"]));
     assert!(std::fs::read(folder.path("s.exr")).unwrap().starts_with(b"v/1\x01"), "the next picture");
@@ -126,7 +126,7 @@ fn a_program_that_is_killed_while_it_writes_leaves_the_old_file_whole() {
 
 // The device.
 
-/// Renders with the failure `name` at every step at which it can happen, until it happens no more.
+/// Renders with the failure `name` injected at every step at which it can occur.
 fn fails_at_every_step(name: &str, words: &[&str]) {
     let folder = Folder::new().with("p.png", OLD);
     let arguments = render(&["-o", "p.png", "--accumulators", "a.exr"]);
@@ -155,10 +155,11 @@ fn a_device_without_memory_is_reported_whenever_that_happens() {
 
 // Ctrl-C.
 
-/// Seconds that people take for "at once".
+/// Longest delay, in seconds, that a user perceives as immediate.
 const AT_ONCE: f64 = 0.3;
 
-/// Runs the program, interrupts it when `ready`, and answers how long it took to end; `files` must be what is left.
+/// Runs the program, interrupts it when `ready`, and returns the time it takes to end; it must leave the folder's files
+/// alone.
 fn interrupted(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) -> f64 {
     let before = folder.names();
     let child = start(folder, arguments);
@@ -176,7 +177,7 @@ fn interrupted(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) -> 
     took
 }
 
-/// The quickest of a few tries: the machine may be busy with something else.
+/// Shortest time of several attempts, since the machine may be busy.
 fn ends_at_once(folder: &Folder, arguments: &[&str], ready: impl Fn(&Folder)) {
     let tries = (0..5).map(|_| interrupted(folder, arguments, &ready));
     let mut slowest = Vec::new();
@@ -202,11 +203,11 @@ fn ctrl_c_ends_loading_at_once() {
 
 #[test]
 fn ctrl_c_ends_work_that_does_not_listen_at_once() {
-    // Nobody asks a phantom whether it is still wanted.
+    // Generating a phantom has no cancellation checks.
     let folder = Folder::new();
     let phantom = ["info", "scene.toml", "-D", "volume.dims=[800,800,800]"];
     ends_at_once(&folder, &phantom, after(300));
-    // Nobody reads this pipe.
+    // The pipe has no reader.
     make_pipe(&folder.path("pipe.png"));
     ends_at_once(&folder, &render(&["-o", "pipe.png"]), after(1500));
 }
@@ -255,7 +256,7 @@ fn ctrl_c_keeps_the_rows_of_a_benchmark_on_a_whole_page() {
         slowest.push(begun.elapsed().as_secs_f64());
         assert_eq!(output.status.code(), Some(130), "{}", String::from_utf8_lossy(&output.stderr));
         if output.stdout.is_empty() {
-            // A busy machine: nothing was finished yet.
+            // On a busy machine, nothing was finished yet.
             assert_eq!(std::fs::read(folder.path("costs.html")).unwrap(), OLD.as_bytes());
             continue;
         }

@@ -1,4 +1,4 @@
-//! The figures of the paper, each made of one march: what they are to show.
+//! The paper's figures, each made from one march, and their intended effects.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
@@ -14,7 +14,7 @@ use relume::scene::{Mix, Scene};
 use relume::spectrum::colour::{Lab, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use support::program::Folder;
 
-/// The phantoms at a quarter of their resolution, their parts as opaque as they are in full.
+/// The phantoms at a quarter of their resolution, with the same total opacity of their parts.
 const QUARTERED: [&str; 8] = [
     "-D",
     "volume.dims=[62,58,34]",
@@ -42,14 +42,14 @@ impl Picture {
         Self(codes.chunks_exact(3).map(|pixel| [pixel[0], pixel[1], pixel[2]].map(linear)).collect())
     }
 
-    /// Shares of red and green in the pixels that are bright enough for their codes to tell.
+    /// Chromaticities (red, green) of the pixels bright enough for their 8-bit codes.
     fn chromaticities(&self) -> Vec<[f64; 2]> {
         let sum = |pixel: &&[f64; 3]| pixel.iter().sum::<f64>();
         let bright = self.0.iter().filter(|pixel| sum(pixel) > 0.15);
         bright.map(|pixel| [pixel[0] / sum(&pixel), pixel[1] / sum(&pixel)]).collect()
     }
 
-    /// How far the chromaticities are apart, at most.
+    /// Largest distance between two chromaticities.
     fn spread(&self) -> f64 {
         let all = self.chromaticities();
         assert!(all.len() > 100, "only {} pixels are bright", all.len());
@@ -61,15 +61,16 @@ impl Picture {
         range(0).max(range(1))
     }
 
-    /// The share of pixels that `is` true of.
+    /// Share of pixels that satisfy `is`.
     fn share(&self, is: impl Fn([f64; 3]) -> bool) -> f64 {
         let count = self.0.iter().filter(|pixel| is(**pixel)).count();
         f64::from(u32::try_from(count).unwrap()) / f64::from(u32::try_from(self.0.len()).unwrap())
     }
 }
 
-/// The 95th percentile of the sRGB codes of smoke alone, which glows in one picture and is black in the other; of each
-/// pixel its least channel.
+/// 95th percentile of the sRGB codes of smoke alone, which glows in one picture and is black in the other; the least
+/// channel
+/// of each pixel.
 fn smoke(dark: &Picture, glowing: &Picture) -> u8 {
     let code = |pixel: [f64; 3]| relume::spectrum::colour::encode_srgb(pixel.into_iter().fold(1.0, f64::min)) * 255.0;
     let alone = dark.0.iter().zip(&glowing.0).filter(|(dark, glowing)| !is_lit(**dark) && is_lit(**glowing));
@@ -97,7 +98,7 @@ fn the_figures_show_what_the_paper_says() {
         assert_eq!(figure["marches"], 1);
     }
     let picture = |name: &str| Picture::read(&folder.path(&format!("all/{name}.png")));
-    // One colour, as far as 8 bits can tell; then not.
+    // One colour within the precision of 8 bits, then different colours.
     for name in ["1a", "5a", "6a"] {
         assert!(picture(name).spread() < 0.04, "{name}: {}", picture(name).spread());
     }
@@ -117,7 +118,7 @@ fn the_figures_show_what_the_paper_says() {
     assert_eq!(sheet.matches("<figure>").count(), json["pictures"].as_array().unwrap().len());
 }
 
-/// The colour of a material under a mix.
+/// Colour of a material under a mix.
 fn colour(scene: &Scene, material: &str, mix: &Mix) -> Lab {
     let reflectance = &scene.materials.iter().find(|each| each.name == material).unwrap().reflectance;
     let (_, light) = mix.light_at(0);

@@ -1,4 +1,4 @@
-//! Files of formats that are not read are refused by the name of their format.
+//! Unsupported formats are refused by name.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 
@@ -13,7 +13,7 @@ use flate2::write::GzEncoder;
 use relume::progress::Quiet;
 use relume::volume::{self, Selection, VolumeError};
 
-/// Why the file or folder `path` is refused.
+/// Error message for the file or folder `path`.
 fn refusal(path: &Path) -> String {
     match volume::open(path, &Selection::default(), &Quiet) {
         Err(error @ VolumeError::UnknownFormat { .. }) => error.to_string(),
@@ -21,7 +21,7 @@ fn refusal(path: &Path) -> String {
     }
 }
 
-/// `word` at byte `at` of zeros.
+/// `word` at byte `at` of a block of zeros.
 fn at(at: usize, word: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; 512];
     bytes[at..at + word.len()].copy_from_slice(word);
@@ -89,7 +89,7 @@ fn a_name_that_promises_what_is_not_there_is_no_proof() {
     assert!(said.contains("unknown volume format, named like a NIfTI file"), "{said}");
     assert!(said.contains("--dims and --type"), "the way out: {said}");
     assert!(said.contains(", a text"), "{said}");
-    // Cut in the middle of a letter, as what is looked at of a long file may be.
+    // Cut within a character, as the inspected start of a long file may be.
     std::fs::write(&path, "Übung".repeat(1000).as_bytes()).unwrap();
     assert!(refusal(&path).contains(", a text"));
     std::fs::write(&path, b"words\0").unwrap();

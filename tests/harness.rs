@@ -1,4 +1,4 @@
-//! The comparison of pictures catches what it is there to catch.
+//! Tests of the picture comparison itself.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -27,13 +27,13 @@ fn f64_to_f32(value: f64) -> f32 {
     value as f32
 }
 
-/// The golden images of a test, in a folder that it is handed.
+/// Golden images in the test's own folder.
 fn golden<'a>(folder: &Path, bless: Option<&str>) -> Golden<'a> {
     let failures = folder.join("failures");
     Golden { folder: folder.join("golden"), failures, names: &["spot"], bless: bless.map(str::to_owned) }
 }
 
-/// A folder with the golden image `spot`.
+/// Folder with the golden image `spot`.
 fn blessed() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let said = golden(folder.path(), Some("spot")).check("spot", &picture("reference f64", 0.0), &STORED).unwrap_err();
@@ -41,7 +41,7 @@ fn blessed() -> tempfile::TempDir {
     folder
 }
 
-/// What the comparison says about the spot after `change`, when it must not let it pass.
+/// Failure message for the spot after `change`, which must be refused.
 fn caught(tolerance: &Tolerance, change: impl FnOnce(&mut Image)) -> String {
     let folder = blessed();
     let mut image = picture("reference f32", 0.0);
@@ -72,7 +72,7 @@ fn half_a_pixel_of_shift_is_caught() {
 #[test]
 fn swapped_channels_are_caught() {
     caught(&rounding(512), |image| image.samples.chunks_exact_mut(3).for_each(|pixel| pixel.swap(0, 2)));
-    // The file knows its channels by name.
+    // The file identifies its channels by name.
     caught(&rounding(512), |image| image.channels.swap(0, 2));
     let said = caught(&rounding(512), |image| image.channels[0] = "X".to_owned());
     assert!(said.contains("pixels of X, G, B"), "{said}");

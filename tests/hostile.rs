@@ -1,4 +1,4 @@
-//! Whatever a file holds, and whatever it is, reading it ends soon, takes little memory and does not panic.
+//! Reading any file ends soon, uses little memory and does not panic.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
 #[path = "support/hostile.rs"]
@@ -22,10 +22,10 @@ use rustix::time::{ClockId, clock_gettime};
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// One in so many scenes is planned, and one in so many palettes is solved.
+/// One in this many scenes is planned, and one in this many palettes is solved.
 const RARELY: u64 = 64;
 
-/// Random numbers that are the same in every run (Steele et al. 2014, "Fast splittable pseudorandom number generators").
+/// Deterministic random numbers (Steele et al. 2014, "Fast splittable pseudorandom number generators").
 struct Random(u64);
 
 impl Random {
@@ -41,7 +41,7 @@ impl Random {
         usize::try_from(self.next() % u64::try_from(limit.max(1)).unwrap()).unwrap()
     }
 
-    /// A stretch of `bytes`, rarely a long one.
+    /// Random range of `bytes`, rarely a long one.
     fn range(&mut self, bytes: &[u8]) -> std::ops::Range<usize> {
         let start = self.below(bytes.len() + 1);
         let longest = if self.below(4) == 0 { bytes.len() } else { 8 };
@@ -49,7 +49,7 @@ impl Random {
     }
 }
 
-/// What readers stumble over where a number should stand.
+/// Numbers that readers may mishandle.
 const NUMBERS: [&str; 16] = [
     "0",
     "-1",
@@ -69,7 +69,7 @@ const NUMBERS: [&str; 16] = [
     "",
 ];
 
-/// `bytes` with one thing wrong; `other` is something else of the same kind.
+/// Damages `bytes` in one place; `other` is another file of the same kind.
 fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     let range = random.range(bytes);
     match random.below(8) {
@@ -95,13 +95,13 @@ fn damage(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     }
 }
 
-/// CPU time of this thread: that of other programs is not the reader's.
+/// CPU time of this thread, which excludes other programs.
 fn cpu_seconds() -> f64 {
     let now = clock_gettime(ClockId::ThreadCPUTime);
     f64::from(u32::try_from(now.tv_sec).unwrap()) + f64::from(u32::try_from(now.tv_nsec).unwrap()) * 1e-9
 }
 
-/// Gives `reader` all of `seeds` as they are, and `rounds` damaged ones.
+/// Feeds `reader` all `seeds` unchanged, and `rounds` damaged ones.
 fn withstands(reader: Reader, seeds: &[Vec<u8>], rounds: usize) {
     let place = Place::new(reader, RARELY);
     for (index, seed) in seeds.iter().enumerate() {
@@ -121,7 +121,7 @@ fn withstands(reader: Reader, seeds: &[Vec<u8>], rounds: usize) {
     }
 }
 
-/// The files of a folder of `tests/data`.
+/// Files of a folder of `tests/data`.
 fn seeds(folder: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(folder);
     let mut paths: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -142,7 +142,7 @@ fn an_nrrd_of_anything_is_read_or_refused() {
 #[test]
 fn vtk_xml_of_anything_is_read_or_refused() {
     let place = Place::new(Reader::Vti, RARELY);
-    // Some hold several arrays.
+    // Some contain several arrays and need a choice.
     let sound: Vec<_> = seeds("vti").into_iter().filter(|seed| place.read(seed)).collect();
     withstands(Reader::Vti, &sound, 8000);
 }
@@ -209,7 +209,7 @@ fn accumulators_to_damage() {
         }),
         ..point.clone()
     };
-    // Few digits a spectrum: its text is not compressed.
+    // Spectra with few digits, because the text is not compressed.
     let ones = |range: std::ops::Range<usize>| {
         Spectrum::from_samples(std::array::from_fn(|band| f64::from(u8::from(range.contains(&band)))))
     };
@@ -297,9 +297,9 @@ fn long_files_of_many_small_things_take_little_memory_and_time() {
     assert!(failed.is_empty(), "{failed:#?}");
 }
 
-// Files that are no files, or do not stay as they are.
+// Special files, and files that change while being read.
 
-/// Cuts a file to `length` when reading it is first reported.
+/// Truncates a file to `length` when the first progress is reported.
 struct Cutter<'a> {
     path: &'a Path,
     length: u64,
@@ -314,7 +314,7 @@ impl Progress for Cutter<'_> {
     }
 }
 
-/// Reads `header`, of which the file `cut` is cut to `length` bytes in between.
+/// Reads `header` while the file `cut` is truncated to `length` bytes.
 fn open_cut(header: &Path, cut: &Path, length: u64) -> Result<Volume, VolumeError> {
     let cutter = Cutter { path: cut, length, done: AtomicBool::new(false) };
     let opened = volume::open(header, &Selection::default(), &cutter);
@@ -364,7 +364,7 @@ fn files_that_shrink_or_grow_while_they_are_read_are_noticed_or_harmless() {
         let grown = u64::try_from(data.len()).unwrap() + 1000;
         match open_cut(&header_path, &data_path, grown) {
             Ok(grown) => assert!(grown.voxels.bytes() == voxels, "{name}: other voxels"),
-            // Behind a gzip stream there may be another one, and these bytes are none.
+            // A further gzip stream may follow, but the appended bytes are none.
             Err(error) => assert!(matches!(error, VolumeError::Inflate { decoded: 13_824_000, .. }), "{error}"),
         }
     }
@@ -404,7 +404,7 @@ fn links_are_followed_and_names_and_headers_need_not_be_utf8() {
     std::fs::write(elsewhere.path().join("data"), &voxels).unwrap();
     symlink(elsewhere.path().join("data"), name(b"link")).unwrap();
     symlink(elsewhere.path(), name(b"sub")).unwrap();
-    // Latin-1, in names and in values that nobody interprets.
+    // Latin-1 in names and in uninterpreted values.
     let nrrd = |file: &[u8]| {
         let head =
             b"NRRD0004\n# Kn\xf6chel\ncontent: caf\xe9\ntype: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n";
