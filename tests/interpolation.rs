@@ -1,4 +1,4 @@
-//! Values between voxels: each way to make them has its closed form, and is the same on the device.
+//! Interpolation between voxels: every method against its closed form, and on the device.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -16,11 +16,11 @@ const ALL: [Interpolation; 4] =
     [Interpolation::Nearest, Interpolation::Linear, Interpolation::ExactLinear, Interpolation::Cubic];
 const SIZE: [usize; 2] = [24, 20];
 
-/// Data values per unit, and by how much one can be off: half a code of 16 bits.
+/// Data values per unit of opacity, and the rounding error of a value: half a 16-bit code.
 const UNIT: f64 = 40000.0;
 const ROUNDED: f64 = 0.5 / UNIT + 1e-9;
 
-/// A scene whose opacity is half its value, of 12³ voxels of `value(voxel)`, from 0 to 1.
+/// Scene whose opacity is half its value, with 12³ voxels of `value(voxel)` from 0 to 1.
 fn waves(value: impl Fn(DVec3) -> f64) -> Scene {
     let text = r#"
         [materials.m]
@@ -37,7 +37,7 @@ fn waves(value: impl Fn(DVec3) -> f64) -> Scene {
     of(text, sampled([12, 12, 12], |place| UNIT * value((place + 1.0) * 5.5)))
 }
 
-/// The value of `scene` at a place counted in voxels.
+/// Interpolated value of `scene` at voxel coordinates.
 fn value_at(scene: &Scene, interpolation: Interpolation, voxel: DVec3) -> f64 {
     let mut scene = scene.clone();
     scene.accuracy.interpolation = interpolation;
@@ -47,8 +47,9 @@ fn value_at(scene: &Scene, interpolation: Interpolation, voxel: DVec3) -> f64 {
     2.0 * step.opacity[0]
 }
 
-/// A B-spline filters a wave of ω per voxel by (2 + cos ω)/3 along its axis, where a linear one leaves voxels alone
-/// (Unser 1999, equation 7).
+/// A B-spline attenuates a wave of ω per voxel by (2 + cos ω)/3 along its axis, where linear interpolation reproduces
+/// the
+/// voxels (Unser 1999, equation 7).
 #[test]
 fn a_cubic_spline_weakens_waves_by_its_own_formula() {
     for waves_per_voxel in [1.0 / 12.0, 0.25] {
@@ -94,7 +95,7 @@ fn every_interpolation_is_the_same_on_the_device() {
                 let apart: Vec<f64> = found.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element()).collect();
                 let mean = apart.iter().sum::<f64>() / float(apart.len());
                 let limit = match interpolation {
-                    // At the border of two voxels, and where hardware filters in few bits, places round to either side.
+                    // At voxel borders, and with hardware filters of few bits, places round to either side.
                     Interpolation::Nearest | Interpolation::Linear => 1e-3,
                     Interpolation::ExactLinear | Interpolation::Cubic => DEVICE_MEAN,
                 };

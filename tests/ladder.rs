@@ -1,4 +1,4 @@
-//! Each scene on every rung, with one kind of error between each pair:
+//! Every scene on every rung, with one kind of error between neighbouring rungs:
 //! closed form —*step*— full spectrum f64 —*basis*— reference f64 —*tables and storage*— reference f64 on the stored
 //! tables and volume —*rounding*— reference f32 —*device*— GPU.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
@@ -25,7 +25,7 @@ use support::tolerance::{
     WEIGHTS_DEVICE, WEIGHTS_DEVICE_P99, WEIGHTS_REFERENCE,
 };
 
-/// Errors against bounds: the largest error, and the largest share of its bound that any takes.
+/// Largest error, and largest ratio of an error to its bound.
 #[derive(Clone, Copy, Debug, Default)]
 struct Worst {
     error: f64,
@@ -36,7 +36,7 @@ struct Worst {
 
 impl Worst {
     fn add(&mut self, error: f64, bound: f64) {
-        // Written so that NaN counts as infinite.
+        // NaN counts as infinite.
         let (error, share) = if error.is_nan() { (f64::INFINITY, f64::INFINITY) } else { (error, error / bound) };
         self.error = self.error.max(error);
         self.share = self.share.max(share);
@@ -49,7 +49,7 @@ impl Worst {
     }
 }
 
-/// `actual` against `expected`, number by number, against `bound`; pixels that are `undecided` do not count.
+/// Compares `actual` with `expected` number by number against `bound`, except in pixels that are `undecided`.
 fn accumulators<A: Real, E: Real>(
     actual: &Film<A>,
     expected: &Film<E>,
@@ -75,7 +75,7 @@ fn accumulators<A: Real, E: Real>(
     worst
 }
 
-/// The same of colours.
+/// The same for colours.
 fn colours(actual: &[DVec3], expected: &[DVec3], bound: &[DVec3], undecided: &[bool]) -> Worst {
     let mut worst = Worst::default();
     for (i, ((actual, expected), bound)) in actual.iter().zip(expected).zip(bound).enumerate() {
@@ -89,7 +89,7 @@ fn colours(actual: &[DVec3], expected: &[DVec3], bound: &[DVec3], undecided: &[b
     worst
 }
 
-/// A picture of linear RGB with a bound for each sample.
+/// Linear RGB picture with a bound for each sample.
 #[expect(clippy::cast_possible_truncation, reason = "golden images are f32")]
 fn image(source: &str, colours: &[DVec3], bound: impl Fn(usize, usize) -> f64) -> Image {
     let samples = colours.iter().flat_map(|colour| colour.to_array().map(|channel| channel as f32)).collect();
@@ -97,7 +97,7 @@ fn image(source: &str, colours: &[DVec3], bound: impl Fn(usize, usize) -> f64) -
     Image { scale: Some(scale), ..Image::rgb(source, SIZE[0], SIZE[1], samples) }
 }
 
-/// ΔE00 of every pixel, under the white of all lights together: sorted.
+/// ΔE00 of every pixel under the white of all lights together, sorted.
 fn differences(rungs: &Rungs, actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> {
     let light = |sum: Spectrum, weighted: Spectrum| &sum + &weighted;
     let lights = rungs.mix.0.iter().map(|light| light.spectrum.spectrum().scaled(light.weight));
@@ -108,10 +108,12 @@ fn differences(rungs: &Rungs, actual: &[DVec3], expected: &[DVec3]) -> Vec<f64> 
     found
 }
 
-/// Up to how far two devices' samples lie apart, in texture coordinates: both round, and hardware filters with few bits.
+/// Largest distance between the samples of two devices, in texture coordinates: both round, and hardware filters with
+/// few
+/// bits.
 fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
     let error = 2.0 * places(rungs).error;
-    // A software device filters in f32, whose roundings are those of the place.
+    // A software device filters in f32, with the roundings of the place.
     let texel = if renderer.device().info().kind == DeviceKind::Software {
         0.0
     } else {
@@ -120,7 +122,7 @@ fn reach_of_device(rungs: &Rungs, renderer: &Renderer) -> [f64; 3] {
     rungs.scene.volume.geometry.dims.map(|n| error + texel / float(n))
 }
 
-/// Climbs the ladder with one scene.
+/// Compares all rungs for one scene.
 fn climb(name: &str) {
     let rungs = Rungs::new(scenes::named(name), SIZE);
     let all = vec![false; SIZE[0] * SIZE[1]];
@@ -148,7 +150,7 @@ fn climb(name: &str) {
     };
     assert!(truth.iter().any(|colour| colour.y > 0.05), "{name} shows something");
 
-    // Tables and storage. A table looked up nearest is not an approximation of the scene but what the scene asks for.
+    // Tables and storage. Nearest lookup is part of the scene, not an approximation of it.
     let stored = rungs.march::<f64>(&rungs.stored::<f64>());
     let (mut tables, mut tables_xyz) = (Worst::default(), Worst::default());
     if rungs.planned.plan.lookup == Lookup::Linear {
@@ -160,7 +162,7 @@ fn climb(name: &str) {
         assert!(tables_xyz.share <= 1.0, "{name}: tables and storage, XYZ: {tables_xyz:?}");
     }
 
-    // The golden image, from here and nowhere else.
+    // This rung alone may write the golden image.
     let picture = stored.relight(&rungs.matrices());
     let scale = magnitudes(&stored, &rungs.matrices());
     golden::check(name, &image("reference f64", &picture, |pixel, channel| scale[pixel][channel]), &STORED);
@@ -178,13 +180,13 @@ fn climb(name: &str) {
     };
     golden::check(name, &image("reference f32", &single.relight(&rungs.matrices()), golden_bound), &BOUND);
 
-    // Material weights against 81 bands over the same tables; the numbers of a colour model against themselves in f64.
+    // Material weights against 81 bands over the same tables; coefficients against themselves in f64.
     let same_tables = if rungs.planned.model.is_none() { rungs.stored_truth() } else { lit(&stored) };
     let weights = differences(&rungs, &single.relight(&rungs.xyz_matrices()), &same_tables);
     let weights = weights.last().copied().unwrap();
     assert!(weights <= WEIGHTS_REFERENCE, "{name}: ΔE00 of the f32 reference: {weights}");
 
-    // Device.
+    // The device rung.
     let Some(device) = open() else { return };
     let renderer = Renderer::new(device);
     let accumulated = rungs.gpu_accumulators(&renderer);
@@ -205,7 +207,7 @@ fn climb(name: &str) {
     assert!(p99 <= WEIGHTS_DEVICE_P99, "{name}: ΔE00 of the device, 99 %: {p99}");
     assert!(largest <= WEIGHTS_DEVICE, "{name}: ΔE00 of the device: {largest}");
 
-    // The device's own relight, of its own accumulators: a product and a sum for each component, and a rounding of each.
+    // Relight on the device from its own accumulators: a product and a sum per component, each rounded.
     let shown = renderer.relight_linear(&accumulated).unwrap();
     shown.run(&rungs.matrices()).unwrap();
     let shown: Vec<[f32; 4]> = shown.read().unwrap();
@@ -236,7 +238,8 @@ fn climb(name: &str) {
     );
 }
 
-/// Matrices whose entries are Σ over the bands of |light · surface · observer|: what sums over bands are relative to.
+/// Relight matrices with entries Σ over bands |light · surface · observer|, the scale of rounding errors of sums over
+/// bands.
 fn xyz_of_bands(rungs: &Rungs) -> RelightMatrices {
     let absolute = |spectrum: &Spectrum| Spectrum::from_samples(spectrum.samples().map(f64::abs));
     let light_at = |position: Option<usize>| {
@@ -269,7 +272,7 @@ fn slab_straight_on(step: f64, opacity: f64) -> Rungs {
     Rungs::new(scenes::slab_straight_on(step, opacity, ""), [8, 8])
 }
 
-/// A slab's closed form: what N equal steps let pass, and the weight of the material. 24 units thick.
+/// Closed form of a slab 24 units thick: transmittance of N equal steps, and the weight of the material.
 fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
     let steps = (24.0 / step - 0.5).ceil();
     let depth = -(-opacity).ln_1p() * step * steps;
@@ -289,7 +292,7 @@ fn a_slab_is_its_closed_form_on_every_rung() {
             );
         };
         let steps = longest(&rungs);
-        // n roundings of 2⁻⁵³ in T, as many in the sum, and some in the exponential.
+        // n roundings of 2⁻⁵³ in T, n in the sum, and some in the exponential.
         let double = 4.0 * steps * f64::EPSILON;
         let truth = rungs.truth();
         let material = rungs.scene.materials[0].reflectance.clone();
@@ -350,7 +353,7 @@ fn the_ladder_catches_two_materials_swapped() {
     assert!(accumulators(&swapped, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 10.0);
 }
 
-/// The share of its bound that the rung of rounding takes of `coloured_one` once its table is changed.
+/// Ratio of error to bound for the rounding rung of `coloured_one` after a change of its table.
 fn glass_changed(change: impl FnOnce(&mut Rungs)) -> f64 {
     let mut rungs = Rungs::new(scenes::named("coloured_one"), SIZE);
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
@@ -369,7 +372,7 @@ fn the_ladder_catches_what_goes_wrong_in_one_number_of_a_spectrum() {
         let passed = dimension(rungs);
         rungs.table.opacity.chunks_exact_mut(passed).for_each(|numbers| numbers[1] *= 1.001);
     });
-    // As though what passes were one number.
+    // Grey transmittance in place of coefficients.
     let grey = glass_changed(|rungs| {
         let passed = dimension(rungs);
         rungs.table.opacity.chunks_exact_mut(passed).for_each(|numbers| numbers.fill(numbers[0]));
@@ -421,7 +424,7 @@ fn the_ladder_catches_one_wrong_entry_of_the_table() {
     assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
 }
 
-/// A filter that tells 256 places between two texels apart, as hardware has them.
+/// Filter with 256 positions between two texels, as in hardware.
 struct EightBits<'a>(Stored<'a, f32>, [usize; 3]);
 
 impl Samples<f32> for EightBits<'_> {
@@ -456,7 +459,7 @@ fn the_ladder_catches_a_number_that_is_none() {
     assert!(accumulators(&wrong, &expected, &bound, &vec![false; SIZE[0] * SIZE[1]]).share > 1.0);
 }
 
-/// The picture of a volume that is moved by `pixels` of it, against the picture where it was.
+/// Compares the picture of a volume shifted by `pixels` with the original picture.
 fn shifted(pixels: f64) -> Worst {
     let mut rungs = Rungs::new(scenes::named("orthographic"), SIZE);
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());

@@ -1,10 +1,10 @@
-//! The modules depend on one another as the map in ARCHITECTURE.md says, and keep to their words.
+//! Module dependencies and vocabulary follow the map in ARCHITECTURE.md.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Which modules each module may use. What is not here may use nothing.
+/// Modules that each module may use; unlisted modules may use none.
 const ARROWS: &[(&str, &[&str])] = &[
     ("input", &[]),
     ("memory", &[]),
@@ -100,8 +100,9 @@ const ARROWS: &[(&str, &[&str])] = &[
     ),
 ];
 
-/// The modules that may use each of these external crates; the others are free. A crate stands for those whose names
-/// begin with it and `_`: `egui` for `egui_winit`.
+/// Modules that may use each of these external crates; other crates are unrestricted. A crate includes those whose
+/// names
+/// start with it and `_`: `egui` includes `egui_winit`.
 const CRATES: &[(&str, &[&str])] = &[
     ("ash", &["vulkan", "present"]),
     ("gpu_allocator", &["vulkan"]),
@@ -116,18 +117,18 @@ const CRATES: &[(&str, &[&str])] = &[
     ("exr", &["output"]),
 ];
 
-/// What modules may not speak of.
+/// Words that modules must not use.
 const WORDS: &[(&str, &[&str])] = &[
     ("spectrum", &["buffer"]),
     ("vulkan", &["spectrum", "spectra", "wavelength"]),
     ("shader", &["spectrum", "spectra", "wavelength"]),
 ];
 
-/// A source file of the program.
+/// Source file of the program.
 struct Source {
-    /// Relative to the repository.
+    /// Path relative to the repository.
     path: PathBuf,
-    /// The module of the map that it belongs to; `None` for the roots `lib.rs` and `main.rs`.
+    /// Module of the map; `None` for the roots `lib.rs` and `main.rs`.
     module: Option<String>,
     text: String,
 }
@@ -140,13 +141,13 @@ impl Source {
         Self { path: path.into(), module, text: text.to_owned() }
     }
 
-    /// Whether it belongs to the program, which uses the library by its name.
+    /// Whether the file belongs to the binary, which uses the library by name.
     fn is_of_program(&self) -> bool {
         self.module.as_deref() == Some("cli")
     }
 }
 
-/// Every file below `folder` whose name ends in one of `endings`.
+/// All files below `folder` with a name that ends in one of `endings`.
 fn files(folder: &str, endings: &[&str]) -> Vec<Source> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut found = Vec::new();
@@ -165,12 +166,12 @@ fn files(folder: &str, endings: &[&str]) -> Vec<Source> {
     found
 }
 
-/// The code of `text` without its line comments.
+/// Returns `text` without line comments.
 fn code(text: &str) -> String {
     text.lines().map(|line| line.split("//").next().unwrap_or(line)).collect::<Vec<_>>().join("\n")
 }
 
-/// Where `name` begins in `code` as a whole path: `$crate::` counts as `crate::`, `my_crate::` does not.
+/// Positions of `name` in `code` as a whole path: `$crate::` counts as `crate::`, `my_crate::` does not.
 fn paths<'a>(code: &'a str, name: &'a str) -> impl Iterator<Item = usize> + 'a {
     code.match_indices(name).map(|(at, _)| at).filter(|&at| {
         let before = code[..at].chars().next_back();
@@ -178,8 +179,8 @@ fn paths<'a>(code: &'a str, name: &'a str) -> impl Iterator<Item = usize> + 'a {
     })
 }
 
-/// The modules that a file reaches by `crate::…` or, in the program, by `relume::…`: one name or a braced list at the
-/// first level.
+/// Modules that a file uses through `crate::…` or, in the binary, `relume::…`: one name or a braced list at the first
+/// level.
 fn reached(source: &Source) -> Vec<String> {
     let code = code(&source.text);
     let mut found = Vec::new();
@@ -204,7 +205,7 @@ fn reached(source: &Source) -> Vec<String> {
             }
         }
     }
-    // What begins with a capital letter or is called is an item of the crate's root.
+    // Capitalised names and function calls are items of the crate root.
     found.retain(|name| name.chars().next().is_some_and(char::is_lowercase));
     found
 }
@@ -213,7 +214,7 @@ fn first_word(text: &str) -> String {
     text.trim_start().chars().take_while(|&character| character.is_alphanumeric() || character == '_').collect()
 }
 
-/// The arrows of a file that are not on the map.
+/// Dependencies of a file that are not on the map.
 fn wrong_arrows(source: &Source) -> Vec<String> {
     let Some(module) = &source.module else { return Vec::new() };
     let Some((_, allowed)) = ARROWS.iter().find(|(name, _)| name == module) else {
@@ -224,7 +225,7 @@ fn wrong_arrows(source: &Source) -> Vec<String> {
     wrong.map(|name| format!("{}: {module} may not use {name}", source.path.display())).collect()
 }
 
-/// The external crates of a file that its module may not use.
+/// External crates of a file that its module may not use.
 fn wrong_crates(source: &Source) -> Vec<String> {
     let Some(module) = &source.module else { return Vec::new() };
     let code = code(&source.text);
@@ -240,7 +241,7 @@ fn wrong_crates(source: &Source) -> Vec<String> {
     wrong.map(|(name, _)| format!("{}: {module} may not use the crate {name}", source.path.display())).collect()
 }
 
-/// The words of a file that its module may not use.
+/// Words of a file that its module may not use.
 fn wrong_words(source: &Source) -> Vec<String> {
     let named = source.path.file_stem().map(|name| name.to_string_lossy().into_owned());
     let module = source.module.clone().or(named).unwrap_or_default();
@@ -250,7 +251,7 @@ fn wrong_words(source: &Source) -> Vec<String> {
     wrong.map(|word| format!("{}: {module} may not say {word:?}", source.path.display())).collect()
 }
 
-/// Whether a file opens with its purpose.
+/// Whether the file starts with a statement of its purpose.
 fn opens_with_a_purpose(source: &Source) -> bool {
     let mark = if source.path.extension().is_some_and(|ending| ending == "rs") { "//! " } else { "// " };
     source.text.starts_with(mark)
@@ -293,7 +294,7 @@ fn external_crates_stay_in_their_modules() {
 
 #[test]
 fn the_map_has_no_circles() {
-    // Whoever is allowed by an earlier line cannot be allowed to use a later one.
+    // A module listed earlier cannot depend on one listed later.
     let rank = |name: &str| ARROWS.iter().position(|(other, _)| *other == name).unwrap();
     for (module, allowed) in ARROWS {
         for other in *allowed {

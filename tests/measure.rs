@@ -1,4 +1,4 @@
-//! What measuring says: errors by cause against the truth, counts and bytes, and how the program reports them.
+//! Measurements: errors by cause against the truth, counts and bytes, and their reports.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -29,7 +29,7 @@ fn sweep(sweeps: &[&str]) -> Vec<Setting> {
     settings(&sweeps.iter().map(|&sweep| sweep.to_owned()).collect::<Vec<_>>()).unwrap()
 }
 
-/// The rows of `sweeps` of `scene`, the scene's own setting first.
+/// Measures the scene's own setting, then the rows of `sweeps`, and passes them to `test`.
 fn measured(scene: &Scene, sweeps: &[&str], test: impl Fn(&Survey<'_>, &[Measured])) {
     let settings = sweep(sweeps);
     with_renderer(|renderer| {
@@ -60,7 +60,7 @@ fn the_truth_is_the_full_spectrum_at_an_eighth_of_the_shortest_step_and_leaping_
             let left_out = (0..SIZE[0] * SIZE[1]).filter(|i| !survey.pixels().contains(&[i % SIZE[0], i / SIZE[0]]));
             for pixel in left_out {
                 let apart = (plain[pixel].0 - survey.background()).abs().max_element();
-                // A shorter step may graze what a whole one passes by.
+                // A shorter step may hit what a longer one misses.
                 assert!(apart <= 0.05, "pixel {pixel} shows something: {apart}");
             }
         });
@@ -80,8 +80,9 @@ fn errors_are_told_apart_by_their_cause() {
         assert!(mean(own, Cause::Rounding) <= 0.01 && mean(own, Cause::Device) <= 0.01, "{own:?}");
         let [few, many] = ["model=nodes k=3", "model=nodes k=16"].map(row);
         assert!(mean(few, Cause::Basis) > 20.0 * mean(many, Cause::Basis), "three numbers and sixteen");
-        // What must stay as it was: all but what sees another picture. A ray ends by its brightest number, and there are
-        // others in a model than in a spectrum.
+        // Errors of other causes must not change, except those that depend on the picture. The brightest component ends
+        // a ray, and
+        // a model has other components than a spectrum.
         for (setting, cause, same) in [
             ("termination=0.5", Cause::Termination, &[Cause::Step][..]),
             ("storage=f16", Cause::Tables, &[Cause::Step, Cause::Basis]),
@@ -106,7 +107,7 @@ fn errors_are_told_apart_by_their_cause() {
     });
 }
 
-/// The slab is two units across, and a picture of 20 × 16 pixels is 16 units high: two pixels each way are before it.
+/// The slab is two units across, and a picture of 20 × 16 pixels is 16 units high: the slab covers two pixels per axis.
 #[test]
 fn only_pixels_that_the_volume_covers_are_looked_at_whatever_is_behind_it() {
     for background in ["0.9", "0", "\"blue sky\""] {
@@ -119,7 +120,7 @@ fn only_pixels_that_the_volume_covers_are_looked_at_whatever_is_behind_it() {
     }
 }
 
-/// The trapezoidal rule and sums at midpoints err by Δs² where what is summed is smooth.
+/// The trapezoidal rule and midpoint sums have errors of order Δs² for smooth functions.
 #[test]
 fn the_step_error_of_a_smooth_volume_is_of_second_order() {
     measured(&scenes::named("unshaded_one"), &["step=0.5"], |_, rows| {
@@ -135,7 +136,7 @@ fn counts_and_bytes_are_those_of_the_plan() {
     measured(&scene, &["storage=f16", "k=4", "k=8", "scale=0.5"], |_, rows| {
         let [own, half, four, eight, small] = rows else { panic!("{}", rows.len()) };
         assert_eq!(own.pixel_bytes, 2 * half.pixel_bytes, "coloured light passes in numbers of 16 bits, too");
-        // Two positions and what passes, a vector each of four f32.
+        // Two positions and the transmittance, with one vector of four f32 each.
         assert_eq!((four.pixel_bytes, eight.pixel_bytes), (3 * 16, 6 * 16));
         assert_eq!((four.components, eight.components), (4, 8));
         assert_eq!(own.volume_bytes, small.volume_bytes);
@@ -148,7 +149,7 @@ fn counts_and_bytes_are_those_of_the_plan() {
 #[test]
 fn eight_nodes_are_at_least_twenty_times_closer_than_any_rgb() {
     let models = "model=nodes,rgb-naive,rgb-prefiltered,rgb-fitted";
-    // Six materials of the program's own scene, in an eighth of its voxels along each axis: RGB can hold two.
+    // Six materials of the built-in scene, at an eighth of its resolution along each axis; RGB can represent two.
     let options = SceneOptions { downsample: Some([8, 8, 8]), ..SceneOptions::default() };
     for scene in [parsed(GLASS), load_embedded(&options, &Quiet).unwrap().scene] {
         measured(&scene, &[models], |_, rows| {
@@ -241,7 +242,7 @@ fn measuring_stops_where_it_is_asked_to() {
     });
 }
 
-// The program.
+// The command line.
 
 const MEASURE: [&str; 8] = ["measure", "scene.toml", "--size", "20x16", "--runs", "1", "--pixels", "100"];
 
@@ -292,7 +293,7 @@ fn the_report_is_one_file_that_needs_nothing_else() {
         // What was measured, and under what.
         "CIE 1931",
         "median of 1 run,",
-        // What to write.
+        // Definitions to copy.
         "<code>-D accuracy.step=0.5</code>",
         "--max-error 1 -o scene.png",
         "@media print",
@@ -300,7 +301,9 @@ fn the_report_is_one_file_that_needs_nothing_else() {
     ] {
         assert!(page.contains(word), "the page has no {word}");
     }
-    // The picture, the map, and three of the close-up; before, truth, eight numbers and RGB, and what both are off by.
+    // The picture, the error map and three close-ups; then the picture, the truth, eight coefficients, RGB, and the
+    // errors of
+    // both.
     assert_eq!(page.matches("<img ").count(), 5 + 5);
     for drawing in page.split("<svg").skip(1) {
         assert!(drawing.contains("</svg>"), "{drawing}");
@@ -310,7 +313,7 @@ fn the_report_is_one_file_that_needs_nothing_else() {
     assert!(std::fs::read(folder.path("trade.png")).unwrap().starts_with(b"\x89PNG"));
 }
 
-/// `rows` as if their frames had taken so many ms, the longest run `apart` times as long as the shortest.
+/// `rows` with frames of these durations in ms, the longest run `apart` times as long as the shortest.
 fn timed(rows: &[Measured], times: &[f64], apart: f64) -> Vec<Measured> {
     let mut rows = rows.to_vec();
     assert_eq!(rows.len(), times.len(), "a time a row");
@@ -323,7 +326,7 @@ fn timed(rows: &[Measured], times: &[f64], apart: f64) -> Vec<Measured> {
     rows
 }
 
-/// The report of them.
+/// Report of the timed rows.
 fn page(survey: &Survey<'_>, rows: &[Measured], times: &[f64], apart: f64) -> String {
     let rows = timed(rows, times, apart);
     let findings =
@@ -341,7 +344,7 @@ fn nothing_is_chosen_by_rough_times_and_errors_stay_as_they_are() {
     measured(&parsed(SCENE), &sweeps, |survey, rows| {
         let times = [100.0, 190.0, 50.0, 300.0, 60.0, 200.0, 70.0];
         let [rough, good] = [2.0, 1.02].map(|apart| page(survey, rows, &times, apart));
-        // Faster, the line, its names, bold times, and how little smaller differences mean.
+        // Speed, the Pareto front, its names, bold times, and the uncertainty of differences.
         for word in
             [">faster<", "class=\"front\"", "class=\"best", "±", "instead of 100", "took 2.0 times", "<b>step=2</b>"]
         {
@@ -355,7 +358,7 @@ fn nothing_is_chosen_by_rough_times_and_errors_stay_as_they_are() {
         assert!(!good.contains('≈') && !good.contains("class=\"rough\"") && good.contains("<td>60.0 <small>"));
         let causes = [&rough, &good].map(|page| section(page, "Where the error comes from").to_owned());
         assert_eq!(causes[0], causes[1], "errors do not depend on times");
-        // The picture by itself goes by the same.
+        // The separate drawing follows the same rule.
         let line = |apart| trade(&timed(rows, &times, apart)).contains("class=\"front\"");
         assert!(line(1.02) && !line(2.0));
         let exact = |page: &str| section(page, "Which setting to use").contains("<b>step=0.5</b>");
@@ -391,7 +394,7 @@ fn a_report_says_by_what_a_pixel_has_its_bytes() {
     });
 }
 
-/// The texts of drawings of this name, drawing by drawing.
+/// Drawings with this label.
 fn drawn<'a>(page: &'a str, name: &str) -> Vec<&'a str> {
     page.split("<svg").filter(|it| it.contains(&format!("aria-label=\"{name}\""))).collect()
 }
@@ -428,7 +431,7 @@ fn every_setting_shows_all_parts_of_its_error() {
         assert!(lines.len() >= 5, "{lines:?}");
         let longest = lines.values().map(|line| line.0).fold(0.0, f64::max);
         assert!(lines.values().all(|line| (line.0 - longest).abs() <= 2.0), "all bars are the whole: {lines:?}");
-        // The key has the order of the parts.
+        // The legend lists the parts in order.
         let key: Vec<&str> = drawing.split("</text>").filter_map(|text| text.rsplit('>').next()).skip(1).collect();
         for (_, parts) in lines.values() {
             let places: Vec<usize> =
@@ -478,7 +481,7 @@ fn a_report_says_which_knobs_matter_what_saves_memory_and_what_has_another_name(
     });
 }
 
-/// What the report says to write, said to the program, is the setting that was measured.
+/// The definitions printed by the report reproduce the measured setting.
 #[test]
 fn a_setting_can_be_written_as_definitions_of_the_scene() {
     let scene = parsed(GLASS);
@@ -555,7 +558,7 @@ fn ctrl_c_keeps_the_rows_that_are_finished() {
     assert!(std::fs::read_to_string(folder.path("report.html")).unwrap().contains("Interrupted"), "the report, too");
 }
 
-/// Those of `tests/stability.rs`, as far as they come in this time.
+/// The rows of `tests/stability.rs` that finish within this time.
 #[test]
 fn extremes_are_rows_and_ctrl_c_keeps_those_that_are_finished() {
     let folder = Folder::new();

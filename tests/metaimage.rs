@@ -1,4 +1,4 @@
-//! `MetaImage` files made here: every element type, byte order, encoding and way of storing, and what is refused.
+//! Generated `MetaImage` files: every element type, byte order, encoding and storage, and invalid files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::float_cmp, reason = "exact in binary")]
 
@@ -13,14 +13,14 @@ use relume::progress::Quiet;
 use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
 use tempfile::TempDir;
 
-/// A header of three axes, 3×2×2 voxels, with `lines` in place of what they set.
+/// Header with three axes and 3×2×2 voxels, in which `lines` replace the defaults.
 fn header(lines: &[&str]) -> String {
     let defaults = ["NDims = 3", "DimSize = 3 2 2", "ElementType = MET_UCHAR", "ElementDataFile = v.raw"];
     let key = |line: &str| line.split('=').next().unwrap().trim().to_owned();
     let mut text = String::new();
     for default in defaults {
         for line in lines.iter().filter(|line| default.starts_with("ElementDataFile") && key(line) != key(default)) {
-            // Everything else precedes the data file.
+            // The data file comes last.
             if !defaults.iter().any(|default| key(default) == key(line)) {
                 writeln!(text, "{line}").unwrap();
             }
@@ -80,7 +80,7 @@ const TWELVE: [u8; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
 fn every_element_type_is_read_in_both_byte_orders_raw_and_compressed_local_and_not() {
     macro_rules! check {
         ($($element:literal $type:ident $variant:ident),*) => {$({
-            // The ends of the range, and bytes that all differ.
+            // The ends of the range, and distinct bytes.
             let mut values: Vec<$type> = (1..13).map(|i| i as $type).collect();
             (values[1], values[2]) = ($type::MIN, $type::MAX);
             values[3] = $type::from_le_bytes(std::array::from_fn(|i| 64 - 3 * i as u8));
@@ -107,7 +107,7 @@ fn every_element_type_is_read_in_both_byte_orders_raw_and_compressed_local_and_n
             }
         })*};
     }
-    // Sizes as in MetaIO's metaTypes.h: MET_LONG has four bytes.
+    // Sizes from MetaIO's metaTypes.h: MET_LONG has four bytes.
     #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, clippy::cast_lossless, reason = "1 to 12")]
     #[expect(clippy::cast_sign_loss, trivial_numeric_casts, reason = "1 to 12")]
     {
@@ -141,7 +141,7 @@ fn geometry_is_read_axis_by_axis() {
     let geometry = volume.geometry;
     assert_eq!(geometry.spacing, DVec3::new(1.0, 2.0, 3.0));
     assert_eq!(geometry.direction, DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X));
-    // Two voxels along the second axis, which is the world's z.
+    // Two voxels along the second axis, which is the world z axis.
     assert_eq!(geometry.world_from_index(DVec3::new(0.0, 2.0, 0.0)), DVec3::new(4.0, 5.0, 10.0));
     for (origin, matrix) in [("Origin", "Orientation"), ("Position", "Rotation")] {
         let lines = [&format!("{origin} = 1 2 3")[..], &format!("{matrix} = 0 1 0 1 0 0 0 0 1"), "ElementSize = 4 5 6"];
@@ -362,7 +362,7 @@ fn what_is_no_scalar_image_is_refused() {
 
 #[test]
 fn a_component_and_a_time_step_are_read_alone() {
-    // Voxel (x, t) has the components 10·(x + 3t) and one more.
+    // Voxel (x, t) has the components 10·(x + 3t) and that plus one.
     let numbers: Vec<u8> = (0..6).flat_map(|n| [10 * n, 10 * n + 1]).collect();
     let lines = ["NDims = 4", "DimSize = 3 1 1 2", "ElementNumberOfChannels = 2"];
     for (packed, data) in [("CompressedData = False", numbers.clone()), ("CompressedData = True", zlib(&numbers))] {
@@ -424,7 +424,7 @@ fn no_beginning_of_a_file_panics() {
     let whole = [whole, zlib(&TWELVE)].concat();
     let files = Files::new("", &[]);
     for length in 0..whole.len() {
-        // Without its checksum, a stream may still hold every voxel.
+        // Without its checksum, a stream may still contain every voxel.
         if let Ok(volume) = files.with("v.mhd", &whole[..length]).open() {
             assert_eq!(volume.voxels, Voxels::U8(TWELVE.to_vec()), "{length} bytes of {}", whole.len());
             assert!(length + 8 > whole.len(), "{length} bytes of {}", whole.len());

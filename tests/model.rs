@@ -1,4 +1,4 @@
-//! Colour models: their errors on spectra they were not fitted on, what is exact, and what goes wrong.
+//! Colour models: errors on spectra outside the fit, exact cases, and failures.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "the measured errors, for whoever asks with --nocapture")]
 
@@ -23,7 +23,7 @@ use relume::spectrum::{BANDS, Kind, Light, Spectrum, standard};
 
 const STEP: ModelKind = ModelKind::Sharpened(Order::Step);
 const SEMIGROUP: ModelKind = ModelKind::Sharpened(Order::Semigroup);
-/// Four patches that are far apart.
+/// Four very different patches.
 const PATCHES: [&str; 4] = ["foliage", "orange", "blue", "cyan"];
 const LIGHTS: [&str; 4] = ["D65", "A", "FL11", "LED-B3"];
 
@@ -35,7 +35,7 @@ fn lights(names: &[&str]) -> Vec<(String, Light)> {
     names.iter().map(|&name| (name.to_owned(), standard::light(name).unwrap())).collect()
 }
 
-/// −ln R, of peak 1.
+/// −ln R, scaled to a peak of 1.
 fn absorption_of(reflectance: &Spectrum) -> Spectrum {
     let depths = Spectrum::from_samples(reflectance.samples().map(|share| -share.clamp(0.02, 0.995).ln()));
     depths.scaled(1.0 / depths.samples().iter().copied().fold(0.0, f64::max))
@@ -54,12 +54,12 @@ fn coloured() -> Ingredients {
     coloured_of(grey())
 }
 
-/// As many absorbers as surfaces.
+/// Adds one absorption spectrum per reflectance.
 fn coloured_of(grey: Ingredients) -> Ingredients {
     Ingredients { absorptions: grey.reflectances.iter().map(absorption_of).collect(), largest_depth: 20.0, ..grey }
 }
 
-/// The errors over all lights of a model.
+/// Errors of a model over all its lights.
 fn errors(model: &ColourModel, cloud: &Cloud, amplification: Amplification) -> ErrorSummary {
     let of = |(_, light, _): &(String, Light, LightMatrix)| model.errors(cloud, light, amplification);
     ErrorSummary::of(&model.lights().iter().flat_map(of).collect::<Vec<_>>())
@@ -81,7 +81,8 @@ fn assert_finite(model: &ColourModel) {
     assert!(!model.half_precision_error(1.0, 1.0).is_nan(), "a bound is NaN");
 }
 
-// The bars of docs/theory/acceptance.md C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with seeds of their own.
+// Limits of docs/theory/acceptance.md C4 to C6 and C8 to C10, on scenes of ColorChecker patches and chains with other
+// seeds.
 
 const SCENES: usize = 3;
 
@@ -90,7 +91,7 @@ fn row(kind: ModelKind, lights: usize, materials: usize, dimension: usize) -> Mo
     model_row(setting, SCENES, &Quiet).unwrap()
 }
 
-/// Nodes, four materials, k = 8, under the smooth, the mixed and the spiky lights.
+/// Nodes with k = 8 for four materials, under the smooth, the mixed and the spiky lights.
 static EIGHT_NODES: LazyLock<[ModelRow; 3]> =
     LazyLock::new(|| std::array::from_fn(|lights| row(ModelKind::Nodes, lights, 4, 8)));
 
@@ -153,7 +154,7 @@ fn automatic_dimensions_keep_their_tolerance() {
     }
 }
 
-/// ΔE00 of a model's colour of `spectrum` under the worst of its lights.
+/// Largest ΔE00 of a model's colour of `spectrum` over its lights.
 fn error_of(model: &ColourModel, spectrum: &Spectrum) -> f64 {
     let vector = model.coefficients(spectrum);
     let of = |(_, light, matrix): &(String, Light, LightMatrix)| {
@@ -162,14 +163,14 @@ fn error_of(model: &ColourModel, spectrum: &Spectrum) -> f64 {
     model.lights().iter().map(of).fold(0.0, f64::max)
 }
 
-/// Shares of a whole, in quarters, of each of four.
+/// All divisions of a whole into four shares, in quarters.
 fn quarters() -> Vec<[f64; 4]> {
     let shares =
         (0..5_u8).flat_map(|a| (0..5 - a).flat_map(move |b| (0..5 - a - b).map(move |c| [a, b, c, 4 - a - b - c])));
     shares.map(|shares| shares.map(|share| f64::from(share) / 4.0)).collect()
 }
 
-/// C9, on ways that no random chain was drawn for: through four narrow dyes over one another, in even shares.
+/// C9, on chains that the random ones do not include: four narrow dyes over one another, in even shares.
 #[test]
 fn automatic_dimensions_keep_their_tolerance_behind_many_dyes_at_once() {
     let dye = |(centre, sigma)| &Spectrum::gaussian(centre, sigma, 1.0).unwrap() + &Spectrum::constant(0.01);
@@ -183,7 +184,7 @@ fn automatic_dimensions_keep_their_tolerance_behind_many_dyes_at_once() {
     };
     for tolerance in [2.0, 1.0, 0.5] {
         let model = match fit_automatic(&ingredients, ModelKind::Nodes, tolerance, &Quiet) {
-            // It may say that it cannot, but not at 1, the default.
+            // The model may report failure, but not at the default tolerance of 1.
             Err(ModelError::Tolerance { reached, .. }) if tolerance < 1.0 && reached > tolerance => continue,
             fitted => fitted.unwrap(),
         };
@@ -204,8 +205,8 @@ fn automatic_dimensions_keep_their_tolerance_behind_many_dyes_at_once() {
     }
 }
 
-/// Two lights from two places: a pixel adds up one spectrum under one and another, lit more or less, under the other. Of
-/// its sum, which may have less colour than its parts, the same error is more.
+/// Two lights from two positions: a pixel is the sum of one spectrum under one light and another spectrum, with more or
+/// less shading, under the other. The sum may be less colourful than its parts, so that the same error weighs more.
 #[test]
 fn the_error_that_is_reported_is_that_of_two_lights_at_once_in_the_shade_too() {
     let ingredients = Ingredients {
@@ -240,7 +241,7 @@ fn the_error_that_is_reported_is_that_of_two_lights_at_once_in_the_shade_too() {
     }
 }
 
-/// C11 and C13 as `relume bench model` prints them.
+/// C11 and C13 as printed by `relume bench model`.
 #[test]
 fn neither_the_step_nor_when_a_light_is_known_matters() {
     for row in halved_steps(&Quiet).unwrap() {
@@ -272,9 +273,9 @@ fn four_natural_materials_need_at_most_eight_nodes_in_the_median() {
     assert!(dimensions[2] <= 8, "{dimensions:?}");
 }
 
-// What is exact.
+// Exact cases.
 
-/// C7, in f64; on the device it is in `spectral.rs`.
+/// C7 in f64; `spectral.rs` tests it on the device.
 #[test]
 fn a_node_more_than_materials_is_exact_without_coloured_absorption() {
     let rays = [(ChainClass::GreyRays(500), 100)];
@@ -335,7 +336,7 @@ fn products_and_exponentials_are_exact_at_nodes() {
     assert!(model.nodes_nm().unwrap().is_sorted());
 }
 
-// The same input gives the same model.
+// Determinism.
 
 #[test]
 fn a_fit_repeats_itself() {
@@ -374,7 +375,7 @@ fn a_model_of_stored_parts_fits_new_lights_to_the_same_bits() {
         assert_eq!(read, model);
         let new = standard::light("LED-RGB1").unwrap();
         assert_eq!(read.matrix(&new), model.matrix(&new));
-        // Known lights are stored, and fitted anew they are the same.
+        // Matrices of known lights are stored; a new fit reproduces them.
         let parts = (model.projection().to_vec(), model.cloud().to_vec(), Some(model.cloud_vectors().to_vec()));
         let unlit = ColourModel::from_parts(kind, parts.0, parts.1, parts.2, Vec::new()).unwrap();
         for (_, light, matrix) in model.lights() {
@@ -390,18 +391,18 @@ fn a_new_light_is_fitted_nearly_as_well_as_the_planned_ones() {
     for name in ["FL2", "LED-B3", "LED-RGB1", "FL11"] {
         let light = standard::light(name).unwrap();
         let error = model.matrix(&light).error;
-        // Twice what docs/theory/colour-models.md has for the worst of these: 0.154 and 1.61.
+        // Twice the largest values in docs/theory/colour-models.md: 0.154 and 1.61.
         assert!(error.mean <= 0.31 && error.max <= 3.2, "{name}: {error:?}");
         assert!(error.max > 0.0);
     }
 }
 
-// What the models to compare with are, and what goes wrong with them.
+// Models for comparison, and their failures.
 
 #[test]
 fn bands_are_means_of_equal_intervals() {
     let model = fit(&grey(), ModelKind::Bands, 6, &Quiet).unwrap();
-    // The mean of the wavelength itself is the middle of each interval of 50 nm.
+    // The mean wavelength of each interval of 50 nm is its middle.
     let middles = model.coefficients(&Spectrum::from_fn(|nm| nm));
     for (middle, expected) in middles.iter().zip([425.0, 475.0, 525.0, 575.0, 625.0, 675.0]) {
         assert!((middle - expected).abs() <= 1e-9, "{middles:?}");
@@ -460,14 +461,16 @@ fn a_sharpened_model_fails_under_lights_with_lines() {
             |lights| ModelSetting { kind, lights, materials: 4, dimension: 8, amplification: Amplification::Kept };
         let smooth = model_row(setting(0), SCENES, &Quiet).unwrap();
         let spiky = model_row(setting(2), SCENES, &Quiet).unwrap();
-        // docs/theory/acceptance.md C19: 0.2 to 1 for single reflections; 6 under lines (docs/theory/colour-models.md).
+        // docs/theory/acceptance.md C19: 0.2 to 1 for single reflections; 6 for spiky lights
+        // (docs/theory/colour-models.md).
         assert!(smooth.classes[0].1.mean <= 1.0 && spiky.all.mean >= 2.0, "{smooth:?} {spiky:?}");
         assert!(spiky.all.max >= 50.0, "{spiky:?}");
     }
 }
 
-/// docs/theory/colour-models.md, with the numbers (`--nocapture`; `relume bench model` has them too): what negative absorption does
-/// by itself, and that holding it at 0 mends the worst of it and not the rest.
+/// docs/theory/colour-models.md, with numbers (`--nocapture`; also in `relume bench model`): effect of negative
+/// absorption
+/// alone; clamping it to 0 removes the worst errors, but not the others.
 #[test]
 fn the_failures_of_the_sharpened_model_are_shown() {
     let row = |kind, amplification| {
@@ -481,10 +484,10 @@ fn the_failures_of_the_sharpened_model_are_shown() {
         let (kept, held) = (row(kind, Amplification::Kept), row(kind, Amplification::Held));
         assert!(kept.unclamped && !held.unclamped, "{kind}");
         assert!(absorbed(&held).mean <= absorbed(&kept).mean && absorbed(&held).max <= absorbed(&kept).max, "{kind}");
-        // The mean under lights with lines is about 6, held or not; nodes' is 0.06.
+        // The mean under spiky lights is about 6, clamped or not; that of nodes is 0.06.
         assert!(held.all.mean >= 2.0 && EIGHT_NODES[1].all.mean <= 0.1, "{held:?}");
     }
-    // Transmittance above 1, errors above 100.
+    // Transmittances above 1 and errors above 100.
     assert!(absorbed(&row(SEMIGROUP, Amplification::Kept)).max > 100.0);
     assert!(absorbed(&row(SEMIGROUP, Amplification::Held)).max <= 100.0);
 }
@@ -514,13 +517,13 @@ fn narrow_bands_need_more_nodes() {
     assert!(fit_automatic(&grey, ModelKind::Nodes, 1.0, &Quiet).unwrap().dimension() <= 5);
     let coloured = Ingredients { absorptions, largest_depth: 20.0, ..grey };
     let model = fit_automatic(&coloured, ModelKind::Nodes, 1.0, &Quiet).unwrap();
-    // docs/theory/colour-models.md: 10 to 12 for chains like these.
+    // docs/theory/colour-models.md: 10 to 12 for similar chains.
     assert!((9..=13).contains(&model.dimension()), "{}", model.description());
 }
 
-// Sixteen bits.
+// 16-bit storage.
 
-/// The nearest number of 11 significant bits, or multiple of 2⁻²⁴: what a 16-bit float keeps.
+/// Rounds to 11 significant bits or a multiple of 2⁻²⁴, as in a 16-bit float.
 fn half(number: f64) -> f64 {
     let exponent = if number == 0.0 { -14.0 } else { number.abs().log2().floor().max(-14.0) };
     let unit = (exponent - 10.0).exp2();
@@ -539,7 +542,7 @@ fn the_bound_of_sixteen_bits_holds() {
                 worst = worst.max(difference(colour(&matrix.xyz, &stored), colour(&matrix.xyz, vector)));
             }
         }
-        // The quadratic form is good to a few per cent at differences of this size.
+        // The quadratic form is accurate to a few per cent at differences of this size.
         assert!(worst <= 1.05 * bound, "{worst} > {bound}");
         assert!((0.01..1.0).contains(&bound), "{bound}");
     }
@@ -565,7 +568,7 @@ fn a_metameric_black_stays_black() {
     assert!(difference(found, Xyz([0.0; 3])) <= 1e-3, "{found:?}");
 }
 
-// The metric.
+// The colour metric.
 
 #[test]
 fn the_metric_is_the_difference_of_near_colours() {
@@ -579,7 +582,7 @@ fn the_metric_is_the_difference_of_near_colours() {
         relative.push((linear / exact - 1.0).abs());
     }
     let found = ErrorSummary::of(&relative);
-    // The curvature at the darkest of these colours makes a few per cent.
+    // The curvature at the darkest of these colours contributes a few per cent.
     assert!(found.mean <= 0.01 && found.max <= 0.1, "{found:?}");
 }
 
@@ -590,7 +593,7 @@ fn the_metric_of_colours_darker_than_black_is_finite() {
     }
 }
 
-// The unusual.
+// Unusual input.
 
 #[test]
 fn unusual_scenes_have_finite_models() {

@@ -1,4 +1,4 @@
-//! Accumulator files of a colour model: what is in them, who can write them, how they relight, what is refused.
+//! Film files of a colour model: contents, files of other programs, relighting, and invalid files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -44,7 +44,7 @@ fn ingredients() -> Ingredients {
     }
 }
 
-/// What passes with a colour and without, through every kind of model.
+/// Example for every kind of model, with grey or coloured transmittance.
 fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
     let Ingredients { lights, .. } = ingredients();
     let model = fit(&ingredients(), kind, dimension, &Quiet).unwrap();
@@ -142,11 +142,11 @@ fn the_parts_of_a_file_are_those_that_are_documented() {
     }
 }
 
-// ---- files that another program wrote ----
+// ---- files of other programs ----
 
 type Part = (&'static str, (usize, usize), Vec<(&'static str, Vec<f32>)>);
 
-/// Writes the file that the documentation describes without any of this program's code.
+/// Writes a file from the documentation alone, without this program's code.
 fn write_by_hand(path: &Path, text: &str, parts: &[Part]) {
     let layers = parts.iter().enumerate().map(|(index, (name, size, channels))| {
         let mut attributes = LayerAttributes::named(*name);
@@ -160,7 +160,7 @@ fn write_by_hand(path: &Path, text: &str, parts: &[Part]) {
     Image::from_layers(ImageAttributes::new(bounds), layers.collect::<Vec<_>>()).write().to_file(path).unwrap();
 }
 
-/// One where the wavelength is at least `nm`, else zero.
+/// 1 at wavelengths of at least `nm`, else 0.
 fn step(nm: usize) -> Vec<f32> {
     (0..BANDS).map(|band| f32::from(u8::from(380 + 5 * band >= nm))).collect()
 }
@@ -170,7 +170,7 @@ fn row(numbers: &[f32]) -> String {
     format!("[{}]", numbers.join(", "))
 }
 
-/// Two nodes, at 500 and 600 nm, a lamp with a matrix of its own, and another light without one.
+/// Two nodes, at 500 and 600 nm, a lamp with its own matrix, and another light without one.
 fn small_text() -> String {
     let node = |nm: usize| step(nm).iter().zip(step(nm + 5)).map(|(here, next)| here - next).collect::<Vec<_>>();
     let ones = row(&[1.0; BANDS]);
@@ -187,7 +187,7 @@ fn small_text() -> String {
     )
 }
 
-/// Three spectra of two degrees of freedom, and two pixels.
+/// Three spectra with two degrees of freedom, and two pixels.
 fn small_parts() -> Vec<Part> {
     let half: Vec<f32> = step(550).iter().map(|share| 0.5f32.mul_add(-share, 0.75)).collect();
     let cloud = [vec![1.0; BANDS], step(550), half].concat();
@@ -200,7 +200,7 @@ fn small_parts() -> Vec<Part> {
     vec![("cloud", (BANDS, 3), vec![("spectrum", cloud)]), ("anything", (2, 1), picture)]
 }
 
-/// Linear sRGB and XYZ of the picture that relighting `name` makes, without a Vulkan device.
+/// XYZ of the picture of `relight` on `name`, without a Vulkan device, and the program's output.
 fn relit(folder: &Folder, name: &str, lights: &[&str]) -> (Vec<DVec3>, Outcome) {
     let arguments = [&["relight", name, "-o", "picture.exr", "--json"], lights].concat();
     let mut command = folder.command(&arguments);
@@ -217,7 +217,7 @@ fn xyz(path: &Path) -> Vec<DVec3> {
     pixels.map(|((&r, &g), &b)| *XYZ_FROM_LINEAR_SRGB * DVec3::new(r.into(), g.into(), b.into())).collect()
 }
 
-/// The bar of issue 3: 1e-5 of the value, and 1e-6 of white.
+/// Tolerance of issue 3: 1e-5 of the value, and 1e-6 of white.
 fn assert_same_xyz(what: &str, found: &[DVec3], expected: &[DVec3]) {
     assert_eq!(found.len(), expected.len(), "{what}");
     assert!(expected.iter().any(|colour| colour.max_element() > 0.01), "{what}: a black picture shows nothing");
@@ -231,12 +231,12 @@ fn assert_same_xyz(what: &str, found: &[DVec3], expected: &[DVec3]) {
 fn a_file_that_another_program_wrote_is_relit() {
     let folder = Folder::new().with("flat.csv", "380 1\n780 1\n");
     write_by_hand(&folder.path("hand.exr"), &small_text(), &small_parts());
-    // The lamp's own matrix, twice: what is scattered, and half of what passes.
+    // The lamp's own matrix, twice: for the scattered light, and for half of the transmitted light.
     let (found, outcome) = relit(&folder, "hand.exr", &["--light", "lamp"]);
     let (w0, w1) = (2.0 * DVec3::new(0.1, 0.2, 0.3), 2.0 * DVec3::new(0.4, 0.5, 0.6));
     assert_same_xyz("lamp", &found, &[0.25 * w0 + 0.25 * w1, 0.5 * w1 + 0.5 * (0.5 * w0 + 0.25 * w1)]);
     assert_eq!(outcome.err, "");
-    // Other lights are fitted: exactly, since the cloud has two degrees of freedom.
+    // Other lights are fitted, exactly because the cloud has two degrees of freedom.
     for (name, light) in [("A", "A"), ("FL11", "FL11"), ("blackbody 4000", "blackbody 4000")] {
         let light = if light == "blackbody 4000" {
             relume::spectrum::Light::blackbody(4000.0).unwrap()
@@ -344,7 +344,7 @@ fn hostile_files_are_refused_in_one_sentence() {
     }
 }
 
-/// The small file with a part of so many coefficients of so many spectra.
+/// The small file with this many coefficients of this many spectra.
 fn with_coefficients(dimension: usize, spectra: usize) -> Vec<Part> {
     let mut parts = small_parts();
     parts.insert(1, ("coefficients", (dimension, spectra), vec![("coefficient", vec![0.5; dimension * spectra])]));
@@ -359,9 +359,9 @@ fn no_damage_to_a_file_of_several_parts_is_a_panic() {
     damage(&path, || FilmFile::read(&path).is_ok());
 }
 
-// ---- files that the program wrote ----
+// ---- files of this program ----
 
-/// Models that pixels keep numbers of: with colour in what passes, and without.
+/// Models with coefficients in their films, with coloured and with grey transmittance.
 const KEPT: [(&str, &[&str]); 5] = [
     ("glass.toml", &[]),
     ("glass.toml", &["--k", "5", "--model", "bands"]),
@@ -388,7 +388,7 @@ fn relighting_a_file_equals_rendering_with_the_same_model_under_that_light() {
     }
 }
 
-/// Another program relights a file by the documentation, with the Python that `RELUME_PYTHON` names.
+/// Another program relights a file from the documentation, using the Python in `RELUME_PYTHON`.
 #[test]
 #[expect(clippy::print_stderr, reason = "a test that did not run says so")]
 fn another_program_relights_a_file_by_the_documentation() {
@@ -439,7 +439,7 @@ fn relighting_what_the_reference_marched_equals_the_reference_under_that_light()
 #[test]
 fn spectra_of_k_numbers_come_with_their_errors() {
     let folder = Folder::new().with("glass.toml", GLASS);
-    // Under one light of equal power, radiance is reflectance times a number.
+    // Under one equal-energy light, radiance is proportional to reflectance.
     let render = ["render", "glass.toml", "--size", "16x16", "--light", "E", "-D", "lights.fill.intensity=0"];
     let json = folder.done(&[&render[..], &["--spectral", "s.exr", "--json"]].concat()).json();
     let spectral = Exr::read(&folder.path("s.exr"));
@@ -449,7 +449,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     for light in stored["lights"].as_array().unwrap() {
         assert!(light["mean"].as_f64().unwrap() <= light["max"].as_f64().unwrap(), "{light}");
     }
-    // The truth: all bands, in f64.
+    // Truth: all bands, in f64.
     let text = GLASS.replace("FL11", "E").replace("D65", "E");
     let scene = parsed(&text);
     let full = Rungs::new(scene, [16, 16]).full_spectrum();
@@ -459,7 +459,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
     for band in 0..BANDS {
         let found = &spectral.channels[&format!("S0.{},000nm", 380 + 5 * band)];
         for (pixel, &found) in found.iter().enumerate() {
-            // --light E shines from both positions, and twice behind.
+            // --light E shines from both positions, and twice on the background.
             let kept = |position: usize| marched.accumulators[(position * BANDS + band) * 256 + pixel];
             let truth = kept(0) + kept(1) + 2.0 * 0.6 * marched.transmittance[band * 256 + pixel];
             squares += (f64::from(found) / power - truth).powi(2);
@@ -467,10 +467,10 @@ fn spectra_of_k_numbers_come_with_their_errors() {
         }
     }
     let found = (squares / (256.0 * 81.0)).sqrt();
-    // The pixels are mixtures of what the cloud holds, twice as bright.
+    // The pixels are mixtures of the cloud's spectra, twice as bright.
     assert!(rms > 0.0 && found <= 2.0 * rms && largest > 0.5, "{found} of {rms}, up to {largest}");
 
-    // The reference has all bands, and nothing of a model.
+    // The reference uses all bands and no model.
     let glass = GLASS.replace("FL11", "E").replace("D65", "E");
     let folder = folder.with("even.toml", glass);
     let render = ["render", "even.toml", "--size", "16x16", "--reference", "--spectral", "r.exr", "--json"];
@@ -491,7 +491,7 @@ fn spectra_of_k_numbers_come_with_their_errors() {
         }
     }
 
-    // Weights are exact, and there is nothing to say.
+    // Weights are exact and need no reconstruction.
     let json = folder.done(&["render", "scene.toml", "--size", "8x8", "--spectral", "w.exr", "--json"]).json();
     assert!(json["reconstruction"].is_null());
     assert!(!Exr::read(&folder.path("w.exr")).attributes.contains_key("relumeReconstruction"));

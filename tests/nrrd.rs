@@ -1,4 +1,5 @@
-//! NRRD files: the shared real ones, and small ones made here of every type, encoding, layout and space, and hostile ones.
+//! NRRD files: real ones from the shared folder, and generated ones of every type, encoding, layout and space; invalid
+//! files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 
@@ -27,7 +28,7 @@ fn every_shared_file_reads_as_an_independent_reader_found_it() {
     assert!(checked >= 23, "the shared folder has at least 23 such files, {checked} were checked");
 }
 
-/// A header of 3×2×2 bytes in `v.raw`, with `lines` in place of what they set.
+/// Header for 3×2×2 bytes in `v.raw`, in which `lines` replace the defaults.
 fn header(lines: &[&str]) -> String {
     let defaults = ["type: uchar", "dimension: 3", "sizes: 3 2 2", "encoding: raw", "data file: v.raw"];
     let key = |line: &str| line.split(':').next().unwrap().to_owned();
@@ -94,7 +95,7 @@ fn bzip2(bytes: &[u8]) -> Vec<u8> {
 }
 
 fn hex(bytes: &[u8]) -> Vec<u8> {
-    // In lines, and in both cases.
+    // Split into lines, in upper and lower case.
     let digits = bytes.iter().enumerate().map(|(index, byte)| match index % 5 {
         0 => format!("{byte:02X}\n"),
         _ => format!("{byte:02x}"),
@@ -108,7 +109,7 @@ const TWELVE: [u8; 12] = [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
 fn every_type_is_read_by_each_of_its_names_in_every_encoding_and_byte_order() {
     macro_rules! check {
         ($($type:ident $variant:ident $names:expr;)*) => {$({
-            // The ends of the range, and bytes that all differ.
+            // The ends of the range, and distinct bytes.
             let mut values: Vec<$type> = (1..13).map(|i| i as $type).collect();
             (values[1], values[2]) = ($type::MIN, $type::MAX);
             values[3] = $type::from_le_bytes(std::array::from_fn(|i| 64 - 3 * i as u8));
@@ -140,7 +141,7 @@ fn every_type_is_read_by_each_of_its_names_in_every_encoding_and_byte_order() {
             }
         })*};
     }
-    // The names as the definition of the format lists them.
+    // Names from the format definition.
     #[expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, clippy::cast_lossless, reason = "1 to 12")]
     #[expect(clippy::cast_sign_loss, trivial_numeric_casts, reason = "1 to 12")]
     {
@@ -261,7 +262,7 @@ fn anatomical_spaces_are_turned_to_left_posterior_superior_and_others_kept() {
         open(&lines, &TWELVE).unwrap().geometry
     };
     let sheet = "(0,2,0) (3,0,0) (0, 0, -4)";
-    // How the letters of a space lie to L, P and S.
+    // Directions of the axes of each space relative to L, P and S.
     for (space, x, y) in [
         ("space: left-posterior-superior", 1.0, 1.0),
         ("space: LPS", 1.0, 1.0),
@@ -295,7 +296,7 @@ fn spacings_and_axis_mins_place_a_volume_without_a_space() {
     let spacings = "spacings: 1 2 3";
     let geometry = open(&[spacings], &TWELVE).unwrap().geometry;
     assert_eq!((geometry.spacing, geometry.origin), (DVec3::new(1.0, 2.0, 3.0), DVec3::ZERO));
-    // Cells begin half a spacing before their samples; that is how ITK takes them too.
+    // A cell starts half a spacing before its sample; ITK agrees.
     for (centerings, origin) in [
         ("centerings: cell cell cell", DVec3::new(10.5, 21.0, 31.5)),
         ("centers: node node cell", DVec3::new(10.0, 20.0, 31.5)),
@@ -326,7 +327,7 @@ fn one_axis_is_a_line_and_two_are_a_slice() {
 
 #[test]
 fn a_component_is_read_alone_wherever_its_axis_lies() {
-    // Number 10·c + x is component c of voxel x.
+    // Component c of voxel x is 10·c + x.
     let voxel = |c: u8, x: u8| 10 * c + x;
     let interleaved: Vec<u8> = (0..6).flat_map(|x| (0..3).map(move |c| voxel(c, x))).collect();
     let planar: Vec<u8> = (0..3).flat_map(|c| (0..6).map(move |x| voxel(c, x))).collect();
@@ -412,7 +413,7 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
 fn a_time_step_is_read_of_the_file_that_has_it() {
     let lines = ["dimension: 4", "sizes: 3 2 1 2", "encoding: gzip", "data file: LIST\na\nb"];
     let files = Files::new(&header(&lines), &[]);
-    // The other step's file is damaged, and nobody cares.
+    // The file of the other time step is damaged but not read.
     files.with("a", &[0; 40]).with("b", &gzip(&TWELVE[6..]));
     let volume = files.select(&Selection { time: Some(1), ..Selection::default() }).unwrap();
     assert_eq!(volume.voxels, Voxels::U8(TWELVE[6..].to_vec()));
@@ -468,7 +469,7 @@ fn short_and_damaged_data_are_refused() {
 
 #[test]
 fn a_bomb_is_left_where_the_voxels_end() {
-    // 64 MiB of zeros where 12 bytes are needed.
+    // 64 MiB of zeros for 12 bytes of data.
     let zeros = vec![0; 64 << 20];
     for (encoding, data) in [("gzip", gzip(&zeros)), ("bzip2", bzip2(&zeros))] {
         let started = std::time::Instant::now();
@@ -516,7 +517,7 @@ fn what_is_no_regular_file_is_refused_and_never_waited_for() {
     }
     symlink("v.raw", &data).unwrap();
     assert!(files.open().is_ok(), "a link to a file");
-    // The header itself may be one of them.
+    // The header itself may be a special file.
     let pipe = files.0.path().join("pipe");
     assert!(volume::open(&pipe, &Selection::default(), &Quiet).is_err(), "a pipe as a header");
 }
@@ -555,7 +556,7 @@ fn no_beginning_of_a_file_panics() {
     let whole = [attached.as_bytes(), &gzip(&TWELVE)].concat();
     let files = Files::new("", &[]);
     for length in 0..whole.len() {
-        // Without its checksum and length, and the mark of its last block, a stream may still hold every voxel.
+        // Without its checksum and length, and the marker of its last block, a stream may still contain every voxel.
         if let Ok(volume) = files.with("v.nhdr", &whole[..length]).open() {
             assert_eq!(volume.voxels, Voxels::U8(TWELVE.to_vec()), "{length} bytes of {}", whole.len());
             assert!(length + 11 > whole.len(), "{length} bytes of {}", whole.len());
