@@ -1,4 +1,4 @@
-//! The observer of 1964 beside that of 1931: its colours, and that only the light of a picture asks who looks.
+//! The CIE 1964 observer and the 1931 observer: colours, and which data depends on the observer.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -20,12 +20,12 @@ use support::program::Folder;
 use support::rungs::Rungs;
 use support::scenes::{self, SIZE};
 
-/// XYZ of a light by the table as it is published.
+/// XYZ of a light from the published table.
 fn published(light: &Light) -> [f64; 3] {
     OBSERVER_1964.each_ref().map(|matching| matching.dot(light.spectrum()))
 }
 
-/// CIE 15; of daylight summed at 1 nm from 360 to 830 nm, which the grid misses by 2.3e-5.
+/// CIE 15; daylight is summed at 1 nm from 360 to 830 nm, from which the grid differs by 2.3e-5.
 const CHROMATICITIES: [(&str, [f64; 2], f64); 8] = [
     ("A", [0.45117, 0.40594], 0.6e-5),
     ("D50", [0.34773, 0.35952], 0.6e-5),
@@ -72,7 +72,7 @@ fn where_the_eye_adapts_the_white_of_a_light_is_that_of_the_screen_to_either_obs
         let shown = display_from_xyz(&mix, &display) * (seen / seen.y);
         let white = DVec3::from(linear_srgb_from_xyz(d65_white()).0);
         assert!(shown.abs_diff_eq(white, 1e-13), "{observer}: {shown}");
-        // What it is without: as by Bradford from the light's own white, whatever daylight is.
+        // Without adaptation to daylight: as by Bradford adaptation from the light's own white.
         let own = bradford(Xyz(published(&light).map(|part| part / published(&light)[1])), d65_white());
         let direct = *LINEAR_SRGB_FROM_XYZ * own * DVec3::from(published(&light)) / published(&light)[1];
         assert!(observer == Observer::Cie1931 || shown.abs_diff_eq(direct, 1e-13), "{observer}: {shown}, {direct}");
@@ -152,7 +152,7 @@ fn a_picture_for_1964_is_near_its_own_truth_and_the_plan_does_not_ask_who_looks(
     }
 }
 
-/// The largest difference of two linear pictures.
+/// Largest difference of two linear pictures.
 fn apart(folder: &Folder, names: [&str; 2]) -> f32 {
     let [one, two] = names.map(|name| Exr::read(&folder.path(name)).rgba());
     assert_eq!(one.len(), two.len(), "pictures of one size");

@@ -1,4 +1,4 @@
-//! Files: what is in them, and what is left when they cannot be written.
+//! Output files: their contents, and the folder after a failure.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 
@@ -18,9 +18,9 @@ use relume::output::{
 use relume::spectrum::observer::Observer;
 use support::exr::damage;
 
-// ---- files that appear whole or not at all ----
+// ---- atomic writes ----
 
-/// The names in a folder, sorted.
+/// Sorted names in a folder.
 fn names(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).unwrap();
     let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
@@ -125,11 +125,11 @@ fn what_cannot_be_written_to_is_named() {
     assert!(matches!(&error, OutputError::NoFolder { folder, .. } if folder.ends_with("absent")), "{error:?}");
     let error = put(folder.path(), b"").unwrap_err();
     assert!(matches!(error, OutputError::IsFolder { .. }), "{error:?}");
-    // Below a file there is no folder.
+    // A file cannot contain a folder.
     put(&folder.path().join("file"), b"").unwrap();
     let error = put(&folder.path().join("file/picture"), b"").unwrap_err();
     assert!(matches!(error, OutputError::Write { .. } | OutputError::NoFolder { .. }), "{error:?}");
-    // Nobody, root included, makes files in /proc.
+    // No user, not even root, can create files in /proc.
     if Path::new("/proc/self").is_dir() {
         let error = put(Path::new("/proc/self/picture"), b"").unwrap_err();
         assert!(matches!(error, OutputError::NoFile { .. }), "{error:?}");
@@ -137,7 +137,7 @@ fn what_cannot_be_written_to_is_named() {
     assert_eq!(names(folder.path()), ["file"]);
 }
 
-/// The limit of file sizes is a process's own, and a shell sets it: this test runs itself again under it.
+/// The limit on file sizes applies to a process and is set by a shell: this test runs itself again under it.
 #[test]
 fn a_file_that_may_not_grow_says_so_and_leaves_the_old_one() {
     const CHILD: &str = "RELUME_TEST_FILE_LIMIT";
@@ -162,7 +162,7 @@ fn a_file_that_may_not_grow_says_so_and_leaves_the_old_one() {
 
 // ---- PNG ----
 
-/// The samples of a PNG as they are stored, its type, and whether it says that it is sRGB.
+/// Stored samples of a PNG, its type, and whether it is marked as sRGB.
 fn read_png(path: &Path) -> (Vec<u8>, (png::ColorType, png::BitDepth), bool) {
     let mut reader = png::Decoder::new(io::BufReader::new(File::open(path).unwrap())).read_info().unwrap();
     let mut data = vec![0; reader.output_buffer_size().unwrap()];
@@ -175,7 +175,7 @@ fn read_png(path: &Path) -> (Vec<u8>, (png::ColorType, png::BitDepth), bool) {
 fn a_png_holds_the_codes_of_srgb() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.png");
-    // 0.214041140482 is 0.5 in sRGB (IEC 61966-2-1), code 127.5 of 255; 0.0025 is 12.92 times that.
+    // 0.214041140482 is 0.5 in sRGB (IEC 61966-2-1), code 127.5 of 255; 0.0025 encodes to 12.92 times that.
     let pixels = [0.0, 1.0, 0.214_1, f32::NAN, -1.0, 0.002_5];
     let picture = Picture::new(2, 1, &pixels).unwrap();
     write_png(&path, &picture, Depth::Eight, Alpha::OverBlack).unwrap();
@@ -194,7 +194,7 @@ fn a_png_holds_the_codes_of_srgb() {
 fn a_png_with_alpha_is_not_premultiplied() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("picture.png");
-    // Half covered by white; not covered at all; covered and grey.
+    // Half opaque and white; transparent; opaque and grey.
     let pixels = [0.5, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0, 0.214_1, 0.214_1, 0.214_1, 1.0];
     let picture = Picture::new(1, 3, &pixels).unwrap();
     write_png(&path, &picture, Depth::Eight, Alpha::Kept).unwrap();
@@ -228,7 +228,7 @@ fn pictures_without_pixels_and_monstrous_ones_are_refused() {
 
 // ---- OpenEXR ----
 
-/// Every channel of a file, read by the library's own means.
+/// Reads every channel of a file with the exr library.
 fn read_channels(path: &Path) -> (Layer<AnyChannels<FlatSamples>>, ImageAttributes) {
     let image = read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
     let image = image.all_attributes().from_file(path).unwrap();
@@ -290,7 +290,7 @@ fn a_spectral_exr_has_the_channels_and_words_of_its_layout() {
     assert_eq!(words("note"), "by hand");
 }
 
-// ---- accumulators ----
+// ---- film files ----
 
 fn ramp(scale: f64) -> [f64; BANDS] {
     std::array::from_fn(|band| scale * f64::from(u8::try_from(band).unwrap()) / 7.0 - 0.1)
@@ -362,7 +362,7 @@ fn accumulators_come_back_as_they_were() {
     assert_eq!(FilmFile::read(&path).unwrap(), empty);
 }
 
-/// Writes the file that the module describes without any of its code.
+/// Writes a file from the module's documentation alone, without its code.
 fn write_by_hand(path: &Path, text: &str, channels: &[(&str, FlatSamples)]) {
     let list = channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone())).collect();
     let mut layer = Layer::new(
@@ -383,7 +383,7 @@ fn spectrum(value: &str) -> String {
     format!("[{}]", vec![value; BANDS].join(", "))
 }
 
-/// A text with one component, one position and one light.
+/// Text with one component, one position and one light.
 fn small_text() -> String {
     format!(
         "version = 1\n[[components]]\nname = \"bone\"\nspectrum = {}\n\

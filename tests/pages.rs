@@ -1,4 +1,5 @@
-//! Marches on a software device write what they leave where the one before did: alone in its process, to count its page faults.
+//! Marches on a software device reuse the memory of earlier ones. Alone in its process, so that page faults can be
+//! counted.
 #![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
@@ -12,10 +13,10 @@ use support::rungs::{Rungs, with_renderer};
 use support::scenes;
 
 const SIZE: [usize; 2] = [400, 400];
-/// The least that the system gives at a time.
+/// Page size.
 const PAGE: u64 = 4096;
 
-/// How often this process has asked the system for a page, as `proc_pid_stat(5)` counts.
+/// Minor page faults of this process, as counted by `proc_pid_stat(5)`.
 fn faults() -> u64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap();
     text.rsplit(") ").next().unwrap().split(' ').nth(7).unwrap().parse().unwrap()

@@ -1,4 +1,4 @@
-//! Palettes: what is reachable is reached, what is not is told with a proof, and what is saved comes back.
+//! Palettes: reachable targets are reached, unreachable ones are reported with a proof, and saved palettes reload.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
@@ -66,7 +66,7 @@ fn apart(one: Xyz, two: Xyz) -> f64 {
     ciede2000(lab_from_xyz(one, d65_white()), lab_from_xyz(two, d65_white()))
 }
 
-/// The solution, whose colours and differences are what its spectra make by the integrals themselves.
+/// Solves the palette and checks its colours and differences against the integrals of its spectra.
 fn solved(palette: &Palette) -> Solution {
     let clock = Stopwatch::start();
     let solution = solve(palette, &Quiet).unwrap();
@@ -139,12 +139,12 @@ fn one_light_per_material_is_reached() {
 
 #[test]
 fn eight_lights_for_eight_materials_are_nearly_reached() {
-    // No bar is set for its colours; 20 s for its time is measured (docs/PALETTE.md).
+    // No limit is set for its colours; the time limit of 20 s is from a measurement (docs/PALETTE.md).
     assert!(solved(&diagonal(8)).worst() <= 0.5);
 }
 
-/// Daylight and tungsten are given: one grey under the first, apart under the second, around the colour that a neutral
-/// grey has there; two more lights show one material each.
+/// Daylight and tungsten are given: one grey under the first, and colours under the second at `distance` from that of a
+/// neutral grey; two more lights show one material each.
 fn figure5(bounds: [f64; 2], distance: f64) -> Palette {
     let grey = |light: &str| {
         let neutral = Reflectance::new(Spectrum::constant(0.28)).unwrap();
@@ -168,7 +168,7 @@ fn metamers_in_daylight_part_under_tungsten_and_under_designed_lights() {
     assert!(solved(&figure5([-1.0, 1.0], 8.0)).worst() <= 0.05);
 }
 
-/// docs/theory/palettes.md found the same palette to have a provable floor of 3.3 at its worst cell.
+/// docs/theory/palettes.md has a proven floor of 3.3 at the worst cell for the same palette.
 #[test]
 fn metamers_too_far_apart_come_within_a_tenth_of_what_can_be() {
     let solution = solved(&figure5(NATURAL, 16.0));
@@ -179,7 +179,7 @@ fn metamers_too_far_apart_come_within_a_tenth_of_what_can_be() {
     assert!(solution.worst() > 2.5);
 }
 
-/// Under open lights the bound proves less than is true, and that is said.
+/// With open lights the proven bound is not tight, and the report says so.
 #[test]
 fn how_near_one_can_come_with_an_open_light_is_called_unknown() {
     let near = solved(&figure5(NATURAL, 8.0));
@@ -191,7 +191,7 @@ fn how_near_one_can_come_with_an_open_light_is_called_unknown() {
     }
 }
 
-/// Every material that is impossible by itself is named, not only the first one found.
+/// All materials that are impossible by themselves are named, not only the first one.
 #[test]
 fn every_conflict_is_told() {
     let grey = Target::Xyz(Xyz([0.19, 0.2, 0.218]));
@@ -199,7 +199,7 @@ fn every_conflict_is_told() {
     for row in 0..3 {
         cells.extend([(row, 0, grey), (row, 1, like(row, 0)), (row, 2, Target::Black)]);
     }
-    // The third may be as it likes under the bulb.
+    // The third has no target under the bulb.
     cells.remove(7);
     let rows = vec![natural("one"), natural("two"), natural("three")];
     let solution = solved(&palette(rows, vec![given("D65"), given("A"), lamp("hides")], &cells));
@@ -209,7 +209,7 @@ fn every_conflict_is_told() {
         let free = format!("let {name} under A be free");
         assert!(conflict.ways_out.iter().any(|way| way.to_string() == free), "{:?}", conflict.ways_out);
     }
-    // What one material is to look like counts for each that is to look as it.
+    // A material's target counts for every material that must match it.
     let cells = [(0, 0, grey), (1, 0, like(0, 0)), (1, 1, like(0, 0)), (2, 0, like(0, 0)), (2, 1, like(0, 0))];
     let rows = vec![natural("one"), natural("two"), natural("three")];
     let solution = solved(&palette(rows, vec![given("D65"), given("A")], &cells));
@@ -230,7 +230,7 @@ fn only(solution: &Solution) -> &Conflict {
     &solution.conflicts[0]
 }
 
-/// Smoke that is black under the first light and white under the second, and two materials that look alike under both.
+/// Smoke that is black under the first light and white under the second, and two materials that match under both.
 fn smoke(low: f64, lights: Vec<Member>) -> Palette {
     let cells = [
         (0, 0, Target::Black),
@@ -264,7 +264,7 @@ fn no_surface_is_a_metameric_black_in_daylight() {
     }
 }
 
-/// docs/theory/palettes.md: between D65 and A no surface keeps its colour; between D65 and FL2 a grey of Y = 0.2 does.
+/// docs/theory/palettes.md: from D65 to A no surface keeps its colour; from D65 to FL2 a grey of Y = 0.2 does.
 #[test]
 fn constancy_from_daylight_to_tungsten_is_impossible_and_to_a_tube_possible() {
     let grey = |light: &str| {
@@ -279,7 +279,7 @@ fn constancy_from_daylight_to_tungsten_is_impossible_and_to_a_tube_possible() {
     assert!(tube.worst() <= 0.01);
 }
 
-/// Without a colour to keep, black keeps its colour everywhere, and that is told.
+/// Without a target colour, black keeps its colour everywhere; the report says so.
 #[test]
 fn what_looks_alike_by_being_black_is_told() {
     let bright = [(0, 0, like(1, 0)), (1, 0, Target::Xyz(Xyz([0.002, 0.002, 0.002])))];
@@ -291,9 +291,10 @@ fn what_looks_alike_by_being_black_is_told() {
     assert!(dark.sentences().iter().any(|line| line.contains("one under D65 looks as two under A by being black")));
 }
 
-/// Random targets under two or three given lights. For what is called possible, the spectra are the proof. For what is
-/// called impossible the proof is a half-space: with y = F·(colours − targets) of the spectra found, every reflectance r
-/// from 0 to 1 has y·F(A·r − c) ≥ Σ min(0, Aᵀ Fᵀ y) − y·F c, a sum that needs no solver.
+/// Random targets under two or three given lights. For a possible palette, the spectra are the proof. For an impossible
+/// one, the proof is a half-space: with y = F·(colours − targets) of the spectra found, every reflectance r from 0 to 1
+/// has
+/// y·F(A·r − c) ≥ Σ min(0, Aᵀ Fᵀ y) − y·F c, a sum that needs no solver.
 #[test]
 fn random_palettes_under_given_lights_are_judged_rightly() {
     let names = ["D65", "A", "FL2", "FL11", "LED-RGB1", "LED-B3"];
@@ -347,7 +348,7 @@ fn random_palettes_under_given_lights_are_judged_rightly() {
         let proved = least / size.sqrt() / count.sqrt();
         assert!(proved >= 0.97 * conflict.least && proved > 0.0, "{proved} for {}", conflict.least);
         assert!(conflict.reached <= 1.05 * conflict.least);
-        // And as smooth as spectra are by default.
+        // With the default smoothness of spectra.
         let mut smooth = solution.palette.clone();
         smooth.materials[0].smoothness = SMOOTHNESS;
         let smooth = solved(&smooth);
@@ -405,7 +406,7 @@ fn a_model_settled_beforehand_shows_the_colours_it_was_designed_for() {
     let off = |solution: &Solution| solution.cells.iter().map(|cell| cell.shown.unwrap().1).fold(0.0, f64::max);
     let (asked, hardly) = (with(1.0), with(1e-6));
     println!("the model is off by {:.2}, and by {:.2} where it hardly counts", off(&asked), off(&hardly));
-    // docs/theory/palettes.md found 53 without the term and 1.6 with it.
+    // docs/theory/palettes.md: 53 without the term and 1.6 with it.
     assert!(off(&asked) <= 1.6 && asked.worst() <= 0.5);
     assert!(off(&hardly) > 10.0);
 }
@@ -505,7 +506,7 @@ fn example(name: &str) -> Solution {
     solved(&load(&examples().join(name)).unwrap())
 }
 
-/// The ΔE00 between two cells by name.
+/// ΔE00 between two cells, by name.
 fn between(solution: &Solution, one: (&str, &str), two: (&str, &str)) -> f64 {
     let seen = |(row, column): (&str, &str)| {
         let index = |members: &[Member], name: &str| members.iter().position(|member| member.name == name).unwrap();
@@ -699,7 +700,7 @@ fn a_scene_takes_its_spectra_from_a_palette() {
     let names: Vec<&str> = used.materials.iter().map(|material| material.name.as_str()).collect();
     assert_eq!(names, ["tissue", "vessel"]);
     assert!(used.materials[1].xray && used.materials[1].reflectance == palette.materials[2]);
-    // What the scene says itself holds.
+    // Definitions in the scene itself take precedence.
     assert_eq!(used.materials[0].reflectance, Reflectance::new(Spectrum::constant(0.5)).unwrap());
     assert_eq!(used.background.as_ref(), Some(&palette.materials[0]));
     let lights: Vec<(&str, f64)> = used.lights.iter().map(|light| (light.name.as_str(), light.intensity)).collect();
@@ -750,7 +751,7 @@ fn a_definition_that_says_nothing_new_leaves_a_designed_scene_as_it_is() {
     let (plain, defined) = (with(Vec::new()), with(vec![document::Definition::new("display.exposure=1")]));
     assert_eq!(plain.lights, defined.lights);
     assert_eq!(plain.materials, defined.materials);
-    // What is designed is the palette of the scene.
+    // `solve` designs the palette of the scene.
     let designed = solve(&parse("a scene", text, Path::new("")).unwrap(), &Quiet).unwrap();
     assert_eq!(designed.palette.lights[0].name, "zeta");
     let skin = plain.materials.iter().find(|material| material.name == "skin").unwrap();
@@ -829,7 +830,7 @@ fn the_program_measures_its_palettes() {
     for row in rows {
         assert!(row["worst"].as_f64().unwrap() <= 0.7, "{row}");
         assert!(row["solve"]["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{row}");
-        // docs/theory/palettes.md: a floor that open lights do not move by much.
+        // docs/theory/palettes.md: a floor that open lights change little.
         if let (Some(least), Some(reached)) = (row["least"].as_f64(), row["reached"].as_f64()) {
             assert!(reached <= 1.2 * least, "{row}");
         }
@@ -849,9 +850,9 @@ fn the_program_refuses_what_it_should() {
     folder.refused(1, &["design", "small.toml", "-o", "no/where.toml"], &["there is no folder no"]);
 }
 
-// ---- who sees what ----
+// ---- colour vision deficiencies ----
 
-/// Rows of the published matrices sum to 1; what differs only in what a missing cone sees becomes one.
+/// Rows of the published matrices sum to 1; colours that differ only for a missing cone become one.
 #[test]
 fn dichromats_see_greys_as_they_are_and_confuse_what_they_should() {
     let shown = |rgb: [f64; 3]| LinearSrgb(rgb);
@@ -876,7 +877,7 @@ fn dichromats_see_greys_as_they_are_and_confuse_what_they_should() {
     assert!(contrast.normal > 10.0 && contrast.deficient[1] < 0.5 * contrast.normal);
 }
 
-/// The values of the paper's table, and the way back from Lab.
+/// Values of the paper's table, and the inverse of Lab.
 #[test]
 fn colours_come_back_from_lab() {
     for rgb in [[0.0, 0.0, 0.0], [0.001, 0.002, 0.0], [0.2, 0.5, 0.9], [1.0, 1.0, 1.0]] {

@@ -1,4 +1,5 @@
-//! Designed palettes in rendered pictures: what merges, vanishes and stays does so pixel by pixel, in the planned model.
+//! Designed palettes in rendered pictures: matches, metameric blacks and constancy hold in every pixel, in the planned
+//! model.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "a test shows what it measured")]
 
@@ -18,7 +19,7 @@ use support::rungs::{Rungs, in_xyz, with_renderer};
 
 const SIZE: [usize; 2] = [40, 36];
 
-/// A frog whose skin shows `skin` and whose inside shows `inside`, lit by the palette's lights.
+/// Frog with the material `skin` outside and `inside` within, lit by the palette's lights.
 fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
     let text = format!(
         r#"version = 1
@@ -50,16 +51,16 @@ fn frog(palette: &str, skin: &str, inside: &str, changes: &[&str]) -> Scene {
     .scene
 }
 
-/// What a picture of a scene under one of its lights is.
+/// Renders a scene under one of its lights.
 type Seen<'a> = &'a dyn Fn(&Scene, &str) -> Vec<(DVec3, f64)>;
 
-/// Runs `test` on pictures of the reference in f32 over the stored tables, and on pictures of the GPU.
+/// Runs `test` on pictures of the f32 reference over the stored tables, and on pictures of the GPU.
 fn on_each_rung(test: impl Fn(Seen<'_>)) {
     test(&|scene, light| seen(scene, light, None));
     with_renderer(|renderer| test(&|scene, light| seen(scene, light, Some(renderer))));
 }
 
-/// XYZ of every pixel under one light alone, and its opacity.
+/// XYZ and opacity of every pixel under one light alone.
 fn seen(scene: &Scene, light: &str, renderer: Option<&Renderer>) -> Vec<(DVec3, f64)> {
     let mut scene = scene.clone();
     assert!(scene.lights.iter().any(|other| other.name == light), "there is no light {light}");
@@ -75,7 +76,7 @@ fn seen(scene: &Scene, light: &str, renderer: Option<&Renderer>) -> Vec<(DVec3, 
     accumulation.relight(&matrices).into_iter().zip(accumulation.opacity(&matrices)).collect()
 }
 
-/// ΔE00 of the pixels that are not see-through, ascending.
+/// ΔE00 of the opaque pixels, ascending.
 fn differences(one: &[(DVec3, f64)], two: &[(DVec3, f64)]) -> Vec<f64> {
     let lab = |xyz: DVec3| lab_from_xyz(Xyz(xyz.to_array()), d65_white());
     let concerned = one.iter().zip(two).filter(|(one, two)| one.1.max(two.1) > 0.5);
@@ -94,7 +95,7 @@ fn p95(one: &[(DVec3, f64)], two: &[(DVec3, f64)]) -> f64 {
     differences[differences.len() * 95 / 100]
 }
 
-/// Pixels that keep weights, and pixels that keep the k numbers of a colour model planned for the scene.
+/// Films of material weights, and films of the k coefficients of a planned colour model.
 const KEPT: [&str; 2] = ["accuracy.accumulate=weights", "accuracy.accumulate=spectral"];
 
 fn material(scene: &Scene, name: &str) -> usize {

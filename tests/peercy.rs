@@ -1,4 +1,4 @@
-//! Peercy's full matrices on every rung: what passes a step is a matrix, front to back.
+//! Peercy's full matrices on every rung: the transmittance of a step is a matrix, composed front to back.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -15,13 +15,13 @@ use relume::spectrum::{BANDS, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{GLASS, SIZE, glass_straight_on, parsed};
 
-/// The glass carried by so many numbers and their matrices; interpolated in f32 on devices, too, so that samples are alike.
+/// The glass in this many coefficients with their matrices; interpolated in f32 on devices too, so that samples agree.
 fn glass(k: usize) -> Scene {
     let accuracy = format!("[accuracy]\nmodel = \"peercy\"\nk = {k}\ninterpolation = \"exact_linear\"");
     parsed(&GLASS.replace("[accuracy]", &accuracy))
 }
 
-/// A slab of one value before a background, straight on, in 64 steps.
+/// Slab with one value in front of a background, seen along its normal, in 64 steps.
 fn slab(k: usize) -> Rungs {
     let accuracy = format!("step = 1\nmodel = \"peercy\"\nk = {k}");
     Rungs::new(glass_straight_on("\"blue sky\"", &accuracy), [1, 1])
@@ -31,8 +31,9 @@ fn wide<R: Real>(sums: &Film<R>) -> [Vec<f64>; 2] {
     [&sums.accumulators, &sums.transmittance].map(|numbers| numbers.iter().map(|number| number.to_f64()).collect())
 }
 
-/// What comes back is (1 + M + … + M⁶³)·s, what passes is M⁶⁴, with the matrix M and the source s of one step; the powers by
-/// another program's matrices.
+/// The radiance is (1 + M + … + M⁶³)·s and the transmittance M⁶⁴, with the matrix M and the source s of one step; the
+/// powers
+/// come from an independent matrix library.
 #[test]
 fn a_slab_is_the_power_of_its_matrix() {
     for k in [3, 8] {
@@ -61,14 +62,15 @@ fn a_slab_is_the_power_of_its_matrix() {
             }
         };
         check("reference f64", wide(&rungs.march::<f64>(&rungs.exact())), 1e-12);
-        // A number of T sums k products a step, each rounded once, of numbers that are 1 at most; as does one of the light.
+        // A component of T sums k products per step, each rounded once, of numbers up to 1; so does a component of the
+        // light.
         let limit = 64.0 * f64::from(u8::try_from(k).unwrap() + 2) * f64::from(f32::EPSILON);
         check("reference f32", wide(&rungs.march::<f32>(&rungs.stored())), limit);
         with_renderer(|renderer| check("GPU", wide(&rungs.gpu(renderer)), limit));
     }
 }
 
-/// All that a plan can have at once: highlights, several positions, a background.
+/// Everything a plan can have at once: highlights, several positions, a background.
 #[test]
 fn a_device_marches_matrices_as_the_reference_does() {
     let rungs = Rungs::new(glass(5), SIZE);
@@ -76,7 +78,7 @@ fn a_device_marches_matrices_as_the_reference_does() {
     let expected = wide(&rungs.march::<f64>(&rungs.stored()));
     let check = |rung: &str, found: [Vec<f64>; 2]| {
         for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
-            // Some 60 samples at places that f32 rounds, in ramps that 0.05 of the values are wide.
+            // Some 60 samples at places rounded to f32, in ramps 0.05 of the value range wide.
             assert!((found - expected).abs() <= 5e-4, "{rung}: {found} for {expected}");
         }
     };
@@ -96,7 +98,7 @@ fn a_march_of_matrices_rests_and_goes_on() {
     });
 }
 
-/// White is 1 in every number, no light is a matrix of zeros, and what amplifies nothing stays within 1.
+/// White is 1 in every coefficient, no light is a zero matrix, and matrices without amplification stay within 1.
 #[test]
 fn matrices_are_those_of_an_orthonormal_basis() {
     for k in [1, 4, 8, 16] {
@@ -115,7 +117,7 @@ fn matrices_are_those_of_an_orthonormal_basis() {
     }
 }
 
-/// More numbers carry more: at 16, as good as all wavelengths to the eye.
+/// Errors fall with the number of coefficients: 16 are visually equal to all wavelengths.
 #[test]
 fn the_errors_of_matrices_fall_with_their_size() {
     let error = |k: usize| {

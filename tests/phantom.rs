@@ -1,4 +1,4 @@
-//! Volumes that need no file: their formulas, and what scenes rely on.
+//! Phantoms: their formulas, and properties that scenes rely on.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::cast_precision_loss, reason = "counts are small")]
 
@@ -46,7 +46,7 @@ fn closed_forms_have_the_values_that_can_be_worked_out_by_hand() {
     // r = ½: exp(−¼ / 0.32).
     close(&gaussian, [3, 2, 2], 0.457_833_36);
 
-    // Four crests from the centre to a face: crest, trough an eighth on.
+    // Four crests from the centre to a face; a trough lies an eighth further.
     let shells = phantom::shells([17, 1, 1]).unwrap();
     for (x, expected) in [(8, 1.0), (9, 0.0), (10, 1.0), (16, 1.0), (0, 1.0)] {
         close(&shells, [x, 0, 0], expected);
@@ -69,7 +69,7 @@ fn closed_forms_have_the_values_that_can_be_worked_out_by_hand() {
 fn the_frog_is_made_of_all_its_tissues() {
     let volume = Volume::phantom(Phantom::Frog, None).unwrap();
     assert_eq!(volume.geometry.dims, [250, 235, 138]);
-    // At least: the trunk alone, 4π/3 · 56 · 36 · 30; a stomach 25 across and 60 long less its edges; and so on.
+    // Lower limits: the trunk alone, 4π/3 · 56 · 36 · 30; a stomach 25 across and 60 long minus its edges; and so on.
     for (name, values, least) in [
         ("air", frog::AIR, 4_000_000),
         ("flesh", frog::FLESH, 250_000),
@@ -96,7 +96,7 @@ fn the_engine_is_made_of_all_its_parts() {
     ] {
         assert!(count(&volume, &values) >= least, "{name}: {}", count(&volume, &values));
     }
-    // Smoke is not clean air: it has many values.
+    // Unlike clean air, smoke has many values.
     let values: std::collections::BTreeSet<u8> = bytes(&volume)[..250 * 235].iter().copied().collect();
     assert!(values.len() > 16, "{values:?}");
 }
@@ -119,7 +119,7 @@ fn labels_name_the_tissue_a_voxel_is_made_of() {
         let pairs = bytes(&labels).iter().zip(bytes(&volume)).filter(|(found, _)| **found == label);
         let (inside, all) =
             pairs.fold((0, 0), |(inside, all), (_, value)| (inside + usize::from(values.contains(value)), all + 1));
-        // The rest are edges, where a voxel is half something else.
+        // The rest are edges, where a voxel is partly another tissue.
         assert!(all > 0 && 3 * inside > all, "{}: {inside} of {all}", frog::LABELS[usize::from(label)]);
     }
     assert_eq!(bytes(&labels).iter().max(), Some(&4));
@@ -127,7 +127,7 @@ fn labels_name_the_tissue_a_voxel_is_made_of() {
 
 #[test]
 fn another_size_keeps_the_shape() {
-    // Every tissue fills the same part of the box at half the size, to within its edges.
+    // Every tissue fills the same part of the box at half the size, up to its edges.
     let share = |dims| {
         let volume = Volume::frog_labels(dims).unwrap();
         let all = bytes(&volume).len();

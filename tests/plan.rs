@@ -1,4 +1,4 @@
-//! What a scene needs is what is planned, no more and no less; and what is not needed changes no picture.
+//! Plans contain exactly the features a scene needs; unneeded features change no picture.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -11,7 +11,7 @@ use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
 
-/// The least plan of three materials: unshaded, one position, nothing else.
+/// Smallest plan for three materials: unshaded, one position, nothing else.
 fn least() -> ScenePlan {
     ScenePlan {
         accumulate: Accumulate::Weights { materials: 3 },
@@ -29,7 +29,7 @@ fn least() -> ScenePlan {
     }
 }
 
-/// Directed light that only the materials' ambient shares meet.
+/// Directional light on materials with ambient coefficients only.
 const FLAT: Option<ShadingTerms> = Some(ShadingTerms { diffuse: false, specular: None });
 const DIFFUSE: Option<ShadingTerms> = Some(ShadingTerms { diffuse: true, specular: None });
 
@@ -41,7 +41,7 @@ fn headlight() -> PositionCounts {
     PositionCounts { headlight: 1, ..PositionCounts::default() }
 }
 
-/// The plan of the scene `name` after `change`.
+/// Plan of the scene `name` after `change`.
 fn changed(name: &str, change: impl FnOnce(&mut Scene)) -> ScenePlan {
     let mut scene = scenes::named(name);
     change(&mut scene);
@@ -88,10 +88,10 @@ fn lights_that_shading_cannot_tell_apart_share_a_position() {
     };
     let key = scenes::named("diffuse_one").lights[0].placement;
     assert_eq!(changed("diffuse_one", |scene| second(scene, key)), expected);
-    // Two-sided diffuse shading cannot tell a light from the opposite one.
+    // Two-sided diffuse shading is equal for opposite lights.
     let Placement::Directional(direction) = key else { panic!("{key:?}") };
     assert_eq!(changed("diffuse_one", |scene| second(scene, Placement::Directional(-direction))), expected);
-    // Highlights can.
+    // Highlights are not.
     let two = changed("diffuse_one", |scene| {
         second(scene, Placement::Directional(-direction));
         scene.materials[0].specular = 0.5;
@@ -124,7 +124,7 @@ fn highlights_of_one_exponent_and_of_several() {
     let specular = Some(Specular { one_exponent: Some(20), exponent_bits: 5 });
     let shading = Some(ShadingTerms { diffuse: true, specular });
     assert_eq!(changed("specular_one", |_| {}), ScenePlan { positions, shading, ..least() });
-    // The one exponent is compiled in: a pipeline of 20 does not serve 21.
+    // A single exponent is compiled in: a pipeline for 20 does not serve 21.
     let other = changed("specular_one", |scene| scene.materials.iter_mut().for_each(|material| material.exponent = 21));
     let specular = Some(Specular { one_exponent: Some(21), exponent_bits: 5 });
     assert_eq!(other, ScenePlan { positions, shading: Some(ShadingTerms { diffuse: true, specular }), ..least() });
@@ -140,7 +140,7 @@ fn highlights_of_one_exponent_and_of_several() {
     assert_eq!((expected.components(), expected.lanes(), expected.parts().lanes, expected.layers()), (5, 2, 1, 8));
 }
 
-/// The scene of three materials with so many more, each a mixture of `spectra` of the three.
+/// The scene of three materials with `more` mixtures of the first `spectra` of them.
 fn with_mixtures(more: usize, spectra: usize) -> Scene {
     let mut scene = scenes::named("unshaded_one");
     let own: Vec<Spectrum> = scene.materials.iter().map(|it| it.reflectance.spectrum().clone()).collect();
@@ -161,7 +161,7 @@ fn with_mixtures(more: usize, spectra: usize) -> Scene {
 fn weights_are_kept_where_they_are_no_wider() {
     let accumulate = |scene: &Scene| plan(scene, &Quiet).unwrap().plan.accumulate;
     assert_eq!(accumulate(&with_mixtures(1, 3)), Accumulate::Weights { materials: 4 });
-    // Three spectra are three numbers, however many materials are mixed of them.
+    // Three spectra need three coefficients, however many mixtures of them there are.
     for more in [2, 7] {
         let planned = plan(&with_mixtures(more, 3), &Quiet).unwrap();
         let Accumulate::Spectral { dimension, .. } = planned.plan.accumulate else { panic!("{:?}", planned.plan) };
@@ -171,11 +171,11 @@ fn weights_are_kept_where_they_are_no_wider() {
         let said = planned.explain(&with_mixtures(more, 3)).join(" ");
         assert!(said.contains("would be exact") && said.contains("need 10 numbers") == (more == 7), "{said}");
     }
-    // Who asks for weights gets them.
+    // Explicitly requested weights are used.
     let mut scene = with_mixtures(7, 3);
     scene.accuracy.accumulate = AccumulateAs::Weights;
     assert_eq!(accumulate(&scene), Accumulate::Weights { materials: 10 });
-    // A stated k is taken where it is narrower, and only there.
+    // A given k is used only if it needs fewer components.
     scene.accuracy.accumulate = AccumulateAs::Auto;
     for (k, weights) in [(3, false), (8, false), (9, true), (12, true)] {
         scene.accuracy.dimension = Some(k);
@@ -186,7 +186,7 @@ fn weights_are_kept_where_they_are_no_wider() {
 
 #[test]
 fn weights_are_kept_where_narrower_numbers_miss_the_tolerance() {
-    // Narrow bands apart from one another: as many degrees of freedom as materials.
+    // Separate narrow bands: as many degrees of freedom as materials.
     let mut scene = with_mixtures(3, 3);
     for (index, material) in scene.materials.iter_mut().enumerate() {
         let band = Spectrum::gaussian(430.0 + 45.0 * float(index), 12.0, 0.9).unwrap();
@@ -284,13 +284,14 @@ fn a_material_that_nothing_shows_splits_no_position() {
     assert_eq!(flat, ScenePlan { accumulate: two, positions: headlight(), shading: FLAT, ..least() });
 }
 
-/// The least plan that shows a scene and the fullest one with every feature switched on to no effect: one picture.
+/// The smallest plan of a scene and the largest, with every feature enabled but without effect, give one picture.
 #[test]
 fn the_least_plan_and_the_fullest_show_the_same() {
     let least = Rungs::new(scenes::named("unshaded_one"), SIZE);
     let mut scene = scenes::named("unshaded_one");
-    // Shaded, but by nothing that directions change; a material with highlights of no strength worth the name, one that
-    // shines on nothing, labels that are all 0, a background that is black to f32, and no leaping.
+    // Shading that does not depend on directions; a material with negligible highlights, a light of intensity 0, labels
+    // that
+    // are all 0, a background that is black in f32, and no empty-space skipping.
     scene.shading = Shading::Gradient;
     scene.accuracy.skipping = false;
     scene.lights[0].placement = Placement::Ambient;
@@ -339,8 +340,9 @@ fn the_least_plan_and_the_fullest_show_the_same() {
             relight.run(&rungs.matrices()).unwrap();
             relight.read().unwrap()
         };
-        // With gradients beside them values have 15 bits and a half-space less: within half a step of 2⁻¹⁵, which the
-        // steepest ramp (opacity 0.6 in 8000 of 65535) makes 1.3e-4 of a step; some ten steps see a ramp.
+        // Next to gradients, values have 15 bits and lose one half-space: an error of half a step of 2⁻¹⁵, which the
+        // steepest ramp
+        // (opacity 0.6 in 8000 of 65535) turns into 1.3e-4 per step; some ten steps see a ramp.
         let limit = 0.6 / 8000.0 * fullest.storage.loss * 10.0 + 1e-5;
         let mut error = 0.0_f64;
         for (least, fullest) in picture(&least).iter().zip(picture(&fullest)) {

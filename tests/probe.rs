@@ -1,4 +1,4 @@
-//! What the probe says of a pixel: beside closed forms, beside the picture, and on a device beside all it keeps.
+//! The probe against closed forms, the picture, and the film on a device.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -17,7 +17,7 @@ use relume::view::probe::{Pixel, Probe, Ray};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE};
 
-/// A slab of one value, 64 units deep, seen straight on by parallel rays: two media in one place, in front of a surface.
+/// Slab with one value, 64 units deep, seen along its normal by parallel rays: two media in front of a background.
 fn slab(absorption: f64, accuracy: &str) -> Scene {
     let text = format!(
         r#"
@@ -59,7 +59,7 @@ fn slab(absorption: f64, accuracy: &str) -> Scene {
     scenes::parsed(&text)
 }
 
-/// The only pixel of a picture of `rungs`, as a device with no rounding but that of what it keeps would have it.
+/// The only pixel of a picture of `rungs`, rounded only by its storage.
 fn pixel(rungs: &Rungs) -> Pixel {
     let marched: Film<f64> =
         march_ray(&rungs.scene, &rungs.planned, &rungs.exact(), [[1, 1], [0, 0]], &Quiet, |_| {}).unwrap();
@@ -106,7 +106,7 @@ fn two_media_in_one_place_share_a_pixel_by_how_much_they_scatter() {
     }
     near("what passes", probe.transmittance, 1.0 - hidden, 1e-6);
     near("all parts of the light", probe.shares.iter().map(|share| share.light).sum(), 1.0, 1e-12);
-    // One place sends what the materials reflect, and the background the rest.
+    // The only light position contributes the materials' light; the rest is from the background.
     assert_eq!(probe.positions.len(), 1);
     near("the only place", probe.positions[0].light, 1.0 - probe.shares[2].light, 1e-12);
 }
@@ -139,7 +139,7 @@ fn the_spectrum_of_a_pixel_is_what_its_media_reflect_and_its_colour_is_the_one_s
     for (found, expected) in spectrum.samples().iter().zip(expected.samples()) {
         near("power", *found, *expected, 1e-6 * light.sum());
     }
-    // Of even light, that is what the pixel sends all in all.
+    // Under an equal-energy light, reflectance is the pixel's radiance.
     let even = &reflected + &behind;
     for (found, expected) in probe.reflectance.as_ref().unwrap().samples().iter().zip(even.samples()) {
         near("reflectance", *found, *expected, 1e-6);
@@ -147,7 +147,7 @@ fn the_spectrum_of_a_pixel_is_what_its_media_reflect_and_its_colour_is_the_one_s
     assert_eq!(probe.spectral_error, None, "exact");
     let integrated = shown(&scene, &mix, spectrum);
     assert!((integrated - probe.now.shown.0).abs().max_element() <= 1e-12, "{integrated} for {:?}", probe.now.shown);
-    // Each light alone, as `solo` would show it.
+    // Each light alone, as after `solo`.
     assert_eq!(probe.lights.iter().map(|lit| lit.name.as_str()).collect::<Vec<_>>(), ["day", "lamp"]);
     for (lit, light) in probe.lights.iter().zip(&scene.lights) {
         let alone = Mix(mix.0.iter().filter(|one| one.name == light.name).cloned().collect());
@@ -173,7 +173,7 @@ fn what_is_exact_errs_by_its_rounding_alone_and_a_colour_model_by_what_it_says()
     let coloured = probe(&rungs);
     assert!(coloured.shares.iter().all(|share| share.name == "background"), "{:?}", coloured.shares);
     let model = rungs.planned.model.clone().unwrap();
-    // What a model says of its error is of surfaces as bright as white under a light of luminance 1.
+    // A model states its error for surfaces as bright as white under a light of luminance 1.
     for lit in &coloured.lights {
         let (error, most) = (lit.error.unwrap(), 2.0 * model.worst().max.max(0.01));
         assert!(error.model <= most && error.all <= most, "{}: {error:?} for {most}", lit.name);

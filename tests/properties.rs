@@ -1,4 +1,4 @@
-//! What holds for every scene: light is linear, order and cutting do not matter, equal media look equal.
+//! Properties of every scene: linearity in light, independence of order and slicing, and equality of equal media.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -25,14 +25,14 @@ fn lit(renderer: &Renderer, marched: &relume::render::DeviceFilm, rungs: &Rungs,
     relight.read::<[f32; 4]>().unwrap().iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect()
 }
 
-/// The mix of light `i` alone, as strong as `factor` makes it.
+/// Mix of light `i` alone, scaled by `factor`.
 fn single(mix: &Mix, i: usize, factor: f64) -> Mix {
     let mut light = mix.0[i].clone();
     light.weight *= factor;
     Mix(vec![light])
 }
 
-/// Pixels that show nothing are lit once.
+/// Empty pixels are relit once.
 #[test]
 fn a_picture_that_is_lit_again_is_the_one_that_is_lit_once() {
     with_renderer(|renderer| {
@@ -99,7 +99,7 @@ fn light_scales_over_twelve_magnitudes() {
     });
 }
 
-/// The accumulators of `rungs` on the reference in f32 and, where there is one, on the device.
+/// Film of `rungs` from the f32 reference and, if available, the device.
 fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
     let mut all = vec![("reference f32", rungs.march::<f32>(&rungs.stored::<f32>()))];
     with_renderer(|renderer| all.push(("GPU", rungs.gpu(renderer))));
@@ -112,7 +112,7 @@ fn the_order_of_lights_is_the_order_of_their_accumulators_and_nothing_else() {
     let mut turned = scene.clone();
     turned.lights.reverse();
     let more = |scene: &mut Scene| {
-        // Two directional lights, whose order is that of the scene.
+        // Two directional lights keep the order of the scene.
         let mut light = scene.lights.iter().find(|light| light.name == "key").unwrap().clone();
         light.name = "second".into();
         light.placement = Placement::Directional(DVec3::new(0.3, 0.5, -0.8).normalize());
@@ -162,7 +162,7 @@ fn slab(step: f64, material: &str) -> Rungs {
     Rungs::new(scenes::slab_straight_on(step, 0.08, material), [8, 8])
 }
 
-/// docs/theory/acceptance.md C13 in grey; coloured, it is in `spectral.rs`.
+/// docs/theory/acceptance.md C13 in grey; `spectral.rs` tests it in colour.
 #[test]
 fn halving_the_step_leaves_a_slab_as_it_is() {
     for material in ["", "xray = true"] {
@@ -191,7 +191,7 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
     }
 }
 
-/// An accumulator file of `sums`.
+/// Film file of `sums`.
 fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
     let (scene, planned) = (&rungs.scene, &rungs.planned);
     let Components::Surfaces(spectra) = Components::new(scene, planned) else { panic!("planned by weights") };
@@ -222,7 +222,7 @@ fn file_of(rungs: &Rungs, sums: Film<f32>) -> FilmFile {
     }
 }
 
-/// docs/theory/acceptance.md C11 by weights; by k numbers, it is in `spectral.rs`.
+/// docs/theory/acceptance.md C11 with weights; `spectral.rs` tests it with coefficients.
 #[test]
 fn stored_accumulators_relight_to_a_fresh_render() {
     let folder = tempfile::tempdir().unwrap();
@@ -238,7 +238,7 @@ fn stored_accumulators_relight_to_a_fresh_render() {
                 accumulators: file.accumulators,
                 transmittance: file.transmittance,
             };
-            // A light that the scene does not have, where one of its lights is.
+            // A light outside the scene at the position of one of its lights.
             let place = rungs.mix.0[0].position;
             let spectrum = Light::new(Spectrum::gaussian(540.0, 25.0, 1.0).unwrap()).unwrap();
             let mut mix = single(&rungs.mix, 0, 1.0);
@@ -259,7 +259,7 @@ fn stored_accumulators_relight_to_a_fresh_render() {
     });
 }
 
-/// The bytes of the accumulators, so that −0 and NaN count too.
+/// Bits of the film, which include the sign of 0 and NaN.
 fn bits(sums: &Film<f32>) -> Vec<u32> {
     sums.accumulators.iter().chain(&sums.transmittance).map(|weight| weight.to_bits()).collect()
 }
@@ -278,7 +278,7 @@ fn leaping_over_what_is_empty_changes_no_byte() {
             let same = bits(&renderer.read(&accumulators).unwrap()) == bits(&walking.gpu(renderer));
             assert!(same, "{name}: {occupied} of {cells} cells hold something");
         }
-        // A small thing in a large void, so that much is leapt over, off every cell's border.
+        // A small object in a large void, so that much is skipped, off the macrocells' borders.
         let mut scene = scenes::named("rotated");
         scene.volume = Arc::new(scenes::sampled([61, 53, 47], |p| {
             60000.0 * (-(p - DVec3::new(0.4, -0.3, 0.2)).length_squared() / 0.01).exp()

@@ -1,4 +1,4 @@
-//! The scene files that come with the program: each loads, and shows every material it states.
+//! Bundled scene files: each loads and shows all its materials.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -19,14 +19,14 @@ use relume::volume::phantom::Phantom;
 use support::rungs::{Rungs, with_renderer};
 use support::tolerance::WEIGHTS_DEVICE;
 
-/// A folder of this test's own.
+/// Folder of its own for a test.
 fn folder(name: &str) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("relume-scenes-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     folder
 }
 
-/// A `MetaImage` of zeros in `folder`.
+/// `MetaImage` of zeros in `folder`.
 fn zeros(folder: &Path, name: &str, dims: [usize; 3]) -> PathBuf {
     let [x, y, z] = dims;
     let header = format!("NDims = 3\nDimSize = {x} {y} {z}\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n");
@@ -37,7 +37,7 @@ fn zeros(folder: &Path, name: &str, dims: [usize; 3]) -> PathBuf {
     path
 }
 
-/// A volume made by formula at a quarter of its resolution, its parts as opaque as they are in full.
+/// A phantom at a quarter of its resolution, with the same total opacity of its parts.
 fn quartered(dims: [usize; 3]) -> SceneOptions {
     let dims = format!("volume.dims={:?}", dims.map(|voxels| voxels.div_ceil(4)));
     let definitions =
@@ -50,7 +50,7 @@ fn load(name: &str, options: &SceneOptions) -> Scene {
     document::load(&path, options, &Quiet).unwrap().scene
 }
 
-/// Two lights that relighting can tell apart, and no material that nothing shows.
+/// Asserts two distinguishable lights and no invisible material.
 fn check(scene: &Scene) {
     assert_eq!(positions(scene).len(), 2, "{}", scene.name);
     let used = plan(scene, &Quiet).unwrap().materials;
@@ -92,13 +92,14 @@ fn the_scanned_engine_shows_all_its_materials() {
     std::fs::remove_dir_all(folder).unwrap();
 }
 
-/// How a scene is planned: what pixels store, what passes, and the light positions.
+/// Accumulators, transmittance and light positions in the plan of a scene.
 fn planned(rungs: &Rungs) -> (Accumulate, Transmittance, usize) {
     let plan = &rungs.planned.plan;
     (plan.accumulate, plan.transmittance, plan.positions.total())
 }
 
-/// The device's picture against all 81 bands, in every pixel: within the tolerance of the scene, or exact but for rounding.
+/// Asserts that the device's picture matches all 81 bands in every pixel: within the scene's tolerance, or up to
+/// rounding.
 fn shows_its_colours(rungs: &Rungs) {
     let truth = rungs.stored_truth();
     assert!(truth.iter().any(|colour| colour.y > 0.1), "{} is dark", rungs.scene.name);
@@ -134,7 +135,7 @@ fn the_wedge_is_beer_and_lamberts_law() {
         let material = rungs.scene.materials.iter().find(|material| material.name == name).unwrap();
         let shape = material.absorption.as_ref().unwrap().spectrum();
         for x in 0..40 {
-            // The way through the box, in whole steps of ½.
+            // Path length through the box, in whole steps of ½.
             let way = 256.0 * (f64::from(x) + 0.5) / 40.0;
             let way = 0.5 * (way / 0.5 - 0.5).ceil();
             let passed = |band: usize| light.samples()[band] * (-peak * way / 256.0 * shape.samples()[band]).exp();
@@ -147,7 +148,7 @@ fn the_wedge_is_beer_and_lamberts_law() {
             }
         }
     }
-    // Each turns; the oil from green to red.
+    // Each changes its hue; the oil changes from green to red.
     assert!(hues.chunks(2).all(|pair| (pair[0] - pair[1]).abs() > 10.0), "{hues:?}");
     assert!(hues[2] > 100.0 && hues[3] < 60.0, "{hues:?}");
     shows_its_colours(&rungs);
@@ -195,7 +196,7 @@ fn the_inked_frog_is_the_same_by_weights_and_by_k_numbers() {
     shows_its_colours(&spectral);
 }
 
-/// Builds a table of `entries` (default: automatic) for an interval one value wide, from 31000.
+/// Builds a table with `entries` (default: automatic) for an interval one value wide, from 31000.
 fn table(entries: &str) -> Option<TransferTable> {
     let text = format!(
         "version = 1\n[volume]\nphantom = \"slab\"\n[materials.m]\nreflectance = 0.5\n[transfer]\n{entries}\n\

@@ -1,4 +1,4 @@
-//! Sessions: what is saved is a scene that opens as it was, without a window and without a GPU.
+//! Sessions: a saved session is a scene that restores the document, without a window or a GPU.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -32,7 +32,7 @@ fn parse(text: &str) -> SceneFile {
     document::parse("test", text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap()
 }
 
-/// The text of the session and the scene that it is.
+/// Text of the session, and the scene parsed from it.
 fn saved(document: &Document) -> (String, SceneFile) {
     let text =
         session::text(Path::new("session.toml"), &Source::default(), document.opened(), document.state()).unwrap();
@@ -49,7 +49,7 @@ fn accuracy(step_length: f64, dimension: Option<usize>) -> Accuracy {
     Accuracy { step_length, dimension, accumulate, ..scene().scene.accuracy }
 }
 
-/// Edits of every kind, one after the other.
+/// A sequence of edits of every kind.
 fn edits() -> Vec<Edit> {
     vec![
         Edit::Weight(1, 0.3),
@@ -308,7 +308,7 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     std::fs::write(folder.path("of_steps.toml"), scene).unwrap();
     let question = Source::of(&folder.path("of_steps.toml")).read(&Quiet).unwrap_err().question();
     assert_eq!(question, Some(Question { file: folder.path("steps.nrrd"), unknown: there }), "and not the scene");
-    // What is chosen is of the volume: labels are not asked about.
+    // The question is about the volume; labels are not asked about.
     let mut labelled = Source::of(&folder.path("scene.toml"));
     labelled.options.labels = Some(folder.path("steps.nrrd"));
     let error = labelled.read(&Quiet).unwrap_err();
@@ -327,7 +327,7 @@ fn a_volume_that_takes_a_word_to_be_read_is_asked_about_and_saved_with_the_answe
     let (opened, again) = saved_of(&source);
     assert_eq!(opened.volume.voxels, again.volume.voxels);
 
-    // A layout is of a volume, and not of the scene that names it.
+    // A layout describes a volume, not the scene that names it.
     let mut scene = Source::of(&folder.path("scene.toml"));
     scene.options.raw = source.options.raw.clone();
     assert_eq!(scene.bare_volume(), None);

@@ -8,7 +8,7 @@ use std::{
 
 use relume::shader::{Constants, FieldLayout, ShaderError, StructLayout, compile, struct_layout};
 
-/// Uses everything that the renderer's shaders are made of.
+/// Uses every construct of the renderer's shaders.
 const EVERYTHING: &str = "
 struct Band { first_row: u32, rows: u32 }
 var<immediate> band: Band;
@@ -80,7 +80,7 @@ fn what_a_constant_switches_off_is_neither_compiled_nor_bound() {
     assert_eq!(with(false).resources(), ["out"]);
     let plain = "@group(0) @binding(0) var<storage, read_write> out: array<f32>;
         @compute @workgroup_size(1) fn main() { out[0] = 1.0; }";
-    // Of the switch only its own declaration is left: OpTypeBool and OpConstantFalse.
+    // Only the declaration of the switch remains: OpTypeBool and OpConstantFalse.
     let declaration = 2 + 3;
     let plain = compile(&[("x.wgsl", plain)], &Constants::new()).unwrap();
     assert_eq!(with(false).words().len(), plain.words().len() + declaration);
@@ -126,7 +126,7 @@ fn an_excerpt_has_the_line_of_its_own_part() {
 #[test]
 fn an_excerpt_of_what_the_validator_refuses_has_the_line_too() {
     let common = "fn half(x: f32) -> f32 { return x * 0.5; }\n";
-    // Only the validator looks at where a struct's fields may lie.
+    // Only the validator checks the layout of a struct's fields.
     let stage = "struct S { a: f32, b: array<f32, 3> }\n@group(0) @binding(0) var<uniform> s: S;\n\
         @compute @workgroup_size(1)\nfn main() { _ = s.a; }\n";
     let text = excerpt(compile(&[("common.wgsl", common), ("stage.wgsl", stage)], &Constants::new()).unwrap_err());

@@ -1,4 +1,4 @@
-//! Spectra in k numbers: coloured transmittance and colour models, on every rung.
+//! Films of k coefficients: coloured transmittance and colour models, on every rung.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -22,7 +22,7 @@ fn slab(step: f64) -> Rungs {
     Rungs::new(glass_straight_on("1", &format!("step = {step}\nk = 8")), [1, 1])
 }
 
-/// What a homogeneous slab of depth L leaves in each number: σ r (1 − e^(−τL))/τ, and e^(−τL).
+/// Closed form of a homogeneous slab of depth L per coefficient: σ r (1 − e^(−τL))/τ, and e^(−τL).
 fn closed_form(rungs: &Rungs, length: f64) -> (Vec<f64>, Vec<f64>) {
     let model = rungs.planned.model.as_ref().unwrap();
     let material = &rungs.scene.materials[0];
@@ -51,7 +51,7 @@ fn every_rung(rungs: &Rungs, mut check: impl FnMut(&str, Vec<f64>, Vec<f64>)) {
     });
 }
 
-/// docs/theory/acceptance.md C13: so halving the step changes it by no more.
+/// docs/theory/acceptance.md C13, which implies that halving the step changes the slab no more than this.
 #[test]
 fn a_coloured_slab_is_its_closed_form_at_every_step() {
     for step in [2.0, 1.0, 0.5, 0.25] {
@@ -79,7 +79,7 @@ fn all_bands_are_the_closed_form_too() {
     }
 }
 
-/// Layers of three media and of nothing, one value a slice, straight on.
+/// Layers of three media and of empty space, one value per slice, seen along the normal.
 fn layers(values: &[u16]) -> Rungs {
     let text = r#"
         shading = "none"
@@ -116,7 +116,7 @@ fn layers(values: &[u16]) -> Rungs {
     Rungs::new(scenes::of(text, volume.unwrap()), [1, 1])
 }
 
-/// docs/theory/acceptance.md C3.
+/// docs/theory/acceptance.md C3, against values computed without this crate.
 #[test]
 fn layers_are_the_chain_that_is_computed_without_this_crate() {
     let values: Vec<u16> = (0..40).map(|i: u16| [100, 300, 200, 0, 100, 100, 300][usize::from(i * i % 7)]).collect();
@@ -128,7 +128,7 @@ fn layers_are_the_chain_that_is_computed_without_this_crate() {
         [(0.05_f64, 0.6, spectrum(0), shape(0)), (0.3, 0.2, spectrum(1), shape(1)), (0.01, 0.0, spectrum(2), None)];
     let behind = rungs.scene.background.as_ref().unwrap().spectrum().samples();
     let light = rungs.mix.0[0].spectrum.spectrum();
-    // Samples at ¼, ¾, 1¼ …: the first slice once, those between twice, the last once.
+    // Samples at ¼, ¾, 1¼ …: the first and last slice once, those in between twice.
     let samples: Vec<u16> = values.windows(2).flat_map(|pair| [pair[0], pair[1]]).collect();
     let reflected = |band: usize| {
         let (mut sum, mut passed) = (0.0, 1.0);
@@ -196,13 +196,13 @@ fn the_device_renders_coloured_glass_as_the_reference() {
             let largest = shown.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
             let mean = shown.iter().zip(&expected).map(|(a, b)| (*a - *b).abs().element_sum() / 3.0).sum::<f64>()
                 / f64::from(40 * 40);
-            // A filter's 8 bits of fraction move a place by half of 1/256 voxel: 2e-3 of the steepest ramp.
+            // A filter with an 8-bit fraction moves a place by half of 1/256 voxel: 2e-3 on the steepest ramp.
             assert!(largest <= 2e-3 && mean <= 1e-4, "{change}: largest {largest:e}, mean {mean:e}");
         });
     }
 }
 
-/// ΔE00 of every pixel that shows something.
+/// ΔE00 of every visible pixel.
 fn differences(one: &[DVec3], other: &[DVec3]) -> Vec<f64> {
     let lab = |colour: &DVec3| lab_from_xyz(Xyz(colour.to_array()), d65_white());
     one.iter().zip(other).map(|(a, b)| ciede2000(lab(a), lab(b))).collect()
@@ -220,7 +220,7 @@ fn an_automatic_k_keeps_its_tolerance_in_the_picture() {
     }
 }
 
-/// Four dyes at the same values, none deeper than 5 by itself: 20 in all.
+/// Four dyes at the same values, each with a depth of at most 5: 20 in all.
 #[test]
 fn an_automatic_k_keeps_its_tolerance_where_dyes_overlap() {
     let mut text = "version = 1\nshading = \"none\"\nbackground = 1\n\
@@ -279,7 +279,7 @@ fn transmittance_is_grey_as_long_as_the_sum_of_all_absorption_is() {
     let of = |text: &str| plan(&parsed(text), &Quiet).unwrap().plan.transmittance;
     assert_eq!(of(GLASS), Transmittance::Coloured);
     assert_eq!(of(&GLASS.replace("absorption = 0.15", "").replace("absorption = 0.2", "")), Transmittance::Grey);
-    // What one takes of the red the other takes of the blue, wherever they are.
+    // Complementary dyes at any distance: one absorbs the red that the other passes, and vice versa.
     let pair = "\nversion = 1\n[volume]\nphantom = \"gaussian\"\ndims = [8, 8, 8]\n\
         [materials.one]\nreflectance = 0.5\nabsorption = { points = [[380, 0.0], [780, 1.0]] }\n\
         [materials.two]\nreflectance = 0.5\nabsorption = { points = [[380, 1.0], [780, 0.0]] }\n\

@@ -1,4 +1,4 @@
-//! Spectra: the embedded tables, sampling, normalisation, and how they are written.
+//! Spectra: embedded tables, sampling, normalisation and text form.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
@@ -21,12 +21,12 @@ const ILLUMINANTS_CSV: &str = include_str!("../data/spectra/illuminants_5nm.csv"
 const LED_CSV: &str = include_str!("../data/spectra/led_5nm.csv");
 const COLORCHECKER_CSV: &str = include_str!("../data/spectra/colorchecker_ohta1997_5nm.csv");
 
-/// A table without its comment lines.
+/// Table without comment lines.
 fn published(csv: &str) -> String {
     csv.split_inclusive('\n').filter(|line| !line.starts_with('#')).collect()
 }
 
-/// The columns of a table behind the wavelengths, with their names, as the standard library reads them.
+/// Named columns of a table with their wavelengths, parsed with the standard library only.
 fn columns(csv: &str) -> Vec<(String, Vec<(f64, f64)>)> {
     let body = published(csv);
     let mut lines = body.lines().map(|line| line.split(',').collect::<Vec<_>>());
@@ -36,7 +36,7 @@ fn columns(csv: &str) -> Vec<(String, Vec<(f64, f64)>)> {
     names.iter().enumerate().skip(1).map(|(index, name)| (String::from(*name), column(index))).collect()
 }
 
-/// The largest |fourth difference| of a smooth table. A digit wrong by `e` adds `6 e` to one of them, and `4 e` to its
+/// Largest |fourth difference| of a smooth table. A digit wrong by `e` adds `6 e` to one difference and `4 e` to its
 /// neighbours.
 fn roughness(values: &[f64]) -> f64 {
     values.windows(5).map(|v| (v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).abs()).fold(0.0, f64::max)
@@ -51,7 +51,7 @@ fn standard_spectrum(name: &str) -> Spectrum {
 
 #[test]
 fn the_embedded_tables_are_the_published_ones() {
-    // SHA-256 of the tables as extracted, header line included.
+    // SHA-256 of the extracted tables, header line included.
     for (csv, expected) in [
         (OBSERVER_CSV, "e22e732725635706b49ad1e1c6f64b9f4b353bd4ce53c22f91355b34fa5f969a"),
         (OBSERVER_1964_CSV, "de10ee42e537946867bc7fe60ed52a5543da45355d8d3f0f9f50a4e668d28860"),
@@ -123,7 +123,7 @@ fn a_wrong_digit_shows_in_the_fourth_differences() {
 
 #[test]
 fn daylight_is_interpolated_between_its_tens() {
-    // CIE 15 defines the D series every 10 nm and linear in between; the table has three or four decimals.
+    // CIE 15 defines the D series every 10 nm with linear interpolation; the table has three or four decimals.
     for name in ["D65", "D50"] {
         for three in standard_spectrum(name).samples().windows(3).step_by(2) {
             assert!((three[1] - f64::midpoint(three[0], three[2])).abs() <= 0.51e-3, "{name}: {three:?}");
@@ -234,14 +234,14 @@ fn points_that_are_no_curve_are_refused() {
 
 #[test]
 fn box_averages_are_the_integrals_of_the_line() {
-    // A triangular line of height 1 from 546 to 548 nm: area 1, in the bin from 542.5 to 547.5 all but the last 1/8.
+    // A triangular line of height 1 from 546 to 548 nm: area 1, of which 7/8 lie in the bin from 542.5 to 547.5.
     let line = [(380.0, 0.0), (546.0, 0.0), (547.0, 1.0), (548.0, 0.0), (780.0, 0.0)];
     let spectrum = Spectrum::box_average(&line).unwrap();
     assert!((spectrum.samples()[33] - 0.875 / 5.0).abs() <= 1e-15);
     assert!((spectrum.samples()[34] - 0.125 / 5.0).abs() <= 1e-15);
     assert!((spectrum.sum() - 0.2).abs() <= 1e-15);
 
-    // The line y = nm: every mean is the middle's value, of the part that the table covers.
+    // The line y = nm: every mean is the value in the middle of the part that the table covers.
     let slope = Spectrum::box_average(&[(401.0, 401.0), (599.0, 599.0)]).unwrap();
     for (nm, expected) in
         [(380.0, 401.0), (395.0, 401.0), (400.0, 401.75), (405.0, 405.0), (600.0, 598.25), (780.0, 599.0)]
@@ -311,7 +311,7 @@ fn no_kind_takes_what_is_not_finite() {
     assert!(matches!(Absorption::new(broken), Err(SpectrumError::NotFinite { kind: Kind::Absorption, .. })));
 }
 
-/// A folder with one file, `x.csv`.
+/// Folder with one file, `x.csv`.
 fn folder(contents: impl AsRef<[u8]>) -> (TempDir, PathBuf) {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("x.csv"), contents).unwrap();
@@ -430,7 +430,7 @@ fn a_file_that_cannot_be_read_is_named() {
 
 #[test]
 fn lights_finer_than_the_grid_are_averaged_and_reflectances_are_sampled() {
-    // A line of 1 nm that the grid's samples miss.
+    // A line 1 nm wide between the grid's samples.
     let table = "{ 380 = 0, 546 = 0, 547 = 1, 548 = 0, 780 = 0 }";
     let light = written(table).light(Path::new("")).unwrap();
     assert!(light.spectrum().samples()[33] > 0.0);

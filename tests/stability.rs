@@ -1,4 +1,4 @@
-//! The extremes: everything stays finite, and is what it should be.
+//! Extreme values: all results are finite and correct.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -23,7 +23,7 @@ use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
 use support::tolerance::{EQUAL_STEPS, ROUNDINGS_PER_STEP_OF_TWO, TERMINATION_DELTA_E, TERMINATION_XYZ};
 
-/// Every row of a group holds: `relume measure --extremes` prints the same.
+/// Asserts every row of a group; `relume measure --extremes` prints the same rows.
 #[track_caller]
 fn holds(group: Group) {
     let rows = |renderer: Option<&Renderer>| -> Vec<Row> {
@@ -100,7 +100,7 @@ fn every_extreme_is_held_once_and_says_why() {
     }
 }
 
-/// The rungs in f32: the reference, and the device where there is one.
+/// Films of the f32 rungs: the reference and, if available, the device.
 fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
     let mut all = vec![("reference f32", rungs.march::<f32>(&rungs.stored::<f32>()))];
     with_renderer(|renderer| all.push(("GPU", rungs.gpu(renderer))));
@@ -114,7 +114,7 @@ fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
     all
 }
 
-/// Each rung in f32 within its bound of the f64 reference on the same tables: so every pixel was written.
+/// Asserts that each f32 rung is within its bound of the f64 reference on the same tables, and hence wrote every pixel.
 fn agree(scene: Scene, size: [usize; 2]) -> Vec<(&'static str, Film<f32>)> {
     let rungs = Rungs::new(scene, size);
     let expected = rungs.march::<f64>(&rungs.stored::<f64>());
@@ -154,7 +154,7 @@ fn a_camera_in_a_corner_of_the_volume_sees_it() {
 
 #[test]
 fn a_camera_a_million_lengths_away_is_as_sharp_as_parallel_rays() {
-    // The whole volume under an angle so small that rays are parallel to 1e-6.
+    // The whole volume at an angle so small that rays are parallel to 1e-6.
     let mut near = scenes::named("orthographic");
     let volume = near.volume.clone();
     let view = near.camera.view(&volume.geometry, 1.0).unwrap();
@@ -168,12 +168,12 @@ fn a_camera_a_million_lengths_away_is_as_sharp_as_parallel_rays() {
     far.camera.projection = Projection::Perspective { fov_degrees };
     let (near, far) = (Rungs::new(near, SIZE), Rungs::new(far, SIZE));
     let expected = near.march::<f64>(&near.stored::<f64>());
-    // Besides rounding, rays lean by up to 1e-6 of the volume's depth.
+    // Besides rounding, rays are tilted by up to 1e-6 of the volume's depth.
     let judged = places(&near);
     let reach = judged.error + 1e-6;
     let bound = of_places(&near, &expected, [reach; 3], ROUNDINGS_PER_STEP_OF_TWO);
     let pixels = SIZE[0] * SIZE[1];
-    // A headlight turns with each ray, by 1e-6 too; the plan of both is the same.
+    // A headlight follows each ray, within 1e-6 as well; both plans are equal.
     assert_eq!(near.planned.plan.components(), far.planned.plan.components());
     for (rung, sums) in marched(&far) {
         for (i, (&found, (&expected, &bound))) in
@@ -210,10 +210,10 @@ fn the_loss_that_is_stated_covers_what_64_bits_lose() {
         let statistics = scene.volume.statistics().unwrap();
         Storage::new(&plan(&scene, &Quiet).unwrap().plan, &scene.volume, &statistics).loss
     };
-    // From 2^62 on f64 are 1024 apart: all 64 values become the first, and the last moves by 63.
+    // From 2^62 on, f64 values are 1024 apart: all 64 values become the first, and the last moves by 63.
     let offset = 1_i64 << 62;
     assert_eq!(loss(Voxels::I64((offset..offset + 64).collect())).to_bits(), 63.0_f64.to_bits());
-    // Those that an f64 can say lose nothing, and neither does one value, however large.
+    // Values representable in f64 lose nothing, and neither does a single value, however large.
     assert_eq!(loss(Voxels::I64((0..64).map(|i| offset + 1024 * i).collect())).to_bits(), 0.0_f64.to_bits());
     assert_eq!(loss(Voxels::U32(vec![4_000_000_000; 64])).to_bits(), 0.0_f64.to_bits());
     // u64: 2048 apart, and the largest is 2^64 − 1.
@@ -244,7 +244,7 @@ fn without_materials_all_light_passes() {
     });
 }
 
-/// Pictures (XYZ) of a dense scene that follow each ray to its end, and that end rays as scenes do that do not say when.
+/// Pictures (XYZ) of a dense scene without early ray termination, and with the default threshold.
 fn full_and_early(name: &str, background: Option<&Reflectance>) -> Vec<(&'static str, Vec<DVec3>, Vec<DVec3>)> {
     let mut scene = scenes::named(name);
     for term in &mut scene.transfer.terms {
@@ -266,7 +266,7 @@ fn full_and_early(name: &str, background: Option<&Reflectance>) -> Vec<(&'static
     .collect()
 }
 
-/// That of a scene which does not say.
+/// Default termination threshold.
 fn usual_termination() -> f64 {
     scenes::of("", scenes::slab([2, 2, 2], 0)).accuracy.termination
 }
@@ -276,7 +276,8 @@ fn difference(one: DVec3, other: DVec3) -> f64 {
     ciede2000(lab(one), lab(other))
 }
 
-/// docs/theory/acceptance.md C17, without a background and in front of a perfect reflector, the brightest thing that a ray can miss.
+/// docs/theory/acceptance.md C17, without a background and in front of a perfect reflector, the brightest possible
+/// background.
 #[test]
 fn ending_rays_early_cannot_be_seen() {
     let white = Reflectance::new(Spectrum::constant(1.0)).unwrap();
@@ -310,7 +311,7 @@ fn random_samples_add_up_as_exactly_as_they_should() {
                     _ if random.unit() < 0.02 => 1.0 - 1e-6,
                     _ => random.between(0.0, 3.0 / n),
                 };
-                // Σ T·s and T = Π (1 − α), written out in f64.
+                // Σ T·s and T = Π (1 − α) in f64.
                 let (mut single, mut exact) = (([0.0_f32], 1.0_f32), (0.0_f64, 1.0_f64));
                 for _ in 0..samples {
                     let alpha = narrow(opacity());
@@ -326,10 +327,10 @@ fn random_samples_add_up_as_exactly_as_they_should() {
     }
 }
 
-/// What is done to a scene.
+/// Change of a scene.
 type Change<'a> = &'a dyn Fn(&mut Scene);
 
-/// docs/theory/acceptance.md C16, in k numbers.
+/// docs/theory/acceptance.md C16, with coefficients.
 #[test]
 fn coloured_extremes_are_finite() {
     let glass = scenes::named("coloured_three");
@@ -360,7 +361,8 @@ fn coloured_extremes_are_finite() {
         for (rung, sums) in marched(&rungs) {
             let picture = sums.relight(&matrices);
             assert!(picture.iter().all(|colour| colour.is_finite()), "{what}, {rung}");
-            // The first pixel's ray meets nothing: what passes is 1 in every number, and the background is itself.
+            // The first pixel's ray misses the volume: its transmittance is 1 in every component, and the background is
+            // unchanged.
             let pixels = SIZE[0] * SIZE[1];
             assert!(
                 sums.transmittance.iter().step_by(pixels).all(|&passed| (1.0 - passed).abs() <= 0.0),
@@ -376,7 +378,8 @@ fn narrow(value: f64) -> f32 {
     value as f32
 }
 
-/// Some devices stop an invocation, silently, after 65,535 iterations of all its loops; lanes and positions count too.
+/// Some devices silently stop an invocation after 65,535 iterations of all its loops, including those over lanes and
+/// positions.
 #[test]
 fn many_positions_and_many_materials_take_every_sample() {
     let lights: String = (0..33)
@@ -409,7 +412,7 @@ fn many_positions_and_many_materials_take_every_sample() {
     }
 }
 
-/// Lengths count in the volume's own unit: a volume of any size is the same picture.
+/// Lengths are relative to the volume's size: scaling a volume leaves the picture unchanged.
 #[test]
 fn a_volume_of_any_size_is_the_same_picture() {
     let picture = |spacing: f64| {
@@ -438,7 +441,8 @@ fn a_volume_of_any_size_is_the_same_picture() {
 
 #[test]
 fn normals_of_a_sphere_in_flat_voxels_point_out_of_it() {
-    // A ball about the middle of 61 × 61 × 21 voxels of 1 × 1 × 3, whose value falls with the distance from it.
+    // A ball in the middle of 61 × 61 × 21 voxels of 1 × 1 × 3, with values that fall with the distance from the
+    // centre.
     let (dims, spacing) = ([61, 61, 21], DVec3::new(1.0, 1.0, 3.0));
     let half = DVec3::from_array(dims.map(|n| 0.5 * (float(n) - 1.0))) * spacing;
     let mut scene = scenes::named("diffuse_one");

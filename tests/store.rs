@@ -1,4 +1,4 @@
-//! Finished accumulators in 16 bits: as near as they can be to those in 32, on every rung, or refused.
+//! Films in 16 bits: as close to 32 bits as rounding permits on every rung, or refused.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -17,7 +17,7 @@ use relume::spectrum::{Reflectance, Spectrum};
 use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE};
 
-/// The scene `name` under lights that are white of Y = 1 together, in 32 bits and in 16, with the same model.
+/// The scene `name` in 32 and in 16 bits with the same model, under lights that add up to a white of Y = 1.
 fn both(name: &str) -> [Rungs; 2] {
     let mut scene = scenes::named(name);
     let total: f64 = scene.lights.iter().map(|light| light.intensity).sum();
@@ -28,7 +28,7 @@ fn both(name: &str) -> [Rungs; 2] {
     [full, half]
 }
 
-/// `half` is `full` rounded to the nearest, number by number.
+/// Asserts that `half` is `full` rounded to the nearest value.
 fn check<R: Real>(what: &str, rungs: &Rungs, full: &Film<R>, half: &Film<R>) {
     let nearest = |number: R| f16::from_f64(number.to_f64()).to_f64();
     let same = |full: &[R], half: &[R], rounded: bool| {
@@ -42,7 +42,7 @@ fn check<R: Real>(what: &str, rungs: &Rungs, full: &Film<R>, half: &Film<R>) {
     same(&full.transmittance, &half.transmittance, rungs.planned.plan.transmittance == Transmittance::Coloured);
 }
 
-/// Scenes, and what docs/theory/acceptance.md C11 allows them: the last one's reflectances are negative in places.
+/// Scenes, and their limits in docs/theory/acceptance.md C11; the last one has partly negative reflectances.
 const SCENES: [(&str, f64); 7] = [
     ("diffuse_three", 0.1),
     ("specular_three", 0.1),
@@ -95,10 +95,10 @@ fn sixteen_bits_move_colours_by_no_more_than_is_said() {
 #[test]
 fn a_pixel_takes_half_the_bytes() {
     let bytes = |name: &str| both(name).map(|rungs| rungs.planned.plan.pixel_bytes());
-    // Three positions of k numbers and as many of what passes: whole vectors of four.
+    // Three positions of k coefficients and the transmittance's k components: whole vectors of four.
     let [full, half] = bytes("coloured_three");
     assert_eq!(half * 2, full);
-    // Three positions of one vector, and 4 bytes of what passes, which stay.
+    // Three positions of one vector, and a transmittance that keeps its 4 bytes.
     assert_eq!(bytes("diffuse_three"), [3 * 16 + 4, 3 * 8 + 4]);
     let [full, half] = both("coloured_three").map(|rungs| rungs.planned.plan.marched_bytes());
     assert_eq!(2 * half, 3 * full, "both are there while one becomes the other");
@@ -111,7 +111,7 @@ fn weights_of_materials_without_negative_colours_keep_their_bound() {
     assert!((0.1..0.5).contains(&said), "{said}");
     let mut random = Random::new(11);
     for _ in 0..20_000 {
-        // A colour no brighter than white, each coordinate off by 2⁻¹¹ of itself at most.
+        // A colour no brighter than white, with every coordinate off by at most 2⁻¹¹ of itself.
         let white = d65_white().0;
         let brightness = random.unit();
         let xyz = [0, 1, 2].map(|axis| white[axis] * brightness * random.unit());
@@ -122,7 +122,7 @@ fn weights_of_materials_without_negative_colours_keep_their_bound() {
     }
 }
 
-/// The plan of `scene` in 16 bits is refused.
+/// Asserts that the plan of `scene` in 16 bits is refused.
 fn refused(scene: &Scene) -> PlanError {
     let mut scene = scene.clone();
     scene.accuracy.storage = StoreAs::Half;
@@ -137,7 +137,8 @@ fn what_would_show_is_refused_with_the_way_out() {
         scene.accuracy.dimension = Some(6);
         scene
     };
-    // By weights, materials that are darker than black cancel others; by k numbers, each of a black of large amplitude does.
+    // With weights, materials darker than black cancel others; with coefficients, a black of large amplitude does by
+    // itself.
     let darker = with("unshaded_one", Spectrum::constant(-0.5));
     let mut black = with("unshaded_one", metameric_black(270.0));
     black.accuracy.accumulate = AccumulateAs::Spectral;
@@ -147,13 +148,13 @@ fn what_would_show_is_refused_with_the_way_out() {
         assert!(most > 1.0 && tolerance >= 1.0 && kept >= most, "{error}");
         let text = error.to_string();
         assert!(text.contains(&format!("{most:.2}")) && text.contains("storage = \"f32\""), "{text}");
-        // What is offered is kept.
+        // The suggested tolerance is met.
         let mut scene = scene.clone();
         (scene.accuracy.storage, scene.accuracy.tolerance) = (StoreAs::Half, kept);
         let planned = plan(&scene, &Quiet).unwrap();
         assert!(planned.explain(&scene).iter().any(|sentence| sentence.contains("16 bits")), "{error}");
     }
-    // The same black by weights is nothing but black: its weight is seen by no eye.
+    // With weights the same metameric black has no visible weight.
     black.accuracy.accumulate = AccumulateAs::Weights;
     black.accuracy.storage = StoreAs::Half;
     black.lights.iter_mut().for_each(|light| light.spectrum = relume::spectrum::standard::d65().clone());

@@ -1,4 +1,4 @@
-//! How voxels and gradients are stored: each way gives the picture, and takes the memory, that it says.
+//! Storage of voxels and gradients: every format gives the correct picture and uses the stated memory.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -13,7 +13,7 @@ use support::rungs::{Rungs, with_renderer};
 use support::scenes::{self, SIZE, float};
 use support::tolerance::DEVICE_MEAN;
 
-/// The scene `name` with other accuracy.
+/// The scene `name` with changed accuracy.
 fn changed(name: &str, change: impl Fn(&mut Scene)) -> Rungs {
     let mut scene = scenes::named(name);
     change(&mut scene);
@@ -37,17 +37,17 @@ fn gradients_of_samples_around_are_those_of_the_device_and_of_the_reference() {
             };
             let (central, packed) = (with(Gradients::Central), with(Gradients::Packed));
             let formats = [central.storage.format, packed.storage.format];
-            // The other volumes have nothing beside their values; theirs are four times as large.
+            // The other volumes store values only; these are four times as large.
             assert_eq!(4 * formats[0].bytes(), formats[1].bytes(), "{name}: {formats:?}");
             let lit = |rungs: &Rungs| rungs.march::<f64>(&rungs.stored::<f64>()).relight(&rungs.xyz_matrices());
             let (mean, _) = apart(&lit(&central), &lit(&packed));
-            // They differ by how 16 bits round, and at the faces of the volume.
+            // They differ by rounding to 16 bits, and at the faces of the volume.
             assert!(mean <= 2e-3, "{name}: {mean}");
             with_renderer(|renderer| {
                 let found = central.gpu(renderer).relight(&central.xyz_matrices());
                 let expected = central.march::<f32>(&central.stored::<f32>()).relight(&central.xyz_matrices());
                 let (mean, _) = apart(&found, &expected);
-                // Differences of neighbours cancel: they lose the digits that those share.
+                // Differences of neighbours cancel and lose their common digits.
                 assert!(mean <= 100.0 * DEVICE_MEAN, "{name}, {interpolation:?}: {mean}");
             });
         }
@@ -75,7 +75,7 @@ fn volumes_in_32_bits_show_what_those_in_16_do() {
     }
 }
 
-/// Of 65536 codes over the range, the nearest is within half of one.
+/// The nearest of 65536 codes over the range is off by at most half a code.
 #[test]
 fn fractions_in_16_bits_lose_half_a_code_at_most_and_say_so() {
     let mut scene = scenes::named("unshaded_one");

@@ -1,4 +1,4 @@
-//! The viewer's window, opened on a screen of its own and driven by scripts.
+//! The viewer's window on a virtual display, driven by scripts.
 #![cfg(feature = "window")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -11,7 +11,7 @@ use serde_json::Value;
 use support::program::{Folder, Outcome, SCENE};
 use support::screen::{Screen, report};
 
-/// Brightness as it comes, so that a node is what `--light` asks for.
+/// Without normalisation, so that a node equals `--light`.
 const DIAL: &str = "[dial]\nnormalise = false\n[dial.nodes]\nday = [0, 1]\nlamp = [0, -1]\n";
 
 fn folder() -> Folder {
@@ -22,7 +22,7 @@ fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
     std::fs::read(folder.path(name)).unwrap()
 }
 
-/// Pixels of a picture across and down, and red, green and blue of each.
+/// Size of a picture in pixels, and its RGB samples.
 fn rgb(folder: &Folder, name: &str) -> ([usize; 2], Vec<u8>) {
     let file = BufReader::new(std::fs::File::open(folder.path(name)).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
@@ -31,7 +31,7 @@ fn rgb(folder: &Folder, name: &str) -> ([usize; 2], Vec<u8>) {
     ([info.width, info.height].map(|side| usize::try_from(side).unwrap()), pixels)
 }
 
-/// `WxH` of the pictures of a session.
+/// `WxH` of a session's pictures.
 fn size(report: &Value) -> String {
     format!("{}x{}", report["size"][0], report["size"][1])
 }
@@ -184,7 +184,7 @@ fn a_window_of_any_size_shows_its_picture() {
     assert_eq!(shown, (1280, 720), "the last size asked for");
 }
 
-/// A window is drawn anew where it has changed; one of another size is drawn anew everywhere.
+/// A window is redrawn where it has changed; after a change of its size, everywhere.
 #[test]
 fn a_window_that_was_drawn_in_parts_is_the_one_that_is_drawn_whole() {
     let Some(screen) = Screen::new() else { return };
@@ -225,7 +225,7 @@ settle
     let ([width, height], parts) = rgb(&folder, "parts.png");
     let (size, whole) = rgb(&folder, "whole.png");
     assert_eq!(([width, height], size), ([900, 760], [900, 760]));
-    // The last line says how long frames take. Devices draw a triangle in blocks, and round colours as these begin.
+    // The last line shows frame times. Devices draw triangles in blocks, whose origins affect the rounding of colours.
     let codes = 3 * width * (height - 26);
     let wrong = (0..codes).find(|&code| parts[code].abs_diff(whole[code]) > 1).map(|code| code / 3);
     assert_eq!(wrong.map(|pixel| [pixel % width, pixel / width]), None, "the first pixel that is not the same");
@@ -267,7 +267,7 @@ picture other.png
 #[test]
 fn a_volume_without_a_scene_shows_something_at_once() {
     let Some(screen) = Screen::new() else { return };
-    // A ball in the air, with a core.
+    // A ball with a core, in air.
     let voxel = |index: usize| {
         let [x, y, z] = [index % 24, index / 24 % 24, index / 576].map(|at| i32::try_from(at).unwrap() - 12);
         match x * x + y * y + z * z {
@@ -315,7 +315,7 @@ fn what_cannot_be_done_with_nobody_there_to_see_it_ends_in_1() {
     assert!(report(&outcome)["failures"][0].as_str().unwrap().contains("nothing.mhd"), "{}", outcome.err);
 }
 
-/// Opens `opened` again as it was saved in `session`, and has `render` make its picture: all are the same to the bit.
+/// Opens the `session` saved from `opened` and renders its picture: all pictures are equal to the bit.
 fn assert_opens_as_it_was_saved(screen: &Screen, folder: &Folder, session: &str, saved: [&str; 2], size: &str) {
     folder.done(&["render", session, "-o", "again.png", "-o", "again.exr", "--size", size]);
     assert_eq!(bytes(folder, saved[0]), bytes(folder, "again.png"), "{session} rendered");
@@ -579,7 +579,7 @@ settle
     assert_eq!(bytes(&folder, "seen.png"), bytes(&folder, "still.png"), "a saved tour leaves the light as it was");
     let size = size(&report);
     assert_opens_as_it_was_saved(&screen, &folder, "seen.toml", ["seen.png", "seen.exr"], &size);
-    // Every picture of a tour is what `render` makes of the session with the hand there.
+    // Every picture of a tour equals that of `render` for the session with the hand at that position.
     for (number, hand) in [(1, "[0, -1]"), (3, "[0.3, 0.2]"), (5, "[0.15, -0.4]")] {
         let mix = format!("mix.hand={hand}");
         folder.done(&[
@@ -690,7 +690,7 @@ fn a_light_of_intensity_0_is_off_as_the_scene_opens_and_there_to_be_turned_on() 
     assert_eq!(bytes(&folder, "node.png"), rendered(&["--light", "lamp"]));
 }
 
-/// `render` makes of `session` the picture that was `saved`.
+/// Asserts that `render` makes the picture `saved` from `session`.
 fn assert_opens_as_it_was_saved_in(folder: &Folder, session: &str, saved: &str, size: &str) {
     folder.done(&["render", session, "-o", "again.png", "--size", size]);
     assert_eq!(bytes(folder, saved), bytes(folder, "again.png"), "{session} rendered");
@@ -700,7 +700,7 @@ fn assert_opens_as_it_was_saved_in(folder: &Folder, session: &str, saved: &str, 
 fn what_a_hand_saves_has_a_name_of_its_own_each_time() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder().with("relume-0002.png", "kept");
-    // The menu of files, and its line "Save picture".
+    // The file menu and its entry "Save picture".
     let click = |[x, y]: [u32; 2]| format!("pointer {x} {y}\nframes 2\npress\nrelease\nframes 2\nsettle\n");
     let save = [[22, 17], [60, 168]].map(click).concat();
     screen.script(&folder, "dial.toml", &format!("size 1280 800\nsettle\n{save}{save}"));
@@ -735,7 +735,7 @@ fn accumulators_are_saved_as_render_writes_them_of_the_session() {
 fn a_volume_that_is_put_into_no_scene_opens_as_one_without_a_scene() {
     let Some(screen) = Screen::new() else { return };
     let header = "NRRD0004\ntype: uint16\nendian: little\ndimension: 3\nsizes: 8 8 8\nencoding: raw\n\n";
-    // Values far beyond those of the scene that is part of the program.
+    // Values far outside those of the built-in scene.
     let values = (0..512_u16).flat_map(|index| (index * 120).to_le_bytes());
     let folder = folder().with("ball.nrrd", header.bytes().chain(values).collect::<Vec<u8>>());
     std::fs::write(folder.path("script.txt"), "settle\npicture shown.png\n").unwrap();
@@ -768,7 +768,7 @@ fn a_window_without_a_size_is_as_large_on_every_screen_and_one_with_a_size_has_i
 #[test]
 fn a_volume_of_one_slice_opens_face_on_and_is_seen_and_saved_so() {
     let Some(screen) = Screen::new() else { return };
-    // A bright disc in a darker square; left, near the top, a brighter spot.
+    // A bright disc in a darker square, with a brighter spot at the top left.
     let [across, down] = [64_usize, 48];
     let value = |i: usize| {
         let [x, y] = [i % across, i / across].map(|at| f64::from(u32::try_from(at).unwrap()));
@@ -787,7 +787,7 @@ fn a_volume_of_one_slice_opens_face_on_and_is_seen_and_saved_so() {
     assert!(middle.iter().any(|&code| code > 80), "the disc: {middle:?}");
     let lit = pixels.chunks_exact(3).filter(|pixel| pixel.iter().any(|&code| code > 60)).count();
     assert!(10 * lit > width * height, "{lit} of {}", width * height);
-    // What is at the left and the top of the slice is there on the screen too.
+    // The left and the top of the slice are left and top on the screen too.
     let spot =
         pixels.chunks_exact(3).enumerate().max_by_key(|(_, pixel)| pixel.iter().map(|&c| u32::from(c)).sum::<u32>());
     let (index, _) = spot.unwrap();

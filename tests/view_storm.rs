@@ -1,4 +1,4 @@
-//! Whatever a hand does, and whatever becomes of the screen, the window holds or ends in a sentence.
+//! Under random input and display failures, the window survives or ends with an error message.
 #![cfg(all(feature = "window", unix))]
 #![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a test fails by panicking, and says what was measured")]
 
@@ -13,7 +13,7 @@ use serde_json::Value;
 use support::program::{Folder, Outcome, SCENE, labelled};
 use support::screen::{Screen, report};
 
-/// Scenes with the same names in them, a volume alone, and what cannot be opened.
+/// Folder of scenes with the same names, a bare volume, and files that cannot be opened.
 fn folder() -> Folder {
     let more = labelled();
     let absorbing =
@@ -31,20 +31,22 @@ fn folder() -> Folder {
         .with("broken.toml", more.replace("D65", "D99"))
 }
 
-/// Inputs between two looks at the memory.
+/// Number of inputs between two memory measurements.
 const MARK: usize = 1000;
 
-/// Makes up what a hand does, line by line.
+/// Generates random script lines.
 struct Storm {
     random: Random,
-    /// Whether what is open has the names of [`SCENE`].
+    /// Whether the open scene has the names of [`SCENE`].
     named: bool,
 }
 
 impl Storm {
-    /// A script of `inputs` lines which saves `early.toml` after a fifth of them, and `late.toml` at the end, each with the
-    /// same scene just opened and at rest, after the largest picture that the storm may ask for: what a software device's
-    /// memory once had in it stays with the program, to be written again.
+    /// Returns a script of `inputs` lines that saves `early.toml` after a fifth of them and `late.toml` at the end.
+    /// Before each
+    /// save it reopens the same scene and lets it settle after the largest picture of the storm, because memory that a
+    /// software
+    /// device has used stays with the process for reuse.
     fn script(seed: u64, inputs: usize) -> String {
         let mut storm = Self { random: Random::new(seed), named: true };
         let mut script = "settle\n".to_owned();
@@ -70,7 +72,7 @@ impl Storm {
         all[self.random.index(all.len())]
     }
 
-    /// A number as people give it, sometimes a strange one.
+    /// A plausible number, sometimes an unusual one.
     fn number(&mut self, low: f64, high: f64) -> f64 {
         match self.random.index(40) {
             0 => f64::NAN,
@@ -119,7 +121,7 @@ impl Storm {
         match file {
             "ball.nrrd" => self.named = false,
             "scene.toml" | "stained.toml" | "parallel.toml" => {
-                // Names are of what is open, which the next line knows only once this is.
+                // Names refer to the open scene, which the next line can use only after loading.
                 let settles = !self.named || self.random.index(3) == 0;
                 self.named = true;
                 return format!("open {file}{}", if settles { "\nsettle" } else { "" });
@@ -129,7 +131,7 @@ impl Storm {
         format!("open {file}")
     }
 
-    /// What names something of the scene.
+    /// Line that refers to a name in the scene.
     fn named(&mut self) -> String {
         let light = self.one_of(&["day", "lamp"]);
         let material = self.one_of(&["flesh", "bone"]);
@@ -159,7 +161,7 @@ impl Storm {
         format!("{from} {to} {} {}", self.number(0.0, 20.0), self.number(0.0, 1.0))
     }
 
-    /// What suits every scene.
+    /// Line that suits every scene.
     fn nameless(&mut self) -> String {
         let switch = self.one_of(&["on", "off"]);
         match self.random.index(18) {
@@ -187,14 +189,14 @@ impl Storm {
     }
 }
 
-/// Bytes of memory that `child` has now.
+/// Resident memory of `child` in bytes.
 fn resident(child: &Child) -> Option<u64> {
     let text = std::fs::read_to_string(format!("/proc/{}/status", child.id())).ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
     line.trim().strip_suffix(" kB")?.parse::<u64>().ok().map(|kib| kib << 10)
 }
 
-/// Waits until `ready`, no longer than `seconds`.
+/// Waits up to `seconds` until `ready`.
 fn wait_until(what: &str, seconds: u64, mut ready: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !ready() {
@@ -209,13 +211,14 @@ fn ended(child: Child) -> Outcome {
     Outcome { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
 }
 
-/// Starts the viewer; what it says is kept.
+/// Starts the viewer with captured output.
 fn start(screen: &Screen, folder: &Folder, arguments: &[&str]) -> Child {
     screen.command(folder, arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
 }
 
-/// Drives a window by `inputs` random lines: it ends well, the validation layer says nothing, and it has no more memory at
-/// the end than after a fifth of them, but for what a few plans and sizes more take.
+/// Drives a window by `inputs` random lines. It must end without failure or validation messages, and use no more memory
+/// at
+/// the end than after a fifth of the lines, except for additional plans and sizes.
 fn storm(seed: u64, inputs: usize) {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
@@ -242,15 +245,17 @@ fn storm(seed: u64, inputs: usize) {
     let report = report(&outcome);
     let megabytes = bytes.map(|bytes| bytes.map(|bytes| bytes >> 20));
     println!("{} frames, {} marches, {megabytes:?} MB", report["frames"], report["marches"]);
-    // Only Linux tells.
+    // Only Linux reports it.
     if let [Some(early), Some(late)] = bytes {
         assert!(late <= early + ALLOWANCE, "seed {seed}: {early} bytes became {late}");
     }
 }
 
-/// Bytes that a few more plans and sizes take. Without the validation layer, 10,000 inputs took 18 MB more than 2000, all of it in the
-/// first 5000: pipelines of plans that came up for the first time, 1.2 MB each on a software device, of which no more than 64 are kept.
-/// The layer takes 0.5 MB more with every 1000 inputs, for marches and swapchains that are gone.
+/// Memory for additional plans and sizes, in bytes. Without the validation layer, 10,000 inputs took 18 MB more than
+/// 2000,
+/// all within the first 5000: pipelines of new plans, 1.2 MB each on a software device, of which at most 64 are kept.
+/// The
+/// layer takes 0.5 MB more per 1000 inputs, for freed marches and swapchains.
 const ALLOWANCE: u64 = 32 << 20;
 
 #[test]
@@ -264,7 +269,7 @@ fn ten_thousand_random_inputs_leave_the_window_in_order() {
     storm(2, 10_000);
 }
 
-/// A round of what people do all day, which ends where it began.
+/// A round of typical work that ends in its initial state.
 const ROUND: &str = "open stained.toml
 settle
 size 500 400
@@ -290,7 +295,7 @@ fn what_is_done_again_and_again_takes_no_more_memory() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
     let rounds = |count: usize, name: &str| format!("{}save session {name}\nframes 30\n", ROUND.repeat(count));
-    // What a software device's memory once had in it stays with the program: where in it pictures come to lie, differs.
+    // Memory that a software device has used stays with the process, but pictures may be placed differently in it.
     let first = "panels off\nsize 900 700\nopen stained.toml\nsettle\norbit 40 10\nsettle\npanels on\n";
     let script = [first.to_owned(), rounds(ROUNDS, "early.toml"), rounds(3 * ROUNDS, "late.toml")].concat();
     std::fs::write(folder.path("script.txt"), script).unwrap();
@@ -301,17 +306,18 @@ fn what_is_done_again_and_again_takes_no_more_memory() {
     });
     report(&ended(child));
     println!("{:?} MB", bytes.map(|bytes| bytes.map(|bytes| bytes >> 20)));
-    // Only Linux tells.
+    // Only Linux reports it.
     if let [Some(early), Some(late)] = bytes {
         assert!(late <= early + ROUNDS_ALLOWANCE, "{early} bytes became {late}");
     }
 }
 
-/// Rounds until all is there that is kept for the next one.
+/// Rounds until every cache is filled.
 const ROUNDS: usize = 6;
 
-/// Bytes that come and go with the heaps of threads, and what the validation layer keeps of each march and of each swapchain. Of
-/// what each round keeps, a picture for one, so many rounds have more, also where it first fills what is there already.
+/// Variation of the threads' heaps, and the validation layer's records of marches and swapchains, in bytes. A leak of,
+/// say,
+/// one picture per round exceeds it in this many rounds, even if it first fills memory already allocated.
 const ROUNDS_ALLOWANCE: u64 = 10 << 20;
 
 #[test]
@@ -351,7 +357,7 @@ fn a_window_that_is_out_of_sight_for_a_while_goes_on() {
     assert_ended_well(child, 800);
 }
 
-/// Seconds that `child` has computed, as Linux counts them: by the hundredth.
+/// CPU time of `child` in seconds, which Linux counts in hundredths.
 #[cfg(target_os = "linux")]
 fn computed(child: &Child) -> f64 {
     let text = std::fs::read_to_string(format!("/proc/{}/stat", child.id())).unwrap();
@@ -367,7 +373,7 @@ fn a_window_at_rest_computes_nothing() {
     let child = start(&screen, &folder, &["scene.toml"]);
     let window = screen.window();
     let mut shares = Vec::new();
-    // At first there is a picture to make.
+    // The first picture must be finished first.
     wait_until("at rest", 30, || {
         let (before, begun) = (computed(&child), Instant::now());
         std::thread::sleep(Duration::from_secs(2));
@@ -382,14 +388,14 @@ fn a_window_at_rest_computes_nothing() {
 #[test]
 #[cfg(target_os = "linux")]
 fn a_picture_that_was_saved_is_told_of_though_nothing_moves() {
-    /// What notices stand on.
+    /// Background colour of notices.
     const PAPER: [u8; 3] = [255, 236, 179];
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
     let child = start(&screen, &folder, &["scene.toml"]);
     let window = screen.window();
     for number in 1..=3 {
-        // At rest, and what was told before is gone.
+        // Idle, without the previous notice.
         std::thread::sleep(Duration::from_secs(2));
         wait_until("no notice", 20, || window.pixels_of(PAPER) == 0);
         window.press_with_control('p');
@@ -413,7 +419,7 @@ fn the_pictures_of_a_tour_are_of_one_thing() {
         wait_until(name, 60, || child.try_wait().unwrap().is_some() || folder.path(name).exists());
     };
     wait("tour-0003.png");
-    // Of what is looked at, and not of a place on the way: it waits for the end of the tour.
+    // The saved picture shows the document, not a position of the tour: it waits for the end of the tour.
     window.press_with_control('p');
     wait("tour-0009.png");
     assert!(!folder.path("relume-0001.png").exists());
@@ -452,7 +458,7 @@ fn a_display_that_goes_away_is_told_of_in_one_sentence() {
     }
 }
 
-/// Runs `script` where the device fails as `failure` says.
+/// Runs `script` with the device failure `failure`.
 fn failing(screen: &Screen, folder: &Folder, failure: &str, script: &str) -> Outcome {
     std::fs::write(folder.path("script.txt"), script).unwrap();
     let mut command = screen.command(folder, &["scene.toml", "--script", "script.txt"]);
@@ -528,7 +534,7 @@ fn wherever_the_device_runs_out_of_memory_the_window_goes_on_or_ends_in_a_senten
     for objects in (1..60).step_by(9) {
         let outcome = failing(&screen, &folder, &format!("out-of-memory={objects}"), script);
         if outcome.out.is_empty() {
-            // Nothing was open when the script went on.
+            // The script went on before a scene was open.
             outcome.assert_refused(1, &[]);
         } else {
             report(&outcome);

@@ -1,4 +1,4 @@
-//! Volumes of any source: the shared real files, raw voxels, statistics, coarser grids.
+//! Volumes from all sources: shared real files, raw voxels, statistics and downsampling.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 #![expect(clippy::float_cmp, reason = "exact in binary")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
@@ -20,7 +20,7 @@ fn unit(dims: [usize; 3], voxels: Voxels) -> Volume {
     Volume::new("test", voxels, Geometry::unit("test", dims).unwrap()).unwrap()
 }
 
-/// How a shared file is opened, other than by its name.
+/// Opens a shared file, with the options of those that need more than a name.
 fn open_shared(folder: &Path, name: &str, selection: &Selection) -> Result<Volume, VolumeError> {
     let raw = |file: &str, layout: RawLayout| {
         let layout = RawLayout { file: Some(file.into()), ..layout };
@@ -78,7 +78,7 @@ fn the_frog_averages_as_numpy_averages_it() {
     assert_eq!(hex(half.voxels.bytes()), "1b19f4c167080414f177d341856730d9dccf81cf547b3d6db4aaf48aab3d82bb");
 }
 
-/// A folder with one file of bytes in it.
+/// Folder with one file.
 fn folder_with(name: &str, bytes: &[u8]) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join(name), bytes).unwrap();
@@ -136,7 +136,7 @@ fn a_sidecar_says_what_to_read_as_a_scene_does() {
     refused("downsample = [0, 1, 1]", "a whole number from 1");
     refused("downsample = [5, 1, 1]", "blocks of 5×1×1 in 4×1×1 voxels");
     refused("labels = 'b.raw'", "unknown field `labels`");
-    // Who opens the file may choose otherwise.
+    // The user may choose another component.
     let chosen = Selection { component: Some(0), ..Selection::default() };
     assert!(open("component = 1", &chosen).is_ok(), "component 0 is there");
 }
@@ -151,7 +151,7 @@ fn a_sidecar_names_no_file_outside_its_folder() {
         let error = volume::open(&sidecar, &Selection::default(), &Quiet).unwrap_err();
         assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
     }
-    // Who names the file on the command line may name any.
+    // A file given on the command line may be anywhere.
     let layout = RawLayout { file: Some("../a.raw".into()), ..RawLayout::new([2, 1, 1], VoxelType::U8) };
     assert!(volume::open_raw(&layout, &folder.path().join("sub"), &Selection::default(), &Quiet).is_ok(), "named");
 }
@@ -237,7 +237,7 @@ fn unknown_and_missing_files_are_named() {
     }
 }
 
-/// Counts bytes, and asks to stop after some.
+/// Counts bytes, and cancels after some.
 struct Listener {
     stop_after: u64,
     done: AtomicU64,
@@ -311,25 +311,25 @@ fn slope_and_intercept_are_applied_and_may_mirror() {
 
 #[test]
 fn means_are_exact_where_sums_are_large() {
-    // The sum of the u64 overflows u64; that of the f64 overflows f64.
+    // The sum of the u64 values overflows u64; that of the f64 values overflows f64.
     let large = vec![u64::MAX; 5];
     assert!((unit([5, 1, 1], Voxels::U64(large)).statistics().unwrap().mean / 2_f64.powi(64) - 1.0).abs() < 1e-15);
     let statistics = unit([4, 1, 1], Voxels::F64(vec![f64::MAX, f64::MAX, -f64::MAX, f64::MAX])).statistics().unwrap();
     assert!((statistics.mean / (f64::MAX / 2.0) - 1.0).abs() < 1e-12, "{}", statistics.mean);
     assert_eq!((statistics.histogram[0], statistics.histogram[63]), (1, 3));
-    // Σ i / n = (n − 1) / 2, with a large number that goes and comes.
+    // Σ i / n = (n − 1) / 2, with a large number added and subtracted.
     let n = 3_000_000_u32;
     let ramp: Vec<f64> = (0..n).map(f64::from).collect();
     let mean = unit([ramp.len(), 1, 1], Voxels::F64(ramp)).statistics().unwrap().mean;
     assert!((mean / (f64::from(n - 1) / 2.0) - 1.0).abs() < 1e-12, "{mean}");
-    // The same, exactly, in integers: (n − 1) n / 2 / n.
+    // The same exactly, in integers: (n − 1) n / 2 / n.
     let ramp: Vec<i32> = (0..3_000_001).collect();
     assert_eq!(unit([ramp.len(), 1, 1], Voxels::I32(ramp)).statistics().unwrap().mean, 1_500_000.0);
 }
 
 #[test]
 fn statistics_see_every_voxel_of_every_task() {
-    // 16 million voxels are several tasks; each value of a byte occurs 65536 times.
+    // 16 million voxels are several tasks; each byte value occurs 65536 times.
     let voxels: Vec<u8> = (0..1_u32 << 24).map(|i| u8::try_from(i % 256).unwrap()).collect();
     let statistics = unit([1 << 12, 1 << 12, 1], Voxels::U8(voxels)).statistics().unwrap();
     assert_eq!([statistics.min, statistics.max, statistics.mean], [0.0, 255.0, 127.5]);

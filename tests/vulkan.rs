@@ -1,4 +1,4 @@
-//! Devices, buffers, images, dispatches: on whatever Vulkan device there is, watched by the validation layer.
+//! Devices, buffers, images and dispatches on any Vulkan device, with the validation layer.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that ran on nothing says so")]
 #![expect(clippy::print_stdout, reason = "a child process answers its parent")]
@@ -105,7 +105,7 @@ fn a_device_that_is_not_there_is_answered_with_those_that_are() {
     }
 }
 
-/// Not a test: opens a device in the environment that the tests below make, and prints what comes of it.
+/// Not a test: opens a device in the environment set by the tests below, and prints the result.
 #[test]
 #[ignore = "run by the tests of broken environments"]
 fn child_opens_a_device() {
@@ -115,7 +115,7 @@ fn child_opens_a_device() {
     }
 }
 
-/// What [`child_opens_a_device`] prints with `name` set to `value`.
+/// Output of [`child_opens_a_device`] with the variable `name` set to `value`.
 fn child_with(name: &str, value: &Path) -> String {
     let output = Command::new(env::current_exe().unwrap())
         .args(["--exact", "child_opens_a_device", "--ignored", "--nocapture"])
@@ -138,7 +138,7 @@ fn a_machine_without_a_driver_is_told_how_to_get_one() {
 
 #[test]
 fn a_machine_without_a_loader_is_told_how_to_get_one() {
-    // A library of no bytes comes first, and cannot be loaded.
+    // An empty library comes first in the search path and cannot be loaded.
     let directory = tempfile::tempdir().unwrap();
     fs::write(directory.path().join("libvulkan.so.1"), "").unwrap();
     let said = child_with("LD_LIBRARY_PATH", directory.path());
@@ -242,7 +242,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }";
 
-/// Uploads `texels` (encoded, x fastest) in slabs of one, then two slices, each its own submission.
+/// Uploads `texels` (encoded, x fastest) in slabs of one, then two slices, each in its own submission.
 fn upload_in_slabs(device: &Device, image: &Image3d, texels: &[u8]) {
     let [.., depth] = image.extent();
     let slice = texels.len() / depth as usize;
@@ -259,7 +259,7 @@ fn upload_in_slabs(device: &Device, image: &Image3d, texels: &[u8]) {
     }
 }
 
-/// What `image` gives with `filter` at `places` (voxel coordinates; voxel centres are integers).
+/// Samples `image` with `filter` at `places` (voxel coordinates; voxel centres are integers).
 fn sample(device: &Device, image: &Image3d, filter: Filter, places: &[[f32; 3]]) -> Vec<[f32; 4]> {
     let extent = image.extent().map(|texels| f32::from(u16::try_from(texels).unwrap()));
     let normalised: Vec<f32> = places
@@ -290,7 +290,7 @@ fn sample(device: &Device, image: &Image3d, filter: Filter, places: &[[f32; 3]])
 /// Eight, four and four voxels: powers of two, so that the coordinates below are exact in f32.
 const EXTENT: [u32; 3] = [8, 4, 4];
 
-/// Numbers without pattern, the same each time.
+/// Deterministic pseudorandom words.
 fn random_words(count: usize) -> Vec<u32> {
     let mut state = 1_u64;
     let mut next = || {
@@ -300,7 +300,7 @@ fn random_words(count: usize) -> Vec<u32> {
     (0..count).map(|_| next()).collect()
 }
 
-/// Interpolates between `value(x, y, z)` at a place, edge voxels going on outside, in f64.
+/// Trilinear interpolation of `value(x, y, z)` in f64, clamped at the edges.
 fn trilinear(value: impl Fn([usize; 3]) -> f64, place: [f32; 3]) -> f64 {
     let axis = |coordinate: f32, texels: u32| {
         let last = f64::from(texels - 1);
@@ -322,8 +322,9 @@ fn trilinear(value: impl Fn([usize; 3]) -> f64, place: [f32; 3]) -> f64 {
     sum
 }
 
-/// Places a quarter of a voxel apart, from outside one edge to outside the other. Their weights need two bits, and
-/// every device has at least four.
+/// Places a quarter of a voxel apart, from outside one edge to outside the opposite one. Their weights need two bits;
+/// every
+/// device has at least four.
 fn quarter_places() -> Vec<[f32; 3]> {
     let along = |texels: u32| (0..=4 * texels).map(|quarter| f32::from(u16::try_from(quarter).unwrap()) * 0.25 - 0.5);
     let mut places = Vec::new();
@@ -335,11 +336,12 @@ fn quarter_places() -> Vec<[f32; 3]> {
     places
 }
 
-/// Errors of a linear fetch, relative to the largest value: one rounding to decode, and three lerps, one inside the
-/// other, of three roundings each, on differences up to twice the largest value: (1 + 3·3·2)·2⁻²⁴ = 1.1e-6.
+/// Errors of a linear fetch, relative to the largest value: one rounding in decoding, and three nested interpolations
+/// with
+/// three roundings each, on differences up to twice the largest value: (1 + 3·3·2)·2⁻²⁴ = 1.1e-6.
 const FETCH: f64 = 19.0 / 16_777_216.0;
 
-/// Uploads random texels of `format`, and compares what comes back with what they mean.
+/// Uploads random texels of `format`, and compares samples with their decoded values.
 fn check_linear_fetch(format: Format, channels: usize, encode: impl Fn(u32) -> (Vec<u8>, f64)) {
     with_device(|device| {
         if !device.limits().linear_filter(format) {
@@ -417,7 +419,7 @@ fn a_nearest_sampler_gives_voxels_as_they_are() {
         let image = Image3d::new(device, "voxels", Format::R32Float, EXTENT).unwrap();
         upload_in_slabs(device, &image, &bytes_of(&values));
         let answers = sample(device, &image, Filter::Nearest, &[[3.25, 1.75, 0.0], [-5.0, 3.4, 9.0]]);
-        // Voxel (3, 2, 0), and (0, 3, 3) at the corner.
+        // Voxel (3, 2, 0), and the corner (0, 3, 3).
         assert_eq!(answers[0][..1], values[2 * 8 + 3..][..1]);
         assert_eq!(answers[1][..1], values[3 * 32 + 3 * 8..][..1]);
     });
@@ -482,7 +484,7 @@ fn a_second_dispatch_adds_to_what_the_first_left() {
         let resources =
             [Resource::Uniform(&band), Resource::StorageImage(&accumulator), Resource::StorageImage(&transmittance)];
         let set = ResourceSet::new(device, "accumulate", &shader, &resources).unwrap();
-        // Half of the rows, two of the three layers; each slice of the ray is a submission of its own.
+        // Half of the rows, two of the three layers; each slice of the ray is its own submission.
         let clear = |recorder: &mut Recorder| {
             recorder.clear(&accumulator, [0.0; 4])?;
             recorder.clear(&transmittance, [1.0; 4])?;
@@ -628,7 +630,7 @@ fn a_buffer_in_use_is_neither_read_nor_written() {
         let mut recorder = Recorder::begin(device, "add").unwrap();
         recorder.dispatch(&add, &set, &add_push(0, 1.0), [1, 1, 1]).unwrap();
         let submission = recorder.submit().unwrap();
-        // Whether the device is done or not: nobody has waited.
+        // In use even if the device has finished, because nothing has waited for it.
         assert!(matches!(buffer.write(0, &[0; 4]), Err(VulkanError::InUse { .. })), "written while in use");
         assert!(matches!(buffer.read(0, &mut [0; 4]), Err(VulkanError::InUse { .. })), "read while in use");
         submission.finish().unwrap();
@@ -694,7 +696,7 @@ fn buffers_over_the_limits_are_refused() {
     });
 }
 
-/// Makes images that it never touches until the device has no memory left, and answers with the error.
+/// Creates unused images until the device runs out of memory, and returns the error.
 fn fill(device: &Device) -> VulkanError {
     let limits = device.limits();
     let slices = u32::try_from(limits.max_allocation_bytes / (1024 * 1024 * 4)).unwrap_or(u32::MAX);
@@ -721,7 +723,7 @@ fn a_device_without_enough_memory_says_who_wanted_how_much() {
     let Some(device) = open() else { return };
     let heap_bytes = device.limits().device_heap_bytes;
     let said = if device.info().kind == DeviceKind::Software {
-        // It lends address space, of which there is no end unless a limit is set.
+        // A software device allocates address space, which is unlimited without `ulimit`.
         let limited = "ulimit -v 8000000 && exec \"$0\" --exact child_fills_the_device --ignored --nocapture";
         let output = Command::new("sh").arg("-c").arg(limited).arg(env::current_exe().unwrap()).output().unwrap();
         assert!(output.status.success(), "{output:?}");
@@ -803,7 +805,7 @@ fn the_validation_layer_reports_a_missing_barrier() {
     assert!(device.validation_messages().is_empty(), "messages are handed out once");
 }
 
-/// What is logged on this thread while `work` runs.
+/// Log messages of this thread during `work`.
 fn logged(work: impl FnOnce()) -> String {
     let log = tempfile::NamedTempFile::new().unwrap();
     let writer = Arc::new(log.reopen().unwrap());
