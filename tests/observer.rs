@@ -72,7 +72,7 @@ fn where_the_eye_adapts_the_white_of_a_light_is_that_of_the_screen_to_either_obs
         let shown = display_from_xyz(&mix, &display) * (seen / seen.y);
         let white = DVec3::from(linear_srgb_from_xyz(d65_white()).0);
         assert!(shown.abs_diff_eq(white, 1e-13), "{observer}: {shown}");
-        // Without adaptation to daylight: as by Bradford adaptation from the light's own white.
+        // Expected result: Bradford adaptation from the light's own white to D65, independent of daylight.
         let own = bradford(Xyz(published(&light).map(|part| part / published(&light)[1])), d65_white());
         let direct = *LINEAR_SRGB_FROM_XYZ * own * DVec3::from(published(&light)) / published(&light)[1];
         assert!(observer == Observer::Cie1931 || shown.abs_diff_eq(direct, 1e-13), "{observer}: {shown}, {direct}");

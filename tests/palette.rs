@@ -751,7 +751,7 @@ fn a_definition_that_says_nothing_new_leaves_a_designed_scene_as_it_is() {
     let (plain, defined) = (with(Vec::new()), with(vec![document::Definition::new("display.exposure=1")]));
     assert_eq!(plain.lights, defined.lights);
     assert_eq!(plain.materials, defined.materials);
-    // `solve` designs the palette of the scene.
+    // The designed palette is that of the scene.
     let designed = solve(&parse("a scene", text, Path::new("")).unwrap(), &Quiet).unwrap();
     assert_eq!(designed.palette.lights[0].name, "zeta");
     let skin = plain.materials.iter().find(|material| material.name == "skin").unwrap();

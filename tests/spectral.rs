@@ -279,7 +279,7 @@ fn transmittance_is_grey_as_long_as_the_sum_of_all_absorption_is() {
     let of = |text: &str| plan(&parsed(text), &Quiet).unwrap().plan.transmittance;
     assert_eq!(of(GLASS), Transmittance::Coloured);
     assert_eq!(of(&GLASS.replace("absorption = 0.15", "").replace("absorption = 0.2", "")), Transmittance::Grey);
-    // Complementary dyes at any distance: one absorbs the red that the other passes, and vice versa.
+    // Complementary dyes, equally strong at every value: the sum of their absorption is grey.
     let pair = "\nversion = 1\n[volume]\nphantom = \"gaussian\"\ndims = [8, 8, 8]\n\
         [materials.one]\nreflectance = 0.5\nabsorption = { points = [[380, 0.0], [780, 1.0]] }\n\
         [materials.two]\nreflectance = 0.5\nabsorption = { points = [[380, 1.0], [780, 0.0]] }\n\
