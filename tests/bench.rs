@@ -170,8 +170,8 @@ fn an_earlier_run_is_kept_to_within_the_budget() {
     folder.refused(2, &["bench", "peer", "-o", "costs.txt"], &["costs.txt", ".html"]);
 }
 
-/// For every feature: the plan with it differs only in that feature; without it, only the cost that the feature saves rises,
-/// and the picture equals that of a plan with all features.
+/// For every feature: the plan with it differs only in that feature; without it, only the cost that the feature saves
+/// rises, and the picture equals that of a plan with all features.
 #[test]
 fn a_scene_pays_only_for_what_it_uses() {
     let mut rows = Vec::new();
