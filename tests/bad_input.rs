@@ -438,7 +438,11 @@ fn sizes_that_no_picture_has_are_refused() {
 #[test]
 fn a_picture_over_the_devices_limit_is_refused_with_both_numbers() {
     let folder = Folder::new();
-    folder.refused(1, &["render", "scene.toml", "-o", "p.png", "--size", "65536x1"], &["65536×1", "too large", "--size"]);
+    folder.refused(
+        1,
+        &["render", "scene.toml", "-o", "p.png", "--size", "65536x1"],
+        &["65536×1", "too large", "--size"],
+    );
 }
 
 #[test]
