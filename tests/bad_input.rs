@@ -356,7 +356,7 @@ fn files_that_are_given_as_what_they_are_not_are_recognised() {
     }
     for name in ["v.mhd", "header", "n.nrrd", "x.vti"] {
         let layout = ["--dims", "4x4x4", "--type", "uint8"];
-        let why = ["this file has a header", "--dims"];
+        let why = ["the file has a header", "--dims"];
         folder.refused(1, &[&["info", name], &layout[..]].concat(), &why);
         folder.refused(1, &render(&[&["--volume", name], &layout[..]].concat()), &why);
     }

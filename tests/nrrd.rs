@@ -356,7 +356,7 @@ fn a_component_is_read_alone_wherever_its_axis_lies() {
                 assert!(matches!(error, VolumeError::Choose { .. }), "{error}");
                 let selection = Selection { component: Some(3), ..Selection::default() };
                 let error = files.select(&selection).map(|volume| volume.voxels).unwrap_err();
-                assert!(error.to_string().contains("--component 3 is not there"), "{error}");
+                assert!(error.to_string().contains("--component 3 does not exist"), "{error}");
             }
         }
     }
@@ -547,7 +547,7 @@ fn missing_and_senseless_fields_are_named() {
     Files::new("", &[]).refused(&["NRRD0001"]);
     Files::new("P5 3 2 255\n", &[]).refused(&["P5", "NRRD0001"]);
     let twice = open(&["content: a\ncontent: b"], &TWELVE).unwrap().notes;
-    assert!(matches!(&twice[..], [note] if note.contains("content is given again")), "{twice:?}");
+    assert!(matches!(&twice[..], [note] if note.contains("content is repeated")), "{twice:?}");
 }
 
 #[test]

@@ -116,7 +116,11 @@ impl Data {
             let whole = slabs.parse(file, &mut stream)?;
             let mut more = || stream::next_word(&mut stream, &mut Vec::new()).map(|word| word.is_some());
             if whole && more().map_err(|source| stream::failed(path, source))? {
-                notes.push(format!("{}: more than the {} numbers the header makes it", path.display(), file.numbers));
+                notes.push(format!(
+                    "{}: more than the {} numbers that the header requires; the rest is ignored",
+                    path.display(),
+                    file.numbers
+                ));
             }
             return Ok(());
         }
@@ -147,14 +151,14 @@ impl Data {
         // Tries to read one byte more. There should be none, and reaching the end verifies the checksum.
         if read_fully(&mut stream, &mut [0]).map_err(|source| damaged(source, expected))? > 0 {
             notes.push(format!(
-                "{}: inflates to more than the {expected} bytes the header makes it; the rest is left",
+                "{}: decompresses to more than the {expected} bytes that the header requires; the rest is ignored",
                 path.display()
             ));
         } else if let (Encoding::Zlib { said: Some(said) }, Some(read)) = (self.encoding, stream.read_in())
             && said != read
         {
             notes.push(format!(
-                "{}: the header says {said} compressed bytes, there are {read}; all of them were read",
+                "{}: the header states {said} compressed bytes, but {read} were found; all of them were read",
                 path.display(),
             ));
         }
@@ -178,7 +182,7 @@ impl Data {
             (Encoding::Raw, _) if found < expected => Err(VolumeError::Short { path: path.clone(), found, expected }),
             (Encoding::Raw, _) if found > expected => {
                 notes.push(format!(
-                    "{}: {found} bytes of voxels, of which the header needs the first {expected}",
+                    "{}: {found} bytes of voxels, but the header requires only {expected}; the rest is ignored",
                     path.display()
                 ));
                 Ok(start)

@@ -37,8 +37,8 @@ pub enum VolumeError {
     },
     /// Headerless voxels without a layout.
     #[error(
-        "{}: raw voxels have no header; give dims and type (--dims, --type; and byte_order, header_bytes, spacing, origin, direction where \
-         they differ from little, 0, 1 1 1, 0 0 0 and the identity), or write them into {}{}",
+        "{}: raw voxels have no header; give dims and type (--dims, --type), or write them into {} (defaults: byte_order little, \
+         header_bytes 0, spacing 1 1 1, origin 0 0 0, direction identity){}",
         path.display(),
         sidecar.display(),
         perhaps(guess.as_deref())
@@ -98,7 +98,9 @@ pub enum VolumeError {
         name: String,
     },
     /// An axis has no voxels, or the voxels are too many to address.
-    #[error("{source_name}: {dims} voxels: every axis needs at least one, and all together must fit into memory")]
+    #[error(
+        "{source_name}: {dims} voxels; every axis needs at least one voxel, and the whole volume must be addressable in memory"
+    )]
     Dims {
         /// The file or phantom.
         source_name: String,
@@ -107,7 +109,7 @@ pub enum VolumeError {
     },
     /// The volume has more than three axes and time.
     #[error(
-        "{source_name}: {dims} voxels in more than three axes and time; further axes may not be longer than one voxel"
+        "{source_name}: {dims} voxels have more than three spatial axes and one time axis; every further axis must have length 1"
     )]
     TooManyAxes {
         /// The file.
@@ -117,7 +119,7 @@ pub enum VolumeError {
     },
     /// A spacing is not a positive number.
     #[error(
-        "{source_name}: spacing {} {} {}: each must be a positive number (a mirrored axis belongs into the direction)",
+        "{source_name}: spacing {} {} {}: each must be a positive number (mirror an axis with the direction)",
         spacing[0], spacing[1], spacing[2]
     )]
     Spacing {
@@ -136,8 +138,8 @@ pub enum VolumeError {
     },
     /// The axes are not of unit length, or not orthogonal.
     #[error(
-        "{source_name}: the axes {axes:?} are not orthonormal: |DᵀD − I| is {deviation}, at most {limit} is allowed; \
-         lengths belong into the spacing, sheared volumes must be resampled"
+        "{source_name}: the axes {axes:?} are not orthonormal: |DᵀD − I| is {deviation}, and the limit is {limit}; \
+         put lengths into the spacing, and resample sheared volumes"
     )]
     Direction {
         /// The file or phantom.
@@ -158,7 +160,7 @@ pub enum VolumeError {
         there: Several,
     },
     /// The selected volume is not in the file.
-    #[error("{source_name}: {asked} is not there; the file holds {there}")]
+    #[error("{source_name}: {asked} does not exist; the file holds {there}")]
     NoSuch {
         /// The file.
         source_name: String,
@@ -169,8 +171,8 @@ pub enum VolumeError {
     },
     /// A header names a file outside its folder.
     #[error(
-        "{}: the header names {name:?}, which is not inside its own folder, and reading it could disclose any file; \
-         name the data yourself, or bring them into the header's folder",
+        "{}: the header names {name:?}, a file outside its own folder, and reading it could disclose private files; \
+         open the data file directly, or move it into the header's folder",
         header.display()
     )]
     Outside {
@@ -180,7 +182,7 @@ pub enum VolumeError {
         name: String,
     },
     /// The data are shorter than the header states.
-    #[error("{}: {found} bytes of voxels, but the header makes it {expected}", path.display())]
+    #[error("{}: {found} bytes of voxels, but the header requires {expected}", path.display())]
     Short {
         /// The file of voxels.
         path: PathBuf,
@@ -191,8 +193,8 @@ pub enum VolumeError {
     },
     /// The compressed data are too short for the size in the header.
     #[error(
-        "{}: {compressed} compressed bytes cannot hold {expected} bytes of voxels, as the header makes it ({encoding} \
-         packs at most {limit} into one)",
+        "{}: {compressed} compressed bytes cannot hold the {expected} bytes of voxels that the header requires \
+         ({encoding} expands one byte to at most {limit} bytes)",
         path.display()
     )]
     Incredible {
@@ -220,7 +222,7 @@ pub enum VolumeError {
         source: io::Error,
     },
     /// A voxel written as text is not a number of the voxel type.
-    #[error("{}: voxel {index} is {text:?}, which is no {voxel_type}", path.display())]
+    #[error("{}: voxel {index} is {text:?}, not a number of type {voxel_type}", path.display())]
     Text {
         /// The file of voxels.
         path: PathBuf,
@@ -232,7 +234,7 @@ pub enum VolumeError {
         voxel_type: &'static str,
     },
     /// Voxels written as text end early.
-    #[error("{}: {found} numbers, but the header makes it {expected} voxels", path.display())]
+    #[error("{}: {found} numbers, but the header requires {expected} voxels", path.display())]
     ShortText {
         /// The file of voxels.
         path: PathBuf,
@@ -262,7 +264,7 @@ pub enum VolumeError {
         source: io::Error,
     },
     /// There is not enough memory.
-    #[error("{source_name}: there is no memory for {bytes} bytes of voxels; fewer voxels take less")]
+    #[error("{source_name}: not enough memory for {bytes} bytes of voxels; reduce the number of voxels")]
     Memory {
         /// The file or phantom.
         source_name: String,
@@ -281,7 +283,7 @@ pub enum VolumeError {
     },
     /// Downsampling blocks that are empty, or larger than the volume.
     #[error(
-        "{source_name}: blocks of {}×{}×{} in {}×{}×{} voxels: each side must be at least 1 and at most the volume's",
+        "{source_name}: cannot average blocks of {}×{}×{} in {}×{}×{} voxels; each side must be from 1 to the length of its axis",
         block[0], block[1], block[2], dims[0], dims[1], dims[2]
     )]
     Block {
@@ -311,8 +313,8 @@ pub enum VolumeError {
 /// Describes the usable part of damaged data.
 fn sound(decoded: u64) -> String {
     match decoded {
-        0 => "no voxel can be read of it".to_owned(),
-        decoded => format!("only the first {decoded} bytes of voxels are known to be sound"),
+        0 => "no voxel is intact".to_owned(),
+        decoded => format!("only the first {decoded} bytes of voxels are intact"),
     }
 }
 
@@ -320,6 +322,6 @@ fn sound(decoded: u64) -> String {
 fn perhaps(guess: Option<&RawLayout>) -> String {
     guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. }| {
         let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
-        format!("; perhaps these are --dims {x}x{y}x{z} --type {voxel_type}{before}")
+        format!("; its name and size suggest --dims {x}x{y}x{z} --type {voxel_type}{before}")
     })
 }

@@ -113,7 +113,7 @@ impl Fields<'_> {
         let mut seen = HashSet::new();
         let again = self.all.iter().filter(move |field| !seen.insert(field.key.to_ascii_lowercase()));
         again.map(|field| {
-            format!("{}, line {}: {} is given again; the last counts", self.path.display(), field.line, field.key)
+            format!("{}, line {}: {} is repeated; the last value is used", self.path.display(), field.line, field.key)
         })
     }
 }

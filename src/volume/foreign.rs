@@ -37,7 +37,7 @@ const FOREIGN: [Foreign; 19] = [
     Foreign { name: "gzip data", extensions: &["gz"], recognises: |b| b.starts_with(&[0x1f, 0x8b]) },
     Foreign { name: "bzip2 data", extensions: &["bz2"], recognises: |b| b.starts_with(b"BZh") },
     Foreign {
-        name: "zlib data, which a MetaImage header (.mhd) describes",
+        name: "zlib data for a MetaImage header (.mhd)",
         extensions: &["zraw"],
         recognises: |b| matches!(b, [0x78, 0x01 | 0x5e | 0x9c | 0xda, ..]),
     },
@@ -62,9 +62,10 @@ pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
     }
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let named = FOREIGN.iter().find(|foreign| foreign.extensions.contains(&extension.as_str()));
-    let named = named.map_or(String::new(), |foreign| format!(", named like {} that it is not", foreign.name));
-    let text = if is_text(beginning) { ", a text" } else { "" };
-    format!("unknown volume format{named}{text} (headerless voxels of any name are read with --dims and --type)")
+    let named = named
+        .map_or(String::new(), |foreign| format!(" (the extension suggests {}, the content does not)", foreign.name));
+    let text = if is_text(beginning) { " in a text file" } else { "" };
+    format!("unknown volume format{text}{named}; for headerless voxels, give --dims and --type")
 }
 
 /// Whether the first bytes of a file identify a known format without a reader.
@@ -85,7 +86,7 @@ pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
     if [".zarray", ".zgroup", "zarr.json"].iter().any(|name| has(name)) {
         return Some("this folder is a Zarr store");
     }
-    has("index.json").then_some("this folder is a data set of vtk.js")
+    has("index.json").then_some("this folder is a vtk.js data set")
 }
 
 /// The mark behind the preamble, or, without a preamble, a first element of the identifying group (DICOM PS3.10, §7.1).

@@ -162,13 +162,13 @@ impl<'a> Header<'a> {
         let mut numbers: Vec<f64> = self.fields.numbers(field, "numbers")?;
         let there = numbers.len();
         if there < wanted {
-            let problem = format!("{} has {there} numbers, but NDims makes it {wanted}", field.key);
+            let problem = format!("{} has {there} numbers, but NDims requires {wanted}", field.key);
             return Err(self.fields.wrong(field, problem));
         }
         if there > wanted {
             let path = self.fields.path.display();
             notes.push(format!(
-                "{path}: {} has {there} numbers, of which NDims makes the first {wanted} count",
+                "{path}: {} has {there} numbers, but NDims requires only {wanted}; the rest is ignored",
                 field.key
             ));
             numbers.truncate(wanted);
@@ -235,7 +235,9 @@ impl<'a> Header<'a> {
     fn components(&self) -> Result<usize, VolumeError> {
         let channels = self.fields.number::<usize>(&key::CHANNELS, "a whole number")?.unwrap_or(1);
         match self.fields.find(&key::CHANNELS) {
-            Some(field) if channels == 0 => Err(self.fields.wrong(field, "no number per voxel".to_owned())),
+            Some(field) if channels == 0 => {
+                Err(self.fields.wrong(field, "ElementNumberOfChannels = 0; a voxel has at least 1 channel".to_owned()))
+            }
             _ => Ok(channels),
         }
     }
@@ -264,9 +266,10 @@ impl<'a> Header<'a> {
             (false, false) => Encoding::Text,
             (false, true) => {
                 let field = self.fields.require(&key::COMPRESSED)?;
-                return Err(self
-                    .fields
-                    .wrong(field, "compressed text is not defined; BinaryData should be True".to_owned()));
+                return Err(self.fields.wrong(
+                    field,
+                    "compressed text is not defined; CompressedData requires BinaryData = True".to_owned(),
+                ));
             }
         };
         let file = self.fields.require(&key::FILE)?;
@@ -275,7 +278,8 @@ impl<'a> Header<'a> {
             None | Some(0) => Start::at(if local { self.bytes } else { 0 }),
             Some(-1) if encoding == Encoding::Raw => Start::TAIL,
             Some(bytes) => {
-                let problem = "HeaderSize should be a number of bytes, or -1 where uncompressed voxels end the file";
+                let problem =
+                    "HeaderSize should be a number of bytes, or -1 if uncompressed voxels are the end of the file";
                 Start::at(u64::try_from(bytes).map_err(|_| {
                     self.fields
                         .wrong(self.fields.find(&key::HEADER_BYTES).unwrap_or(file), format!("{problem}, not {bytes}"))
@@ -303,14 +307,14 @@ impl<'a> Header<'a> {
             if words.len() > 1 && given.is_none() {
                 return Err(self
                     .fields
-                    .wrong(field, format!("LIST should name 1 to {} axes, not {}", axes.len(), words[1])));
+                    .wrong(field, format!("LIST should state 1 to {} axes per file, not {}", axes.len(), words[1])));
             }
             let numbers = components * axes[..in_file].iter().product::<usize>();
             let wanted = axes[in_file..].iter().product::<usize>();
             if self.list.len() != wanted {
                 return Err(self
                     .fields
-                    .wrong(field, format!("LIST has {} files, but DimSize makes it {wanted}", self.list.len())));
+                    .wrong(field, format!("LIST has {} files, but DimSize requires {wanted}", self.list.len())));
             }
             let file = |name: &String| Ok(DataFile { path: data::beside(self.fields.path, name)?, numbers });
             return self.list.iter().map(file).collect();

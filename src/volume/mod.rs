@@ -72,7 +72,7 @@ impl Volume {
     /// [`VolumeError::Layout`] if `geometry` has a different number of voxels.
     pub fn new(source: &str, voxels: Voxels, geometry: Geometry) -> Result<Self, VolumeError> {
         if voxels.len() != geometry.voxels() {
-            let problem = format!("{} voxels in a grid of {}", voxels.len(), geometry.voxels());
+            let problem = format!("there are {} voxels, but the grid has {}", voxels.len(), geometry.voxels());
             return Err(VolumeError::Layout { source_name: source.to_owned(), problem });
         }
         Ok(Self {

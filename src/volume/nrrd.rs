@@ -235,7 +235,7 @@ impl<'a> Header<'a> {
     }
 
     fn count(&self, field: &Field, there: usize, wanted: usize) -> VolumeError {
-        self.fields.wrong(field, format!("{} has {there} entries, but there should be {wanted}", field.key))
+        self.fields.wrong(field, format!("{} has {there} entries, but {wanted} are required", field.key))
     }
 
     /// Returns the vectors of an optional field: each is `(x,y,z)`, all of one length, or `none`. A vector with NaN
@@ -268,7 +268,7 @@ impl<'a> Header<'a> {
             None => Ok(Some((field, vectors))),
             Some(vector) => Err(self.fields.wrong(
                 field,
-                format!("a vector of {} numbers in a space of {} axes", vector.len(), wanted.unwrap_or_default()),
+                format!("a vector has {} numbers, but the space has {} axes", vector.len(), wanted.unwrap_or_default()),
             )),
         }
     }
@@ -385,7 +385,9 @@ impl<'a> Header<'a> {
         let name = field.value.to_ascii_lowercase();
         let name = name.split_whitespace().collect::<Vec<_>>().join(" ");
         if name == "block" {
-            return Err(self.fields.wrong(field, "type: block is bytes of a meaning that the file does not state"));
+            return Err(self
+                .fields
+                .wrong(field, "type: block is not a number type; the file does not state the meaning of its bytes"));
         }
         let found = TYPES.iter().find(|(_, names)| names.contains(&name.as_str()));
         found.map(|&(voxel_type, _)| voxel_type).ok_or_else(|| {
@@ -421,7 +423,7 @@ impl<'a> Header<'a> {
             }
             (Some(-1), _) => Skip::Tail,
             (Some(bytes), Some(field)) => Skip::Bytes(u64::try_from(bytes).map_err(|_| {
-                self.fields.should_be(field, "a number of bytes, or -1 where the samples end the data")
+                self.fields.should_be(field, "a number of bytes, or -1 if the samples are the end of the data")
             })?),
             _ => Skip::Bytes(0),
         };
@@ -481,7 +483,7 @@ impl<'a> Header<'a> {
             return Ok(lengths.iter().product::<usize>() / files);
         }
         let should = if axes < all { format!("{wanted}") } else { format!("a divisor of {wanted}") };
-        Err(self.fields.wrong(field, format!("{files} files, but sizes makes it {should}")))
+        Err(self.fields.wrong(field, format!("{files} files, but sizes requires {should}")))
     }
 }
 

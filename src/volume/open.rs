@@ -141,7 +141,7 @@ pub fn open_raw(
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
     if let Some(path) = layout.file.as_ref().map(|file| base.join(file)).filter(|path| has_header(path)) {
-        let problem = "this file has a header; dims and type (--dims, --type) are for headerless ones".to_owned();
+        let problem = "the file has a header; dims and type (--dims, --type) apply only to headerless files".to_owned();
         return Err(VolumeError::Layout { source_name: path.display().to_string(), problem });
     }
     raw::read(layout, base, selection, progress)

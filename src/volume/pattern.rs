@@ -16,7 +16,8 @@ impl Pattern {
     /// Parses a pattern with exactly one of `%d`, `%4d`, `%04d` (or `i`, `u` for `d`); `%%` is a per cent sign. The
     /// error is a sentence for the caller's message.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
-        let wrong = || format!("{text:?} is no pattern of numbered files; write it like slice%03d.raw, with one %d");
+        let wrong =
+            || format!("{text:?} is not a pattern of numbered files; write exactly one %d, as in slice%03d.raw");
         let mut pieces = vec![String::new()];
         let (mut width, mut zeros) = (0, false);
         let mut characters = text.chars().peekable();
@@ -65,7 +66,7 @@ pub(super) fn numbers([first, last, step]: [i64; 3], wanted: usize) -> Result<im
     if given == wanted {
         Ok((0..).take(wanted).map(move |index: i64| first + index * step))
     } else {
-        Err(format!("files {first} to {last} in steps of {step} are {given} slices, but there should be {wanted}"))
+        Err(format!("files {first} to {last} in steps of {step} are {given} slices, but the volume has {wanted}"))
     }
 }
 

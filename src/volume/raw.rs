@@ -207,7 +207,7 @@ pub(super) fn read(
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
     let Some(file) = &layout.file else {
-        let problem = "the layout does not say which file the voxels are in; add the key file".to_owned();
+        let problem = "the layout names no file of voxels; add the key file".to_owned();
         return Err(VolumeError::Layout { source_name: base.display().to_string(), problem });
     };
     let source_name = base.join(file).display().to_string();
@@ -290,7 +290,7 @@ pub(super) fn read_beside_sidecar(
     let mut layout = RawLayout::from_sidecar(sidecar)?;
     if let Some(other) = layout.file.as_ref().filter(|&file| *file != name) {
         let problem = format!(
-            "describes {other}, not {name}; open the sidecar itself to read {other}",
+            "the sidecar describes {other}, not {name}; open the sidecar itself to read {other}",
             other = other.display(),
             name = name.display()
         );

@@ -55,7 +55,7 @@ impl Volume {
         if dropped != [0; 3] {
             let [x, y, z] = dropped;
             notes.push(format!(
-                "{}: {x}, {y}, {z} voxels at the ends of x, y, z fill no block and are dropped",
+                "{}: {x}, {y}, {z} voxels at the ends of x, y, z do not fill a block and are dropped",
                 self.source
             ));
         }

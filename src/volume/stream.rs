@@ -188,7 +188,7 @@ fn read_hex(stream: &mut impl BufRead, bytes: &mut [u8]) -> io::Result<usize> {
                 continue;
             }
             let digit = char::from(byte).to_digit(16).and_then(|digit| u8::try_from(digit).ok());
-            let wrong = || io::Error::other(format!("{:?} is no hexadecimal digit", char::from(byte)));
+            let wrong = || io::Error::other(format!("{:?} is not a hexadecimal digit", char::from(byte)));
             let digit = digit.ok_or_else(wrong)?;
             high = match high {
                 None => Some(digit),

@@ -18,7 +18,7 @@ pub(super) struct Grid {
 
 impl Grid {
     /// A grid of `dims` voxels over a box of `size`.
-    #[expect(clippy::cast_precision_loss, reason = "volumes of 2²⁴ voxels along an axis are none to look at")]
+    #[expect(clippy::cast_precision_loss, reason = "axes have fewer than 2²⁴ voxels")]
     pub(super) fn new(dims: [usize; 3], size: [f32; 3]) -> Self {
         let steps: [f32; 3] = std::array::from_fn(|axis| size[axis] / dims[axis] as f32);
         let at = std::array::from_fn(|axis| (0..dims[axis]).map(|i| (i as f32 + 0.5) * steps[axis]).collect());

@@ -58,7 +58,7 @@ impl Compressor {
                 inflater.reset(true);
                 let status = inflater.decompress(packed, block, FlushDecompress::Finish).map_err(io::Error::other)?;
                 if status != Status::StreamEnd {
-                    return Err(wrong(format!("it is not over after {} bytes", block.len())));
+                    return Err(wrong(format!("it continues beyond the expected {} bytes", block.len())));
                 }
                 inflater.total_out()
             }
@@ -68,13 +68,13 @@ impl Compressor {
                 let mut decoder = liblzma::read::XzDecoder::new_stream(packed, stream);
                 decoder.read_exact(block)?;
                 if decoder.read(&mut [0])? > 0 {
-                    return Err(wrong(format!("it is not over after {} bytes", block.len())));
+                    return Err(wrong(format!("it continues beyond the expected {} bytes", block.len())));
                 }
                 decoder.total_out()
             }
         };
         if decoded != count(block.len()) {
-            return Err(wrong(format!("it has {decoded} bytes")));
+            return Err(wrong(format!("it has {decoded} bytes instead of {}", block.len())));
         }
         Ok(())
     }
@@ -103,7 +103,7 @@ impl Words {
         let mut bytes = [0; 8];
         let word = if self.wide { &mut bytes[..] } else { &mut bytes[..4] };
         stream.read_exact(word).map_err(|error| match error.kind() {
-            io::ErrorKind::UnexpectedEof => wrong("its values end before they have begun".to_owned()),
+            io::ErrorKind::UnexpectedEof => wrong("the data end within the header of the values".to_owned()),
             _ => error,
         })?;
         if self.byte_order == ByteOrder::Big {
@@ -207,7 +207,7 @@ impl<R: BufRead> Base64<R> {
         }
         self.decoded.resize(CHARACTERS / 4 * 3, 0);
         let length = BASE64.decode_slice(&self.characters, &mut self.decoded);
-        let length = length.map_err(|error| wrong(format!("the base64 is damaged: {error}")))?;
+        let length = length.map_err(|error| wrong(format!("invalid base64: {error}")))?;
         self.decoded.truncate(length);
         self.at = 0;
         Ok(())
@@ -257,12 +257,14 @@ impl<R: Read> Blocks<R> {
         let before = number.checked_sub(1).and_then(|blocks| blocks.checked_mul(full));
         if before.and_then(|before| before.checked_add(last)) != Some(expected) || last > full {
             return Err(wrong(format!(
-                "{number} blocks of {full} bytes, the last of {last}, are not the {expected} bytes of its extent"
+                "{number} blocks of {full} bytes, the last of {last}, do not add up to the {expected} bytes of its extent"
             )));
         }
         // The table takes eight bytes per block in memory, and must not exceed the values.
         if number > expected / 8 + (1 << 16) || number.saturating_mul(words.bytes()) > there {
-            return Err(wrong(format!("{number} blocks of {full} bytes are more than there can be")));
+            return Err(wrong(format!(
+                "{number} blocks of {full} bytes are too many for {expected} bytes of values in {there} stored bytes"
+            )));
         }
         let mut sizes = Vec::new();
         let mut sum = 0_u64;
@@ -271,14 +273,16 @@ impl<R: Read> Blocks<R> {
             let block = if index + 1 == number { last } else { full };
             // Incompressible data grow only slightly.
             if size.saturating_mul(compressor.limit()) < block || size > block.saturating_add(block / 8 + 1024) {
-                return Err(wrong(format!("block {index}: {size} compressed bytes cannot be {block} bytes of values")));
+                return Err(wrong(format!(
+                    "block {index}: {size} compressed bytes are impossible for {block} bytes of values"
+                )));
             }
             sum = sum.saturating_add(size);
             sizes.push(size);
         }
         let left = there.saturating_sub((number + 3).saturating_mul(words.bytes()));
         if sum > left {
-            return Err(wrong(format!("its blocks take {sum} compressed bytes, but the file has {left}")));
+            return Err(wrong(format!("its blocks take {sum} compressed bytes, but the file has only {left}")));
         }
         sizes.reverse();
         Ok(Self {

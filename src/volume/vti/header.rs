@@ -150,7 +150,7 @@ impl Header {
             buffer.clear();
             let event = xml.read_event_into(&mut buffer).map_err(|error| match error {
                 quick_xml::Error::Io(error) => failed(io::Error::new(error.kind(), error.to_string())),
-                error => wrong(format!("is no sound XML: {error}")),
+                error => wrong(format!("invalid XML: {error}")),
             })?;
             let at = xml.get_ref().at;
             match event {
@@ -160,7 +160,7 @@ impl Header {
                     builder.close(tag.name().as_ref());
                 }
                 Event::End(tag) => builder.close(tag.name().as_ref()),
-                Event::DocType(_) => return Err(wrong("a document type has no place in a VTK file".to_owned())),
+                Event::DocType(_) => return Err(wrong("a VTK file must not declare a document type".to_owned())),
                 Event::Eof => return builder.finish(length, None),
                 _ => {}
             }
@@ -221,7 +221,7 @@ impl Read for Markup {
 impl BufRead for Markup {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.at >= self.limit {
-            return Err(io::Error::other(format!("more than {LONGEST_MARKUP} bytes of tags")));
+            return Err(io::Error::other(format!("the tags exceed the limit of {LONGEST_MARKUP} bytes")));
         }
         self.stream.fill_buf()
     }
@@ -267,7 +267,7 @@ impl Builder<'_> {
         self.depth += 1;
         let name = tag.name();
         if self.file.is_none() && name.as_ref() != "VTKFile" {
-            return Err(self.wrong(format!("begins with <{}>, not with <VTKFile>", name.as_ref())));
+            return Err(self.wrong(format!("the first tag is <{}>, not <VTKFile>", name.as_ref())));
         }
         match name.as_ref() {
             "VTKFile" => self.file = Some(self.file_tag(tag)?),
@@ -275,7 +275,7 @@ impl Builder<'_> {
             "Piece" => {
                 let extent = self.attribute(tag, "Extent")?;
                 let extent = extent.ok_or_else(|| self.wrong("a Piece has no Extent".to_owned()))?;
-                let extent = self.parse(&extent, "Extent of a Piece", "six whole numbers of 32 bits")?;
+                let extent = self.parse(&extent, "Extent of a Piece", "six 32-bit whole numbers")?;
                 self.pieces.push(Piece { extent, arrays: Vec::new() });
                 self.in_piece = true;
                 self.count()?;
@@ -290,7 +290,7 @@ impl Builder<'_> {
                 match self.pieces.last_mut() {
                     Some(piece) if self.in_piece => piece.arrays.push(array),
                     _ if section == Section::Fields => self.fields.push(array),
-                    _ => return Err(self.wrong(format!("the array {:?} is in no Piece", array.name))),
+                    _ => return Err(self.wrong(format!("the array {:?} is outside all Pieces", array.name))),
                 }
                 self.count()?;
             }
@@ -299,7 +299,11 @@ impl Builder<'_> {
                     Some("raw") => false,
                     // VTK's default.
                     Some("base64") | None => true,
-                    Some(other) => return Err(self.wrong(format!("appended data are raw or base64, not {other}"))),
+                    Some(other) => {
+                        return Err(
+                            self.wrong(format!("the encoding of AppendedData must be raw or base64, not {other}"))
+                        );
+                    }
                 });
             }
             _ => {}
@@ -319,7 +323,7 @@ impl Builder<'_> {
     fn count(&mut self) -> Result<(), VolumeError> {
         self.arrays += 1;
         if self.arrays > MOST_ARRAYS {
-            return Err(self.wrong(format!("more than {MOST_ARRAYS} pieces and arrays")));
+            return Err(self.wrong(format!("the pieces and arrays exceed the limit of {MOST_ARRAYS}")));
         }
         Ok(())
     }
@@ -328,10 +332,13 @@ impl Builder<'_> {
         match self.attribute(tag, "type")?.as_deref() {
             Some("ImageData") => {}
             Some("PImageData") => {
-                return Err(self.wrong("is PImageData, a list of other files; give one of those".to_owned()));
+                return Err(self.wrong("PImageData is a list of other files; open one of them".to_owned()));
             }
             other => {
-                return Err(self.wrong(format!("holds {}, not ImageData", other.unwrap_or("nothing that it names"))));
+                return Err(self.wrong(format!(
+                    "the type of VTKFile is {}; only ImageData is supported",
+                    other.unwrap_or("missing")
+                )));
             }
         }
         let byte_order = match self.attribute(tag, "byte_order")?.as_deref() {
@@ -340,13 +347,13 @@ impl Builder<'_> {
             // VTK's default.
             None => ByteOrder::NATIVE,
             Some(other) => {
-                return Err(self.wrong(format!("byte_order is LittleEndian or BigEndian, not {other}")));
+                return Err(self.wrong(format!("byte_order must be LittleEndian or BigEndian, not {other}")));
             }
         };
         let wide = match self.attribute(tag, "header_type")?.as_deref() {
             Some("UInt32") | None => false,
             Some("UInt64") => true,
-            Some(other) => return Err(self.wrong(format!("header_type is UInt32 or UInt64, not {other}"))),
+            Some(other) => return Err(self.wrong(format!("header_type must be UInt32 or UInt64, not {other}"))),
         };
         let compressor = match self.attribute(tag, "compressor")?.as_deref() {
             None | Some("") => None,
@@ -376,7 +383,7 @@ impl Builder<'_> {
         let direction = numbers("Direction", "1 0 0 0 1 0 0 0 1")?;
         let direction = DMat3::from_cols_slice(&direction).transpose();
         Ok(Frame {
-            extent: self.parse(&extent, "WholeExtent", "six whole numbers of 32 bits")?,
+            extent: self.parse(&extent, "WholeExtent", "six 32-bit whole numbers")?,
             origin: DVec3::from_slice(&numbers("Origin", "0 0 0")?),
             spacing: DVec3::from_slice(&numbers("Spacing", "1 1 1")?),
             direction,
@@ -395,7 +402,9 @@ impl Builder<'_> {
         // VTK writes 0 for 1.
         let components = whole("NumberOfComponents")?.unwrap_or(1).max(1);
         if components > MOST_COMPONENTS {
-            return Err(self.wrong(format!("the array {name:?} has {components} components")));
+            return Err(
+                self.wrong(format!("the array {name:?} has {components} components; the limit is {MOST_COMPONENTS}"))
+            );
         }
         let tuples = whole("NumberOfTuples")?;
         // VTK's rule: an array with an offset is appended, and any other format than binary is text.
@@ -408,7 +417,9 @@ impl Builder<'_> {
             (None, Some("binary")) => Place::Base64(at),
             (None, Some("ascii") | None) => Place::Text(at),
             (None, Some(other)) => {
-                return Err(self.wrong(format!("the array {name:?} is ascii, binary or appended, not {other}")));
+                return Err(self.wrong(format!(
+                    "the format of the array {name:?} must be ascii, binary or appended, not {other}"
+                )));
             }
         };
         let active = self.scalars.as_ref() == Some(&name);
@@ -419,10 +430,10 @@ impl Builder<'_> {
     fn attribute(&self, tag: &BytesStart<'_>, name: &str) -> Result<Option<String>, VolumeError> {
         // The check for repeated names takes quadratic time.
         for attribute in tag.attributes().with_checks(false) {
-            let attribute = attribute.map_err(|error| self.wrong(format!("a tag is damaged: {error}")))?;
+            let attribute = attribute.map_err(|error| self.wrong(format!("invalid tag: {error}")))?;
             if attribute.key.as_ref() == name {
                 let value = attribute.normalized_value(XmlVersion::Implicit1_0);
-                let value = value.map_err(|error| self.wrong(format!("{name} is damaged: {error}")))?;
+                let value = value.map_err(|error| self.wrong(format!("invalid attribute {name}: {error}")))?;
                 // Names are printed, and must not move the cursor.
                 return Ok(Some(value.replace(char::is_control, " ")));
             }
@@ -436,13 +447,13 @@ impl Builder<'_> {
 
     fn finish(self, length: u64, appended: Option<Appended>) -> Result<Header, VolumeError> {
         if appended.is_none() && self.depth > 0 {
-            return Err(self.wrong("ends in the middle, before all tags are closed".to_owned()));
+            return Err(self.wrong("the file ends before all tags are closed".to_owned()));
         }
         let Some(FileTag { byte_order, wide, compressor }) = self.file else {
-            return Err(self.wrong("there is no <VTKFile> in it".to_owned()));
+            return Err(self.wrong("the file has no <VTKFile> tag".to_owned()));
         };
         let Some(frame) = self.frame else {
-            return Err(self.wrong("there is no <ImageData> in it".to_owned()));
+            return Err(self.wrong("the file has no <ImageData> tag".to_owned()));
         };
         let (path, fields, pieces) = (self.path.to_owned(), self.fields, self.pieces);
         Ok(Header { path, length, byte_order, wide, compressor, frame, fields, pieces, appended })

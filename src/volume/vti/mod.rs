@@ -45,7 +45,9 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let source = path.display().to_string();
     let header = Header::read(path, progress)?;
     let (chosen, name, step) = choose(&header, selection, &source)?;
-    let voxel_type = chosen.voxel_type().ok_or_else(|| header.wrong(format!("{} are no numbers", chosen.type_name)))?;
+    let voxel_type = chosen
+        .voxel_type()
+        .ok_or_else(|| header.wrong(format!("values of type {} are not numbers", chosen.type_name)))?;
     let what = format!("the {voxel_type} array {} of {}", chosen.name, chosen.section.name());
     let component = selection.component(&source, chosen.components, &what)?;
     let geometry = header.frame.geometry(&source, chosen.section)?;
@@ -63,7 +65,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     volume.metadata = metadata(&header, chosen);
     if chosen.section == Section::Cells {
         volume.notes.push(format!(
-            "{source}: {} are values of cells; each is a voxel at the centre of its cell, half a spacing from the corners",
+            "{source}: {} is CellData; each value becomes a voxel at the centre of its VTK cell, half a spacing from the corners",
             chosen.name
         ));
     }
@@ -136,7 +138,7 @@ fn choose_array<'a>(
 ) -> Result<(&'a Array, Option<String>), VolumeError> {
     let candidates = candidates(header);
     if candidates.is_empty() {
-        return Err(header.wrong("there is no array of numbers in it, neither PointData nor CellData".to_owned()));
+        return Err(header.wrong("neither PointData nor CellData has a numeric array".to_owned()));
     }
     // A point array and a cell array may have the same name.
     let names = |section| -> HashSet<&str> {
@@ -169,11 +171,14 @@ fn parts<'a>(header: &'a Header, chosen: &Array, step: usize) -> Result<Vec<Part
     blocks
         .filter(|(_, block)| !block.is_empty())
         .map(|(piece, block)| {
-            let array = piece.arrays.iter().filter(|array| array.is_same(chosen)).nth(step).ok_or_else(|| {
-                header.wrong(format!("a piece lacks the array {:?}, which another one has", chosen.name))
-            })?;
+            let array =
+                piece.arrays.iter().filter(|array| array.is_same(chosen)).nth(step).ok_or_else(|| {
+                    header.wrong(format!("a Piece lacks the array {:?} of another Piece", chosen.name))
+                })?;
             if (array.voxel_type(), array.components) != (chosen.voxel_type(), chosen.components) {
-                return Err(header.wrong(format!("the array {:?} differs in type between pieces", chosen.name)));
+                return Err(
+                    header.wrong(format!("the array {:?} differs in type or components between Pieces", chosen.name))
+                );
             }
             Ok(Part { array, block })
         })
@@ -188,7 +193,9 @@ fn check_parts<T: Voxel>(header: &Header, parts: &[Part<'_>], whole: &Block) -> 
     let all = whole.voxels().unwrap_or(usize::MAX);
     let sum = parts.iter().try_fold(0_usize, |sum, part| sum.checked_add(part.block.voxels()?));
     let Some(sum) = sum.filter(|sum| sum / MOST_SHARED <= all) else {
-        return Err(header.wrong("its pieces lie on top of each other".to_owned()));
+        return Err(header.wrong(format!(
+            "its Pieces overlap: they have more than {MOST_SHARED} times the values of the WholeExtent"
+        )));
     };
     for part in parts {
         Values::open::<T>(header, part)?;
@@ -218,7 +225,7 @@ fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), 
         left_out = all - covered.iter().map(|word| word.count_ones() as usize).sum::<usize>();
     }
     if left_out > 0 {
-        return Err(header.wrong(format!("its pieces leave out {left_out} of {all} voxels")));
+        return Err(header.wrong(format!("its Pieces do not cover {left_out} of {all} voxels")));
     }
     Ok(())
 }
@@ -335,7 +342,10 @@ impl<'a> Values<'a> {
         let more = stream::next_word(stream, &mut Vec::new()).map(|word| word.is_some());
         let sentence = || {
             let (name, numbers) = (&self.array.name, self.numbers);
-            format!("{}: {name} has more than the {numbers} numbers that its extent makes it", path.display())
+            format!(
+                "{}: {name} has more than the {numbers} numbers that its extent requires; the rest is ignored",
+                path.display()
+            )
         };
         Ok(more.map_err(|source| stream::failed(path, source))?.then(sentence))
     }
@@ -354,7 +364,9 @@ fn stored(header: &Header, array: &Array) -> Result<Stored, VolumeError> {
         (Place::Base64(at), _) => (at, true),
         (Place::Appended(offset), Some(appended)) => (appended.start.saturating_add(offset), appended.base64),
         (Place::Appended(_), None) => {
-            return Err(header.wrong(format!("the array {:?} is appended, but nothing is", array.name)));
+            return Err(
+                header.wrong(format!("the array {:?} is appended, but the file has no AppendedData", array.name))
+            );
         }
     };
     let there = there(header, array, start)?;
@@ -370,7 +382,7 @@ fn stored(header: &Header, array: &Array) -> Result<Stored, VolumeError> {
 fn there(header: &Header, array: &Array, start: u64) -> Result<u64, VolumeError> {
     let length = header.length;
     length.checked_sub(start).filter(|&there| there > 0).ok_or_else(|| {
-        header.wrong(format!("the values of {:?} begin at byte {start}, but the file has {length}", array.name))
+        header.wrong(format!("the values of {:?} begin at byte {start}, but the file has only {length}", array.name))
     })
 }
 
@@ -382,11 +394,11 @@ fn unpacked(header: &Header, mut stored: Box<dyn Read>, expected: u64, there: u6
     }
     let said = words.next(&mut stored)?;
     if said != expected {
-        return Err(bytes::wrong(format!("it says to have {said} bytes, but its extent makes it {expected}")));
+        return Err(bytes::wrong(format!("its header states {said} bytes, but its extent requires {expected}")));
     }
     let there = there.saturating_sub(words.bytes());
     if there < expected {
-        return Err(bytes::wrong(format!("it needs {expected} bytes, but the file has {there}")));
+        return Err(bytes::wrong(format!("it needs {expected} bytes, but the file has only {there}")));
     }
     Ok(stored)
 }
