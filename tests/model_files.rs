@@ -284,7 +284,7 @@ fn hostile_files_are_refused_in_one_sentence() {
         (good.replace("version = 2", "version = 1"), "a file with a `[model]` needs the version 2"),
         (rows(0), "has 0 coefficients"),
         (rows(32), "has 32 coefficients"),
-        (rows(2), "is not one wavelength"),
+        (rows(2), "a single wavelength"),
         (good.replacen("[0.0, 0.0", "[0.0", 1), "row 0 of `projection` has 80 numbers"),
         (good.replacen("[0.0, 0.0", "[nan, 0.0", 1), "\"projection\" holds NaN"),
         (good.replacen("[0.0, 0.0", "[1e300, 0.0", 1), "row 0 of `projection` holds 1e300"),

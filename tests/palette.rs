@@ -186,8 +186,8 @@ fn how_near_one_can_come_with_an_open_light_is_called_unknown() {
     assert!(near.conflicts[0].reached <= 1.2 * near.conflicts[0].least);
     for solution in [near, solved(&smoke(0.0, vec![given("D65"), lamp("b")]))] {
         let lines = solution.sentences();
-        assert!(lines.iter().any(|line| line.contains("how near one can come is not known")), "{lines:?}");
-        assert!(lines.iter().any(|line| line.starts_with("What may make it possible: ")), "{lines:?}");
+        assert!(lines.iter().any(|line| line.contains("open light") && line.contains("unknown")), "{lines:?}");
+        assert!(lines.iter().any(|line| line.starts_with("Changes that may help: ")), "{lines:?}");
     }
 }
 
@@ -206,7 +206,7 @@ fn every_conflict_is_told() {
     let cores: Vec<_> = solution.conflicts.iter().map(|conflict| conflict.cells.clone()).collect();
     assert_eq!(cores, [[(0, 0), (0, 1)], [(1, 0), (1, 1)]]);
     for (conflict, name) in solution.conflicts.iter().zip(["one", "two"]) {
-        let free = format!("let {name} under A be free");
+        let free = format!("leave {name} under A free");
         assert!(conflict.ways_out.iter().any(|way| way.to_string() == free), "{:?}", conflict.ways_out);
     }
     // A material's target counts for every material that must match it.
@@ -222,7 +222,7 @@ fn a_light_that_cannot_dim_is_given_as_the_reason() {
     let row = Member { spectrum: Some(Spectrum::constant(0.4)), ..natural("grey") };
     let solution = solved(&palette(vec![row], vec![lamp("lamp")], &[(0, 0, Target::Black)]));
     let reason = &only(&solution).reason;
-    assert!(reason.contains("a light has luminance 1, so that grey looks as bright as Y = 0.4 to 0.4"), "{reason}");
+    assert!(reason.contains("grey has Y = 0.4 to 0.4, not Y = 0"), "{reason}");
 }
 
 fn only(solution: &Solution) -> &Conflict {
@@ -259,7 +259,7 @@ fn no_surface_is_a_metameric_black_in_daylight() {
     assert_eq!(conflict.cells, [(0, 0), (0, 1)]);
     assert!(conflict.least > 0.5 && conflict.reached >= conflict.least);
     assert!(conflict.reason.contains("D65 has power at every wavelength"), "{}", conflict.reason);
-    for way in ["let smoke under D65 be free", "give smoke the bounds [-1.0, 1.0]", "leave the light D65 open"] {
+    for way in ["leave smoke under D65 free", "give smoke the bounds [-1.0, 1.0]", "leave the light D65 open"] {
         assert!(conflict.ways_out.iter().any(|said| said.to_string().contains(way)), "{way}: {:?}", conflict.ways_out);
     }
 }
@@ -288,7 +288,7 @@ fn what_looks_alike_by_being_black_is_told() {
     let cells = [(0, 0, like(1, 1)), (1, 0, Target::Black)];
     let dark = solved(&palette(vec![natural("one"), natural("two")], vec![given("D65"), given("A")], &cells));
     assert_eq!(dark.dark_merges.len(), 1);
-    assert!(dark.sentences().iter().any(|line| line.contains("one under D65 looks as two under A by being black")));
+    assert!(dark.sentences().iter().any(|line| line.contains("one under D65 matches two under A")));
 }
 
 /// Random targets under two or three given lights. For a possible palette, the spectra are the proof. For an impossible
@@ -360,7 +360,7 @@ fn random_palettes_under_given_lights_are_judged_rightly() {
 #[test]
 fn colours_outside_every_gamut_are_reached_as_far_as_can_be_and_told() {
     let cases = [
-        (Target::Xyz(Xyz([1.9, 2.0, 2.1])), "asks for more light (Y = 2)"),
+        (Target::Xyz(Xyz([1.9, 2.0, 2.1])), "cannot reach Y = 2"),
         (lab(50.0, 0.0, 150.0), "has this colour"),
         (Target::Xyz(Xyz([-0.2, 0.3, 0.1])), "has this colour"),
     ];
@@ -478,22 +478,22 @@ fn a_palette_that_cannot_be_is_told_so() {
     refused(&palette(Vec::new(), vec![given("D65")], &[]), "it has no materials");
     let many: Vec<Member> = (0..100).map(|index| natural(&format!("m{index}"))).collect();
     let lamps: Vec<Member> = (0..100).map(|index| lamp(&format!("l{index}"))).collect();
-    refused(&palette(many, lamps, &[]), "it has 100 materials, and 32 can be designed together");
+    refused(&palette(many, lamps, &[]), "it has 100 materials, but at most 32 can be designed together");
     let one = |target| palette(vec![natural("one")], vec![given("D65")], &[(0, 0, target)]);
     refused(&one(lab(f64::NAN, 0.0, 0.0)), "one under D65 is not finite");
-    refused(&one(Target::Xyz(Xyz([1e9; 3]))), "above 1000 times white");
-    refused(&one(like(0, 0)), "look as itself");
-    refused(&one(like(3, 0)), "not there");
+    refused(&one(Target::Xyz(Xyz([1e9; 3]))), "1000 times white");
+    refused(&one(like(0, 0)), "is the cell itself");
+    refused(&one(like(3, 0)), "missing material or light");
     refused(&palette(vec![member("one", [1.0, 0.0])], vec![given("D65")], &[]), "the bounds of one are 1 to 0");
     refused(
         &palette(vec![natural("one")], vec![member("dim", [0.0, 0.5])], &[]),
-        "one from -1000 to below 1 and one from above 1 to 1000",
+        "the lower from -1000 to below 1 and the upper from above 1 to 1000",
     );
     let mut uneven = palette(vec![natural("one")], vec![given("D65")], &[(0, 0, Target::Black)]);
     uneven.cells[0].weight = 1e300;
-    refused(&uneven, "the weight of the cell one under D65 is 1e300; it is a number from 1e-6 to 1000000");
+    refused(&uneven, "the weight of the cell one under D65 is 1e300; it must be a number from 1e-6 to 1000000");
     uneven.materials[0].smoothness = 1e300;
-    refused(&uneven, "the smoothness of one is 1e300; it is a number from 1e-12 to 1000000");
+    refused(&uneven, "the smoothness of one is 1e300; it must be a number from 1e-12 to 1000000");
 }
 
 // ---- files ----
@@ -645,10 +645,10 @@ fn what_is_wrong_with_a_palette_file_is_told_where_it_stands() {
         ("[cells.flesh]", "[cells.flash]", "small.toml:9:1: there is no material \"flash\"; did you mean \"flesh\"?"),
         ("lamp = \"free\"", "lmap = \"free\"", "small.toml:13:8: there is no light \"lmap\"; did you mean \"lamp\"?"),
         ("\"#808080\"", "\"#80808\"", "small.toml:10:7: cells.flesh.day:"),
-        ("\"#808080\"", "\"grey\"", "small.toml:10:7: cells.flesh.day: \"grey\" is no colour"),
-        ("\"#808080\"", "{ xyz = [0.1, nan, 0.2] }", "is no colour; it is three finite numbers"),
-        ("\"#808080\"", "{ xyz = [0.1, 0.1, 0.2], target = \"black\" }", "it says one of `target`, `xyz` and `lab`"),
-        ("\"#808080\"", "3", "small.toml:10:7: a cell is a text"),
+        ("\"#808080\"", "\"grey\"", "small.toml:10:7: cells.flesh.day: \"grey\" is not a target"),
+        ("\"#808080\"", "{ xyz = [0.1, nan, 0.2] }", "is not a colour; a colour has three finite numbers"),
+        ("\"#808080\"", "{ xyz = [0.1, 0.1, 0.2], target = \"black\" }", "exactly one of `target`, `xyz` and `lab`"),
+        ("\"#808080\"", "3", "small.toml:10:7: a cell is a string"),
         ("weight = 2", "weight = 0", "small.toml:11:8: cells.flesh.lamp: weight = 0"),
         ("as bone under day", "as bones", "there is no material \"bones\"; did you mean \"bone\"?"),
         ("as bone under day", "as under dya", "there is no light \"dya\"; did you mean \"day\"?"),
@@ -659,19 +659,19 @@ fn what_is_wrong_with_a_palette_file_is_told_where_it_stands() {
         (
             "[lights.lamp]",
             "[lights.lamp]\nsmoothness = 0",
-            "lights.lamp.smoothness: 0; it is a number from 1e-12 to 1000000",
+            "lights.lamp.smoothness: 0; it must be a number from 1e-12 to 1000000",
         ),
-        ("[0, 0.9]", "[0, 1e300]", "materials.flesh.bounds: 0 to 1e300; they are two numbers from -1000 to 1000"),
+        ("[0, 0.9]", "[0, 1e300]", "materials.flesh.bounds: 0 to 1e300; they must be two numbers from -1000 to 1000"),
         (
             "[lights.lamp]",
             "[lights.lamp]\nbounds = [0, 1e300]",
-            "one from -1000 to below 1 and one from above 1 to 1000",
+            "the lower from -1000 to below 1 and the upper from above 1 to 1000",
         ),
-        ("weight = 2", "weight = 1e300", "weight = 1e300; it is a number from 1e-6 to 1000000"),
+        ("weight = 2", "weight = 1e300", "weight = 1e300; it must be a number from 1e-6 to 1000000"),
         ("weight = 2", "wieght = 2", "cells.flesh.lamp: unknown field `wieght`"),
         ("weight = 2", "weight = \"two\"", "cells.flesh.lamp: invalid type: string \"two\", expected a number"),
-        ("version = 1", "version = 1\nmodel = { k = 32 }", "model.k = 32; it is a whole number from 1 to 31"),
-        ("version = 1", "version = 1\nuse = \"x\"", "`use` stands in the [palette] of a scene"),
+        ("version = 1", "version = 1\nmodel = { k = 32 }", "model.k = 32; it must be a whole number from 1 to 31"),
+        ("version = 1", "version = 1\nuse = \"x\"", "`use` is only allowed in the [palette] of a scene"),
     ];
     for (from, to, words) in cases {
         assert!(SMALL.contains(from), "{from}");
@@ -771,7 +771,7 @@ fn what_is_wrong_with_a_scenes_palette_is_told() {
         assert!(told.contains(words), "{told}");
     };
     refused("[palette]\nuse = \"nothing.toml\"", "cannot read the palette");
-    refused("[palette]\nuse = \"xray.toml\"\n[palette.lights.x]\n", "a [palette] with `use`");
+    refused("[palette]\nuse = \"xray.toml\"\n[palette.lights.x]\n", "`use` excludes all other keys");
     refused("[palette.materials.x]\n", "it has no lights");
     refused("[palette.lights.x]\nspectrum = \"D66\"", "a scene:7:12: lights.x.spectrum");
     refused("[palette]\nuse = \"xray.toml\"\n[materials.other]\n", "missing field `reflectance`");
@@ -846,7 +846,7 @@ fn the_program_refuses_what_it_should() {
     folder.refused(2, &["design", "small.toml", "-o", "a.svg", "--report", "a.svg"], &["a.svg is named twice"]);
     folder.refused(2, &["design", "small.toml", "--report", "r.pdf"], &["end its name in .html, .svg or .png"]);
     folder.refused(1, &["design", "none.toml"], &["cannot read the palette none.toml"]);
-    folder.refused(1, &["design", "scene.toml"], &["scene.toml:", "a scene without a [palette]"]);
+    folder.refused(1, &["design", "scene.toml"], &["scene.toml:", "no [palette]"]);
     folder.refused(1, &["design", "small.toml", "-o", "no/where.toml"], &["there is no folder no"]);
 }
 

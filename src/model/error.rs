@@ -15,21 +15,21 @@ pub enum ModelError {
         largest: usize,
     },
     /// A dimension other than 3 for RGB.
-    #[error("RGB has 3 coefficients, not {dimension}; the other models have as many as you like")]
+    #[error("RGB has 3 coefficients, not {dimension}; choose another model for a different number")]
     NotThree {
         /// Requested dimension.
         dimension: usize,
     },
     /// A tolerance that is not above 0.
-    #[error("a tolerance is a ΔE00 above 0, not {tolerance}")]
+    #[error("a tolerance must be a ΔE00 above 0, not {tolerance}")]
     NotATolerance {
         /// Requested tolerance.
         tolerance: f64,
     },
     /// No dimension keeps the tolerance.
     #[error(
-        "no k up to {largest} is sure to keep ΔE00 {tolerance} with the model {kind}: k = {dimension} comes nearest and \
-         differs by {reached:.3} at worst; to go on with it, add --k {dimension} or --tolerance {kept:.3}{way_out}"
+        "the model {kind} does not keep ΔE00 {tolerance} for any k up to {largest}: the best is k = {dimension} with a \
+         largest error of {reached:.3}; to accept it, add --k {dimension} or --tolerance {kept:.3}{way_out}"
     )]
     Tolerance {
         /// Requested kind of model.
@@ -60,10 +60,10 @@ pub enum ModelError {
         expected: &'static str,
     },
     /// Spectra too large or too small: the fit overflows.
-    #[error("the spectra of this scene are too large or too small to be computed with: a fitted colour is not finite")]
+    #[error("the spectra of this scene are too large or too small: a fitted colour is not finite")]
     NotFinite,
     /// Inconsistent stored parts of a model.
-    #[error("these are not the parts of one colour model: {problem}")]
+    #[error("inconsistent parts of a colour model: {problem}")]
     Parts {
         /// Description of the inconsistency.
         problem: String,

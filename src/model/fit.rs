@@ -86,8 +86,8 @@ pub fn fit_automatic(
     model.check_on(&unseen)?;
     let reached = model.worst().max;
     let way_out = match kind {
-        ModelKind::Nodes => "; --reference renders all bands, slowly and without this error",
-        _ => "; --model nodes may keep yours",
+        ModelKind::Nodes => "; --reference renders all bands, slowly but without this error",
+        _ => "; --model nodes may keep your tolerance",
     };
     Err(ModelError::Tolerance {
         kind,

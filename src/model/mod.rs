@@ -159,7 +159,7 @@ impl ColourModel {
         let mut model =
             Self { kind, observer, projection, cloud, vectors: vectors_of_cloud, unseen, mixed: false, lights };
         if kind == ModelKind::Nodes && model.nodes_nm().is_none_or(|nodes| nodes.len() != dimension) {
-            return wrong("a row of the projection is not one wavelength, as a node is".to_owned());
+            return wrong("a row of the projection of nodes does not select a single wavelength".to_owned());
         }
         model.vectors = model.checked_vectors(&model.cloud, vectors)?;
         if let Some((name, _, matrix)) = model.lights.iter().find(|(.., matrix)| matrix.xyz.len() != dimension) {

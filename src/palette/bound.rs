@@ -19,7 +19,7 @@ use crate::spectrum::{BANDS, Spectrum};
 
 /// Largest bound, as ΔE00, that counts as zero: the accuracy of the solver.
 const REACHABLE: f64 = 0.02;
-const STAGE: &str = "looking for what excludes itself";
+const STAGE: &str = "searching for conflicts";
 
 /// Cells that no spectra within their bounds can satisfy together.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +40,7 @@ pub struct Conflict {
     pub ways_out: Vec<WayOut>,
 }
 
-/// Single change that may resolve a conflict. Displays as a clause: "let a under b be free".
+/// Single change that may resolve a conflict. Displays as a clause: "leave a under b free".
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum WayOut {
@@ -68,9 +68,9 @@ pub enum WayOut {
 impl fmt::Display for WayOut {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Free { material, light } => write!(formatter, "let {material} under {light} be free"),
+            Self::Free { material, light } => write!(formatter, "leave {material} under {light} free"),
             Self::Bounds { material, bounds } => {
-                write!(formatter, "give {material} the bounds {bounds:?}: an artificial spectrum")
+                write!(formatter, "give {material} the bounds {bounds:?} (an artificial spectrum)")
             }
             Self::Open { light } => write!(formatter, "leave the light {light} open"),
         }
@@ -392,14 +392,14 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
     });
     match (black, open_row, open_column, core) {
         (Some(black), Some(row), ..) if core.len() > 1 && palette.materials[row].bounds[0] >= 0.0 => format!(
-            "{listed}: {} has power at every wavelength, so that a reflectance that is nowhere negative looks black under it only if it is 0 everywhere, and then it is black under every light",
+            "{listed}: {} has power at every wavelength; a reflectance without negative samples is black under it only if it is 0 everywhere, and is then black under every light",
             palette.lights[black.light].name
         ),
         (_, Some(row), _, [only])
             if only.target.xyz().is_some_and(|xyz| xyz.0[1] > palette.materials[row].bounds[1].max(0.0)) =>
         {
             format!(
-                "{listed}: it asks for more light (Y = {}) than a reflectance {} sends back",
+                "{listed}: a reflectance {1} cannot reach Y = {0}",
                 readable(only.target.xyz().map_or(0.0, |xyz| (xyz.0[1] * 1e3).round() / 1e3)),
                 bounds(row)
             )
@@ -407,9 +407,9 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
         (_, Some(row), _, [_]) => format!(
             "{listed}: no reflectance {} has this colour{}",
             bounds(row),
-            if open_column.is_some() { " under any light within its bounds" } else { " there" }
+            if open_column.is_some() { " under any light within its bounds" } else { " under this light" }
         ),
-        (_, Some(row), ..) => format!("{listed}: no one reflectance {} has all these colours", bounds(row)),
+        (_, Some(row), ..) => format!("{listed}: no single reflectance {} has all these colours", bounds(row)),
         (_, None, Some(column), _) => {
             let rounded = |number: f64| readable((number * 1e3).round() / 1e3);
             // Under a light of luminance 1, the Y of a reflectance is an average of its samples.
@@ -423,7 +423,7 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
                 let name = &palette.materials[cell.material].name;
                 (palette.lights[column].bounds[0] >= 0.0 && !(low..=high).contains(&asked)).then(|| {
                     format!(
-                        "a light has luminance 1, so that {name} looks as bright as Y = {} to {} under it, not Y = {}",
+                        "under any light of luminance 1, {name} has Y = {} to {}, not Y = {}",
                         rounded(low),
                         rounded(high),
                         rounded(asked)
@@ -432,7 +432,7 @@ fn reason(palette: &Palette, core: &[Cell]) -> String {
             });
             let shape = || {
                 format!(
-                    "no one light of luminance 1 with a peak of at most {} times its mean gives all these colours",
+                    "no single light of luminance 1 with a peak of at most {} times its mean gives all these colours",
                     readable(palette.lights[column].bounds[1])
                 )
             };

@@ -32,7 +32,7 @@ impl Solution {
     pub fn to_svg(&self) -> String {
         let mut drawing = Drawing { body: String::new(), width: 0.0, height: MARGIN };
         drawing.heading(&format!("Palette {}", self.palette.source), 18.0);
-        let worst = format!("largest ΔE00 {:.3}; left half of a cell: asked for, right half: reached", self.worst());
+        let worst = format!("largest ΔE00 {:.3}; left half of a cell: target, right half: solution", self.worst());
         drawing.heading(&worst, 12.0);
         self.draw_matrix(&mut drawing);
         self.draw_verdicts(&mut drawing);
@@ -64,7 +64,7 @@ impl Solution {
             drawing.swatch([x, y], [half, 40.0], asked);
             drawing.swatch([x + half, y], [half, 40.0], cell.xyz);
             let difference = cell.difference.map_or("free".to_owned(), |difference| format!("ΔE {difference:.3}"));
-            let beyond = if is_displayable(linear_srgb_from_xyz(cell.xyz)) { "" } else { ", beyond sRGB" };
+            let beyond = if is_displayable(linear_srgb_from_xyz(cell.xyz)) { "" } else { ", outside sRGB" };
             drawing.text([x, y + 53.0], 11.0, &format!("{difference}{beyond}"));
         }
         drawing.height = count(self.palette.materials.len()).mul_add(CELL[1], top) + 8.0;
@@ -119,7 +119,7 @@ impl Solution {
             return;
         }
         drawing.height += 16.0;
-        drawing.heading("How far apart materials look, ΔE00", 15.0);
+        drawing.heading("Colour differences between materials, ΔE00", 15.0);
         let from = LABELS + 90.0;
         let y = drawing.height + 20.0;
         let observers =
@@ -171,12 +171,12 @@ impl Solution {
     pub fn sentences(&self) -> Vec<String> {
         let mut lines = Vec::new();
         for (index, conflict) in self.conflicts.iter().enumerate() {
-            lines.push(format!("Cannot be had exactly: {}.", conflict.reason));
+            lines.push(format!("Not exactly possible: {}.", conflict.reason));
             lines.push(match conflict.ways_out.as_slice() {
-                [] => "No single change is known that may make it possible.".to_owned(),
+                [] => "No single change is known to help.".to_owned(),
                 ways => {
                     let ways: Vec<String> = ways.iter().map(ToString::to_string).collect();
-                    format!("What may make it possible: {}.", ways.join("; or "))
+                    format!("Changes that may help: {}.", ways.join("; or "))
                 }
             });
             // All conflicts of a part share its bound.
@@ -186,9 +186,9 @@ impl Solution {
                     .iter()
                     .any(|&(_, light)| self.palette.lights.get(light).is_some_and(|light| light.spectrum.is_none()));
                 lines.push(format!(
-                    "Over what hangs together with it, the root mean square ΔE00 (by the metric at the targets, which is too much where they are far) is at least {:.2}{}; it is {:.2}.",
+                    "Over all coupled cells, the root mean square ΔE00 (linearised at the targets, therefore too large far from them) is at least {:.2}{}; the solution has {:.2}.",
                     conflict.least,
-                    if has_open_light { ", and with an open light how near one can come is not known" } else { "" },
+                    if has_open_light { " (with an open light, the best possible value is unknown)" } else { "" },
                     conflict.reached
                 ));
             }
@@ -202,7 +202,7 @@ impl Solution {
         };
         lines.extend(self.dark_merges.iter().map(|merge| {
             format!(
-                "{} looks as {} by being black, which nobody asked for; give one of them a colour.",
+                "{} matches {} only because both are nearly black; give one of them a target colour.",
                 name(merge.cell),
                 name(merge.like)
             )

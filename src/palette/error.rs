@@ -44,7 +44,7 @@ pub enum PaletteError {
         message: String,
     },
     /// The colour model of the palette cannot be fitted.
-    #[error("the palette {palette} has no colour model to be shown with")]
+    #[error("cannot fit a colour model for the palette {palette}")]
     Model {
         /// Source of the palette.
         palette: String,

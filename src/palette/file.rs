@@ -62,8 +62,8 @@ struct ColumnFile {
 #[derive(Debug, Deserialize)]
 #[serde(
     untagged,
-    expecting = "a cell is a text (\"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\") or a table \
-                                of one of `target` (such a text), `xyz`, `lab`, and `weight`"
+    expecting = "a cell is a string (\"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\") or a table \
+                                with one of `target` (one of these strings), `xyz` and `lab`, and an optional `weight`"
 )]
 enum CellFile {
     Text(String),
@@ -121,7 +121,7 @@ pub fn load(path: &Path) -> Result<Palette, PaletteError> {
     let file = input::open(path).map_err(read)?;
     let length = file.metadata().map_err(read)?.len();
     if length > LONGEST {
-        let message = format!("a palette file has at most {LONGEST} bytes, this one has {length}");
+        let message = format!("a palette file has at most {LONGEST} bytes, but this one has {length}");
         return Err(PaletteError::Invalid { at: name, message });
     }
     let mut bytes = Vec::new();
@@ -161,7 +161,7 @@ pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteErro
     if let Some(table) = scene.palette.map(At::into_inner) {
         let Some(other) = &table.r#use else { return table.resolve(name, base).map_err(misplaced) };
         if table.says_more_than_use() {
-            return Err(invalid(other.span().start, "a [palette] has `use`, or says all by itself".to_owned()));
+            return Err(invalid(other.span().start, "`use` excludes all other keys of [palette]".to_owned()));
         }
         let path = base.join(other.get_ref());
         let mut palette = load(&path)?;
@@ -169,7 +169,7 @@ pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteErro
         return Ok(palette);
     }
     if scene.volume.is_some() {
-        return Err(invalid(0, "this is a scene without a [palette]; docs/PALETTE.md has the keys of one".to_owned()));
+        return Err(invalid(0, "the scene has no [palette]; docs/PALETTE.md lists its keys".to_owned()));
     }
     let file: PaletteFile = toml::from_str(text).map_err(misread)?;
     match file.version.as_ref().map(|version| (version, *version.get_ref())) {
@@ -180,7 +180,7 @@ pub fn parse(name: &str, text: &str, base: &Path) -> Result<Palette, PaletteErro
         None => return Err(invalid(0, "missing field `version`; write version = 1".to_owned())),
     }
     if let Some(other) = &file.r#use {
-        return Err(invalid(other.span().start, "`use` stands in the [palette] of a scene".to_owned()));
+        return Err(invalid(other.span().start, "`use` is only allowed in the [palette] of a scene".to_owned()));
     }
     file.resolve(name, base).map_err(misplaced)
 }
@@ -235,13 +235,13 @@ impl PaletteFile {
             if !(1..=LARGEST_DIMENSION).contains(k) {
                 return Err(Misplaced::new(
                     at,
-                    format!("model.k = {k}; it is a whole number from 1 to {LARGEST_DIMENSION}"),
+                    format!("model.k = {k}; it must be a whole number from 1 to {LARGEST_DIMENSION}"),
                 ));
             }
             if !WEIGHTS.contains(&weight) {
                 return Err(Misplaced::new(
                     at,
-                    format!("model.weight = {}; it is {}", readable(weight), range(&WEIGHTS)),
+                    format!("model.weight = {}; it must be {}", readable(weight), range(&WEIGHTS)),
                 ));
             }
             Ok(ModelTerm { dimension: *k, weight })
@@ -300,7 +300,7 @@ fn index(name: &str, members: &[Member], what: &str) -> Result<usize, String> {
     let names = || members.iter().map(|member| member.name.as_str());
     members.iter().position(|member| member.name == name).ok_or_else(|| match nearest(name, names()) {
         Some(nearest) => format!("there is no {what} {name:?}; did you mean {nearest:?}?"),
-        None => format!("there is no {what} {name:?}; there are: {}", names().collect::<Vec<_>>().join(", ")),
+        None => format!("there is no {what} {name:?}; the {what}s are {}", names().collect::<Vec<_>>().join(", ")),
     })
 }
 
@@ -319,7 +319,7 @@ fn target(
     };
     let finite = |numbers: [f64; 3]| match numbers.iter().all(|number| number.is_finite()) {
         true => Ok(numbers),
-        false => Err(format!("{numbers:?} is no colour; it is three finite numbers")),
+        false => Err(format!("{numbers:?} is not a colour; a colour has three finite numbers")),
     };
     let target = match (&table.target, table.xyz, table.lab) {
         (Some(text), None, None) => match text.trim() {
@@ -329,7 +329,7 @@ fn target(
             text => match text.strip_prefix("as ").map(str::trim) {
                 None => {
                     return Err(format!(
-                        "{text:?} is no colour; it is \"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\", or a table of xyz or lab"
+                        "{text:?} is not a target; write \"#rrggbb\", \"black\", \"free\", \"as ROW\", \"as under COLUMN\", or a table of xyz or lab"
                     ));
                 }
                 Some(like) => {
@@ -350,11 +350,15 @@ fn target(
         },
         (None, Some(xyz), None) => Target::Xyz(Xyz(finite(xyz)?)),
         (None, None, Some(lab)) => Target::Lab(Lab(finite(lab)?)),
-        _ => return Err("it says one of `target`, `xyz` and `lab`".to_owned()),
+        _ => return Err("give exactly one of `target`, `xyz` and `lab`".to_owned()),
     };
     let weight = table.weight.unwrap_or(1.0);
     if !WEIGHTS.contains(&weight) {
-        return Err(format!("weight = {}; it is {} (\"free\" asks for nothing)", readable(weight), range(&WEIGHTS)));
+        return Err(format!(
+            "weight = {}; it must be {} (use \"free\" for a cell without a target)",
+            readable(weight),
+            range(&WEIGHTS)
+        ));
     }
     Ok(Some((target, weight)))
 }
@@ -374,7 +378,7 @@ impl Solution {
     #[must_use]
     pub fn to_toml(&self) -> String {
         let head = format!(
-            "# Designed by relume {} from {}.\n# The largest ΔE00 from what [cells] asks for is {:.4}.\n",
+            "# Designed by relume {} from {}.\n# The largest ΔE00 from the targets in [cells] is {:.4}.\n",
             env!("CARGO_PKG_VERSION"),
             self.palette.source.replace(['\n', '\r'], " "),
             self.worst()

@@ -83,17 +83,17 @@ impl Member {
         let in_order = BOUNDS.contains(&low) && BOUNDS.contains(&high) && low < high;
         let allowed = match kind {
             Kind::Light if in_order && low < 1.0 && high > 1.0 => return None,
-            Kind::Light => "in multiples of its mean, one from -1000 to below 1 and one from above 1 to 1000",
+            Kind::Light => "multiples of the mean, the lower from -1000 to below 1 and the upper from above 1 to 1000",
             _ if in_order => return None,
-            _ => "two numbers from -1000 to 1000, the lower one first",
+            _ => "two numbers from -1000 to 1000 in ascending order",
         };
-        Some(format!("{} to {}; they are {allowed}", readable(low), readable(high)))
+        Some(format!("{} to {}; they must be {allowed}", readable(low), readable(high)))
     }
 
     /// Returns an error message if the smoothness is invalid.
     fn smoothness_problem(&self) -> Option<String> {
         (!SMOOTHNESSES.contains(&self.smoothness))
-            .then(|| format!("{}; it is {}", readable(self.smoothness), range(&SMOOTHNESSES)))
+            .then(|| format!("{}; it must be {}", readable(self.smoothness), range(&SMOOTHNESSES)))
     }
 }
 
@@ -206,11 +206,11 @@ impl Palette {
         ];
         for (members, what, table, kind) in sides {
             if members.is_empty() {
-                return wrong(format!("it has no {what}; write at least one {table}"));
+                return wrong(format!("it has no {what}; add at least one {table}"));
             }
             if members.len() > LARGEST {
                 return wrong(format!(
-                    "it has {} {what}, and {LARGEST} can be designed together; split it",
+                    "it has {} {what}, but at most {LARGEST} can be designed together; split it",
                     members.len()
                 ));
             }
@@ -236,18 +236,20 @@ impl Palette {
                 .iter()
                 .any(|place| place.material >= self.materials.len() || place.light >= self.lights.len())
             {
-                return wrong(format!("the cell {index} is of a material or a light that is not there"));
+                return wrong(format!("the cell {index} refers to a missing material or light"));
             }
             let name = self.name(at);
             if self.cells[..index].iter().any(|earlier| Place::of(earlier) == at) {
-                return wrong(format!("the cell {name} is said twice"));
+                return wrong(format!("the cell {name} is defined twice"));
             }
             if other == at && matches!(cell.target, Target::Like { .. }) {
-                return wrong(format!("the cell {name} is to look as itself; leave it out to let it be free"));
+                return wrong(format!(
+                    "the target of the cell {name} is the cell itself; omit the cell to leave it free"
+                ));
             }
             if !WEIGHTS.contains(&cell.weight) {
                 return wrong(format!(
-                    "the weight of the cell {name} is {}; it is {}",
+                    "the weight of the cell {name} is {}; it must be {}",
                     readable(cell.weight),
                     range(&WEIGHTS)
                 ));
@@ -256,14 +258,14 @@ impl Palette {
             const LARGEST_PART: f64 = 1e3;
             if cell.target.xyz().is_some_and(|xyz| !xyz.0.iter().all(|part| part.abs() <= LARGEST_PART)) {
                 return wrong(format!(
-                    "the colour of the cell {name} is not finite, or above {LARGEST_PART} times white"
+                    "the colour of the cell {name} is not finite, or exceeds {LARGEST_PART} times white"
                 ));
             }
         }
         if let Some(term) = &self.model
             && !WEIGHTS.contains(&term.weight)
         {
-            return wrong(format!("the model's weight is {}; it is {}", readable(term.weight), range(&WEIGHTS)));
+            return wrong(format!("the model's weight is {}; it must be {}", readable(term.weight), range(&WEIGHTS)));
         }
         Ok(())
     }

@@ -30,7 +30,7 @@ impl fmt::Display for Kind {
 #[non_exhaustive]
 pub enum SpectrumError {
     /// A sample is infinite or NaN.
-    #[error("{kind} must be finite, and this one is {value} at {nm} nm")]
+    #[error("{kind} must be finite, but this one is {value} at {nm} nm")]
     NotFinite {
         /// Intended kind of the spectrum.
         kind: Kind,
@@ -40,7 +40,7 @@ pub enum SpectrumError {
         value: f64,
     },
     /// An absorption is negative somewhere.
-    #[error("an absorption must not be negative (it would amplify light), and this one is {value} at {nm} nm")]
+    #[error("an absorption must not be negative (it would amplify light), but this one is {value} at {nm} nm")]
     NegativeAbsorption {
         /// Wavelength of the sample in nm.
         nm: f64,
@@ -48,7 +48,7 @@ pub enum SpectrumError {
         value: f64,
     },
     /// An absorption is zero everywhere and cannot be scaled to a peak of 1.
-    #[error("an absorption of zeros has no peak; leave it out to absorb nothing")]
+    #[error("an absorption of zeros cannot be scaled to a peak of 1; omit it to absorb nothing")]
     NoAbsorption,
     /// A temperature too low, or not finite, for a black body.
     #[error("a black body of {kelvin} K cannot be used as a light; its temperature must be at least 100 K")]
@@ -79,7 +79,9 @@ pub enum SpectrumError {
     #[error("{0}")]
     Points(String),
     /// A colour code that is not `#rrggbb`.
-    #[error("{text:?} is no sRGB colour; write it as \"#rrggbb\" with hexadecimal digits, \"#ff8000\" for orange")]
+    #[error(
+        "{text:?} is not an sRGB colour; write \"#rrggbb\" with hexadecimal digits, such as \"#ff8000\" for orange"
+    )]
     ColourCode {
         /// Text of the code.
         text: String,
@@ -129,7 +131,7 @@ pub enum SpectrumError {
         source: io::Error,
     },
     /// A file too large for a spectrum.
-    #[error("{} is larger than 10 MB; that is no spectrum file", .path.display())]
+    #[error("{} is larger than 10 MB, the limit for a spectrum file", .path.display())]
     TooLarge {
         /// Path of the file.
         path: PathBuf,

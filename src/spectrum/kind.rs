@@ -76,7 +76,7 @@ impl Light {
             return Self(unit);
         }
         let luminance = OBSERVER[1].dot(&spectrum);
-        tracing::warn!("a light has the luminance {luminance}, which cannot be scaled to 1; it is used as it is");
+        tracing::warn!("a light has luminance {luminance} and cannot be scaled to luminance 1; it is used unscaled");
         Self(spectrum)
     }
 

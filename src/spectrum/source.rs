@@ -48,7 +48,7 @@ pub enum SpectrumSource {
 
 /// Column of a file with the values of a spectrum.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "a column is its name or its number, the first being 1")]
+#[serde(untagged, expecting = "a column is a name or a number from 1")]
 pub enum Column {
     /// Column number from 1; column 1 holds the wavelengths.
     Number(usize),
@@ -277,14 +277,14 @@ impl<'de> Visitor<'de> for SourceVisitor {
             form = Some((key, written));
         }
         let Some((_, mut source)) = form else {
-            return Err(de::Error::custom(format!("the table says nothing; expected {FORMS}")));
+            return Err(de::Error::custom(format!("the table defines no spectrum; expected {FORMS}")));
         };
         match (&mut source, column, base) {
             (_, None, None) => {}
             (SpectrumSource::File { column, .. }, Some(written), None) => *column = Some(written),
             (SpectrumSource::Gaussians { base, .. }, None, Some(written)) => *base = written,
-            (_, Some(_), _) => return Err(de::Error::custom("`column` stands beside `file` only")),
-            (_, None, Some(_)) => return Err(de::Error::custom("`base` stands beside `gaussian` only")),
+            (_, Some(_), _) => return Err(de::Error::custom("`column` is only allowed with `file`")),
+            (_, None, Some(_)) => return Err(de::Error::custom("`base` is only allowed with `gaussian`")),
         }
         check(&source).map_err(de::Error::custom)?;
         Ok(source)
@@ -309,7 +309,7 @@ fn check(source: &SpectrumSource) -> Result<(), SpectrumError> {
 #[derive(Deserialize)]
 #[serde(
     untagged,
-    expecting = "the value at a wavelength is a number (a wavelength with a decimal point stands in quotes: \"546.1\" = 0.5)"
+    expecting = "the value at a wavelength is a number (quote a wavelength with a decimal point: \"546.1\" = 0.5)"
 )]
 enum Value {
     Number(f64),

@@ -147,7 +147,7 @@ pub fn hint(name: &str, kind: Kind) -> String {
     match nearest(name, names.iter().copied()) {
         Some(nearest) => format!("did you mean {nearest:?}?"),
         _ if kind == Kind::Light => format!("the standards are {}, and \"blackbody 2856\"", names.join(", ")),
-        _ if names.is_empty() => format!("no standard is {kind}; give a file, a table or a number"),
+        _ if names.is_empty() => format!("no standard spectrum is {kind}; give a file, a table or a number"),
         _ => format!("the standards are {}", names.join(", ")),
     }
 }

@@ -162,14 +162,14 @@ fn fields(line: &str) -> Vec<&str> {
 
 fn parsed(fields: &[&str], index: usize) -> Result<f64, String> {
     let field = fields.get(index).ok_or_else(|| format!("column {} is missing", index + 1))?;
-    field.parse().map_err(|_| format!("{:?} is no number", shortened(field)))
+    field.parse().map_err(|_| format!("{:?} is not a number", shortened(field)))
 }
 
 /// Index, from 0, of the column of values.
 fn choose(path: &Path, column: Option<&Column>, header: Option<&[&str]>, count: usize) -> Result<usize, SpectrumError> {
     let problem = match column {
         None if count == 2 => return Ok(1),
-        None => "the column of values must be chosen, `column = NAME` or `column = NUMBER`".to_owned(),
+        None => "choose the column of values with `column = NAME` or `column = NUMBER`".to_owned(),
         Some(Column::Number(1)) => "column 1 holds the wavelengths".to_owned(),
         Some(&Column::Number(number)) if (2..=count).contains(&number) => return Ok(number - 1),
         Some(Column::Number(number)) => format!("there is no column {number}"),
