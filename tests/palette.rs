@@ -771,7 +771,7 @@ fn what_is_wrong_with_a_scenes_palette_is_told() {
         assert!(told.contains(words), "{told}");
     };
     refused("[palette]\nuse = \"nothing.toml\"", "cannot read the palette");
-    refused("[palette]\nuse = \"xray.toml\"\n[palette.lights.x]\n", "`use` excludes all other keys");
+    refused("[palette]\nuse = \"xray.toml\"\n[palette.lights.x]\n", "`use` has no other keys");
     refused("[palette.materials.x]\n", "it has no lights");
     refused("[palette.lights.x]\nspectrum = \"D66\"", "a scene:7:12: lights.x.spectrum");
     refused("[palette]\nuse = \"xray.toml\"\n[materials.other]\n", "missing field `reflectance`");
