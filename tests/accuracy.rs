@@ -65,8 +65,8 @@ fn flags_that_mean_nothing_are_refused() {
     folder.refused(2, &["info", "glass.toml", "-D", "accuracy.k=few"], &["-D accuracy.k=few", "\"auto\""]);
     folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not exact"]);
     folder.refused(2, &["info", "v.mhd", "--k", "3"], &["--k has no effect", "is a volume"]);
-    folder.refused(2, &["bench", "model", "--k", "3"], &["--k has no effect"]);
-    folder.refused(2, &["bench", "model", "-D", "accuracy.k=3"], &["-D has no effect"]);
+    folder.refused(2, &["bench", "load", "--k", "3"], &["--k has no effect"]);
+    folder.refused(2, &["bench", "load", "-D", "accuracy.k=3"], &["-D has no effect"]);
     folder.done(&["render", "glass.toml", "--size", "8x8", "--accumulators", "acc.exr"]);
     folder.refused(2, &["info", "acc.exr", "--tolerance", "3"], &["--tolerance has no effect"]);
     folder.refused(2, &["relight", "acc.exr", "-o", "p.png", "--tolerance", "0"], &["--tolerance", "above 0"]);

@@ -418,8 +418,8 @@ fn flags_that_no_workload_has_a_use_for_are_refused() {
     let folder = Folder::new();
     let volume = "--volume has no effect";
     folder.refused(2, &["bench", "default", "--volume", "frog.mhd"], &[volume]);
-    folder.refused(2, &["bench", "default", "model", "--volume", "frog.mhd"], &[volume]);
-    folder.refused(2, &["bench", "model", "--time", "1"], &["--time has no effect"]);
+    folder.refused(2, &["bench", "default", "scenes", "--volume", "frog.mhd"], &[volume]);
+    folder.refused(2, &["bench", "default", "--time", "1"], &["--time has no effect"]);
 }
 
 #[test]

@@ -1,11 +1,14 @@
-//! Counts reported by `relume bench`; timings are not tested.
+//! Counts of `relume bench` and of the instrument for features; timings are not tested.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "../benches/instruments/needs.rs"]
+#[allow(dead_code, reason = "the tests use a part of the instrument")]
+mod needs;
 mod support;
 
 use std::sync::Arc;
 
-use relume::measure::{NeedRow, need_rows};
+use needs::{NeedRow, need_rows};
 use relume::progress::Quiet;
 use relume::scene::Scene;
 use relume::volume::phantom;
@@ -166,7 +169,7 @@ fn an_earlier_run_is_kept_to_within_the_budget() {
     // Reported before the measurement: this scene could not be measured.
     let nothing = ["bench", "default", "--against", "nothing.json", "-D", "volume.dims=[0,0,0]"];
     folder.refused(1, &nothing, &["--against nothing.json", "`relume bench --json`"]);
-    folder.refused(2, &["bench", "model", "--against", "before.json"], &["--against has no effect"]);
+    folder.refused(2, &["bench", "load", "--against", "before.json"], &["--against has no effect"]);
     folder.refused(2, &["bench", "peer", "-o", "costs.txt"], &["costs.txt", ".html"]);
 }
 

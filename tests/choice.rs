@@ -1,14 +1,16 @@
 //! Choice of settings: goals are met at little more than the least cost, and settings are measured once.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "../benches/instruments/goals.rs"]
+#[allow(dead_code, reason = "the tests use a part of the instrument")]
+mod goals;
 mod support;
 
 use std::path::Path;
 use std::time::Duration;
 
-use relume::measure::{
-    Choice, Goal, GoalRow, GoalScene, GoalSummary, Knob, Pixels, Preset, Value, Wanted, check, choose, goal_row,
-};
+use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
+use relume::measure::{Choice, Goal, Knob, Pixels, Preset, Setting, Value, Wanted, check, choose};
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
@@ -39,7 +41,7 @@ fn step(choice: &Choice) -> f64 {
     }
 }
 
-/// `relume bench goals --scenes 50` does the same for 50 scenes and measures the cheapest setting.
+/// `cargo bench --bench instruments -- goals --scenes 50` does the same for 50 scenes.
 #[test]
 fn what_was_asked_for_is_kept_at_little_more_than_it_must_cost() {
     const SCENES: u64 = 6;
@@ -202,17 +204,37 @@ fn enlarged(small: &[f32], x: usize, y: usize) -> f32 {
     parts.map(|((x, across), (y, down))| across * down * small[20 * y + x]).sum()
 }
 
+/// A choice with `error` times the asked error, at `time` and `samples` times the least.
+fn measured_row(error: f64, time: f64, samples: f64) -> GoalRow {
+    let cost = |p95, ms| GoalCost { setting: Setting::default(), p95, samples: 1.0, ms };
+    GoalRow { asked: 2.0, chosen: cost(2.0 * error, 3.0 * time), cheapest: cost(2.0, 3.0), samples }
+}
+
 #[test]
-fn goals_say_whether_the_bars_are_held() {
-    let outcome = Folder::new().run(&["bench", "goals", "--scenes", "1", "--json"]);
-    let json: serde_json::Value = serde_json::from_str(&outcome.out).unwrap();
-    let [row] = &json["goals"].as_array().unwrap()[..] else { panic!("scene 0 shows something: {json}") };
-    assert!(row["chosen"]["p95"].as_f64().unwrap() <= row["asked"].as_f64().unwrap(), "{row}");
-    assert_eq!(json["goals_summary"]["kept"], 1);
-    // The time varies; a missed goal is reported to the caller.
-    let missed = json["missed"].as_array().unwrap();
-    assert_eq!(json["holds"], missed.is_empty());
-    assert_eq!(outcome.code, Some(i32::from(!missed.is_empty())), "{missed:?}");
+fn bars_are_missed_by_what_is_off_and_by_what_is_dear() {
+    let good = measured_row(0.5, 1.25, 1.0);
+    let with = |others: &[GoalRow], many: usize| {
+        let rows = [others, &vec![good.clone(); many - others.len()]].concat();
+        GoalSummary::of(&rows).map(|found| found.missed())
+    };
+    assert_eq!(with(&[], 40), Some(Vec::new()));
+    let one_in_twenty = [measured_row(1.5, 2.0, 2.0), measured_row(1.01, 1.5, 1.5)];
+    assert_eq!(with(&one_in_twenty, 40), Some(Vec::new()), "95 of 100 are asked for");
+    let missed = with(&[&one_in_twenty[..], &[measured_row(f64::NAN, f64::NAN, 1.4)]].concat(), 40).unwrap_or_default();
+    assert_eq!(missed.len(), 3, "{missed:?}");
+    assert!(missed[0].starts_with("92.5 % of the scenes"), "{missed:?}");
+    assert!(missed[1].contains("up to 1.40 times the samples"), "{missed:?}");
+    assert_eq!(GoalSummary::of(&[]), None);
+}
+
+#[test]
+fn a_summary_says_how_many_are_dear() {
+    let rows = [measured_row(0.5, 1.0, 1.0), measured_row(0.25, 1.5, 1.25), measured_row(1.5, 1.25, 2.0)];
+    let found = GoalSummary::of(&rows);
+    let near = |one: f64, two: f64| (one - two).abs() <= 1e-12;
+    assert!(found.is_some_and(|it| (it.scenes, it.kept) == (3, 2) && near(it.worst, 1.5)), "{found:?}");
+    assert!(found.is_some_and(|it| near(it.time.median, 1.25) && near(it.time.max, 1.5)), "{found:?}");
+    assert!(found.is_some_and(|it| (it.time.dear, it.samples.dear) == (1, 1)), "{found:?}");
 }
 
 #[test]

@@ -256,41 +256,6 @@ fn bench_measures_with_the_promised_keys() {
 }
 
 #[test]
-fn bench_measures_colour_models_without_a_device() {
-    let folder = Folder::new();
-    let json = folder.done(&["bench", "model", "--scenes", "1", "--json"]).json();
-    assert!(json["rows"].is_null(), "nothing is marched");
-    for row in json["models"].as_array().unwrap() {
-        for key in ["model", "unclamped", "lights", "materials", "k", "scenes", "classes", "fit_ms", "new_light_ms"] {
-            assert!(!row[key].is_null(), "{key}");
-        }
-        for part in ["mean", "p95", "max"] {
-            assert!(row["all"][part].as_f64().unwrap() >= 0.0, "{row}");
-        }
-    }
-    // docs/theory/acceptance.md C8: eight nodes against the best RGB under each group of lights.
-    let beside = json["nodes_beside_rgb"].as_array().unwrap();
-    assert_eq!(
-        beside.iter().map(|row| row["lights"].as_str().unwrap()).collect::<Vec<_>>(),
-        ["smooth", "mixed", "spiky"]
-    );
-    for row in beside {
-        let mean = |model: &str, k: u64| {
-            let is_it = |it: &&Value| it["lights"] == row["lights"] && it["model"] == model && it["k"] == k;
-            let four = |it: &&Value| it["materials"] == 4;
-            json["models"].as_array().unwrap().iter().filter(is_it).find(four).unwrap()["all"]["mean"].as_f64().unwrap()
-        };
-        let rgb = ["rgb-naive", "rgb-prefiltered", "rgb-fitted"].map(|kind| mean(kind, 3));
-        let expected = rgb.into_iter().fold(f64::INFINITY, f64::min) / mean("nodes", 8);
-        let ratio = row["ratio"].as_f64().unwrap();
-        assert!((ratio / expected - 1.0).abs() <= 1e-12 && ratio >= 20.0, "{row}");
-    }
-    let tolerances: Vec<_> = json["automatic"].as_array().unwrap().iter().map(|row| &row["tolerance"]).collect();
-    assert_eq!(tolerances, [2.0, 1.0, 0.5]);
-    assert_eq!(json["automatic_summary"].as_array().unwrap().len(), 3);
-}
-
-#[test]
 fn bench_measures_reading_beside_decoding() {
     let numbers = (0_u16..4096).flat_map(|n| n.wrapping_mul(40503).to_le_bytes()).collect::<Vec<u8>>();
     let gzip = |bytes: &[u8]| {

@@ -232,7 +232,6 @@ fn ctrl_c_ends_benchmarks_at_once() {
     let folder = Folder::new().with("costs.html", OLD);
     for slow in [
         &["bench", "peer", "--size", "2000x2000", "-D", "accuracy.step=0.001", "-o", "costs.html"][..],
-        &["bench", "palette", "--frames", "100000"],
         &["bench", "load", "--frames", "100000"],
     ] {
         ends_at_once(&folder, slow, after(2000));

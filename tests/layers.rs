@@ -1,6 +1,7 @@
 //! Module dependencies and vocabulary follow the map in ARCHITECTURE.md.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -124,6 +125,9 @@ const WORDS: &[(&str, &[&str])] = &[
     ("shader", &["spectrum", "spectra", "wavelength"]),
 ];
 
+/// Siblings that use each other, and why they stay: folder, its modules, reason. None at present.
+const CIRCLES: &[(&str, &[&str], &str)] = &[];
+
 /// Source file of the program.
 struct Source {
     /// Path relative to the repository.
@@ -225,6 +229,145 @@ fn wrong_arrows(source: &Source) -> Vec<String> {
     wrong.map(|name| format!("{}: {module} may not use {name}", source.path.display())).collect()
 }
 
+/// Uses of siblings, by the path of their parent: who uses whom, and where.
+type Uses = BTreeMap<String, BTreeMap<(String, String), BTreeSet<String>>>;
+
+/// Module path of a file: `src/view/ui/mod.rs` is `view`, `ui`. `None` for the roots.
+fn module_path(source: &Source) -> Option<Vec<String>> {
+    source.module.as_ref()?;
+    let path = source.path.with_extension("");
+    let parts = path.components().skip(1).map(|part| part.as_os_str().to_string_lossy().into_owned());
+    let parts: Vec<String> = parts.filter(|part| part != "mod").collect();
+    Some(parts)
+}
+
+/// Paths that start at the beginning of `text`, with braced lists at every level resolved: `a::{b, c::d}` is `a::b` and
+/// `a::c::d`.
+fn listed(text: &str) -> Vec<Vec<String>> {
+    let text = text.trim_start();
+    if let Some(list) = text.strip_prefix('{') {
+        let (mut depth, mut items, mut item) = (0, Vec::new(), String::new());
+        for character in list.chars() {
+            match character {
+                '}' if depth == 0 => break,
+                ',' if depth == 0 => items.push(std::mem::take(&mut item)),
+                _ => {
+                    depth += i32::from(character == '{') - i32::from(character == '}');
+                    item.push(character);
+                }
+            }
+        }
+        items.push(item);
+        return items.iter().flat_map(|item| listed(item)).collect();
+    }
+    let name = first_word(text);
+    if name.is_empty() {
+        return Vec::new();
+    }
+    let rest = text[name.len()..].strip_prefix("::").map(listed).unwrap_or_default();
+    if rest.is_empty() {
+        vec![vec![name]]
+    } else {
+        rest.into_iter().map(|rest| [vec![name.clone()], rest].concat()).collect()
+    }
+}
+
+/// Code of a file before its unit tests, which may use what they like.
+fn code_of_product(text: &str) -> String {
+    let code = code(text);
+    code.split("#[cfg(test)]\nmod ").next().unwrap_or_default().to_owned()
+}
+
+/// Names that each module re-exports from its own modules, with the module that each comes from.
+fn exported(modules: &BTreeMap<Vec<String>, String>) -> BTreeMap<Vec<String>, BTreeMap<String, Vec<String>>> {
+    let mut found: BTreeMap<_, BTreeMap<_, _>> = BTreeMap::new();
+    for (module, code) in modules {
+        for at in paths(code, "use ") {
+            let line = code[..at].rsplit('\n').next().unwrap_or_default();
+            if !line.trim_start().starts_with("pub") {
+                continue;
+            }
+            for mut path in listed(&code[at + "use ".len()..]) {
+                path.retain(|part| part != "self");
+                let name = path.pop().unwrap_or_default();
+                if path.first().is_some_and(|first| modules.contains_key(&[&module[..], &[first.clone()]].concat())) {
+                    found.entry(module.clone()).or_default().insert(name, path);
+                }
+            }
+        }
+    }
+    found
+}
+
+/// Uses between siblings of every folder. A name that a folder re-exports counts as that of the file it comes from;
+/// what the folder's own file defines is free to all.
+fn uses_of_siblings(sources: &[Source]) -> Uses {
+    let modules = sources.iter().filter_map(|source| Some((module_path(source)?, code_of_product(&source.text))));
+    let modules: BTreeMap<Vec<String>, String> = modules.collect();
+    let exported = exported(&modules);
+    let mut uses = Uses::new();
+    for (module, code) in &modules {
+        for start in ["crate::", "super::", "self::"] {
+            for at in paths(code, start) {
+                for path in listed(&code[at..]) {
+                    let mut place = module.clone();
+                    for part in &path {
+                        match part.as_str() {
+                            "crate" => place.clear(),
+                            "super" => drop(place.pop()),
+                            "self" => (),
+                            _ if modules.contains_key(&[&place[..], &[part.clone()]].concat()) => {
+                                place.push(part.clone())
+                            }
+                            _ => {
+                                let from = exported.get(&place).and_then(|names| names.get(part));
+                                place.extend(from.into_iter().flatten().cloned());
+                                break;
+                            }
+                        }
+                    }
+                    let shared = module.iter().zip(&place).take_while(|(one, two)| one == two).count();
+                    if let (Some(one), Some(two)) = (module.get(shared), place.get(shared)) {
+                        let of_folder = uses.entry(module[..shared].join("/")).or_default();
+                        let known = of_folder.entry((one.clone(), two.clone())).or_default();
+                        known.insert(format!("{}: {}", module.join("/"), path.join("::")));
+                    }
+                }
+            }
+        }
+    }
+    uses
+}
+
+/// Circles of siblings, each with the uses that make it one.
+fn circles(uses: &Uses) -> Vec<(String, BTreeSet<String>, Vec<String>)> {
+    let mut found: Vec<(String, BTreeSet<String>, Vec<String>)> = Vec::new();
+    for (folder, edges) in uses {
+        // Everything that a module reaches along the uses.
+        let reached = |from: &String| {
+            let (mut all, mut new) = (BTreeSet::new(), vec![from.clone()]);
+            while let Some(one) = new.pop() {
+                let next = edges.keys().filter(|(user, _)| *user == one).map(|(_, used)| used.clone());
+                new.extend(next.filter(|used| all.insert(used.clone())));
+            }
+            all
+        };
+        let names: BTreeSet<&String> = edges.keys().map(|(user, _)| user).collect();
+        for name in names {
+            let all = reached(name);
+            if !all.contains(name) || found.iter().any(|(known, members, _)| known == folder && members.contains(name))
+            {
+                continue;
+            }
+            let members: BTreeSet<String> = all.iter().filter(|other| reached(other).contains(name)).cloned().collect();
+            let inside = edges.iter().filter(|((one, two), _)| members.contains(one) && members.contains(two));
+            let told = inside.map(|((one, two), at)| format!("{one} uses {two}: {at:?}")).collect();
+            found.push((folder.clone(), members, told));
+        }
+    }
+    found
+}
+
 /// External crates of a file that its module may not use.
 fn wrong_crates(source: &Source) -> Vec<String> {
     let Some(module) = &source.module else { return Vec::new() };
@@ -304,6 +447,23 @@ fn the_map_has_no_circles() {
 }
 
 #[test]
+fn siblings_do_not_use_each_other_in_a_circle() {
+    let uses = uses_of_siblings(&files("src", &[".rs"]));
+    assert!(uses.len() > 10 && uses["render"].len() > 3, "the uses are found: {uses:?}");
+    let known = |folder: &str, members: &BTreeSet<String>| {
+        CIRCLES.iter().any(|(known, names, _)| *known == folder && names.iter().copied().eq(members.iter()))
+    };
+    let found = circles(&uses);
+    let new: Vec<String> = found
+        .iter()
+        .filter(|(folder, members, _)| !known(folder, members))
+        .map(|(folder, members, told)| format!("{folder}: {members:?}\n  {}", told.join("\n  ")))
+        .collect();
+    assert!(new.is_empty(), "{}", new.join("\n"));
+    assert_eq!(found.len(), CIRCLES.len(), "a listed circle is there no more");
+}
+
+#[test]
 fn every_module_is_on_the_map() {
     let lib = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
     let declared = lib.lines().filter_map(|line| line.trim_start_matches("pub ").strip_prefix("mod "));
@@ -350,6 +510,44 @@ fn a_wrong_arrow_is_caught() {
         wrong("src/cli/info.rs", "use relume::written::number;\nuse super::scene;"),
         ["src/cli/info.rs: cli may not use written"]
     );
+}
+
+#[test]
+fn a_circle_of_siblings_is_caught() {
+    let found = |texts: &[(&str, &str)]| {
+        let sources: Vec<Source> = texts.iter().map(|(path, text)| Source::new(path, text)).collect();
+        let members = |(folder, members, _): (String, BTreeSet<String>, Vec<String>)| {
+            format!("{folder}: {}", members.into_iter().collect::<Vec<_>>().join(" "))
+        };
+        circles(&uses_of_siblings(&sources)).into_iter().map(members).collect::<Vec<_>>()
+    };
+    let of = |root: &str, one: &str, two: &str, three: &str| {
+        let texts = [root, one, two, three];
+        let paths = ["src/film/mod.rs", "src/film/one.rs", "src/film/two.rs", "src/film/three.rs"];
+        found(&paths.into_iter().zip(texts).collect::<Vec<_>>())
+    };
+    assert_eq!(of("", "use super::two::Two;", "use super::one::One;", ""), ["film: one two"]);
+    assert_eq!(
+        of("", "use super::two;", "fn f() { super::three::g() }", "use crate::film::{one::One};"),
+        ["film: one three two"]
+    );
+    assert_eq!(of("pub use two::{One, Two};", "use super::{Film, Two};", "use super::one::X;", ""), ["film: one two"]);
+    assert_eq!(
+        of("", "use super::two::Two;", "use super::Film;\nuse super::three::Three;", "use super::Film;"),
+        [""; 0]
+    );
+    assert_eq!(
+        of("", "use super::two::Two;", "// super::one\n#[cfg(test)]\nmod tests {\n use super::super::one;\n}", ""),
+        [""; 0]
+    );
+    let deep = [("src/view/ui/mod.rs", "use super::window::Options;"), ("src/view/window.rs", "use super::ui::Shown;")];
+    assert_eq!(found(&deep), ["view: ui window"]);
+    let inner = [
+        ("src/view/ui/dial.rs", "use crate::view::{tour::Tour};"),
+        ("src/view/tour.rs", "use super::ui;"),
+        ("src/view/ui/mod.rs", ""),
+    ];
+    assert_eq!(found(&inner), ["view: tour ui"]);
 }
 
 #[test]

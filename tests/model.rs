@@ -2,15 +2,18 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stdout, reason = "the measured errors, for whoever asks with --nocapture")]
 
+#[path = "../benches/instruments/consistency.rs"]
+#[allow(dead_code, reason = "the tests use a part of the instrument")]
+mod consistency;
+#[path = "../benches/instruments/model.rs"]
+#[allow(dead_code, reason = "the tests use a part of the instrument")]
+mod model;
 mod support;
 
 use std::sync::LazyLock;
 
 use glam::DVec3;
 use relume::measure::extremes::metameric_black as black;
-use relume::measure::{
-    AutomaticSummary, ModelRow, ModelSetting, automatic_dimension, halved_steps, model_row, relit_against_rendered,
-};
 use relume::model::random::Random;
 use relume::model::{
     Amplification, ChainClass, Cloud, ColourModel, ErrorSummary, Ingredients, LightMatrix, ModelError, ModelKind,
@@ -20,6 +23,9 @@ use relume::progress::{Progress, Quiet};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
 use relume::spectrum::metric::difference_matrix;
 use relume::spectrum::{BANDS, Kind, Light, Spectrum, standard};
+
+use consistency::{halved_steps, relit_against_rendered};
+use model::{AutomaticSummary, ModelRow, ModelSetting, automatic_dimension, model_row, nodes_beside_rgb};
 
 const STEP: ModelKind = ModelKind::Sharpened(Order::Step);
 const SEMIGROUP: ModelKind = ModelKind::Sharpened(Order::Semigroup);
@@ -136,6 +142,20 @@ fn rgb_is_twenty_times_worse_than_eight_nodes() {
     }
 }
 
+/// C8 with the best of all kinds of RGB, which the instrument finds among its rows.
+#[test]
+fn the_best_kind_of_rgb_is_twenty_times_worse_than_eight_nodes() {
+    for (lights, nodes) in EIGHT_NODES.iter().enumerate() {
+        let kinds = [ModelKind::RgbNaive, ModelKind::RgbPrefiltered, ModelKind::RgbFitted];
+        let rgb = kinds.map(|kind| row(kind, lights, 4, 3));
+        assert_eq!(nodes_beside_rgb(rgb.iter()), None, "no nodes");
+        let found = nodes_beside_rgb(rgb.iter().chain([nodes])).unwrap();
+        let least = rgb.iter().map(|row| row.all.mean).fold(f64::INFINITY, f64::min);
+        assert!((found.ratio() * nodes.all.mean / least - 1.0).abs() <= 1e-12 && found.ratio() >= 20.0, "{found:?}");
+        assert_eq!(found.of, kinds);
+    }
+}
+
 /// C10.
 #[test]
 fn lights_with_lines_are_no_harder_than_smooth_ones() {
@@ -241,7 +261,7 @@ fn the_error_that_is_reported_is_that_of_two_lights_at_once_in_the_shade_too() {
     }
 }
 
-/// C11 and C13 as printed by `relume bench model`.
+/// C11 and C13.
 #[test]
 fn neither_the_step_nor_when_a_light_is_known_matters() {
     for row in halved_steps(&Quiet).unwrap() {
@@ -468,9 +488,8 @@ fn a_sharpened_model_fails_under_lights_with_lines() {
     }
 }
 
-/// docs/theory/colour-models.md, with numbers (`--nocapture`; also in `relume bench model`): effect of negative
-/// absorption
-/// alone; clamping it to 0 removes the worst errors, but not the others.
+/// docs/theory/colour-models.md, with numbers (`--nocapture`; also in `cargo bench --bench instruments -- model`): effect
+/// of negative absorption alone; clamping it to 0 removes the worst errors, but not the others.
 #[test]
 fn the_failures_of_the_sharpened_model_are_shown() {
     let row = |kind, amplification| {

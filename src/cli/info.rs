@@ -182,7 +182,7 @@ fn sampled(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Vec<Sampled>, CliEr
 
 fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
     let statistics = volume.statistics()?;
-    super::render::warn_of_odd_values(&statistics);
+    super::scene::warn_of_odd_values(&statistics);
     for note in &volume.notes {
         tracing::warn!("{note}");
     }

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use relume::document::SceneError;
-use relume::measure::{ChoiceError, LadderError, ModelTableError, NeedError, SurveyError};
+use relume::measure::{ChoiceError, LadderError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
@@ -77,7 +77,7 @@ enum Command {
     Info(info::Args),
     /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
     Measure(measure::Args),
-    /// Measure marching, relighting, reading, colour models and palettes, as a table or as JSON.
+    /// Measure marching, relighting and reading, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),
@@ -102,10 +102,6 @@ pub(crate) enum CliError {
     Reference(#[from] ReferenceError),
     #[error(transparent)]
     Output(#[from] OutputError),
-    #[error(transparent)]
-    Model(#[from] ModelTableError),
-    #[error(transparent)]
-    Need(#[from] NeedError),
     #[error(transparent)]
     Survey(#[from] SurveyError),
     #[error(transparent)]
@@ -145,7 +141,6 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error)
         | CliError::Render(RenderError::Vulkan(error))
-        | CliError::Need(NeedError::Render(RenderError::Vulkan(error)))
         | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
         | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
         #[cfg(feature = "window")]
@@ -171,7 +166,7 @@ pub(crate) fn main() -> ExitCode {
             measure::run(args, &terminal)
         }
         Command::Bench(args) => {
-            if args.has_rows() {
+            if args.makes_frames() {
                 terminal.wait_for_rows();
             }
             bench::run(args, &terminal, started)

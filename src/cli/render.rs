@@ -23,7 +23,7 @@ use relume::vulkan::{Device, DeviceChoice, Validation};
 use super::files::{self, Bits, picture_kind};
 use super::goal::GoalArgs;
 use super::model::Learnt;
-use super::scene::{LightArgs, SceneArgs, size};
+use super::scene::{LightArgs, SceneArgs, size, warn_of_odd_values};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -288,20 +288,6 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
             "a picture of {width}×{height} needs {bytes} bytes, and {available} are free; set a smaller --size"
         ))),
         _ => Ok(()),
-    }
-}
-
-/// Warns of NaN and infinities in the data.
-pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
-    if statistics.not_a_number > 0 {
-        let count = statistics.not_a_number;
-        tracing::warn!("{count} voxels are NaN; they get the smallest value, {}", readable(statistics.min));
-    }
-    if statistics.infinite > 0 {
-        tracing::warn!(
-            "{} voxels are infinite; they get the smallest or the largest finite value",
-            statistics.infinite
-        );
     }
 }
 

@@ -6,9 +6,10 @@ use clap::Args;
 
 use relume::document;
 use relume::document::{Definition, LightRequest, SceneFile, SceneOptions};
+use relume::number::readable;
 use relume::progress::Progress;
 use relume::scene::Mix;
-use relume::volume::{ByteOrder, RawLayout, Selection, VoxelType};
+use relume::volume::{ByteOrder, RawLayout, Selection, Statistics, VoxelType};
 
 use super::CliError;
 use super::accuracy::AccuracyArgs;
@@ -215,5 +216,19 @@ pub(crate) fn size(text: &str) -> Result<[usize; 2], String> {
         Some(size) if size.iter().all(|side| (1..=LARGEST).contains(side)) => Ok(size),
         Some(_) => Err(format!("each side of a picture has 1 to {LARGEST} pixels")),
         None => Err("write WIDTHxHEIGHT, such as 800x600".to_owned()),
+    }
+}
+
+/// Warns of NaN and infinities in the data.
+pub(crate) fn warn_of_odd_values(statistics: &Statistics) {
+    if statistics.not_a_number > 0 {
+        let count = statistics.not_a_number;
+        tracing::warn!("{count} voxels are NaN; they get the smallest value, {}", readable(statistics.min));
+    }
+    if statistics.infinite > 0 {
+        tracing::warn!(
+            "{} voxels are infinite; they get the smallest or the largest finite value",
+            statistics.infinite
+        );
     }
 }

@@ -1,50 +1,23 @@
-//! The palette of the open scene: its edits, the current colours of its cells, and solved spectra.
+//! The palette of the open scene, and the current colours of its cells.
+
+mod offer;
+mod spectra;
+mod step;
 
 use std::sync::Arc;
 
-use glam::DVec3;
+pub use offer::{offer, wished};
+pub use spectra::{BANDS_PER_HANDLE, HANDLES, Spectra};
+pub use step::Step;
 
 use super::SceneFile;
-use crate::model::LARGEST_DIMENSION;
-use crate::number::count;
-use crate::palette::{
-    self, Cell, LAMP, LARGEST, Member, ModelTerm, NATURAL, Palette, PaletteError, SMOOTHNESS, SMOOTHNESSES, Solution,
-    Target,
-};
-use crate::progress::Progress;
+use crate::palette::{self, Member, Palette, Target};
 use crate::scene::Scene;
-use crate::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
-use crate::spectrum::{BANDS, Light, Reflectance, Spectrum, standard};
+use crate::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz, xyz};
+use crate::spectrum::{Light, Reflectance, Spectrum};
 
-/// Weight of a target that keeps a hue; a target to look alike has weight 1.
-const APART: f64 = 0.2;
-/// Fraction by which the target colours of an offer move from the achieved colours towards their mean. The margin keeps
-/// spectra off their bounds.
-const NEARER: f64 = 0.2;
 /// Row name of the background.
 pub(super) const BACKGROUND: &str = "background";
-
-/// Number of handles of an editable curve: every 50 nm from 380 to 780 nm.
-pub const HANDLES: usize = 9;
-/// Samples from one handle to the next.
-pub const BANDS_PER_HANDLE: usize = (BANDS - 1) / (HANDLES - 1);
-
-/// Fraction of the movement of the handle at `band` that the sample at `at` follows. A virtual handle beyond each end
-/// moves with the end handle.
-fn goes_along(at: usize, band: usize) -> f64 {
-    let kernel = |distance: f64| match distance.abs() {
-        t if t < 1.0 => (1.5 * t - 2.5) * t * t + 1.0,
-        t if t < 2.0 => ((2.5 - 0.5 * t) * t - 4.0) * t + 2.0,
-        _ => 0.0,
-    };
-    let distance = (count(at) - count(band)) / count(BANDS_PER_HANDLE);
-    let beyond = match band {
-        0 => kernel(distance + 1.0),
-        band if band == BANDS - 1 => kernel(distance - 1.0),
-        _ => 0.0,
-    };
-    kernel(distance) + beyond
-}
 
 /// A side of the palette's matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -53,38 +26,6 @@ pub enum Side {
     Material,
     /// Columns.
     Light,
-}
-
-/// An edit of a palette. Edits of missing rows, columns and cells have no effect.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Step {
-    /// Replaces the palette.
-    Take(Arc<Palette>),
-    /// Target colour of a cell, by row and column; `None` leaves it free.
-    Target(usize, usize, Option<Target>),
-    /// Weight of a cell, by row and column, above 0.
-    Weight(usize, usize, f64),
-    /// Whether a spectrum is open, to be solved for; a closed spectrum keeps its current samples.
-    Open(Side, usize, bool),
-    /// Bounds of the samples of an open spectrum; for a light, in multiples of its mean.
-    Bounds(Side, usize, [f64; 2]),
-    /// Weight of the squared second differences of an open spectrum, relative to squared ΔE00.
-    Smoothness(Side, usize, f64),
-    /// Colour model that is to reproduce the colours, if it is fixed before the spectra are solved.
-    Model(Option<ModelTerm>),
-}
-
-/// Spectra that replace those of the scene.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Spectra {
-    /// Reflectances, by material index.
-    pub materials: Vec<(usize, Reflectance)>,
-    /// Light spectra, by light index.
-    pub lights: Vec<(usize, Light)>,
-    /// Reflectance of the background.
-    pub background: Option<Reflectance>,
-    /// Palette edit that goes with the spectra.
-    pub step: Option<Step>,
 }
 
 /// Current colour and target colour of a cell.
@@ -168,257 +109,14 @@ pub(super) fn open<'a>(scene: &'a Scene, palette: &'a Palette) -> Vec<(Side, &'a
     of(Side::Material, &palette.materials).chain(of(Side::Light, &palette.lights)).collect()
 }
 
-impl Side {
-    fn members(self, palette: &mut Palette) -> &mut Vec<Member> {
-        match self {
-            Self::Material => &mut palette.materials,
-            Self::Light => &mut palette.lights,
-        }
-    }
-}
-
-impl Step {
-    /// Applies the edit to `palette`, which belongs to `scene`; `None` if there is no palette to edit.
-    #[must_use]
-    pub fn applied(&self, scene: &Scene, palette: Option<&Palette>) -> Option<Palette> {
-        if let Self::Take(palette) = self {
-            return Some((**palette).clone());
-        }
-        let mut palette = palette?.clone();
-        let at = |cell: &Cell, row: usize, column: usize| (cell.material, cell.light) == (row, column);
-        match *self {
-            Self::Take(_) => {}
-            Self::Target(row, column, target) => {
-                let weight = palette.cells.iter().find(|cell| at(cell, row, column)).map_or(1.0, |cell| cell.weight);
-                palette.cells.retain(|cell| !at(cell, row, column));
-                let there = |row: usize, column: usize| row < palette.materials.len() && column < palette.lights.len();
-                let like_another = |target: &Target| match *target {
-                    Target::Like { material, light } => there(material, light) && (material, light) != (row, column),
-                    _ => true,
-                };
-                if let (Some(target), true) = (target.filter(like_another), there(row, column)) {
-                    palette.cells.push(Cell { material: row, light: column, target, weight });
-                }
-            }
-            Self::Weight(row, column, weight) => {
-                if let Some(cell) = palette.cells.iter_mut().find(|cell| at(cell, row, column)) {
-                    cell.weight = if weight.is_finite() { weight.clamp(1e-6, 1e6) } else { 1.0 };
-                }
-            }
-            Self::Open(side, index, open) => {
-                if let Some(member) = side.members(&mut palette).get_mut(index) {
-                    let now = spectrum(scene, side, member).cloned();
-                    member.spectrum = if open { None } else { now.or_else(|| member.spectrum.clone()) };
-                }
-            }
-            Self::Bounds(side, index, [low, high]) => {
-                if let Some(member) = side.members(&mut palette).get_mut(index) {
-                    let wanted = Member { bounds: [low.clamp(-1e3, 1e3), high.clamp(-1e3, 1e3)], ..member.clone() };
-                    let [low, high] = wanted.bounds;
-                    let kept = low < high && (side == Side::Material || (low < 1.0 && high > 1.0));
-                    if kept {
-                        *member = wanted;
-                    }
-                }
-            }
-            Self::Smoothness(side, index, smoothness) => {
-                if let (Some(member), true) = (side.members(&mut palette).get_mut(index), smoothness.is_finite()) {
-                    member.smoothness = smoothness.clamp(*SMOOTHNESSES.start(), *SMOOTHNESSES.end());
-                }
-            }
-            Self::Model(term) => {
-                palette.model = term.map(|ModelTerm { dimension, weight }| ModelTerm {
-                    dimension: dimension.clamp(1, LARGEST_DIMENSION),
-                    weight: if weight.is_finite() { weight.clamp(1e-6, 1e6) } else { 1.0 },
-                });
-            }
-        }
-        Some(palette)
-    }
-}
-
-/// Rounds to tenths; finer differences are not visible.
-fn in_tenths(number: f64) -> f64 {
-    (number * 10.0).round() / 10.0
-}
-
-/// Palette with achievable targets for the visible materials of `scene`: all look alike under its second light, and
-/// keep as much of their hues as possible under its first.
-///
-/// # Errors
-///
-/// [`PaletteError`] for the scene's own spectra, or because `progress` was cancelled.
-pub fn offer(scene: &Scene, progress: &dyn Progress) -> Result<Palette, PaletteError> {
-    let mut palette = wished(scene);
-    let found = palette::solve(&palette, progress)?;
-    let colours: Vec<DVec3> =
-        found.cells.iter().filter(|cell| cell.light == 0).map(|cell| DVec3::from_array(cell.xyz.0)).collect();
-    let mean = colours.iter().sum::<DVec3>() / count(colours.len().max(1));
-    for cell in &mut palette.cells {
-        if let (Target::Lab(target), Some(had)) = (&mut cell.target, colours.get(cell.material)) {
-            *target = Lab(lab_from_xyz(Xyz(had.lerp(mean, NEARER).to_array()), d65_white()).0.map(in_tenths));
-        }
-    }
-    Ok(palette)
-}
-
-/// Palette with ideal targets: all visible materials look alike under the second light, and keep their hues at their
-/// average lightness under the first.
-#[must_use]
-pub fn wished(scene: &Scene) -> Palette {
-    let shown: Vec<_> = (0..scene.materials.len()).filter(|&index| scene.shows(index)).take(LARGEST).collect();
-    let shown: Vec<_> = shown.into_iter().filter_map(|index| scene.materials.get(index)).collect();
-    let mut lights: Vec<&crate::scene::SceneLight> = Vec::new();
-    for light in &scene.lights {
-        if lights.len() < 2 && lights.iter().all(|known| known.spectrum != light.spectrum) {
-            lights.push(light);
-        }
-    }
-    let member = |name: &str, spectrum: Option<Spectrum>, bounds: [f64; 2]| Member {
-        name: name.to_owned(),
-        spectrum,
-        bounds,
-        smoothness: SMOOTHNESS,
-    };
-    let mut cells = Vec::new();
-    let colour = |light: &crate::scene::SceneLight, material: &crate::scene::Material| {
-        lab_from_xyz(xyz(&light.spectrum, &material.reflectance), d65_white()).0.map(in_tenths)
-    };
-    let lightness = lights.first().map_or(0.0, |light| shown.iter().map(|it| colour(light, it)[0]).sum::<f64>())
-        / count(shown.len().max(1));
-    for (row, material) in shown.iter().enumerate() {
-        for (column, light) in lights.iter().enumerate() {
-            let [_, a, b] = colour(light, material);
-            let (target, weight) = match (column, row) {
-                (0, _) => (Target::Lab(Lab([in_tenths(lightness.clamp(30.0, 80.0)), a, b])), APART),
-                // The first material is free under the second light.
-                (_, 0) => continue,
-                _ => (Target::Like { material: 0, light: column }, 1.0),
-            };
-            cells.push(Cell { material: row, light: column, target, weight });
-        }
-    }
-    Palette {
-        source: scene.name.clone(),
-        inputs: Vec::new(),
-        materials: shown.iter().map(|it| member(&it.name, None, NATURAL)).collect(),
-        lights: lights.iter().map(|it| member(&it.name, Some(it.spectrum.spectrum().clone()), LAMP)).collect(),
-        cells,
-        model: None,
-    }
-}
-
-impl Spectra {
-    /// The solved spectra of the open rows and columns, for the materials and lights present in `scene`.
-    #[must_use]
-    pub fn of(scene: &Scene, solution: &Solution) -> Self {
-        let palette = &solution.palette;
-        let open = |members: &[Member]| -> Vec<usize> {
-            (0..members.len()).filter(|&index| members.get(index).is_some_and(|it| it.spectrum.is_none())).collect()
-        };
-        let mut spectra = Self::default();
-        for row in open(&palette.materials) {
-            let (Some(member), Some(found)) = (palette.materials.get(row), solution.materials.get(row)) else {
-                continue;
-            };
-            match scene.materials.iter().position(|material| material.name == member.name) {
-                Some(index) => spectra.materials.push((index, found.clone())),
-                None if member.name == BACKGROUND => spectra.background = Some(found.clone()),
-                None => {}
-            }
-        }
-        for column in open(&palette.lights) {
-            let (Some(member), Some(found)) = (palette.lights.get(column), solution.lights.get(column)) else {
-                continue;
-            };
-            if let Some(index) = scene.lights.iter().position(|light| light.name == member.name) {
-                spectra.lights.push((index, found.clone()));
-            }
-        }
-        spectra
-    }
-
-    /// The current spectrum of the material or light `name` of `scene`.
-    #[must_use]
-    pub fn of_scene(scene: &Scene, side: Side, name: &str) -> Self {
-        let mut spectra = Self::default();
-        match side {
-            Side::Material => {
-                let named = scene.materials.iter().enumerate().filter(|(_, it)| it.name == name);
-                spectra.materials.extend(named.map(|(index, it)| (index, it.reflectance.clone())));
-            }
-            Side::Light => {
-                let named = scene.lights.iter().enumerate().filter(|(_, it)| it.name == name);
-                spectra.lights.extend(named.map(|(index, it)| (index, it.spectrum.clone())));
-            }
-        }
-        spectra
-    }
-
-    /// The standard spectrum `standard` for the material or light `name` of `scene`.
-    ///
-    /// # Errors
-    ///
-    /// A sentence that lists the available names.
-    pub fn standard(scene: &Scene, side: Side, name: &str, standard: &str) -> Result<Self, String> {
-        let find = |names: Vec<&str>| {
-            let found = names.iter().position(|&one| one == name);
-            found.ok_or_else(|| format!("there is no {name:?}; there are: {}", names.join(", ")))
-        };
-        let mut spectra = Self::default();
-        match side {
-            Side::Material => {
-                let index = find(scene.materials.iter().map(|it| it.name.as_str()).collect())?;
-                let found = standard::reflectance(standard).map_err(|error| error.to_string())?;
-                spectra.materials.push((index, found));
-            }
-            Side::Light => {
-                let index = find(scene.lights.iter().map(|it| it.name.as_str()).collect())?;
-                spectra.lights.push((index, standard::light(standard).map_err(|error| error.to_string())?));
-            }
-        }
-        Ok(spectra)
-    }
-
-    /// The spectrum of material `index` after its handle number `handle` was drawn to `value`; `was` is the spectrum
-    /// before. Samples near the handle follow the smooth curve through all handles (Catmull and Rom 1974); samples two
-    /// or more handles away stay. Moved samples are clamped to 0 to 1.
-    #[must_use]
-    pub fn drawn(index: usize, was: &Spectrum, handle: usize, value: f64) -> Self {
-        let band = handle.min(HANDLES - 1) * BANDS_PER_HANDLE;
-        let moved = value.clamp(0.0, 1.0) - was.samples()[band];
-        let spectrum = Spectrum::from_samples(std::array::from_fn(|at| {
-            let (sample, share) = (was.samples()[at], goes_along(at, band));
-            if share == 0.0 { sample } else { moved.mul_add(share, sample).clamp(0.0, 1.0) }
-        }));
-        let materials = Reflectance::new(spectrum).map(|spectrum| (index, spectrum)).into_iter().collect();
-        Self { materials, ..Self::default() }
-    }
-
-    /// Replaces the spectra of `scene`.
-    pub(super) fn put_into(&self, scene: &mut Scene) {
-        for (index, reflectance) in &self.materials {
-            if let Some(material) = scene.materials.get_mut(*index) {
-                material.reflectance = reflectance.clone();
-            }
-        }
-        for (index, spectrum) in &self.lights {
-            if let Some(light) = scene.lights.get_mut(*index) {
-                light.spectrum = spectrum.clone();
-            }
-        }
-        if let (Some(background), true) = (&self.background, scene.background.is_some()) {
-            scene.background = Some(background.clone());
-        }
-    }
-}
-
 #[cfg(test)]
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use super::*;
     use crate::document::{SceneOptions, load_embedded, parse};
+    use crate::palette::ModelTerm;
     use crate::progress::Quiet;
+    use crate::spectrum::colour::Lab;
 
     fn scene() -> Scene {
         let text = "version = 1\n[volume]\nphantom = \"slab\"\ndims = [3, 3, 3]\n[materials.a]\nreflectance = \"orange\"\n\
@@ -426,33 +124,6 @@ mod tests {
                     [lights.day]\nspectrum = \"D65\"\n[lights.lamp]\nspectrum = \"A\"\n[transfer]\nintervals = [\n\
                     { material = \"a\", range = [0, 9], opacity = 0.1 }, { material = \"b\", range = [10, 20], opacity = 0.1 }]\n";
         parse("test", text, std::path::Path::new(""), &SceneOptions::default(), &Quiet).unwrap().scene
-    }
-
-    #[test]
-    fn a_handle_that_is_drawn_takes_its_neighbourhood_along_smoothly_and_nothing_leaves_what_surfaces_reflect() {
-        let drawn = |was: &Spectrum, handle, value| {
-            let spectra = Spectra::drawn(3, was, handle, value);
-            assert_eq!((spectra.materials.len(), spectra.materials[0].0), (1, 3));
-            *spectra.materials[0].1.spectrum().samples()
-        };
-        let grey = Spectrum::constant(0.5);
-        for handle in 0..HANDLES {
-            let samples = drawn(&grey, handle, 0.7);
-            for other in 0..HANDLES {
-                let wanted = if other == handle { 0.7 } else { 0.5 };
-                assert!((samples[other * BANDS_PER_HANDLE] - wanted).abs() <= 1e-15, "{handle}, {other}");
-            }
-            let bends = samples.windows(3).map(|three| (three[0] - 2.0 * three[1] + three[2]).abs());
-            assert!(bends.fold(0.0, f64::max) <= 0.2 * 5.0 / 100.0, "no corner: a second derivative of 5 at most");
-            assert!(
-                drawn(&grey, handle, 9.0).iter().chain(&drawn(&grey, handle, -1.0)).all(|it| (0.0..=1.0).contains(it))
-            );
-        }
-        // All handles moved by the same amount move the whole curve, including its ends.
-        let all = (0..HANDLES).fold(grey, |was, handle| Spectrum::from_samples(drawn(&was, handle, 0.7)));
-        assert!(all.samples().iter().all(|sample| (sample - 0.7).abs() <= 1e-12), "{:?}", all.samples());
-        let artificial = Spectrum::from_fn(|nm| if nm < 500.0 { -2.0 } else { 0.5 });
-        assert_eq!(drawn(&artificial, 8, 0.1)[0].to_bits(), (-2.0_f64).to_bits(), "what is far stays");
     }
 
     #[test]

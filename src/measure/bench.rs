@@ -1,11 +1,11 @@
-//! Test bench for one scene on one device: measures errors and times of settings.
+//! Errors and times of settings of one scene on one device.
 
 use glam::DVec3;
 
-use super::choice::ChoiceError;
 use super::clock::{Stopwatch, Timing, summary};
 use super::difference::delta_e;
 use super::enlarge::Enlargement;
+use super::goal::ChoiceError;
 use super::ladder::{FINER, Ladder};
 use super::sample::{Drawn, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
@@ -21,7 +21,7 @@ use crate::scene::{Mix, Scene};
 const AHEAD: f64 = 1.5;
 
 /// A scene on a device, with the true colours of its sampled pixels.
-pub(super) struct Bench<'a> {
+pub struct Bench<'a> {
     scene: &'a Scene,
     ladder: Ladder<'a>,
     /// Estimated number of visible pixels in the picture; the ladder's pixels are a sample of them.
@@ -38,7 +38,8 @@ pub(super) struct Bench<'a> {
 }
 
 /// A setting ready to render.
-pub(super) struct Ready {
+#[derive(Debug)]
+pub struct Ready {
     numbers: Option<Value>,
     on_device: SceneRenderer,
     marched: [usize; 2],
@@ -46,24 +47,35 @@ pub(super) struct Ready {
 
 impl Ready {
     /// Step length in world units.
-    pub(super) fn step_length(&self) -> f64 {
+    #[must_use]
+    pub fn step_length(&self) -> f64 {
         self.on_device.scene().accuracy.step_length
     }
 }
 
 /// Errors of a picture.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Errors {
+pub struct Errors {
     /// ΔE00 over the sampled pixels.
-    pub(super) of_sample: ErrorSummary,
+    pub of_sample: ErrorSummary,
     /// Upper bound of the p95 of ΔE00 over all visible pixels: [`p95_of_all`].
-    pub(super) at_most: f64,
+    pub at_most: f64,
+}
+
+impl std::fmt::Debug for Bench<'_> {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        out.debug_struct("Bench").field("size", &self.size).finish_non_exhaustive()
+    }
 }
 
 impl<'a> Bench<'a> {
     /// Creates a bench for pictures of `size`. Errors are measured in at most `most` visible pixels, drawn at random
     /// with `seed`.
-    pub(super) fn new(
+    ///
+    /// # Errors
+    ///
+    /// [`ChoiceError`], also if no pixel shows the volume.
+    pub fn new(
         renderer: &Renderer,
         scene: &'a Scene,
         mix: &Mix,
@@ -85,7 +97,11 @@ impl<'a> Bench<'a> {
 
     /// Prepares `setting` for rendering. It may set only step, dimension and scale; other knobs would need another
     /// upload.
-    pub(super) fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, RenderError> {
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`] if the setting cannot be planned or uploaded.
+    pub fn ready(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Ready, RenderError> {
         let (scene, numbers) = (setting.applied(self.scene), setting.get(Knob::K));
         let planned = match self.plans.iter().find(|(known, _)| *known == numbers) {
             Some((_, planned)) => planned.clone(),
@@ -100,7 +116,11 @@ impl<'a> Bench<'a> {
     }
 
     /// Checks that the device can hold the picture.
-    pub(super) fn check(&self, ready: &Ready) -> Result<(), ChoiceError> {
+    ///
+    /// # Errors
+    ///
+    /// [`ChoiceError::Render`] if it cannot.
+    pub fn check(&self, ready: &Ready) -> Result<(), ChoiceError> {
         let Ready { on_device, marched, .. } = ready;
         let bytes = on_device.uploaded().bytes();
         Ok(on_device.renderer().check_picture(&on_device.planned().plan, *marched, bytes)?)
@@ -108,7 +128,11 @@ impl<'a> Bench<'a> {
 
     /// Computes the truth for measuring pictures with steps of `step_length`, unless the present one is fine enough.
     /// Steps of an eighth leave a thirtieth of an error proportional to Δs^1.7.
-    pub(super) fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), ChoiceError> {
+    ///
+    /// # Errors
+    ///
+    /// [`ChoiceError::Ladder`] if the reference fails or `progress` asks to stop.
+    pub fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), ChoiceError> {
         if self.step_length > step_length / FINER {
             self.ladder.finest = step_length / AHEAD;
             self.truth = self.ladder.truth_in(&self.ladder.pixels, progress)?;
@@ -118,7 +142,11 @@ impl<'a> Bench<'a> {
     }
 
     /// Errors against the present truth, regardless of the step length it was computed for.
-    pub(super) fn errors(&self, ready: &Ready, progress: &dyn Progress) -> Result<Errors, ChoiceError> {
+    ///
+    /// # Errors
+    ///
+    /// [`ChoiceError`] if the march fails or `progress` asks to stop.
+    pub fn errors(&self, ready: &Ready, progress: &dyn Progress) -> Result<Errors, ChoiceError> {
         let Ready { on_device, marched, .. } = ready;
         let shown = picture(&self.ladder, on_device, *marched, progress)?;
         let shown = looked_up(&Enlargement::new(*marched, self.size).pixels(&shown), self.size, &self.ladder.pixels);
@@ -128,7 +156,11 @@ impl<'a> Bench<'a> {
 
     /// Median frame times of `settings` over `frames` frames each. The settings take turns, so that a disturbance
     /// affects all of them.
-    pub(super) fn times(
+    ///
+    /// # Errors
+    ///
+    /// [`ChoiceError`] if a march fails or `progress` asks to stop.
+    pub fn times(
         &mut self,
         settings: &[Ready],
         frames: usize,

@@ -6,15 +6,30 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::choice::Point;
 use super::setting::Setting;
 use crate::input;
+use crate::model::ErrorSummary;
 use crate::output::{OutputError, write_atomically};
 use crate::scene::{Mix, Scene};
 use crate::volume::{Volume, with_voxels};
 
 /// Size limit of a cache file, in bytes.
 const LONGEST: u64 = 1 << 20;
+
+/// Measurements of a setting.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// Median wall time of a frame in ms: march, relight and, if any, enlargement.
+    pub frame_ms: f64,
+    /// Median CPU time of a frame over all threads of this process, in ms.
+    pub cpu_ms: f64,
+    /// Number of timed frames.
+    pub frames: usize,
+    /// ΔE00 from the truth in the sampled pixels: mean, p95 and maximum.
+    pub error: ErrorSummary,
+    /// Upper bound of the p95 of ΔE00 over all visible pixels, with 99 % confidence.
+    pub at_most: f64,
+}
 
 /// Measured points by the name of their setting.
 pub(super) struct Known {

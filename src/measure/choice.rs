@@ -4,73 +4,21 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::bench::Bench;
-use super::cache::Known;
+use super::cache::{Known, Point};
+use super::candidates::{DIMENSIONS, SCALES, setting, voxels};
 use super::clock::Timing;
-use super::ladder::LadderError;
-use super::setting::{Knob, Setting, Value};
-use super::table::short;
-use crate::model::ErrorSummary;
-use crate::number::{count, nearest};
-use crate::plan::{PlanError, plan};
+use super::digits::short;
+use super::goal::{ChoiceError, Goal, Pixels, Wanted};
+use super::setting::Setting;
+use crate::number::nearest;
+use crate::plan::plan;
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer};
+use crate::render::Renderer;
 use crate::scene::{Mix, Scene};
 use crate::vulkan::DeviceKind;
-
-/// Accuracy or time goal of a picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Goal {
-    /// p95 of ΔE00 from the truth.
-    MaxError(f64),
-    /// Wall time of a frame in ms: march, relight and, if any, enlargement.
-    Budget(f64),
-}
-
-/// Which pixels of a picture are marched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Pixels {
-    /// All.
-    All,
-    /// Fewer where that serves the goal; the picture is then enlarged ([`Enlargement`](super::Enlargement)).
-    Fewer,
-}
-
-/// A picture size and its goal.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
-    /// Pixels across and down.
-    pub size: [usize; 2],
-    /// The goal.
-    pub goal: Goal,
-    /// Which pixels are marched.
-    pub pixels: Pixels,
-}
-
-/// Named goals.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
-    /// Fast enough to rotate the volume by hand.
-    Interactive,
-    /// Visible differences in a few pixels at most.
-    Balanced,
-    /// No visible difference.
-    Reference,
-}
-
-impl Preset {
-    /// Returns the goal of this preset.
-    #[must_use]
-    pub const fn goal(self) -> Goal {
-        match self {
-            Self::Interactive => Goal::Budget(50.0),
-            Self::Balanced => Goal::MaxError(1.0),
-            Self::Reference => Goal::MaxError(0.25),
-        }
-    }
-}
 
 /// Number of random pixels in which the choice measures errors.
 const PIXELS: usize = 2048;
@@ -85,28 +33,8 @@ const SHARE_OF_ERROR: f64 = 0.97;
 const PARTS: i32 = 8;
 /// Range of n for step lengths of 2^(n/8) voxels: from 1/8 to 16 voxels.
 const STEPS: RangeInclusive<i32> = -3 * PARTS..=4 * PARTS;
-/// Dimensions to choose from where weights are not exact. They fill whole vectors, because unused components would
-/// cost as much.
-pub(super) const DIMENSIONS: [usize; 4] = [4, 8, 12, 16];
-/// Fractions of the pixels across that are marched; each halves the number of pixels.
-pub(super) const SCALES: [f64; 7] = [1.0, 0.71, 0.5, 0.35, 0.25, 0.18, 0.125];
 /// Decrease of the step number that costs as much as the next smaller scale saves.
 const STEPS_A_SCALE: i32 = PARTS;
-
-/// Measurements of a setting.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Point {
-    /// Median wall time of a frame in ms: march, relight and, if any, enlargement.
-    pub frame_ms: f64,
-    /// Median CPU time of a frame over all threads of this process, in ms.
-    pub cpu_ms: f64,
-    /// Number of timed frames.
-    pub frames: usize,
-    /// ΔE00 from the truth in the sampled pixels: mean, p95 and maximum.
-    pub error: ErrorSummary,
-    /// Upper bound of the p95 of ΔE00 over all visible pixels, with 99 % confidence.
-    pub at_most: f64,
-}
 
 /// A chosen setting and the reason for it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -136,42 +64,6 @@ struct Kept {
     point: Point,
     /// The next longer step, which exceeds the limit.
     broken: Option<Tried>,
-}
-
-/// Why no setting was chosen.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ChoiceError {
-    /// No setting reaches the goal.
-    #[error("no setting of this scene reaches {asked}; {nearest}")]
-    None {
-        /// The goal.
-        asked: String,
-        /// The nearest setting, and advice.
-        nearest: String,
-    },
-    /// No pixel shows the volume, so that no error can be measured.
-    #[error("no pixel of this picture shows {source_name}, so no error can be measured")]
-    Nothing {
-        /// The scene.
-        source_name: String,
-    },
-    /// Planning failed.
-    #[error(transparent)]
-    Plan(#[from] PlanError),
-    /// The reference failed.
-    #[error(transparent)]
-    Ladder(#[from] LadderError),
-    /// The device failed.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-}
-
-impl ChoiceError {
-    /// Whether the picture is too large for the device, so that fewer pixels might fit.
-    fn is_too_large(&self) -> bool {
-        matches!(self, Self::Render(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }))
-    }
 }
 
 /// Chooses the setting of `scene` under `mix` for the picture `wanted` on the device of `renderer`.
@@ -281,27 +173,9 @@ impl Progress for Numbered<'_> {
     }
 }
 
-/// 2^`octaves`, a step length in voxels, rounded to three digits.
-pub(super) fn voxels(octaves: f64) -> f64 {
-    let exact = octaves.exp2();
-    let digit = 10_f64.powf(exact.log10().floor() - 2.0);
-    let rounded = (exact / digit).round() * digit;
-    // Removes the rounding error of the product.
-    format!("{rounded:.6}").parse().unwrap_or(exact)
-}
-
 /// Step number `n`, in voxels.
 fn step(n: i32) -> f64 {
     voxels(f64::from(n) / f64::from(PARTS))
-}
-
-/// The setting with this step in voxels, dimension of a colour model (if any), and fraction of the pixels across.
-pub(super) fn setting(step: f64, dimension: Option<usize>, scale: f64) -> Setting {
-    let mut setting = Setting::default().with(Knob::Step, Value::Number(step));
-    if let Some(k) = dimension {
-        setting = setting.with(Knob::K, Value::Number(count(k)));
-    }
-    if scale < 1.0 { setting.with(Knob::Scale, Value::Number(scale)) } else { setting }
 }
 
 /// Whether errors no longer fall with the step, because another cause dominates.

@@ -2,11 +2,10 @@
 
 use serde::Serialize;
 
+use super::digits::short;
 use super::ladder::Cause;
-use super::model::ModelRow;
 use super::setting::Knob;
 use super::survey::Measured;
-use super::table::short;
 use crate::model::{ErrorSummary, ModelKind};
 
 /// Ratio within which times and errors count as equal; repeated measurements differ by as much.
@@ -84,18 +83,9 @@ impl NodesBesideRgb {
         Self::found(nodes.and_then(basis)?, rgb.collect())
     }
 
-    /// Compares the two by mean ΔE00 over all spectra, for equal numbers of materials; `None` unless both were
-    /// measured.
+    /// Compares the error of eight nodes with the smallest of `rgb`; `None` if `rgb` is empty.
     #[must_use]
-    pub fn of_models<'a>(rows: impl Iterator<Item = &'a ModelRow> + Clone) -> Option<Self> {
-        let rgb = rows.clone().filter(|row| row.model.is_rgb());
-        let materials = rgb.clone().next()?.materials;
-        let mut rows = rows.filter(|row| row.materials == materials);
-        let nodes = rows.find(|row| row.model == ModelKind::Nodes && row.k == 8)?.all.mean;
-        Self::found(nodes, rgb.map(|row| (row.model, row.all.mean)).collect())
-    }
-
-    fn found(nodes: f64, rgb: Vec<(ModelKind, f64)>) -> Option<Self> {
+    pub fn found(nodes: f64, rgb: Vec<(ModelKind, f64)>) -> Option<Self> {
         let &(best, error) = rgb.iter().min_by(|one, two| one.1.total_cmp(&two.1))?;
         Some(Self { nodes, rgb: error, best, of: rgb.into_iter().map(|(kind, _)| kind).collect() })
     }

@@ -13,7 +13,8 @@ use crate::tables::{CELL, Cells, LabelMap, Occupancy, Storage, TransferTable};
 const PLACES: usize = 1 << 16;
 
 /// Samples of `inner` in occupied macrocells, and empty steps elsewhere.
-pub(super) struct Leaping<'a, S> {
+#[derive(Debug)]
+pub struct Leaping<'a, S> {
     inner: S,
     occupancy: &'a Occupancy,
     cells_from_texture: DVec3,
@@ -24,7 +25,8 @@ pub(super) struct Leaping<'a, S> {
 
 impl<'a, S> Leaping<'a, S> {
     /// Wraps `inner` to skip macrocells whose bit in `occupancy` is 0.
-    pub(super) fn new(inner: S, occupancy: &'a Occupancy, scene: &Scene, planned: &Planned) -> Self {
+    #[must_use]
+    pub fn new(inner: S, occupancy: &'a Occupancy, scene: &Scene, planned: &Planned) -> Self {
         Self {
             inner,
             occupancy,
@@ -58,7 +60,8 @@ impl<S: Samples<f64>> Samples<f64> for Leaping<'_, S> {
 }
 
 /// Occupancy of the macrocells of `scene`: whether its transfer function or a label scatters or absorbs there.
-pub(super) fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) -> Occupancy {
+#[must_use]
+pub fn occupancy(scene: &Scene, storage: &Storage, labels: Option<&LabelMap>) -> Occupancy {
     Cells::new(&scene.volume, storage, labels).occupancy(&visible(scene, storage.domain))
 }
 

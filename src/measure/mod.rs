@@ -2,19 +2,18 @@
 
 mod bench;
 mod cache;
+pub mod candidates;
 mod choice;
 mod clock;
-mod consistency;
 mod difference;
+mod digits;
 mod enlarge;
 pub mod extremes;
 mod findings;
-mod goals;
+mod goal;
 mod image_error;
 mod ladder;
 mod leaping;
-mod model;
-mod needs;
 mod report;
 mod rungs;
 mod sample;
@@ -24,20 +23,17 @@ mod sweep;
 mod table;
 mod written;
 
-pub use choice::{Choice, ChoiceError, Goal, Pixels, Point, Preset, Tried, Wanted, choose, curve};
+pub use bench::{Bench, Errors, Ready};
+pub use cache::Point;
+pub use choice::{Choice, Tried, choose, curve};
 pub use clock::{Stopwatch, Summary, Timing, peak_mb, summary};
-pub use consistency::{HalvedStep, RelitRow, halved_steps, relit_against_rendered};
 pub use difference::Difference;
 pub use enlarge::Enlargement;
 pub use findings::{NodesBesideRgb, cheapest, main_cause, mark_pareto};
-pub use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, Ratios, goal_row};
+pub use goal::{ChoiceError, Goal, Pixels, Preset, Wanted};
 pub use image_error::{ImageError, MeasureError, Spread};
 pub use ladder::{Cause, LadderError, Lattice};
-pub use model::{
-    AutomaticRow, AutomaticSummary, LIGHT_GROUPS, ModelRow, ModelSetting, ModelTableError, SpectraKind,
-    automatic_dimension, model_row,
-};
-pub use needs::{FrameCounts, NeedError, NeedRow, need_rows};
+pub use leaping::{Leaping, occupancy};
 pub use report::{CostCurve, CostTable, Findings, costs_html, html, trade};
 pub use rungs::{RungError, Rungs};
 pub use sample::{Checked, check};

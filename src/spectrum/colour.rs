@@ -6,13 +6,8 @@ use std::sync::LazyLock;
 
 use glam::{DMat3, DVec3};
 
-use super::{Light, Reflectance, Spectrum, data, standard};
-
-/// CIE 1931 2-degree colour-matching functions x̄, ȳ, z̄ on the grid, as published (CIE 15:2004).
-pub static OBSERVER: [Spectrum; 3] = {
-    let [x, y, z] = data::columns(include_str!("../../data/spectra/cie1931_2deg_cmf_5nm.csv"));
-    [Spectrum::from_samples(x), Spectrum::from_samples(y), Spectrum::from_samples(z)]
-};
+pub use super::matching::OBSERVER;
+use super::{Light, Reflectance, Spectrum, standard};
 
 /// CIE 1931 tristimulus values X, Y, Z; the perfect reflector under one [`Light`] has Y = 1.
 #[derive(Clone, Copy, Debug, PartialEq)]

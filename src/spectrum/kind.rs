@@ -1,6 +1,6 @@
 //! Kinds of spectra, with the meaning and normalisation of their samples.
 
-use super::colour::OBSERVER;
+use super::matching::OBSERVER;
 use super::{BANDS, Kind, Spectrum, SpectrumError, wavelength_nm};
 
 /// Fraction of light that a surface reflects per wavelength: unitless, not normalised.

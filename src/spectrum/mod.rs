@@ -5,6 +5,7 @@ mod data;
 pub mod deficiency;
 mod error;
 mod kind;
+mod matching;
 pub mod metric;
 pub mod observer;
 mod smooth;
@@ -18,8 +19,9 @@ pub use error::{Kind, SpectrumError};
 pub use kind::{Absorption, Light, Reflectance};
 pub use smooth::smooth_reflectance;
 pub(crate) use source::srgb_code;
-pub use source::{Column, Gaussian, SpectrumSource};
+pub use source::{Gaussian, SpectrumSource};
 pub(crate) use standard::nearest;
+pub use table::Column;
 
 /// Number of wavelengths of the grid.
 pub const BANDS: usize = 81;

@@ -6,14 +6,10 @@ use std::sync::LazyLock;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::colour::{OBSERVER, Xyz, bradford, d65_white};
-use super::{Spectrum, data, standard};
-
-/// CIE 1964 10-degree colour-matching functions x̄₁₀, ȳ₁₀, z̄₁₀ on the grid, as published (CIE 15:2004).
-pub static OBSERVER_1964: [Spectrum; 3] = {
-    let [x, y, z] = data::columns(include_str!("../../data/spectra/cie1964_10deg_cmf_5nm.csv"));
-    [Spectrum::from_samples(x), Spectrum::from_samples(y), Spectrum::from_samples(z)]
-};
+use super::colour::{Xyz, bradford, d65_white};
+use super::matching::OBSERVER;
+pub use super::matching::OBSERVER_1964;
+use super::{Spectrum, standard};
 
 /// Standard observer for the colours of spectra. It does not affect the strength of lights: their luminance is always
 /// that of 1931.

@@ -12,7 +12,9 @@ use serde::de::{self, MapAccess, Visitor};
 use super::colour::{LinearSrgb, decode_srgb};
 use super::kind::planck;
 use super::standard::{self, Standard};
-use super::{Absorption, BANDS, Kind, Light, Reflectance, STEP_NM, Spectrum, SpectrumError, smooth_reflectance, table};
+use super::{
+    Absorption, BANDS, Column, Kind, Light, Reflectance, STEP_NM, Spectrum, SpectrumError, smooth_reflectance, table,
+};
 
 /// Description of a spectrum, parsed from a scene by `Deserialize` and from the command line by `FromStr`.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,16 +46,6 @@ pub enum SpectrumSource {
     Samples(Box<Spectrum>),
     /// `{ blackbody = 2856 }`: light of a black body of this temperature in kelvin.
     Blackbody(f64),
-}
-
-/// Column of a file with the values of a spectrum.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
-#[serde(untagged, expecting = "a column is a name or a number from 1")]
-pub enum Column {
-    /// Column number from 1; column 1 holds the wavelengths.
-    Number(usize),
-    /// Column name in the header line; case is ignored.
-    Name(String),
 }
 
 /// A Gaussian; see [`Spectrum::gaussian`].

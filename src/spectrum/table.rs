@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{Column, FIRST_NM, LAST_NM, SpectrumError};
+use serde::Deserialize;
+
+use super::{FIRST_NM, LAST_NM, SpectrumError};
 use crate::input;
 
 /// Largest number of rows: even a spacing of 0.01 nm needs fewer.
@@ -10,6 +12,16 @@ const MOST_ROWS: usize = 100_000;
 
 /// Longest line in bytes, enough for thousands of columns.
 const LONGEST_LINE: usize = 1 << 16;
+
+/// Column of a file with the values of a spectrum.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged, expecting = "a column is a name or a number from 1")]
+pub enum Column {
+    /// Column number from 1; column 1 holds the wavelengths.
+    Number(usize),
+    /// Column name in the header line; case is ignored.
+    Name(String),
+}
 
 /// Piecewise linear curve, constant beyond its ends.
 pub(super) struct Curve {

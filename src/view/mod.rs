@@ -10,6 +10,8 @@ pub mod engine;
 pub mod export;
 pub mod job;
 pub mod load;
+#[cfg(feature = "window")]
+mod options;
 pub mod probe;
 pub mod prober;
 #[cfg(feature = "window")]
@@ -24,7 +26,9 @@ pub mod window;
 pub use action::Action;
 pub use engine::{Counts, Engine};
 pub use load::{LoadError, Loaded};
+#[cfg(feature = "window")]
+pub use options::{Options, ViewError};
 pub use probe::Probe;
 pub use script::{Script, ScriptError};
 #[cfg(feature = "window")]
-pub use window::{Options, Report, ViewError, run};
+pub use window::{Report, run};

@@ -10,7 +10,7 @@ use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
 
 use super::engine::DISPATCH;
-use super::window::{Options, ViewError};
+use super::options::{Options, ViewError};
 use crate::present::{self, Surface};
 use crate::render::Renderer;
 use crate::vulkan::VulkanError;

@@ -3,7 +3,7 @@
 use std::io::{self, Read};
 use std::path::{Component, Path, PathBuf};
 
-use super::raw::ByteOrder;
+use super::layout::ByteOrder;
 use super::select::{Pick, next_run};
 use super::stream::{self, Encoding, Skip, Start, count, read_fully};
 use super::voxels::with_type;

@@ -5,6 +5,7 @@ mod error;
 mod fields;
 mod foreign;
 mod geometry;
+mod layout;
 mod metaimage;
 mod nrrd;
 mod open;
@@ -14,8 +15,10 @@ pub mod phantom;
 mod raw;
 mod resample;
 mod select;
+mod several;
 mod statistics;
 mod stream;
+mod voxel_type;
 mod voxels;
 mod vti;
 
@@ -25,11 +28,13 @@ pub use open::{extensions, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
-pub use raw::{ByteOrder, RawLayout};
-pub use select::{Selection, Several};
+pub use layout::{ByteOrder, RawLayout};
+pub use select::Selection;
+pub use several::Several;
 pub use statistics::{BINS, Statistics};
+pub use voxel_type::VoxelType;
 pub(crate) use voxels::with_voxels;
-pub use voxels::{Voxel, VoxelType, Voxels};
+pub use voxels::{Voxel, Voxels};
 pub use vti::PackedBlocks;
 
 use std::path::PathBuf;

@@ -14,8 +14,8 @@ use glam::{DMat3, DVec3};
 
 use super::data::{self, Data, DataFile};
 use super::fields::{Field, Fields, Lines};
+use super::layout::ByteOrder;
 use super::pattern::{self, Pattern};
-use super::raw::ByteOrder;
 use super::select::Pick;
 use super::stream::{Encoding, Skip, Start};
 use super::{Geometry, Selection, Volume, VolumeError, VoxelType};

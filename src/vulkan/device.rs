@@ -7,7 +7,6 @@ use std::{
         Arc, Mutex,
         atomic::{AtomicU64, Ordering},
     },
-    time::Duration,
 };
 
 use ash::{ext, khr, vk};
@@ -17,13 +16,13 @@ use gpu_allocator::{
 };
 
 use super::{
-    DeviceChoice, DeviceInfo, DeviceKind, Limits, Recorder, Validation, VulkanError,
+    DeviceChoice, DeviceInfo, DeviceKind, Limits, Validation, VulkanError,
+    commands::CommandSlot,
     handle::RawDevice,
     info::{Candidate, Purpose, QueueFamily},
     instance::Instance,
     lock,
     simulate::Simulated,
-    submission::CommandSlot,
 };
 
 /// Bytes of a memory block for small objects in device memory.
@@ -149,40 +148,6 @@ impl Device {
     #[must_use]
     pub fn validation_messages(&self) -> Vec<String> {
         self.0.raw.instance.take_messages()
-    }
-
-    /// Records commands with `record`, submits them and waits until they have finished.
-    ///
-    /// # Errors
-    ///
-    /// Those of `record`, and [`VulkanError::DeviceLost`].
-    pub fn run(
-        &self,
-        name: &str,
-        record: impl FnOnce(&mut Recorder) -> Result<(), VulkanError>,
-    ) -> Result<(), VulkanError> {
-        let mut recorder = Recorder::begin(self, name)?;
-        record(&mut recorder)?;
-        recorder.submit()?.finish()
-    }
-
-    /// Does what [`Self::run`] does and returns the duration by the device's clock; `None` if it has no clock.
-    ///
-    /// # Errors
-    ///
-    /// Those of [`Self::run`].
-    pub fn run_timed(
-        &self,
-        name: &str,
-        record: impl FnOnce(&mut Recorder) -> Result<(), VulkanError>,
-    ) -> Result<Option<Duration>, VulkanError> {
-        let mut recorder = Recorder::begin(self, name)?;
-        recorder.timestamp()?;
-        record(&mut recorder)?;
-        recorder.timestamp()?;
-        let mut submission = recorder.submit()?;
-        while !submission.wait(Duration::MAX)? {}
-        Ok(submission.timestamps()?.last().copied())
     }
 
     /// Waits until the device has finished all submitted work. Errors are ignored: a lost device is idle, too.

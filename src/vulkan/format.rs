@@ -1,6 +1,17 @@
-//! Texel formats of images.
+//! Texel formats and usages of images.
 
 use ash::vk;
+
+/// Usage of a 3D image.
+pub(super) const SAMPLED_USAGE: vk::ImageUsageFlags =
+    vk::ImageUsageFlags::from_raw(vk::ImageUsageFlags::SAMPLED.as_raw() | vk::ImageUsageFlags::TRANSFER_DST.as_raw());
+
+/// Usage of a storage image.
+pub(super) const STORAGE_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
+    vk::ImageUsageFlags::STORAGE.as_raw()
+        | vk::ImageUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::ImageUsageFlags::TRANSFER_DST.as_raw(),
+);
 
 /// Texel format, and the value that a shader reads from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -5,18 +5,13 @@ use std::sync::Arc;
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 
-use super::{Device, Format, VulkanError, error::check_limit, handle::Owned, memory::Memory};
-
-/// Usage of a 3D image.
-pub(super) const SAMPLED_USAGE: vk::ImageUsageFlags =
-    vk::ImageUsageFlags::from_raw(vk::ImageUsageFlags::SAMPLED.as_raw() | vk::ImageUsageFlags::TRANSFER_DST.as_raw());
-
-/// Usage of a storage image.
-pub(super) const STORAGE_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
-    vk::ImageUsageFlags::STORAGE.as_raw()
-        | vk::ImageUsageFlags::TRANSFER_SRC.as_raw()
-        | vk::ImageUsageFlags::TRANSFER_DST.as_raw(),
-);
+use super::{
+    Device, Format, VulkanError,
+    error::check_limit,
+    format::{SAMPLED_USAGE, STORAGE_USAGE},
+    handle::Owned,
+    memory::Memory,
+};
 
 /// Layout of a 3D image between recorded commands.
 pub(super) const SAMPLED_LAYOUT: vk::ImageLayout = vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL;

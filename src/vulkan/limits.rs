@@ -2,7 +2,11 @@
 
 use ash::vk;
 
-use super::{Format, VulkanError, instance::Instance};
+use super::{
+    Format, VulkanError,
+    format::{SAMPLED_USAGE, STORAGE_USAGE},
+    instance::Instance,
+};
 
 /// Limits of a device, queried once when it is opened.
 #[derive(Clone, Debug)]
@@ -158,8 +162,8 @@ impl FormatLimits {
                 Err(source) => Err(VulkanError::call("vkGetPhysicalDeviceImageFormatProperties", "device")(source)),
             }
         };
-        let volume = image(vk::ImageType::TYPE_3D, super::image::SAMPLED_USAGE)?;
-        let layered = image(vk::ImageType::TYPE_2D, super::image::STORAGE_USAGE)?;
+        let volume = image(vk::ImageType::TYPE_3D, SAMPLED_USAGE)?;
+        let layered = image(vk::ImageType::TYPE_2D, STORAGE_USAGE)?;
         // Some drivers report more here than their own general limit.
         let within_3d = |texels: u32| texels.min(limits.max_image_dimension3_d);
         let within_2d = |texels: u32| texels.min(limits.max_image_dimension2_d);

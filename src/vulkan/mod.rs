@@ -5,6 +5,7 @@
 //! everything that it reads or writes alive until it has finished.
 
 mod buffer;
+mod commands;
 mod device;
 mod error;
 mod format;

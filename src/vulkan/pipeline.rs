@@ -4,8 +4,19 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::{Device, ResourceSet, VulkanError, error::check_limit, handle::Owned, resources::descriptor_type};
+use super::{Device, VulkanError, error::check_limit, handle::Owned};
 use crate::shader::{BindingKind, Shader};
+
+/// Vulkan descriptor type of a binding.
+pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        BindingKind::Texture => vk::DescriptorType::SAMPLED_IMAGE,
+        BindingKind::Sampler => vk::DescriptorType::SAMPLER,
+        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+    }
+}
 
 /// A compute pipeline. Clones share it.
 #[derive(Clone, Debug)]
@@ -87,16 +98,9 @@ impl ComputePipeline {
         &self.0.name
     }
 
-    /// Returns an error if `set` or `push_constants` do not match the shader, or if `device` is not the pipeline's.
-    pub(super) fn check_dispatch(
-        &self,
-        device: &Device,
-        set: &ResourceSet,
-        push_constants: &[u8],
-    ) -> Result<(), VulkanError> {
-        self.check_device(device)?;
-        set.check_device(device)?;
-        self.check_bindings(set.bindings())?;
+    /// Returns an error if `bindings` or `push_constants` do not match the shader.
+    pub(super) fn check_dispatch(&self, bindings: &[BindingKind], push_constants: &[u8]) -> Result<(), VulkanError> {
+        self.check_bindings(bindings)?;
         if push_constants.len() as u64 != u64::from(self.0.push_constant_bytes) {
             let (given, expected) = (push_constants.len(), self.0.push_constant_bytes);
             let mistake = format!("it has {given} bytes of push constants, and expects {expected}");

@@ -1,14 +1,15 @@
 //! Recording commands.
 
-use std::{ops::Range, sync::Arc};
+use std::{ops::Range, sync::Arc, time::Duration};
 
 use ash::vk;
 
 use super::{
     Buffer, ComputePipeline, Device, Image3d, ResourceSet, StorageImage, Submission, VulkanError,
+    commands::MAX_TIMESTAMPS,
     error::check_limit,
     image,
-    submission::{Lease, MAX_TIMESTAMPS, Used},
+    submission::{Lease, Used},
 };
 
 /// A command list under construction.
@@ -22,6 +23,42 @@ pub struct Recorder {
     used: Used,
     timestamps: u32,
     lease: Lease,
+}
+
+impl Device {
+    /// Records commands with `record`, submits them and waits until they have finished.
+    ///
+    /// # Errors
+    ///
+    /// Those of `record`, and [`VulkanError::DeviceLost`].
+    pub fn run(
+        &self,
+        name: &str,
+        record: impl FnOnce(&mut Recorder) -> Result<(), VulkanError>,
+    ) -> Result<(), VulkanError> {
+        let mut recorder = Recorder::begin(self, name)?;
+        record(&mut recorder)?;
+        recorder.submit()?.finish()
+    }
+
+    /// Does what [`Self::run`] does and returns the duration by the device's clock; `None` if it has no clock.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::run`].
+    pub fn run_timed(
+        &self,
+        name: &str,
+        record: impl FnOnce(&mut Recorder) -> Result<(), VulkanError>,
+    ) -> Result<Option<Duration>, VulkanError> {
+        let mut recorder = Recorder::begin(self, name)?;
+        recorder.timestamp()?;
+        record(&mut recorder)?;
+        recorder.timestamp()?;
+        let mut submission = recorder.submit()?;
+        while !submission.wait(Duration::MAX)? {}
+        Ok(submission.timestamps()?.last().copied())
+    }
 }
 
 impl Recorder {
@@ -104,7 +141,9 @@ impl Recorder {
         push_constants: &[u8],
         groups: [u32; 3],
     ) -> Result<(), VulkanError> {
-        pipeline.check_dispatch(self.device(), set, push_constants)?;
+        pipeline.check_device(self.device())?;
+        set.check_device(self.device())?;
+        pipeline.check_dispatch(set.bindings(), push_constants)?;
         for (asked, limit) in groups.into_iter().zip(self.device().limits().max_groups) {
             check_limit(pipeline.name(), "its number of workgroups along an axis", asked.into(), limit.into())?;
         }

@@ -4,19 +4,11 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::{Buffer, ComputePipeline, Device, Image3d, Sampler, StorageImage, VulkanError, handle::Owned, image};
+use super::{
+    Buffer, ComputePipeline, Device, Image3d, Sampler, StorageImage, VulkanError, handle::Owned, image,
+    pipeline::descriptor_type,
+};
 use crate::shader::BindingKind;
-
-/// Vulkan descriptor type of a binding.
-pub(super) fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
-    match kind {
-        BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
-        BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
-        BindingKind::Texture => vk::DescriptorType::SAMPLED_IMAGE,
-        BindingKind::Sampler => vk::DescriptorType::SAMPLER,
-        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
-    }
-}
 
 /// A resource that a shader reads or writes.
 #[derive(Clone, Copy, Debug)]

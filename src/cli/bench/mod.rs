@@ -1,14 +1,10 @@
-//! `relume bench`: times of marching, relighting, reading and palette design, and errors of colour models.
+//! `relume bench`: times of marching, relighting and reading.
 
 mod against;
 mod cases;
 mod costs;
 mod frames;
-mod goals;
 mod load;
-mod model;
-mod needs;
-mod palette;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -36,10 +32,6 @@ Examples:
   relume bench                                        both workloads, shaded and not
   relume bench peer --volume frog.mhd --shading diffuse --frames 9 --json
   relume bench load --volume ct.nrrd                  reading a volume, compared with decoding its bytes
-  relume bench palette --frames 1                     errors of designed palettes, and the time to solve them
-  relume bench model --scenes 100                     errors of colour models; does automatic k keep the tolerance?
-  relume bench needs                                  does a scene pay only for the features it uses?
-  relume bench goals --scenes 50                      is --max-error kept, and at what cost over the cheapest setting?
   relume bench all -o costs.html --json > costs.json  every scene and size, the paper's table, cost against k, lights, …
   relume bench all --against costs.json               the same again; exits with 1 if any cost has grown
 
@@ -68,12 +60,9 @@ pub(crate) struct Args {
     /// The largest volume of `scaling`, in voxels along a side: 64, 128, 256 or 512.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(64..))]
     largest: u32,
-    /// Frames to measure, after two for warming up; number of runs of `load` and `palette`.
+    /// Frames to measure, after two for warming up; number of runs of `load`.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// Number of scenes for `model` and `goals`.
-    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
-    scenes: u16,
     #[command(flatten)]
     define: DefineArgs,
     /// Only this shading.
@@ -92,17 +81,6 @@ pub(crate) struct Args {
     /// Report to write: a page (.html) with the paper's table, the curves and all rows.
     #[arg(short, long, value_name = "FILE.html")]
     output: Option<PathBuf>,
-}
-
-/// Passes on cancellation but no progress, because these tables need a large number of fits and marches.
-struct Silent<'a>(&'a dyn Progress);
-
-impl Progress for Silent<'_> {
-    fn report(&self, _stage: &str, _done: u64, _total: u64) {}
-
-    fn cancelled(&self) -> bool {
-        self.0.cancelled()
-    }
 }
 
 /// Parses a percentage from 0.
@@ -137,24 +115,13 @@ enum Workload {
     Paper,
     /// Cost against k, light positions, pixels and voxels, grey and coloured.
     Scaling,
-    /// Cost of each scene feature in samples, dispatches, bytes and instructions, and that scenes without it do not
-    /// pay.
-    Needs,
-    /// Whether pictures of seeded scenes keep their --max-error, and their cost relative to the cheapest setting that
-    /// would. Exits with 1 if fewer than 95 of 100 scenes keep it, or if fewer than 95 take at most 1.3 times the
-    /// samples and the time of the cheapest setting. --scenes 50 takes some minutes on two cores.
-    Goals,
-    /// Colour models on seeded scenes: no march, no device.
-    Model,
-    /// Design of the palettes in data/palettes and of the figures: no device.
-    Palette,
     /// Reading a volume, compared with only decoding its bytes: no device.
     Load,
 }
 
 impl Workload {
     fn makes_frames(self) -> bool {
-        !matches!(self, Self::Needs | Self::Goals | Self::Model | Self::Palette | Self::Load)
+        self != Self::Load
     }
 
     /// Name on the command line.
@@ -164,7 +131,7 @@ impl Workload {
 
     /// Whether the workload uses the volume of --volume.
     fn takes_volume(&self) -> bool {
-        !matches!(self, Self::Default | Self::Scenes | Self::Needs | Self::Goals | Self::Model | Self::Palette)
+        !matches!(self, Self::Default | Self::Scenes)
     }
 
     /// Whether the workload determines what pixels store, or makes no pictures.
@@ -196,7 +163,7 @@ impl Workload {
                 cases.iter_mut().for_each(|case| case.unshaded = shading == Some(BenchShading::None));
                 return cases;
             }
-            Self::Needs | Self::Goals | Self::Model | Self::Palette | Self::Load => return Vec::new(),
+            Self::Load => return Vec::new(),
             Self::Peer => peer(Keeping::Stated, false),
             Self::PeerFourLights => Case { positions: Some(4), ..peer(Keeping::Stated, false) },
             Self::PeerEightMaterials => peer(Keeping::EightWeights, false),
@@ -213,12 +180,8 @@ impl Workload {
 }
 
 impl Args {
-    /// Whether the workloads produce rows one by one, which are kept after a cancellation.
-    pub(crate) fn has_rows(&self) -> bool {
-        self.makes_frames() || self.workloads.contains(&Workload::Goals)
-    }
-
-    fn makes_frames(&self) -> bool {
+    /// Whether any workload makes frames; its rows are kept after a cancellation.
+    pub(crate) fn makes_frames(&self) -> bool {
         self.workloads.iter().any(|workload| workload.makes_frames())
     }
 }
@@ -279,33 +242,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress, started: Instant) -> Res
     if framed {
         reports.push(run_frames(args, progress, started)?);
     }
-    let others = |workload, reports: &[Report]| {
-        args.workloads.contains(&workload) && reports.iter().all(|report| report.json["interrupted"] != true)
-    };
-    if others(Workload::Needs, &reports) {
-        reports.push(needs::run(&args.device, progress)?);
-    }
-    if others(Workload::Goals, &reports) {
-        reports.push(goals::run(args.scenes, &args.device, progress)?);
-    }
-    if others(Workload::Model, &reports) {
-        reports.push(model::run(args.scenes.into(), progress)?);
-    }
-    if others(Workload::Palette, &reports) {
-        reports.push(palette::run(args.frames, progress)?);
-    }
-    if others(Workload::Load, &reports) {
+    let whole = reports.iter().all(|report: &Report| report.json["interrupted"] != true);
+    if whole && args.workloads.contains(&Workload::Load) {
         reports.push(load::run(args.volume.as_deref(), &selection, args.frames, progress)?);
     }
     let mut all = Report { text: String::new(), json: json!({}) };
     for report in reports {
         all.text.push_str(&report.text);
-        let held = all.json["holds"] != false;
-        if let (Some(all), serde_json::Value::Object(mut part)) = (all.json.as_object_mut(), report.json) {
-            // If one report does not hold, the whole does not.
-            if let Some(holds) = part.get_mut("holds") {
-                *holds = (held && *holds == true).into();
-            }
+        if let (Some(all), serde_json::Value::Object(part)) = (all.json.as_object_mut(), report.json) {
             all.extend(part);
         }
     }

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use super::drawing::escaped;
 use super::entry::{Entry, seen};
 use super::trust::Trust;
+use crate::measure::digits::short;
 use crate::measure::survey::{Measured, Survey};
-use crate::measure::table::short;
 use crate::number::readable;
 
 /// Purposes of pictures, each with its limit on p95 (ΔE00).

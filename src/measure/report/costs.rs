@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::STYLE;
 use super::drawing::{Drawing, Logarithmic, PARTS, escaped, tick};
-use crate::measure::table::short;
+use crate::measure::digits::short;
 use crate::number::count;
 
 /// A table of the page; its first row holds the column heads.

@@ -1,10 +1,10 @@
 //! Measured settings and their names on a page.
 
 use super::trust::Trust;
+use crate::measure::digits::short;
 use crate::measure::findings::span;
 use crate::measure::setting::Setting;
 use crate::measure::survey::Measured;
-use crate::measure::table::short;
 use crate::model::ErrorSummary;
 
 /// Name of the scene's own setting.

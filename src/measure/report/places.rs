@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::drawing::{Drawing, Paint, escaped, middles, tick};
 use super::entry::INVISIBLE;
 use super::pictures::{Picture, Scale};
+use crate::measure::digits::short;
 use crate::measure::survey::{CloseUp, Measured, Survey};
-use crate::measure::table::short;
 use crate::number::{count, whole};
 use crate::output::OutputError;
 

@@ -6,11 +6,11 @@ use super::eight::Carried;
 use super::entry::{INVISIBLE, LEAST, seen, told_error};
 use super::knobs::{step_in_voxels, worth};
 use super::trust::Trust;
+use crate::measure::digits::short;
 use crate::measure::findings::{by_cause, cheapest, closest};
 use crate::measure::ladder::Cause;
 use crate::measure::setting::{Knob, Value};
 use crate::measure::survey::Measured;
-use crate::measure::table::short;
 use crate::number::{capital, readable};
 use crate::scene::Scene;
 

@@ -1,20 +1,24 @@
 //! Background computations: the probe, measurements of settings and the palette solver.
 
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use super::{NEWS_OF_MEASURING, Viewer, Woken};
+use super::{Viewer, Woken};
 use crate::document::design::{self, Spectra, Step};
 use crate::document::{Document, Edit};
 use crate::measure::{Choice, ChoiceError, Goal};
 use crate::palette::{self, Conflict, Palette, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::RenderError;
+use crate::scene::Accuracy;
 use crate::view::action::Action;
 use crate::view::effort::{self, Curve};
 use crate::view::job::Job;
 use crate::view::prober::StepError;
 use crate::vulkan::VulkanError;
+
+/// Least time between two frames that show the progress of a measurement.
+pub(super) const NEWS_OF_MEASURING: Duration = Duration::from_millis(700);
 
 /// Largest number of palettes whose conflicts are kept.
 const MOST_VERDICTS: usize = 20;
@@ -43,6 +47,19 @@ pub(super) enum Solved {
 /// Conflicts of a solved palette.
 pub(super) type Verdict = (Arc<Palette>, Vec<Conflict>);
 
+/// Background computations and their last results.
+#[derive(Default)]
+pub(super) struct Tasks {
+    /// Measured settings and the measurement in progress.
+    pub(super) curve: Option<Curve>,
+    pub(super) measuring: Option<Job<Chosen>>,
+    /// Accuracy of the last chosen setting and its description.
+    pub(super) chosen: Option<(Accuracy, String)>,
+    pub(super) solving: Option<Job<Result<Solved, PaletteError>>>,
+    /// Conflicts of the solved palettes.
+    pub(super) verdicts: Vec<Verdict>,
+}
+
 /// Returns the conflicts of `document`'s palette if it was solved before, possibly before an undo.
 pub(super) fn conflicts<'a>(verdicts: &'a [Verdict], document: Option<&Document>) -> &'a [Conflict] {
     let now = document.and_then(|document| document.state().palette.as_ref());
@@ -64,10 +81,10 @@ fn verdict(palette: &Palette, worst: f64) -> Option<String> {
 impl Viewer {
     /// Updates the probe. Returns whether it changed.
     pub(super) fn probe(&mut self) -> Result<bool, VulkanError> {
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return Ok(false) };
+        let (Some(engine), Some(document)) = (&self.engine, &self.opened.document) else { return Ok(false) };
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        match self.prober.step(engine, document.state(), wake) {
+        match self.picture.prober.step(engine, document.state(), wake) {
             Ok(new) => Ok(new),
             Err(StepError::Render(RenderError::Vulkan(lost @ VulkanError::DeviceLost { .. }))) => Err(lost),
             Err(error) => {
@@ -79,10 +96,10 @@ impl Viewer {
 
     /// Measures settings of the document, for `goal` or for a curve; cancels a measurement in progress.
     pub(super) fn measure(&mut self, goal: Option<Goal>) {
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else { return };
+        let (Some(engine), Some(document)) = (&self.engine, &self.opened.document) else { return };
         let renderer = engine.renderer().clone();
         let (scene, mix) = (document.state().scene.clone(), document.state().mix());
-        let (size, cache) = (self.report.size, self.options.cache.clone());
+        let (size, cache) = (self.record.report.size, self.options.cache.clone());
         let (proxy, last) = (self.proxy.clone(), Arc::new(Mutex::new(None::<Instant>)));
         // Frames disturb the measurement, so few of them show its progress.
         let wake = move || {
@@ -92,32 +109,32 @@ impl Viewer {
                 drop(proxy.send_event(Woken::Progress));
             }
         };
-        self.measuring = Some(Job::start(wake, move |progress| {
+        self.tasks.measuring = Some(Job::start(wake, move |progress| {
             effort::measure(&renderer, &scene, &mix, size, goal, cache.as_deref(), progress)
         }));
     }
 
     /// Takes over a finished measurement. Returns whether there was one.
     pub(super) fn measured(&mut self) -> bool {
-        let Some(measured) = self.measuring.as_mut().and_then(Job::take) else { return false };
-        self.measuring = None;
+        let Some(measured) = self.tasks.measuring.as_mut().and_then(Job::take) else { return false };
+        self.tasks.measuring = None;
         match measured {
             Err(error) => self.tell(&error),
             Ok((curve, choice)) => {
-                match &mut self.curve {
+                match &mut self.tasks.curve {
                     Some(known) => known.merge(curve),
                     none => *none = Some(curve),
                 }
                 // The old description states times of an earlier measurement.
-                self.chosen = None;
-                if let (Some(choice), Some(document)) = (choice, &self.document) {
+                self.tasks.chosen = None;
+                if let (Some(choice), Some(document)) = (choice, &self.opened.document) {
                     let accuracy = choice.setting.applied(&document.state().scene).accuracy;
                     self.ask(Action::Edit(Edit::Accuracy(accuracy)));
                     let told = format!("Chosen: {}. {}.", choice.setting, choice.why);
-                    let taken = self.document.as_ref().map(|document| document.state().scene.accuracy.clone());
-                    self.chosen = taken.map(|accuracy| (accuracy, told));
+                    let taken = self.opened.document.as_ref().map(|document| document.state().scene.accuracy.clone());
+                    self.tasks.chosen = taken.map(|accuracy| (accuracy, told));
                     if self.is_scripted() {
-                        self.report.choices.push(choice);
+                        self.record.report.choices.push(choice);
                     }
                 }
             }
@@ -127,14 +144,14 @@ impl Viewer {
 
     /// Designs a palette for the scene; cancels a solver in progress.
     pub(super) fn offer(&mut self) {
-        let Some(document) = &self.document else { return };
+        let Some(document) = &self.opened.document else { return };
         let scene = document.state().scene.clone();
         self.begin_to_solve(move |progress| Ok(Solved::Offered(design::offer(&scene, progress)?)));
     }
 
     /// Solves the palette's open spectra, after `step` if given; cancels a solver in progress.
     pub(super) fn solve(&mut self, step: Option<Step>) {
-        let state = self.document.as_ref().map(Document::state);
+        let state = self.opened.document.as_ref().map(Document::state);
         let palette = state.and_then(|state| match &step {
             None => state.palette.clone(),
             Some(step) => step.applied(&state.scene, state.palette.as_deref()).map(Arc::new),
@@ -152,14 +169,14 @@ impl Viewer {
     fn begin_to_solve(&mut self, solve: impl FnOnce(&dyn Progress) -> Result<Solved, PaletteError> + Send + 'static) {
         let proxy = self.proxy.clone();
         let wake = move || drop(proxy.send_event(Woken::Progress));
-        self.solving = Some(Job::start(wake, solve));
+        self.tasks.solving = Some(Job::start(wake, solve));
     }
 
     /// Takes over a finished solution. Returns whether there was one.
     pub(super) fn solved(&mut self) -> bool {
-        let Some(solved) = self.solving.as_mut().and_then(Job::take) else { return false };
-        self.solving = None;
-        match (solved, &self.document) {
+        let Some(solved) = self.tasks.solving.as_mut().and_then(Job::take) else { return false };
+        self.tasks.solving = None;
+        match (solved, &self.opened.document) {
             (Err(PaletteError::Cancelled), _) | (_, None) => {}
             (Err(error), _) => self.tell(&error),
             (Ok(Solved::Offered(palette)), _) => self.ask(Action::Edit(Edit::Design(Step::Take(Arc::new(palette))))),
@@ -167,18 +184,19 @@ impl Viewer {
                 let spectra = Spectra { step, ..Spectra::of(&document.state().scene, &solution) };
                 self.ask(Action::Edit(Edit::Spectra(Arc::new(spectra))));
                 let worst = solution.worst();
-                self.report.solved.push(worst);
+                self.record.report.solved.push(worst);
                 // The editor opens and explains conflicts whenever the error is visible.
                 let conflicts = if worst > UNSEEN { solution.conflicts } else { Vec::new() };
-                self.editing |= !conflicts.is_empty();
-                self.verdicts.retain(|(of, _)| *of != palette);
+                self.panels.editing |= !conflicts.is_empty();
+                self.tasks.verdicts.retain(|(of, _)| *of != palette);
                 let told = if conflicts.is_empty() { verdict(&palette, worst) } else { None };
                 // The palette may have changed in the meantime.
-                let is_there = self.document.as_ref().is_some_and(|it| it.state().palette.as_ref() == Some(&palette));
+                let is_there =
+                    self.opened.document.as_ref().is_some_and(|it| it.state().palette.as_ref() == Some(&palette));
                 told.filter(|_| is_there).into_iter().for_each(|told| self.tell_done(told));
-                self.verdicts.push((palette, conflicts));
-                if self.verdicts.len() > MOST_VERDICTS {
-                    self.verdicts.remove(0);
+                self.tasks.verdicts.push((palette, conflicts));
+                if self.tasks.verdicts.len() > MOST_VERDICTS {
+                    self.tasks.verdicts.remove(0);
                 }
             }
         }

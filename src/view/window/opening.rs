@@ -2,7 +2,7 @@
 
 use egui::Rect;
 
-use super::{MOST_LOSSES, ViewError, Viewer, Woken};
+use super::{ViewError, Viewer, Woken};
 use crate::document::{Document, Edit, OpenError, SceneFile, Source};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
@@ -12,26 +12,62 @@ use crate::view::load::{LoadError, Loaded, Loading};
 use crate::volume::Selection;
 use crate::vulkan::VulkanError;
 
+/// Largest number of device losses before a finest picture; the window closes after more.
+const MOST_LOSSES: u32 = 4;
+
+/// What is open.
+#[derive(Default)]
+pub(super) struct Opened {
+    pub(super) document: Option<Document>,
+    /// Source of the document.
+    pub(super) source: Source,
+    /// Selected volume of the source's file.
+    pub(super) selection: Selection,
+    /// Window title derived from the document.
+    pub(super) title: String,
+    /// Title as last set, with the mark for unsaved changes if any.
+    pub(super) title_shown: String,
+}
+
+/// Loading tasks.
+#[derive(Default)]
+pub(super) struct Opening {
+    pub(super) now: Option<Loading>,
+    /// Cancelled tasks that may still be running.
+    pub(super) given_up: Vec<Loading>,
+    /// Number of tasks started.
+    pub(super) number: u64,
+}
+
+/// State after device losses.
+#[derive(Default)]
+pub(super) struct Lost {
+    /// Number of losses since the last finest picture.
+    pub(super) times: u32,
+    /// Whether rendering waits for the user to restart it.
+    pub(super) stopped: bool,
+}
+
 impl Viewer {
     /// Opens `source` in the background; cancels loading in progress.
     pub(super) fn open(&mut self, source: Source) {
         // An open question belongs to the previous source.
-        self.chooser.close();
+        self.panels.chooser.close();
         self.load(source.clone(), false, move |renderer, progress| Loaded::open(renderer, source, progress));
     }
 
     /// Opens another volume of the current file.
     pub(super) fn open_another(&mut self) {
-        self.open(self.source.reselected());
+        self.open(self.opened.source.reselected());
     }
 
     /// Loads the document onto the device again.
     pub(super) fn restore(&mut self) {
         self.lost.stopped = false;
-        let Some(document) = &self.document else { return self.open(self.options.source.clone()) };
+        let Some(document) = &self.opened.document else { return self.open(self.options.source.clone()) };
         let file = SceneFile { scene: document.state().scene.clone(), ..document.opened().clone() };
         let statistics = document.statistics().cloned();
-        let source = self.source.clone();
+        let source = self.opened.source.clone();
         self.load(source.clone(), true, move |renderer, progress| {
             let statistics = statistics.map_or_else(|| file.scene.volume.statistics(), Ok).map_err(OpenError::from)?;
             Loaded::prepare(renderer, file, statistics, source, progress)
@@ -46,8 +82,8 @@ impl Viewer {
         load: impl FnOnce(&Renderer, &dyn Progress) -> Result<Loaded, LoadError> + Send + 'static,
     ) {
         let Some(screen) = &self.screen else { return };
-        self.opened += 1;
-        let (number, proxy) = (self.opened, self.proxy.clone());
+        self.loading.number += 1;
+        let (number, proxy) = (self.loading.number, self.proxy.clone());
         let loaded = {
             let proxy = proxy.clone();
             // The event loop may be gone.
@@ -56,38 +92,39 @@ impl Viewer {
         let progressed = move || drop(proxy.send_event(Woken::Progress));
         let renderer = screen.renderer.clone();
         self.give_up();
-        self.loading = Some(Loading::start(source, move |progress| load(&renderer, progress), progressed, loaded));
+        self.loading.now = Some(Loading::start(source, move |progress| load(&renderer, progress), progressed, loaded));
     }
 
     /// Cancels loading in progress.
     pub(super) fn give_up(&mut self) {
-        self.given_up.retain(|loading| !loading.is_over());
-        if let Some(loading) = self.loading.take() {
+        self.loading.given_up.retain(|loading| !loading.is_over());
+        if let Some(loading) = self.loading.now.take() {
             loading.give_up();
-            self.given_up.push(loading);
+            self.loading.given_up.push(loading);
         }
     }
 
     pub(super) fn loaded(&mut self, loaded: Result<Loaded, LoadError>, again: bool) {
-        let opened = self.loading.take().map(|loading| loading.source().clone());
+        let opened = self.loading.now.take().map(|loading| loading.source().clone());
         let loaded = match loaded {
             Ok(loaded) => loaded,
             // The next frame reports the loss and recovers.
             Err(LoadError::Render(RenderError::Vulkan(VulkanError::DeviceLost { .. }))) => return,
             Err(error) => {
                 // A script cannot answer, and an open question stays; the error says as much.
-                let opened = opened.filter(|_| !self.is_scripted() && !self.chooser.is_open());
+                let opened = opened.filter(|_| !self.is_scripted() && !self.panels.chooser.is_open());
                 let of_source = error.of_source();
                 let question = of_source.and_then(OpenError::question);
                 match (opened, question, of_source.and_then(OpenError::scene_without_volume)) {
                     (Some(source), Some(question), _) => {
                         let none = Selection::default();
-                        let shown = if source.is_another_of(&self.source) { &self.selection } else { &none };
-                        self.chooser.ask(source, question, shown);
+                        let shown =
+                            if source.is_another_of(&self.opened.source) { &self.opened.selection } else { &none };
+                        self.panels.chooser.ask(source, question, shown);
                     }
                     (Some(source), None, Some(scene)) => {
                         self.tell(&error);
-                        self.chooser.ask_volume(source, scene);
+                        self.panels.chooser.ask_volume(source, scene);
                     }
                     _ => self.tell(&error),
                 }
@@ -99,44 +136,44 @@ impl Viewer {
             // Asked once: if the user agrees, the source opens as a new document.
             let mut source = loaded.source;
             source.options.selection.asks = false;
-            return self.chooser.leave(Leaving::Open(Box::new(source)));
+            return self.panels.chooser.leave(Leaving::Open(Box::new(source)));
         }
-        self.before = self.counts();
+        self.record.before = self.counts();
         if let Some(document) = document.filter(|_| !again) {
             if !self.is_scripted() {
                 // Older errors no longer apply.
-                self.notices.retain(|notice| notice.until.is_some());
+                self.panels.notices.retain(|notice| notice.until.is_some());
             }
             self.stop_tour();
             self.give_up_tour("Another file was opened");
             self.forget_waiting();
-            self.document = Some(document.with_statistics(loaded.on_device.statistics().clone()));
-            self.source = loaded.source.clone();
-            self.selection = loaded.on_device.scene().volume.selection.clone();
-            self.title = self.source.title(&self.selection);
-            (self.curve, self.chosen) = (None, None);
+            self.opened.document = Some(document.with_statistics(loaded.on_device.statistics().clone()));
+            self.opened.source = loaded.source.clone();
+            self.opened.selection = loaded.on_device.scene().volume.selection.clone();
+            self.opened.title = self.opened.source.title(&self.opened.selection);
+            (self.tasks.curve, self.tasks.chosen) = (None, None);
         }
-        (self.measuring, self.solving) = (None, None);
-        self.verdicts.clear();
+        (self.tasks.measuring, self.tasks.solving) = (None, None);
+        self.tasks.verdicts.clear();
         // The new engine counts its pictures from zero.
-        let looked_at = self.prober.place().filter(|_| again);
-        self.prober.look(None);
-        self.prober.look(looked_at);
+        let looked_at = self.picture.prober.place().filter(|_| again);
+        self.picture.prober.look(None);
+        self.picture.prober.look(looked_at);
         let mut engine = Engine::new(loaded);
-        if let Some(document) = &self.document {
+        if let Some(document) = &self.opened.document {
             engine.light(document.state());
         }
         self.engine = Some(engine);
         // The next frame requests a picture, since it knows the picture's size.
-        self.place = Rect::ZERO;
+        self.picture.place = Rect::ZERO;
     }
 
     /// Returns the initial document of a loaded scene; `None` if it would discard unsaved changes.
     fn document_of(&self, loaded: &Loaded) -> Option<Document> {
         let scene = loaded.on_device.scene();
         let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
-        let alike = but_time(&scene.volume.selection) == but_time(&self.selection);
-        match self.document.as_ref().filter(|_| loaded.source.is_another_of(&self.source)) {
+        let alike = but_time(&scene.volume.selection) == but_time(&self.opened.selection);
+        match self.opened.document.as_ref().filter(|_| loaded.source.is_another_of(&self.opened.source)) {
             Some(before) if before.lies_as(scene) => Some(before.clone().beside(loaded.file.clone(), alike)),
             Some(_) if self.losing().changes => None,
             // The lights of a bare volume are a choice, not a mix.
@@ -156,18 +193,18 @@ impl Viewer {
             return Err(error.into());
         }
         tracing::debug!("{error}");
-        self.report.losses += 1;
-        self.report.validation.extend(screen.renderer.device().validation_messages());
-        self.before = self.counts();
-        (self.engine, self.measuring) = (None, None);
-        self.textures.clear();
-        let was_opening = self.loading.as_ref().map(|loading| loading.source().clone());
+        self.record.report.losses += 1;
+        self.record.report.validation.extend(screen.renderer.device().validation_messages());
+        self.record.before = self.counts();
+        (self.engine, self.tasks.measuring) = (None, None);
+        self.panels.textures.clear();
+        let was_opening = self.loading.now.as_ref().map(|loading| loading.source().clone());
         self.give_up();
         let screen = screen.renewed(&self.options)?;
         screen.window.request_redraw();
         self.screen = Some(screen);
         match was_opening {
-            Some(source) if self.document.is_some() => {
+            Some(source) if self.opened.document.is_some() => {
                 self.note(format!("{} was not opened: the device was lost, and has restarted.", source.name()));
             }
             was_opening => {

@@ -32,13 +32,13 @@ impl Viewer {
     fn is_settled(&self) -> bool {
         let finest = self.engine.as_ref().is_none_or(Engine::is_finest);
         // The first frame after opening has not requested a picture yet.
-        let looked = self.document.is_none() || self.place != Rect::ZERO;
-        self.loading.is_none()
+        let looked = self.opened.document.is_none() || self.picture.place != Rect::ZERO;
+        self.loading.now.is_none()
             && finest
             && looked
             && self.tour.is_none()
-            && self.measuring.is_none()
-            && self.solving.is_none()
+            && self.tasks.measuring.is_none()
+            && self.tasks.solving.is_none()
             && !self.is_saving()
     }
 
@@ -51,7 +51,7 @@ impl Viewer {
 
     /// Returns the document, or the reason why none is open.
     fn open_document(&self) -> Result<&Document, String> {
-        self.document.as_ref().ok_or_else(|| match self.report.failures.last() {
+        self.opened.document.as_ref().ok_or_else(|| match self.record.report.failures.last() {
             Some(failure) => format!("nothing is open: {failure}"),
             None => "nothing is open".to_owned(),
         })
@@ -66,7 +66,7 @@ impl Viewer {
         }
         let at = self.script.next;
         // The first commands refer to the source still being opened.
-        let opens = self.document.is_none() && self.loading.is_some();
+        let opens = self.opened.document.is_none() && self.loading.now.is_some();
         let Some(command) = script.command(at).cloned() else {
             if !self.is_saving() {
                 events.exit();
@@ -77,13 +77,13 @@ impl Viewer {
             Command::Settle if !self.is_settled() => return Ok(Vec::new()),
             _ if opens && command.is_about_a_scene() => return Ok(Vec::new()),
             // The next commands refer to the palette being solved.
-            Command::Do(Action::Solve(_) | Action::Edit(Edit::Design(_))) if self.solving.is_some() => {
+            Command::Do(Action::Solve(_) | Action::Edit(Edit::Design(_))) if self.tasks.solving.is_some() => {
                 return Ok(Vec::new());
             }
             // Saved files must show the state at the time of the request.
             _ if self.is_saving() => return Ok(Vec::new()),
             Command::Settle => {
-                self.report.settled.push(self.counts());
+                self.record.report.settled.push(self.counts());
                 Vec::new()
             }
             Command::Frames(frames) => {
@@ -114,7 +114,7 @@ impl Viewer {
                 Vec::new()
             }
             Command::Camera(step) => {
-                let aspect = f64::from(self.place.width() / self.place.height().max(1.0));
+                let aspect = f64::from(self.picture.place.width() / self.picture.place.height().max(1.0));
                 self.ask(Action::Edit(Edit::Camera(step, if aspect > 0.0 { aspect } else { 1.0 })));
                 Vec::new()
             }
@@ -134,15 +134,15 @@ impl Viewer {
                 Vec::new()
             }
             Command::Probe(place) => {
-                if self.loading.is_none() {
+                if self.loading.now.is_none() {
                     self.open_document().map_err(|message| script.wrong(at, message))?;
                 }
-                self.prober.look(Some(place));
-                if !(self.is_settled() && self.prober.is_done()) {
+                self.picture.prober.look(Some(place));
+                if !(self.is_settled() && self.picture.prober.is_done()) {
                     return Ok(Vec::new());
                 }
-                if let (Some(probe), Some(document)) = (self.prober.probe(), &self.document) {
-                    self.report.probes.push(probe.json(&document.state().scene));
+                if let (Some(probe), Some(document)) = (self.picture.prober.probe(), &self.opened.document) {
+                    self.record.report.probes.push(probe.json(&document.state().scene));
                 }
                 Vec::new()
             }
@@ -158,7 +158,7 @@ impl Viewer {
 
     /// Converts scripted input to egui events.
     fn input(&self, input: &Input) -> Result<Vec<egui::Event>, String> {
-        let pointer = self.context.input(|input| input.pointer.latest_pos()).unwrap_or(Pos2::ZERO);
+        let pointer = self.panels.context.input(|input| input.pointer.latest_pos()).unwrap_or(Pos2::ZERO);
         let modifiers = egui::Modifiers::NONE;
         Ok(match input {
             Input::Pointer(x, y) => vec![egui::Event::PointerMoved(Pos2::new(*x, *y))],

@@ -53,6 +53,20 @@ pub struct Report {
     pub validation: Vec<String>,
 }
 
+/// What the report counts and times.
+#[derive(Default)]
+pub(super) struct Record {
+    pub(super) report: Report,
+    /// Durations of frames.
+    pub(super) drawn: Times,
+    /// Durations of frames that only relit.
+    pub(super) relit: Times,
+    /// Counts before the last frame.
+    pub(super) counted: Counts,
+    /// Counts of previous engines.
+    pub(super) before: Counts,
+}
+
 /// Largest number of frame durations kept.
 const MOST_TIMES: usize = 1 << 16;
 

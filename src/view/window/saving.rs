@@ -74,13 +74,13 @@ impl Viewer {
     /// Opens the dialog for `file`.
     pub(super) fn choose(&mut self, file: File) {
         let name = match file {
-            File::Opened => self.source.path.clone().unwrap_or_default(),
+            File::Opened => self.opened.source.path.clone().unwrap_or_default(),
             File::Picture => self.saving.free(PICTURE),
             File::LinearPicture => self.saving.free(LINEAR_PICTURE),
             File::Accumulators => self.saving.free(ACCUMULATORS),
             File::Session => self.saving.free(SESSION),
         };
-        self.chooser.open(file, &name);
+        self.panels.chooser.open(file, &name);
     }
 
     /// Saves the picture once it is the finest.
@@ -126,23 +126,23 @@ impl Viewer {
     /// Ends the saved tour and restores the document's light.
     fn end_saved_tour(&mut self) {
         self.tour = None;
-        if let (Some(engine), Some(document)) = (&mut self.engine, &self.document) {
+        if let (Some(engine), Some(document)) = (&mut self.engine, &self.opened.document) {
             engine.light(document.state());
         }
     }
 
     pub(super) fn save_session(&mut self, path: Option<PathBuf>) {
         let path = &self.saving.named(path, SESSION);
-        let Some(document) = &mut self.document else {
+        let Some(document) = &mut self.opened.document else {
             self.note("No session to save: nothing is open.".to_owned());
             return;
         };
-        match session::save(path, &self.source, document.opened(), document.state()) {
+        match session::save(path, &self.opened.source, document.opened(), document.state()) {
             Err(error) => self.tell(&error),
             Ok(()) => {
                 document.save();
-                self.title = Source::of(path).title(&self.selection);
-                let ([width, height], path) = (self.report.size, whole_path(path));
+                self.opened.title = Source::of(path).title(&self.opened.selection);
+                let ([width, height], path) = (self.record.report.size, whole_path(path));
                 self.tell_done(format!(
                     "Saved the session as {path}; relume render with --size {width}x{height} makes this picture."
                 ));
@@ -167,10 +167,10 @@ impl Viewer {
     pub(super) fn save_pictures(&mut self) {
         // A tour being saved shows other light than the document.
         let tours = matches!(self.tour, Some(Tour::Saving { .. }));
-        if self.saving.waiting.is_empty() || self.loading.is_some() || tours {
+        if self.saving.waiting.is_empty() || self.loading.now.is_some() || tours {
             return;
         }
-        let (Some(engine), Some(document)) = (&self.engine, &self.document) else {
+        let (Some(engine), Some(document)) = (&self.engine, &self.opened.document) else {
             self.saving.waiting.clear();
             self.note("No picture to save: nothing is open.".to_owned());
             return;
@@ -221,7 +221,7 @@ impl Viewer {
 
     /// Applies the tour's current position. Returns whether a tour is playing, all of which is one undo step.
     pub(super) fn go_on_tour(&mut self) -> bool {
-        let (Some(tour), Some(document)) = (&self.tour, &mut self.document) else { return false };
+        let (Some(tour), Some(document)) = (&self.tour, &mut self.opened.document) else { return false };
         let edit = tour.edit();
         let plays = matches!(tour, Tour::Playing { .. });
         if plays {

@@ -7,7 +7,7 @@ use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use flate2::{Decompress, FlushDecompress, Status};
 
-use crate::volume::raw::ByteOrder;
+use crate::volume::layout::ByteOrder;
 use crate::volume::stream::{DEFLATE_LIMIT, count};
 
 /// Compression method of the blocks.

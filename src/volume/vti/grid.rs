@@ -1,11 +1,34 @@
-//! Extents: the range of points or cells that a piece covers.
+//! The points and cells of an image, and the ranges of them that pieces cover.
 
 use std::str::FromStr;
 
 use glam::{DMat3, DVec3};
 
-use super::header::Section;
 use crate::volume::{Geometry, VolumeError};
+
+/// Owner of an array's values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Section {
+    /// The corners of the grid.
+    Points,
+    /// The cells between the corners.
+    Cells,
+    /// The data set as a whole.
+    Fields,
+}
+
+impl Section {
+    pub(super) const ALL: [Self; 3] = [Self::Points, Self::Cells, Self::Fields];
+
+    /// VTK's name of the section.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Points => "PointData",
+            Self::Cells => "CellData",
+            Self::Fields => "FieldData",
+        }
+    }
+}
 
 /// First and last index of the points along each axis; empty if the last is before the first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,9 +10,9 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::bytes::Compressor;
-use super::grid::{Extent, Frame};
+use super::grid::{Extent, Frame, Section};
 use crate::progress::Progress;
-use crate::volume::raw::ByteOrder;
+use crate::volume::layout::ByteOrder;
 use crate::volume::stream::{self, count};
 use crate::volume::{VolumeError, VoxelType};
 
@@ -25,30 +25,6 @@ const MOST_ARRAYS: usize = 1 << 16;
 
 /// Largest number of components per voxel; more are a mistake.
 const MOST_COMPONENTS: usize = 1 << 16;
-
-/// Owner of an array's values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Section {
-    /// The corners of the grid.
-    Points,
-    /// The cells between the corners.
-    Cells,
-    /// The data set as a whole.
-    Fields,
-}
-
-impl Section {
-    const ALL: [Self; 3] = [Self::Points, Self::Cells, Self::Fields];
-
-    /// VTK's name of the section.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Points => "PointData",
-            Self::Cells => "CellData",
-            Self::Fields => "FieldData",
-        }
-    }
-}
 
 /// Position of an array's values, as an offset in the file unless stated otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,10 +13,10 @@ use std::path::Path;
 
 pub use self::bytes::PackedBlocks;
 use self::bytes::{Base64, Blocks, Compressor, UntilTag, Words};
-use self::grid::Block;
-use self::header::{Array, Header, Place, Section};
+use self::grid::{Block, Section};
+use self::header::{Array, Header, Place};
 use super::data::{self, Next, SLAB_BYTES};
-use super::raw::ByteOrder;
+use super::layout::ByteOrder;
 use super::stream::{self, count};
 use super::voxels::{with_type, with_voxels};
 use super::{Selection, Volume, VolumeError, Voxel, VoxelType, Voxels};

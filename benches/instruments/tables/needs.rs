@@ -1,23 +1,9 @@
-//! `relume bench needs`: cost of each scene feature, and that a scene without it does not pay.
+//! Table of the cost of each scene feature.
 
-use serde_json::json;
-
-use relume::measure::{NeedRow, need_rows};
-use relume::progress::Progress;
-use relume::render::Renderer;
-use relume::vulkan::{Device, DeviceChoice, Validation};
-
-use super::{CliError, Report};
-
-pub(super) fn run(device: &DeviceChoice, progress: &dyn Progress) -> Result<Report, CliError> {
-    let renderer = Renderer::new(Device::open(device, Validation::Off)?);
-    let rows = need_rows(&renderer, progress)?;
-    let holds = rows.iter().all(NeedRow::holds);
-    Ok(Report { text: text(&rows), json: json!({ "needs": rows, "needs_hold": holds, "holds": holds }) })
-}
+use crate::needs::NeedRow;
 
 /// Table with a row per feature; `a → b` is without and with it.
-fn text(rows: &[NeedRow]) -> String {
+pub(crate) fn text(rows: &[NeedRow]) -> String {
     let mut table = vec![
         [
             "feature",

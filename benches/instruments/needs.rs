@@ -7,19 +7,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DVec3;
 use serde::Serialize;
 
-use super::leaping::{Leaping, occupancy};
-use super::rungs::{RungError, Rungs};
-use crate::document::{SceneError, SceneOptions, parse};
-use crate::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
-use crate::progress::{Progress, Quiet};
-use crate::reference::{Samples, Step, march};
-use crate::render::{RenderError, Renderer, SceneRenderer, shaders_of};
-use crate::scene::{
+use relume::document::{SceneError, SceneOptions, parse};
+use relume::measure::{Leaping, RungError, Rungs, occupancy};
+use relume::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
+use relume::progress::{Progress, Quiet};
+use relume::reference::{Samples, Step, march};
+use relume::render::{RenderError, Renderer, SceneRenderer, shaders_of};
+use relume::scene::{
     AccumulateAs, Gradients, Interpolation, LabelEntry, Labels, Lookup, Placement, Scene, SceneLight, Shading, StoreAs,
     VolumeAs,
 };
-use crate::spectrum::{Absorption, Reflectance, Spectrum, SpectrumError};
-use crate::volume::{VolumeError, phantom};
+use relume::spectrum::{Absorption, Reflectance, Spectrum, SpectrumError};
+use relume::volume::{VolumeError, phantom};
 
 /// Pixels across and down of the pictures.
 const SIZE: [usize; 2] = [40, 32];
@@ -75,27 +74,26 @@ struct Need {
 
 /// Counted costs of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct FrameCounts {
+pub(crate) struct FrameCounts {
     /// Samples looked up along all rays.
-    pub samples: u64,
+    pub(crate) samples: u64,
     /// Dispatches of a march and a relight.
-    pub dispatches: u64,
+    pub(crate) dispatches: u64,
     /// Bytes of a finished pixel.
-    pub pixel_bytes: u64,
+    pub(crate) pixel_bytes: u64,
     /// Bytes of the volume on the device.
-    pub volume_bytes: u64,
+    pub(crate) volume_bytes: u64,
     /// Bytes read and written by a relight.
-    pub relight_bytes: u64,
+    pub(crate) relight_bytes: u64,
     /// Instructions of the march shader.
-    pub march_instructions: usize,
+    pub(crate) march_instructions: usize,
     /// Instructions of the relight shader.
-    pub relight_instructions: usize,
+    pub(crate) relight_instructions: usize,
 }
 
 impl FrameCounts {
     /// The counts with their names.
-    #[must_use]
-    pub fn named(&self) -> [(&'static str, u64); 7] {
+    pub(crate) fn named(&self) -> [(&'static str, u64); 7] {
         [
             ("samples", self.samples),
             ("dispatches", self.dispatches),
@@ -110,36 +108,34 @@ impl FrameCounts {
 
 /// A feature and its cost.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct NeedRow {
+pub(crate) struct NeedRow {
     /// The feature.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// Costs without it.
-    pub without: FrameCounts,
+    pub(crate) without: FrameCounts,
     /// Costs with it.
-    pub with: FrameCounts,
+    pub(crate) with: FrameCounts,
     /// Whether the plans differ only in the feature's own change.
-    pub differs_in_it_alone: bool,
+    pub(crate) differs_in_it_alone: bool,
     /// Names of the counts that are lower with the feature: it then trades one cost for another.
-    pub saves: Vec<&'static str>,
+    pub(crate) saves: Vec<&'static str>,
     /// Largest difference in linear sRGB between two pictures of the scene without the feature: as planned, and with
     /// the fullest plan, in which every feature is on without effect.
-    pub picture_difference: f64,
+    pub(crate) picture_difference: f64,
     /// Largest allowed difference.
-    pub picture_limit: f64,
+    pub(crate) picture_limit: f64,
 }
 
 impl NeedRow {
     /// Whether the plan is as expected and the pictures agree.
-    #[must_use]
-    pub fn holds(&self) -> bool {
+    pub(crate) fn holds(&self) -> bool {
         self.differs_in_it_alone && self.picture_difference <= self.picture_limit
     }
 }
 
 /// Why the features could not be counted.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum NeedError {
+pub(crate) enum NeedError {
     /// A scene could not be made.
     #[error("cannot make the scene of the feature {0:?}")]
     Scene(&'static str, #[source] SceneError),
@@ -424,7 +420,7 @@ struct Counted {
 /// # Errors
 ///
 /// [`NeedError`].
-pub fn need_rows(renderer: &Renderer, progress: &dyn Progress) -> Result<Vec<NeedRow>, NeedError> {
+pub(crate) fn need_rows(renderer: &Renderer, progress: &dyn Progress) -> Result<Vec<NeedRow>, NeedError> {
     let needs = needs();
     let total = needs.len() as u64;
     let mut rows = Vec::new();

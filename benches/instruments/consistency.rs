@@ -5,17 +5,18 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use relume::document::{SceneOptions, parse};
+use relume::film::{Film, RelightMatrices};
+use relume::number::Real;
+use relume::plan::{Planned, plan, plan_for};
+use relume::progress::Progress;
+use relume::reference::{self, Stored};
+use relume::scene::{Mix, Scene};
+use relume::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
+use relume::spectrum::standard;
+use relume::tables::{Storage, StoredVolume, TransferTable};
+
 use super::model::ModelTableError;
-use crate::document::{SceneOptions, parse};
-use crate::film::{Film, RelightMatrices};
-use crate::number::Real;
-use crate::plan::{Planned, plan, plan_for};
-use crate::progress::Progress;
-use crate::reference::{self, Stored};
-use crate::scene::{Mix, Scene};
-use crate::spectrum::colour::{XYZ_FROM_LINEAR_SRGB, Xyz, ciede2000, d65_white, lab_from_xyz};
-use crate::spectrum::standard;
-use crate::tables::{Storage, StoredVolume, TransferTable};
 
 /// A homogeneous slab with coloured scattering and absorption, seen straight on.
 const SLAB: &str = include_str!("slab.toml");
@@ -26,11 +27,11 @@ const SIZE: [usize; 2] = [48, 48];
 
 /// Effect of halving the step in a homogeneous coloured slab.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub struct HalvedStep {
+pub(crate) struct HalvedStep {
     /// The step length; the slab is 64 thick.
-    pub step: f64,
+    pub(crate) step: f64,
     /// Largest relative change of an accumulator or transmittance of the pixel, marched in f32.
-    pub changed: f64,
+    pub(crate) changed: f64,
 }
 
 /// Marches the slab on stored tables in f32, halving the step each time.
@@ -38,7 +39,7 @@ pub struct HalvedStep {
 /// # Errors
 ///
 /// [`ModelTableError`] when a march fails or `progress` asks to stop.
-pub fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTableError> {
+pub(crate) fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTableError> {
     const STEPS: [f64; 5] = [4.0, 2.0, 1.0, 0.5, 0.25];
     let mut marches = Vec::new();
     for step in STEPS {
@@ -58,16 +59,16 @@ pub fn halved_steps(progress: &dyn Progress) -> Result<Vec<HalvedStep>, ModelTab
 
 /// Errors under a light that was unknown at the march of the glass.
 #[derive(Clone, Debug, Serialize)]
-pub struct RelitRow {
+pub(crate) struct RelitRow {
     /// Name of the light.
-    pub light: String,
+    pub(crate) light: String,
     /// Relit film against an f64 render with the same model: largest difference of an XYZ coordinate, divided by the
     /// allowed difference of 1e-5 of the coordinate plus 1e-6.
-    pub rendered: f64,
+    pub(crate) rendered: f64,
     /// Relit film against an f64 render with a model planned for the light: largest ΔE00.
-    pub replanned: f64,
+    pub(crate) replanned: f64,
     /// Largest ΔE00 for the light that each of the two models reports.
-    pub reported: [f64; 2],
+    pub(crate) reported: [f64; 2],
 }
 
 /// Relights an f32 film of the glass under lights that its plan did not know.
@@ -75,7 +76,7 @@ pub struct RelitRow {
 /// # Errors
 ///
 /// [`ModelTableError`] when a march or a fit fails or `progress` asks to stop.
-pub fn relit_against_rendered(progress: &dyn Progress) -> Result<Vec<RelitRow>, ModelTableError> {
+pub(crate) fn relit_against_rendered(progress: &dyn Progress) -> Result<Vec<RelitRow>, ModelTableError> {
     let scene = parse("glass", GLASS, Path::new(""), &SceneOptions::default(), progress)?.scene;
     let planned = plan(&scene, progress)?;
     let kept = march::<f32>(&scene, &planned, SIZE, progress)?;

@@ -1,100 +1,13 @@
-//! `relume bench model`: errors of colour models.
+//! Table of the errors of colour models.
 
-use serde_json::json;
+use relume::measure::NodesBesideRgb;
+use relume::model::ErrorSummary;
 
-use relume::measure::{
-    AutomaticRow, AutomaticSummary, HalvedStep, LIGHT_GROUPS, ModelRow, ModelSetting, NodesBesideRgb, RelitRow,
-    automatic_dimension, halved_steps, model_row, relit_against_rendered,
-};
-use relume::model::{Amplification, ErrorSummary, ModelKind, Order};
-use relume::progress::Progress;
-
-use super::{CliError, Report, Silent};
-
-const TOLERANCES: [f64; 3] = [2.0, 1.0, 0.5];
-/// Above this number of scenes, the errors of fixed dimensions do not change.
-const MOST_SCENES: usize = 12;
-
-pub(super) fn run(scenes: usize, progress: &dyn Progress) -> Result<Report, CliError> {
-    let settings: Vec<ModelSetting> = (0..LIGHT_GROUPS.len()).flat_map(settings).collect();
-    let total = u64::try_from(settings.len() + scenes).unwrap_or(u64::MAX);
-    let mut done = 0;
-    let mut advance = || {
-        progress.report("measuring colour models", done, total);
-        done += 1;
-    };
-    let quiet = Silent(progress);
-    let mut models = Vec::new();
-    for setting in settings {
-        advance();
-        models.push(model_row(setting, scenes.min(MOST_SCENES), &quiet)?);
-    }
-    let mut automatic = Vec::new();
-    for scene in 0..scenes {
-        advance();
-        for tolerance in TOLERANCES {
-            automatic.push(automatic_dimension(scene, tolerance, &quiet)?);
-        }
-    }
-    let of = |tolerance: &f64| {
-        AutomaticSummary::of(automatic.iter().filter(|row| row.tolerance.total_cmp(tolerance).is_eq()))
-    };
-    let summaries: Vec<AutomaticSummary> = TOLERANCES.iter().map(of).collect();
-    let beside: Vec<(&str, NodesBesideRgb)> = LIGHT_GROUPS
-        .iter()
-        .filter_map(|&(lights, _)| {
-            Some((lights, NodesBesideRgb::of_models(models.iter().filter(|row| row.lights == lights))?))
-        })
-        .collect();
-    let (halved, relit) = (halved_steps(&quiet)?, relit_against_rendered(&quiet)?);
-    Ok(Report {
-        text: text(&models, &beside, &automatic, &summaries) + &consistency(&halved, &relit),
-        json: json!({
-            "models": models,
-            "nodes_beside_rgb": beside.iter().map(|(lights, found)| {
-                json!({"lights": lights, "nodes": found.nodes, "rgb": found.rgb, "best": found.best, "ratio": found.ratio()})
-            }).collect::<Vec<_>>(),
-            "automatic": automatic,
-            "automatic_summary": summaries,
-            "halved_steps": halved,
-            "relit": relit,
-        }),
-    })
-}
-
-/// Settings to measure under one group of lights.
-fn settings(lights: usize) -> Vec<ModelSetting> {
-    let (held, kept) = (Amplification::Held, Amplification::Kept);
-    let (step, semigroup) = (ModelKind::Sharpened(Order::Step), ModelKind::Sharpened(Order::Semigroup));
-    [
-        (ModelKind::Nodes, 4, 4, held),
-        (ModelKind::Nodes, 4, 6, held),
-        (ModelKind::Nodes, 4, 8, held),
-        (ModelKind::Nodes, 4, 12, held),
-        (ModelKind::Nodes, 8, 8, held),
-        (step, 4, 8, held),
-        (step, 4, 8, kept),
-        (semigroup, 4, 8, held),
-        (semigroup, 4, 8, kept),
-        (ModelKind::Peercy, 4, 8, held),
-        (ModelKind::Bands, 4, 8, held),
-        (ModelKind::RgbNaive, 4, 3, held),
-        (ModelKind::RgbPrefiltered, 4, 3, held),
-        (ModelKind::RgbFitted, 4, 3, held),
-    ]
-    .into_iter()
-    .map(|(kind, materials, dimension, amplification)| ModelSetting {
-        kind,
-        lights,
-        materials,
-        dimension,
-        amplification,
-    })
-    .collect()
-}
+use crate::consistency::{HalvedStep, RelitRow};
+use crate::model::{AutomaticRow, AutomaticSummary, ModelRow};
 
 /// Formats the consistency checks: step length and relighting must not change colours.
-fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
+pub(crate) fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
     let mut text =
         "\nStep halved in a homogeneous coloured slab of thickness 64, k = 8, marched in f32: largest relative change.\n\
                     step  relative change\n"
@@ -119,7 +32,8 @@ fn consistency(halved: &[HalvedStep], relit: &[RelitRow]) -> String {
 /// Required ratio of the mean error of the best RGB to that of eight nodes (docs/theory/acceptance.md C8).
 const LEAST_RATIO: f64 = 20.0;
 
-fn text(
+/// Formats the errors of fixed and of automatic dimensions.
+pub(crate) fn text(
     models: &[ModelRow],
     beside: &[(&str, NodesBesideRgb)],
     automatic: &[AutomaticRow],

@@ -3,22 +3,21 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::clock::{Stopwatch, summary};
-use crate::document::SceneError;
-use crate::model::random::Random;
-use crate::model::{
+use relume::document::SceneError;
+use relume::measure::{NodesBesideRgb, Stopwatch, summary};
+use relume::model::random::Random;
+use relume::model::{
     Amplification, ChainClass, Cloud, ColourModel, ErrorSummary, Ingredients, LARGEST_DEPTH, ModelError, ModelKind,
     fit_automatic, fit_cloud,
 };
-use crate::number::count;
-use crate::plan::PlanError;
-use crate::progress::Progress;
-use crate::reference::ReferenceError;
-use crate::spectrum::{Kind, Light, Spectrum, SpectrumError, standard};
-use crate::volume::VolumeError;
+use relume::plan::PlanError;
+use relume::progress::Progress;
+use relume::reference::ReferenceError;
+use relume::spectrum::{Kind, Light, Spectrum, SpectrumError, standard};
+use relume::volume::VolumeError;
 
 /// Groups of lights: smooth, mixed, and with spectral lines.
-pub const LIGHT_GROUPS: [(&str, &[&str]); 3] = [
+pub(crate) const LIGHT_GROUPS: [(&str, &[&str]); 3] = [
     ("smooth", &["D65", "A", "E"]),
     ("mixed", &["D65", "A", "FL11", "LED-B3"]),
     ("spiky", &["FL2", "FL11", "LED-RGB1", "LED-B3"]),
@@ -46,8 +45,7 @@ const SCENES_SEED: u64 = 1000;
 
 /// Why nothing could be measured.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ModelTableError {
+pub(crate) enum ModelTableError {
     /// A model could not be fitted.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -70,43 +68,43 @@ pub enum ModelTableError {
 
 /// One setting of [`model_row`].
 #[derive(Clone, Copy, Debug)]
-pub struct ModelSetting {
+pub(crate) struct ModelSetting {
     /// The kind of model.
-    pub kind: ModelKind,
+    pub(crate) kind: ModelKind,
     /// Index of the lights in [`LIGHT_GROUPS`]; larger indices select the last group.
-    pub lights: usize,
+    pub(crate) lights: usize,
     /// Number of `ColorChecker` patches that serve as a scene's materials.
-    pub materials: usize,
+    pub(crate) materials: usize,
     /// The dimension `k`.
-    pub dimension: usize,
+    pub(crate) dimension: usize,
     /// Treatment of negative coefficients of absorption spectra.
-    pub amplification: Amplification,
+    pub(crate) amplification: Amplification,
 }
 
 /// Errors of a model in one setting, over all scenes, lights and chains.
 #[derive(Clone, Debug, Serialize)]
-pub struct ModelRow {
+pub(crate) struct ModelRow {
     /// The kind of model.
-    pub model: ModelKind,
+    pub(crate) model: ModelKind,
     /// Whether negative coefficients of absorption spectra were kept.
-    pub unclamped: bool,
+    pub(crate) unclamped: bool,
     /// The group of lights.
-    pub lights: &'static str,
+    pub(crate) lights: &'static str,
     /// Materials per scene.
-    pub materials: usize,
+    pub(crate) materials: usize,
     /// The dimension.
-    pub k: usize,
+    pub(crate) k: usize,
     /// Number of scenes.
-    pub scenes: usize,
+    pub(crate) scenes: usize,
     /// ΔE00 over all classes.
-    pub all: ErrorSummary,
+    pub(crate) all: ErrorSummary,
     /// ΔE00 per class of chains: a one reflection, b two or three, c one behind an absorber of optical depth up to 20,
     /// d0 grey rays, d1 coloured rays.
-    pub classes: Vec<(&'static str, ErrorSummary)>,
+    pub(crate) classes: Vec<(&'static str, ErrorSummary)>,
     /// Median time of a fit in ms, including the computation of the chains it is fitted on.
-    pub fit_ms: f64,
+    pub(crate) fit_ms: f64,
     /// Median time of fitting a light that the model does not know, in ms.
-    pub new_light_ms: f64,
+    pub(crate) new_light_ms: f64,
 }
 
 /// Measures one setting on `scenes` scenes of `ColorChecker` patches, with absorption spectra derived from the
@@ -115,7 +113,11 @@ pub struct ModelRow {
 /// # Errors
 ///
 /// [`ModelTableError::Model`] when a model cannot be fitted or `progress` asks to stop.
-pub fn model_row(setting: ModelSetting, scenes: usize, progress: &dyn Progress) -> Result<ModelRow, ModelTableError> {
+pub(crate) fn model_row(
+    setting: ModelSetting,
+    scenes: usize,
+    progress: &dyn Progress,
+) -> Result<ModelRow, ModelTableError> {
     let (group, names) = LIGHT_GROUPS[setting.lights.min(LIGHT_GROUPS.len() - 1)];
     let mut classes: Vec<(&'static str, Vec<f64>)> = CLASSES.iter().map(|&(name, ..)| (name, Vec::new())).collect();
     let (mut fits, mut lights) = (Vec::new(), Vec::new());
@@ -161,7 +163,7 @@ fn errors_under_all_lights(model: &ColourModel, cloud: &Cloud, amplification: Am
 /// Kind of reflectances in a scene of [`automatic_dimension`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum SpectraKind {
+pub(crate) enum SpectraKind {
     /// Patches of the `ColorChecker`.
     Patches,
     /// Random steps from one reflectance to another, 5 to 50 nm wide.
@@ -172,25 +174,25 @@ pub enum SpectraKind {
 
 /// An automatically chosen dimension and its measured error.
 #[derive(Clone, Debug, Serialize)]
-pub struct AutomaticRow {
+pub(crate) struct AutomaticRow {
     /// Number of the scene.
-    pub scene: usize,
+    pub(crate) scene: usize,
     /// Kind of its reflectances.
-    pub spectra: SpectraKind,
+    pub(crate) spectra: SpectraKind,
     /// Number of materials.
-    pub materials: usize,
+    pub(crate) materials: usize,
     /// Whether its materials absorb in colour, up to an optical depth of 20.
-    pub coloured: bool,
+    pub(crate) coloured: bool,
     /// The group of its lights.
-    pub lights: &'static str,
+    pub(crate) lights: &'static str,
     /// The requested tolerance.
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// The chosen dimension; `None` if the fit reported that no dimension keeps the tolerance.
-    pub k: Option<usize>,
+    pub(crate) k: Option<usize>,
     /// Largest ΔE00 on spectra used neither in the fit nor in its validation, divided by the tolerance.
-    pub worst_over_tolerance: f64,
+    pub(crate) worst_over_tolerance: f64,
     /// Time of the choice, in ms.
-    pub fit_ms: f64,
+    pub(crate) fit_ms: f64,
 }
 
 /// Chooses the dimension of seeded scene number `scene` for a tolerance, and measures its error.
@@ -201,7 +203,7 @@ pub struct AutomaticRow {
 /// # Errors
 ///
 /// [`ModelTableError::Model`] when a model cannot be fitted or `progress` asks to stop.
-pub fn automatic_dimension(
+pub(crate) fn automatic_dimension(
     scene: usize,
     tolerance: f64,
     progress: &dyn Progress,
@@ -291,26 +293,26 @@ fn band(random: &mut Random) -> Result<Spectrum, SpectrumError> {
 
 /// Results of automatic dimensions over many scenes.
 #[derive(Clone, Debug, Serialize)]
-pub struct AutomaticSummary {
+pub(crate) struct AutomaticSummary {
     /// The requested tolerance.
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// Scenes for which a dimension was found.
-    pub found: usize,
+    pub(crate) found: usize,
     /// Scenes for which the fit reported that no dimension keeps the tolerance.
-    pub refused: usize,
+    pub(crate) refused: usize,
     /// Fraction of the found dimensions that keep the tolerance.
-    pub kept: f64,
+    pub(crate) kept: f64,
     /// Worst error of the found dimensions, divided by the tolerance.
-    pub worst_over_tolerance: f64,
+    pub(crate) worst_over_tolerance: f64,
     /// Median of the found dimensions.
-    pub median_k: f64,
+    pub(crate) median_k: f64,
     /// Largest of the found dimensions.
-    pub largest_k: usize,
+    pub(crate) largest_k: usize,
 }
 
 impl AutomaticSummary {
     /// Summarises `rows`, which share one tolerance.
-    pub fn of<'a>(rows: impl IntoIterator<Item = &'a AutomaticRow>) -> Self {
+    pub(crate) fn of<'a>(rows: impl IntoIterator<Item = &'a AutomaticRow>) -> Self {
         let rows: Vec<&AutomaticRow> = rows.into_iter().collect();
         let found: Vec<(usize, f64)> =
             rows.iter().filter_map(|row| row.k.map(|k| (k, row.worst_over_tolerance))).collect();
@@ -326,4 +328,20 @@ impl AutomaticSummary {
             largest_k: found.iter().map(|&(k, _)| k).max().unwrap_or(0),
         }
     }
+}
+
+/// Compares eight nodes with the best kind of RGB by mean ΔE00 over all spectra, for equal numbers of materials; `None`
+/// unless both are in `rows`.
+pub(crate) fn nodes_beside_rgb<'a>(rows: impl Iterator<Item = &'a ModelRow> + Clone) -> Option<NodesBesideRgb> {
+    let rgb = rows.clone().filter(|row| row.model.is_rgb());
+    let materials = rgb.clone().next()?.materials;
+    let mut rows = rows.filter(|row| row.materials == materials);
+    let nodes = rows.find(|row| row.model == ModelKind::Nodes && row.k == 8)?.all.mean;
+    NodesBesideRgb::found(nodes, rgb.map(|row| (row.model, row.all.mean)).collect())
+}
+
+/// A count of scenes or dimensions; exact below 2⁵³.
+#[expect(clippy::cast_precision_loss, reason = "counts are far below 2⁵³")]
+fn count(n: usize) -> f64 {
+    n as f64
 }

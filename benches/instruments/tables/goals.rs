@@ -1,52 +1,9 @@
-//! `relume bench goals`: whether pictures keep the requested error, and their cost relative to the cheapest setting.
+//! Table of chosen settings, their errors, and their cost relative to the cheapest setting.
 
-use serde_json::json;
-
-use relume::measure::{GoalRow, GoalScene, GoalSummary, Ratios, goal_row};
-use relume::progress::Progress;
-use relume::render::Renderer;
-use relume::vulkan::{Device, DeviceChoice, Validation};
-
-use super::{CliError, Report, Silent};
-
-/// Chooses settings for `scenes` seeded scenes. A cancellation keeps the finished ones.
-pub(super) fn run(scenes: u16, device: &DeviceChoice, progress: &dyn Progress) -> Result<Report, CliError> {
-    let renderer = Renderer::new(Device::open(device, Validation::Off)?);
-    let (mut rows, mut interrupted): (Vec<(u64, GoalRow)>, bool) = (Vec::new(), false);
-    for seed in 0..u64::from(scenes) {
-        progress.report("choosing settings for seeded scenes", seed, scenes.into());
-        match goal_row(&renderer, &GoalScene::new(seed)?, &Silent(progress)) {
-            Ok(row) => rows.extend(row.map(|row| (seed, row))),
-            Err(_) if progress.cancelled() && !rows.is_empty() => {
-                interrupted = true;
-                break;
-            }
-            Err(error) => return Err(error.into()),
-        }
-    }
-    let only: Vec<GoalRow> = rows.iter().map(|(_, row)| row.clone()).collect();
-    let summary = GoalSummary::of(&only);
-    let missed = summary.as_ref().map_or_else(Vec::new, GoalSummary::missed);
-    Ok(Report {
-        text: text(&rows, scenes, summary.as_ref(), interrupted, &missed),
-        json: json!({
-            "goals": only,
-            "goals_summary": summary,
-            "interrupted": interrupted,
-            "missed": missed,
-            "holds": missed.is_empty(),
-        }),
-    })
-}
+use crate::goals::{GoalRow, GoalSummary, Ratios};
 
 /// The table and its summary; missed limits are in the last line.
-fn text(
-    rows: &[(u64, GoalRow)],
-    scenes: u16,
-    summary: Option<&GoalSummary>,
-    interrupted: bool,
-    missed: &[String],
-) -> String {
+pub(crate) fn text(rows: &[(u64, GoalRow)], scenes: u16, summary: Option<&GoalSummary>, missed: &[String]) -> String {
     let mut text = format!(
         "--max-error on seeded scenes. Chosen setting: p95 of ΔE00 over all pixels that show the volume, and its ratio to the goal;\n\
          samples per voxel and pixel; CPU ms per frame (wall ms on a GPU). Cheapest setting that meets the goal, of steps a sixteenth\n\
@@ -102,9 +59,6 @@ fn text(
             let Ratios { median, p95, max, dear } = ratios;
             text.push_str(&format!("{name:<52} {median:>6.2} {p95:>6.2} {max:>7.2} {dear:>8}\n"));
         }
-    }
-    if interrupted {
-        text.push_str("\ninterrupted: only the finished scenes are listed\n");
     }
     if !missed.is_empty() {
         text.push_str(&format!("missed: {}\n", missed.join("; ")));

@@ -4,18 +4,15 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::bench::Bench;
-use super::choice::{Choice, ChoiceError, DIMENSIONS, Goal, Pixels, SCALES, Wanted, choose, setting, voxels};
-use super::clock::summary;
-use super::setting::{Knob, Setting, Value};
-use crate::document::{SceneError, SceneOptions, parse};
-use crate::model::ErrorSummary;
-use crate::model::random::Random;
-use crate::number::count;
-use crate::progress::{Progress, Quiet};
-use crate::render::Renderer;
-use crate::scene::{Mix, Scene};
-use crate::vulkan::DeviceKind;
+use relume::document::{SceneError, SceneOptions, parse};
+use relume::measure::candidates::{DIMENSIONS, SCALES, setting, voxels};
+use relume::measure::{Bench, Choice, ChoiceError, Goal, Knob, Pixels, Setting, Value, Wanted, choose, summary};
+use relume::model::ErrorSummary;
+use relume::model::random::Random;
+use relume::progress::{Progress, Quiet};
+use relume::render::Renderer;
+use relume::scene::{Mix, Scene};
+use relume::vulkan::DeviceKind;
 
 /// Pixels across and down of the pictures.
 const SIZE: [usize; 2] = [64, 56];
@@ -31,11 +28,11 @@ const FRAMES_OF_TWO: usize = 25;
 
 /// A scene and its error goal.
 #[derive(Debug)]
-pub struct GoalScene {
+pub(crate) struct GoalScene {
     /// The scene.
-    pub scene: Scene,
+    pub(crate) scene: Scene,
     /// Largest allowed p95 of ΔE00.
-    pub asked: f64,
+    pub(crate) asked: f64,
 }
 
 impl GoalScene {
@@ -45,7 +42,7 @@ impl GoalScene {
     /// # Errors
     ///
     /// [`SceneError`].
-    pub fn new(seed: u64) -> Result<Self, SceneError> {
+    pub(crate) fn new(seed: u64) -> Result<Self, SceneError> {
         let text = text(&mut Random::new(9000 + seed), seed % 2 == 1);
         let scene = parse(&format!("scene {seed}"), &text, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
         let asked = match seed % 3 {
@@ -96,41 +93,39 @@ fn text(random: &mut Random, coloured: bool) -> String {
 
 /// Error and cost of a setting in a picture of a seeded scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GoalCost {
+pub(crate) struct GoalCost {
     /// The setting.
-    pub setting: Setting,
+    pub(crate) setting: Setting,
     /// p95 of ΔE00 over all visible pixels.
-    pub p95: f64,
+    pub(crate) p95: f64,
     /// Samples per voxel of ray length and displayed pixel.
-    pub samples: f64,
+    pub(crate) samples: f64,
     /// Median frame time, in ms: CPU time on a software device, wall time on any other.
-    pub ms: f64,
+    pub(crate) ms: f64,
 }
 
 /// Result of one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct GoalRow {
+pub(crate) struct GoalRow {
     /// Largest allowed p95 of ΔE00.
-    pub asked: f64,
+    pub(crate) asked: f64,
     /// The chosen setting.
-    pub chosen: GoalCost,
+    pub(crate) chosen: GoalCost,
     /// The fastest setting within the asked error; the chosen one if there is none.
-    pub cheapest: GoalCost,
+    pub(crate) cheapest: GoalCost,
     /// Samples of the chosen setting, divided by the fewest samples of any setting within the asked error and with no
     /// more components.
-    pub samples: f64,
+    pub(crate) samples: f64,
 }
 
 impl GoalRow {
     /// Measured error divided by the asked error.
-    #[must_use]
-    pub fn error(&self) -> f64 {
+    pub(crate) fn error(&self) -> f64 {
         self.chosen.p95 / self.asked
     }
 
     /// Frame time of the chosen setting divided by that of the cheapest one.
-    #[must_use]
-    pub fn time(&self) -> f64 {
+    pub(crate) fn time(&self) -> f64 {
         self.chosen.ms / self.cheapest.ms
     }
 }
@@ -142,7 +137,11 @@ impl GoalRow {
 /// # Errors
 ///
 /// [`ChoiceError`].
-pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) -> Result<Option<GoalRow>, ChoiceError> {
+pub(crate) fn goal_row(
+    renderer: &Renderer,
+    of: &GoalScene,
+    progress: &dyn Progress,
+) -> Result<Option<GoalRow>, ChoiceError> {
     let GoalScene { scene, asked } = of;
     let mix = Mix::of_scene(scene);
     let wanted = Wanted { size: SIZE, goal: Goal::MaxError(*asked), pixels: Pixels::Fewer };
@@ -210,15 +209,15 @@ pub fn goal_row(renderer: &Renderer, of: &GoalScene, progress: &dyn Progress) ->
 
 /// Distribution of a ratio over many scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Ratios {
+pub(crate) struct Ratios {
     /// The median.
-    pub median: f64,
+    pub(crate) median: f64,
     /// The 95th percentile.
-    pub p95: f64,
+    pub(crate) p95: f64,
     /// The largest ratio.
-    pub max: f64,
+    pub(crate) max: f64,
     /// Number of ratios above [`GoalSummary::COST`].
-    pub dear: usize,
+    pub(crate) dear: usize,
 }
 
 impl Ratios {
@@ -231,28 +230,27 @@ impl Ratios {
 
 /// Summary of many scenes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct GoalSummary {
+pub(crate) struct GoalSummary {
     /// Scenes with visible pixels and at least one setting within the asked error.
-    pub scenes: usize,
+    pub(crate) scenes: usize,
     /// How many of them have pictures within the asked error.
-    pub kept: usize,
+    pub(crate) kept: usize,
     /// Largest ratio of the measured to the asked error.
-    pub worst: f64,
+    pub(crate) worst: f64,
     /// Frame time of the chosen setting divided by that of the cheapest one.
-    pub time: Ratios,
+    pub(crate) time: Ratios,
     /// The same for samples ([`GoalRow::samples`]).
-    pub samples: Ratios,
+    pub(crate) samples: Ratios,
 }
 
 impl GoalSummary {
     /// Required fraction of scenes within the asked error.
-    pub const KEPT: f64 = 0.95;
+    pub(crate) const KEPT: f64 = 0.95;
     /// Largest allowed cost of a choice relative to the cheapest setting, in 95 of 100 scenes.
-    pub const COST: f64 = 1.3;
+    pub(crate) const COST: f64 = 1.3;
 
     /// Summarises `rows`; `None` if there are none.
-    #[must_use]
-    pub fn of(rows: &[GoalRow]) -> Option<Self> {
+    pub(crate) fn of(rows: &[GoalRow]) -> Option<Self> {
         let of = |part: &dyn Fn(&GoalRow) -> f64| rows.iter().map(part).collect::<Vec<_>>();
         let errors = of(&GoalRow::error);
         Some(Self {
@@ -265,14 +263,12 @@ impl GoalSummary {
     }
 
     /// Fraction of scenes within the asked error.
-    #[must_use]
-    pub fn share(&self) -> f64 {
+    pub(crate) fn share(&self) -> f64 {
         count(self.kept) / count(self.scenes)
     }
 
     /// The missed requirements, in words; empty if all are met.
-    #[must_use]
-    pub fn missed(&self) -> Vec<String> {
+    pub(crate) fn missed(&self) -> Vec<String> {
         let mut missed = Vec::new();
         let (kept, asked) = (100.0 * self.share(), 100.0 * Self::KEPT);
         if kept < asked || kept.is_nan() {
@@ -291,40 +287,8 @@ impl GoalSummary {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A choice with `error` times the asked error, at `time` and `samples` times the least.
-    fn row(error: f64, time: f64, samples: f64) -> GoalRow {
-        let cost = |p95, ms| GoalCost { setting: Setting::default(), p95, samples: 1.0, ms };
-        GoalRow { asked: 2.0, chosen: cost(2.0 * error, 3.0 * time), cheapest: cost(2.0, 3.0), samples }
-    }
-
-    #[test]
-    fn bars_are_missed_by_what_is_off_and_by_what_is_dear() {
-        let good = row(0.5, 1.25, 1.0);
-        let with = |others: &[GoalRow], many: usize| {
-            let rows = [others, &vec![good.clone(); many - others.len()]].concat();
-            GoalSummary::of(&rows).map(|found| found.missed())
-        };
-        assert_eq!(with(&[], 40), Some(Vec::new()));
-        let one_in_twenty = [row(1.5, 2.0, 2.0), row(1.01, 1.5, 1.5)];
-        assert_eq!(with(&one_in_twenty, 40), Some(Vec::new()), "95 of 100 are asked for");
-        let missed = with(&[&one_in_twenty[..], &[row(f64::NAN, f64::NAN, 1.4)]].concat(), 40).unwrap_or_default();
-        assert_eq!(missed.len(), 3, "{missed:?}");
-        assert!(missed[0].starts_with("92.5 % of the scenes"), "{missed:?}");
-        assert!(missed[1].contains("up to 1.40 times the samples"), "{missed:?}");
-        assert_eq!(GoalSummary::of(&[]), None);
-    }
-
-    #[test]
-    fn a_summary_says_how_many_are_dear() {
-        let rows = [row(0.5, 1.0, 1.0), row(0.25, 1.5, 1.25), row(1.5, 1.25, 2.0)];
-        let found = GoalSummary::of(&rows);
-        let near = |one: f64, two: f64| (one - two).abs() <= 1e-12;
-        assert!(found.is_some_and(|it| (it.scenes, it.kept) == (3, 2) && near(it.worst, 1.5)), "{found:?}");
-        assert!(found.is_some_and(|it| near(it.time.median, 1.25) && near(it.time.max, 1.5)), "{found:?}");
-        assert!(found.is_some_and(|it| (it.time.dear, it.samples.dear) == (1, 1)), "{found:?}");
-    }
+/// A count of scenes or components; exact below 2⁵³.
+#[expect(clippy::cast_precision_loss, reason = "counts are far below 2⁵³")]
+fn count(n: usize) -> f64 {
+    n as f64
 }

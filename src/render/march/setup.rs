@@ -1,0 +1,239 @@
+//! Set-up of a march: its uniforms, tables and images, bound to its pipeline.
+
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::dispatching::{Dispatching, TableMemory};
+use super::schedule::{Schedule, Speed, longest_slice};
+use super::source::{UNIFORM_BYTES, VECTOR_BYTES, formats, source};
+use super::{DeviceFilm, March};
+use crate::number::{count, rounded, unsigned};
+use crate::plan::{LANE, Planned, Transmittance};
+use crate::render::{RenderError, Renderer, Uploaded};
+use crate::scene::{Interpolation, Scene, StoreAs};
+use crate::tables::{PositionTable, RayTable, ShadingTable, TransferTable};
+use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
+
+/// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
+pub(crate) const LARGEST_MATRIX: usize = 8;
+
+/// Uniform of a frame, in the layout of `shaders/march.wgsl`.
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
+#[expect(missing_docs, reason = "named and explained in the shader and in `RayTable`")]
+pub struct MarchUniform {
+    pub base: [f32; 3],
+    pub eye_distance: f32,
+    pub base_u: [f32; 3],
+    pub spread_u: f32,
+    pub base_v: [f32; 3],
+    pub spread_v: f32,
+    pub direction: [f32; 3],
+    pub step_length: f32,
+    pub direction_u: [f32; 3],
+    pub termination: f32,
+    pub direction_v: [f32; 3],
+    pub coordinate_scale: f32,
+    pub low: [f32; 3],
+    pub coordinate_offset: f32,
+    pub high: [f32; 3],
+    pub coordinate_last: f32,
+    pub cell_scale: [f32; 3],
+    pub pixel_width: f32,
+    pub cell_offset: [f32; 3],
+    pub pixel_height: f32,
+    pub local_scale: [f32; 3],
+    pub samples: u32,
+    pub gradient_scale: [f32; 3],
+    pub width: u32,
+    pub cells: [u32; 3],
+    pub height: u32,
+    pub crop_low: [f32; 3],
+    pub active_low: f32,
+    pub crop_high: [f32; 3],
+    pub active_high: f32,
+}
+
+/// Buffers of tables by their names in the shader.
+type Tables = [(&'static str, Buffer); 4];
+
+impl MarchUniform {
+    fn new(scene: &Scene, uploaded: &Uploaded, rays: &RayTable, table: &TransferTable, size: [usize; 2]) -> Self {
+        let vector = |vector: glam::DVec3| vector.to_array().map(rounded);
+        let [scale, offset] = table.coordinate_from_texel(&uploaded.storage);
+        let [active_low, active_high] = table.active();
+        Self {
+            base: vector(rays.base),
+            eye_distance: rounded(rays.eye_distance),
+            base_u: vector(rays.base_u),
+            spread_u: rounded(rays.spread_u),
+            base_v: vector(rays.base_v),
+            spread_v: rounded(rays.spread_v),
+            direction: vector(rays.direction),
+            step_length: rounded(rays.step_length),
+            direction_u: vector(rays.direction_u),
+            termination: rounded(scene.accuracy.termination),
+            direction_v: vector(rays.direction_v),
+            coordinate_scale: rounded(scale),
+            low: vector(rays.low),
+            coordinate_offset: rounded(offset),
+            high: vector(rays.high),
+            coordinate_last: rounded(count(table.entries() - 1)),
+            cell_scale: vector(rays.cell_scale),
+            pixel_width: rounded(2.0 / count(size[0])),
+            cell_offset: vector(rays.cell_offset),
+            pixel_height: rounded(2.0 / count(size[1])),
+            local_scale: vector(rays.local_scale),
+            samples: rays.samples,
+            gradient_scale: uploaded.storage.gradient_scale().map(rounded),
+            width: unsigned(size[0]),
+            cells: uploaded.cells.dims.map(unsigned),
+            height: unsigned(size[1]),
+            crop_low: vector(rays.crop_low),
+            active_low: rounded(active_low),
+            crop_high: vector(rays.crop_high),
+            active_high: rounded(active_high),
+        }
+    }
+}
+
+impl Renderer {
+    /// Sets up the march of a picture of `size` (width, height) of the `uploaded` volume of `scene`, which proceeds by
+    /// [`March::step`]. `speed`, from an earlier march, determines the size of the first dispatch.
+    ///
+    /// # Errors
+    ///
+    /// [`RenderError`].
+    pub fn begin_march(
+        &self,
+        scene: &Scene,
+        planned: &Planned,
+        uploaded: &Uploaded,
+        size: [usize; 2],
+        speed: Speed,
+    ) -> Result<March, RenderError> {
+        let plan = &planned.plan;
+        let device = &self.device;
+        self.check_picture(plan, size, uploaded.bytes())?;
+        if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
+            return Err(RenderError::Matrix { dimension: plan.components() });
+        }
+        self.shared.marches.fetch_add(1, Ordering::Relaxed);
+        let aspect = count(size[0]) / count(size[1]);
+        let view = scene.camera.view(&scene.volume.geometry, aspect).ok_or(RenderError::Camera)?;
+        let step_length = scene.accuracy.step_length;
+        let rays = RayTable::new(scene, &view).ok_or(RenderError::TooManySamples { step_length })?;
+        let table = TransferTable::new(scene, planned, uploaded.storage.domain);
+        let occupancy = uploaded.cells.occupancy(&table);
+        let extent = size.map(unsigned);
+
+        let storage = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
+            // Buffers are never empty; the shader does not read an array without entries.
+            let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
+            let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Storage)?;
+            buffer.write(0, bytes)?;
+            Ok(buffer)
+        };
+        let uniform = |name: &str, bytes: &[u8]| -> Result<Buffer, RenderError> {
+            let buffer = Buffer::host(device, name, bytes.len() as u64, HostUse::Uniform)?;
+            buffer.write(0, bytes)?;
+            Ok(buffer)
+        };
+        let march = uniform("march", bytemuck::bytes_of(&MarchUniform::new(scene, uploaded, &rays, &table, size)))?;
+        let shading = uniform("shading", &shading_bytes(scene, planned))?;
+        let occupied = storage("occupancy", bytemuck::cast_slice(&occupancy.words))?;
+        let (tables, tabled) = self.tables(&table, &TransferTable::of_labels(scene, planned))?;
+        let filter = match plan.interpolation {
+            Interpolation::Linear => Filter::Linear,
+            // These fetch texels themselves.
+            Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
+        };
+        let sampler = Sampler::new(device, "volume", filter)?;
+        let [vectors, passed] = formats(plan, StoreAs::Single);
+        let accumulators = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
+        let transmittance =
+            StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
+
+        let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
+            Some(match name {
+                "march_uniform" => Resource::Uniform(&march),
+                "shading_uniform" => Resource::Uniform(&shading),
+                "volume" => Resource::Texture(&uploaded.volume),
+                "volume_sampler" => Resource::Sampler(&sampler),
+                "occupancy" => Resource::Storage(&occupied),
+                "labels" => Resource::Texture(uploaded.label_image.as_ref()?),
+                "accumulators" => Resource::StorageImage(&accumulators),
+                "transmittances" => Resource::StorageImage(&transmittance),
+                _ => {
+                    let (_, buffer) = tabled.iter().find(|(table, _)| *table == name)?;
+                    match tables {
+                        TableMemory::Storage => Resource::Storage(buffer),
+                        TableMemory::Uniform => Resource::Uniform(buffer),
+                    }
+                }
+            })
+        })?;
+
+        let slice = self.dispatching.slice.min(longest_slice(plan));
+        let dispatching = Dispatching { slice, ..self.dispatching };
+        let schedule = Schedule::new(extent, rays.samples, dispatching, plan.layers(), speed);
+        let occupied = [occupancy.occupied, occupancy.dims.iter().product()];
+        let left = DeviceFilm {
+            planned: planned.clone(),
+            size,
+            dispatches: 0,
+            device_time: Some(Duration::ZERO),
+            occupied,
+            accumulators,
+            transmittance,
+        };
+        Ok(March { pipeline, set, schedule, left })
+    }
+
+    /// Memory and buffers of the tables of values and labels, by their names in the shader.
+    fn tables(&self, values: &TransferTable, labels: &TransferTable) -> Result<(TableMemory, Tables), RenderError> {
+        let tables: [(&'static str, &[u8]); 4] = [
+            ("table_source", bytemuck::cast_slice(&values.source)),
+            ("table_opacity", bytemuck::cast_slice(&values.opacity)),
+            ("label_source", bytemuck::cast_slice(&labels.source)),
+            ("label_opacity", bytemuck::cast_slice(&labels.opacity)),
+        ];
+        let room = self.device.limits().max_uniform_buffer_bytes >= u64::from(UNIFORM_BYTES);
+        let short = tables.iter().all(|(_, bytes)| bytes.len() as u64 <= u64::from(UNIFORM_BYTES));
+        let memory = if room && short { self.dispatching.tables } else { TableMemory::Storage };
+        let buffer = |(name, bytes): (&'static str, &[u8])| -> Result<_, RenderError> {
+            let (size, host_use) = match memory {
+                // Whole vectors, and at least one; the shader does not read a table without entries.
+                TableMemory::Storage => {
+                    (bytes.len().max(1).next_multiple_of(VECTOR_BYTES as usize) as u64, HostUse::Storage)
+                }
+                TableMemory::Uniform => (UNIFORM_BYTES.into(), HostUse::Uniform),
+            };
+            let buffer = Buffer::host(&self.device, name, size, host_use)?;
+            buffer.write(0, bytes)?;
+            Ok((name, buffer))
+        };
+        let [source, opacity, label_source, label_opacity] = tables.map(buffer);
+        Ok((memory, [source?, opacity?, label_source?, label_opacity?]))
+    }
+}
+
+/// Bytes of the shader's struct `Shading`: positions, then ambient, diffuse, specular and exponents of the materials.
+fn shading_bytes(scene: &Scene, planned: &Planned) -> Vec<u8> {
+    let positions = PositionTable::new(scene, planned).0;
+    let mut lights: Vec<[f32; LANE]> =
+        positions.iter().map(|light| [rounded(light.x), rounded(light.y), rounded(light.z), 0.0]).collect();
+    lights.resize(lights.len().max(1), [0.0; LANE]);
+    let mut table = ShadingTable::new(scene, planned);
+    let lanes = table.ambient.len().max(1);
+    let mut bytes = bytemuck::cast_slice(&lights).to_vec();
+    for coefficients in [&mut table.ambient, &mut table.diffuse, &mut table.specular] {
+        coefficients.resize(lanes, [0.0; LANE]);
+        bytes.extend_from_slice(bytemuck::cast_slice(coefficients));
+    }
+    table.exponent.resize(lanes, [0; LANE]);
+    bytes.extend_from_slice(bytemuck::cast_slice(&table.exponent));
+    bytes
+}

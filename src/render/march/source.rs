@@ -1,0 +1,222 @@
+//! The march shader of a plan: its texts, constants and images.
+
+use super::dispatching::{Dispatching, TableMemory};
+use crate::number::unsigned;
+use crate::plan::{Accumulate, LANE, ScenePlan, Shares, Transmittance};
+use crate::render::Source;
+use crate::scene::{Interpolation, Lookup, StoreAs};
+use crate::shader::Constants;
+use crate::vulkan::Format;
+
+/// Bytes of a table in a uniform buffer, the limit of most devices.
+pub(super) const UNIFORM_BYTES: u32 = 65_536;
+/// Bytes of a table's vector.
+pub(super) const VECTOR_BYTES: u32 = 16;
+
+/// Shader texts by name: source, transmittance, memory of tables, and the march.
+fn parts(plan: &ScenePlan, tables: TableMemory) -> [(&'static str, &'static str); 4] {
+    [
+        match plan.accumulate {
+            Accumulate::Weights { .. } => ("shaders/weights.wgsl", include_str!("../../../shaders/weights.wgsl")),
+            Accumulate::Spectral { .. } => ("shaders/spectral.wgsl", include_str!("../../../shaders/spectral.wgsl")),
+        },
+        match plan.transmittance {
+            Transmittance::Grey => ("shaders/grey.wgsl", include_str!("../../../shaders/grey.wgsl")),
+            Transmittance::Coloured => ("shaders/coloured.wgsl", include_str!("../../../shaders/coloured.wgsl")),
+            Transmittance::Mixed => ("shaders/mixed.wgsl", include_str!("../../../shaders/mixed.wgsl")),
+        },
+        match tables {
+            TableMemory::Storage => {
+                ("shaders/tables_storage.wgsl", include_str!("../../../shaders/tables_storage.wgsl"))
+            }
+            TableMemory::Uniform => {
+                ("shaders/tables_uniform.wgsl", include_str!("../../../shaders/tables_uniform.wgsl"))
+            }
+        },
+        ("shaders/march.wgsl", include_str!("../../../shaders/march.wgsl")),
+    ]
+}
+
+/// Formats of accumulators and transmittance.
+pub(in crate::render) fn formats(plan: &ScenePlan, storage: StoreAs) -> [Format; 2] {
+    let vectors = match storage {
+        StoreAs::Single => Format::Rgba32Float,
+        StoreAs::Half => Format::Rgba16Float,
+    };
+    match plan.transmittance {
+        Transmittance::Grey => [vectors, Format::R32Float],
+        Transmittance::Coloured | Transmittance::Mixed => [vectors, vectors],
+    }
+}
+
+/// WGSL types of the images of accumulators and transmittance.
+pub(in crate::render) fn images(plan: &ScenePlan, storage: StoreAs, access: &str) -> [String; 2] {
+    formats(plan, storage).map(|format| {
+        let format = match format {
+            Format::R32Float => "r32float",
+            Format::Rgba16Float => "rgba16float",
+            _ => "rgba32float",
+        };
+        format!("texture_storage_2d_array<{format}, {access}>")
+    })
+}
+
+/// Constants of both the march and the relight shader.
+pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
+    Constants::new().u32("LAYERS", unsigned(plan.layers().max(1))).u32("LAYERS_USED", unsigned(plan.layers()))
+}
+
+/// Constants of the march shader for `plan`.
+fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
+    let (specular, parts) = (plan.specular(), plan.parts());
+    let [_, passed] = images(plan, StoreAs::Single, "read_write");
+    let one_exponent = specular.and_then(|specular| specular.one_exponent);
+    let (materials, dimension, shares, exponents) = match plan.accumulate {
+        Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
+        Accumulate::Spectral { dimension, shares, exponents } => (0, dimension, shares, exponents),
+    };
+    common(plan)
+        .u32("LANES", unsigned(plan.lanes().max(1)))
+        .u32("COMPONENTS", unsigned(dimension))
+        .u32("TABLE_LANES", unsigned(parts.lanes.max(1)))
+        .u32("SHADING_LANES", unsigned(plan.shading_lanes()))
+        .u32("UNSHADED", unsigned(parts.unshaded))
+        .u32("DIFFUSE", unsigned(parts.diffuse))
+        .u32("HIGHLIGHTS", unsigned(parts.highlights))
+        .u32("EXPONENTS", unsigned(exponents))
+        .bool("EQUAL_SHARES", shares == Shares::Equal)
+        .bool("COLOURED", plan.transmittance != Transmittance::Grey)
+        .u32("PASSED", unsigned(plan.passed()))
+        .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
+        .alias("TransmittanceImage", &passed)
+        .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
+        .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
+        .u32("AMBIENT", unsigned(plan.positions.ambient))
+        .u32("HEADLIGHT", unsigned(plan.positions.headlight))
+        .u32("DIRECTIONAL", unsigned(plan.positions.directional))
+        .u32("POINT", unsigned(plan.positions.point))
+        .bool("SHADED", plan.shading.is_some())
+        .bool("GRADIENT", plan.gradient())
+        .bool("STORED_GRADIENT", plan.stores_gradient())
+        .bool("SPECULAR", specular.is_some())
+        .bool("ONE_EXPONENT", one_exponent.is_some())
+        .u32("ONE_EXPONENT_VALUE", one_exponent.unwrap_or(0))
+        .u32("EXPONENT_BITS", specular.map_or(0, |specular| specular.exponent_bits))
+        // Position of the weight of white after those of the materials, if there is one.
+        .u32("WHITE_LANE", unsigned(specular.map_or(0, |_| materials / LANE)))
+        .u32("WHITE_PART", unsigned(specular.map_or(0, |_| materials % LANE)))
+        .bool("LABELS", plan.labels)
+        .bool("EXACT_LINEAR", plan.interpolation == Interpolation::ExactLinear)
+        .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
+        .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
+        .bool("SKIPPING", plan.skipping)
+        .bool("SEEKING", plan.seeks())
+        .u32("GROUP_WIDTH", group[0])
+        .u32("GROUP_HEIGHT", group[1])
+        .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
+}
+
+/// Source of the march shader of `plan`.
+pub(in crate::render) fn source(plan: &ScenePlan, dispatching: Dispatching) -> Source {
+    let parts = parts(plan, dispatching.tables).to_vec();
+    Source { name: "march", constants: constants(plan, dispatching.group), parts }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::{PositionCounts, ShadingTerms};
+    use crate::render::march::MarchUniform;
+    use crate::scene::{Gradients, VolumeAs};
+
+    fn plan_of(materials: usize) -> ScenePlan {
+        ScenePlan {
+            accumulate: Accumulate::Weights { materials },
+            transmittance: Transmittance::Grey,
+            positions: PositionCounts { directional: 1, ..PositionCounts::default() },
+            shading: Some(ShadingTerms { diffuse: true, specular: None }),
+            labels: false,
+            background: false,
+            lookup: Lookup::Nearest,
+            interpolation: Interpolation::Linear,
+            volume: VolumeAs::Auto,
+            gradients: Gradients::Packed,
+            skipping: true,
+            storage: StoreAs::Single,
+        }
+    }
+
+    #[test]
+    fn march_uniform_lies_where_the_shader_reads_it() {
+        macro_rules! lies {
+            ($($field:ident),*) => {
+                vec![$((stringify!($field).to_owned(), std::mem::offset_of!(MarchUniform, $field))),*]
+            };
+        }
+        let ours = lies!(
+            base,
+            eye_distance,
+            base_u,
+            spread_u,
+            base_v,
+            spread_v,
+            direction,
+            step_length,
+            direction_u,
+            termination,
+            direction_v,
+            coordinate_scale,
+            low,
+            coordinate_offset,
+            high,
+            coordinate_last,
+            cell_scale,
+            pixel_width,
+            cell_offset,
+            pixel_height,
+            local_scale,
+            samples,
+            gradient_scale,
+            width,
+            cells,
+            height,
+            crop_low,
+            active_low,
+            crop_high,
+            active_high
+        );
+        let Source { constants, parts, .. } = source(&plan_of(4), Dispatching::default());
+        let theirs = crate::shader::struct_layout(&parts, &constants, "March").ok();
+        let fields = theirs.as_ref().map(|layout| {
+            layout.fields.iter().map(|field| (field.name.clone(), field.offset as usize)).collect::<Vec<_>>()
+        });
+        assert_eq!(fields, Some(ours), "names and offsets");
+        assert_eq!(theirs.map(|layout| layout.size as usize), Some(size_of::<MarchUniform>()), "size");
+    }
+
+    /// An RGB renderer accumulates three weights; a fourth is free, for any spectra.
+    #[test]
+    fn four_spectral_materials_march_with_the_shader_of_three_colours() {
+        let words = |materials| {
+            source(&plan_of(materials), Dispatching::default()).compile().map(|shader| shader.words().to_vec()).ok()
+        };
+        assert!(words(3).is_some(), "the shader compiles");
+        assert_eq!(words(3), words(4), "the same words for three weights and four");
+        assert_ne!(words(4), words(5), "a fifth needs another vector");
+    }
+
+    #[test]
+    fn plans_share_the_pipelines_of_shaders_that_do_not_know_what_tells_them_apart() {
+        let linear = plan_of(4);
+        let cubic = ScenePlan { interpolation: Interpolation::Cubic, ..linear.clone() };
+        let behind = ScenePlan { background: true, ..linear.clone() };
+        let marched = |plan| source(plan, Dispatching::default());
+        let relit = |plan| crate::render::relight::source(plan, crate::render::relight::Target::Display);
+        assert!(marched(&linear) != marched(&cubic) && relit(&linear) == relit(&cubic), "values between voxels");
+        assert!(marched(&linear) == marched(&behind) && relit(&linear) != relit(&behind), "what is behind the volume");
+        // Another memory of tables needs other bindings.
+        let of = |tables, group| source(&linear, Dispatching { tables, group, ..Dispatching::default() });
+        let [storage, uniform] = [TableMemory::Storage, TableMemory::Uniform].map(|tables| of(tables, [8, 8]));
+        assert!(storage != uniform && storage != of(TableMemory::Storage, [16, 4]) && storage == storage.clone());
+    }
+}

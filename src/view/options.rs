@@ -1,0 +1,51 @@
+//! Options of the viewer's window, and why it cannot open or has to close.
+
+use std::path::PathBuf;
+
+use winit::error::{EventLoopError, OsError};
+
+use super::script::{Script, ScriptError};
+use crate::document::Source;
+use crate::vulkan::{DeviceChoice, Validation, VulkanError};
+
+/// Options of the viewer.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// First scene or volume.
+    pub source: Source,
+    /// Width and height of the window in pixels; 1280 by 800 points by default.
+    pub size: Option<[u32; 2]>,
+    /// Rendering device.
+    pub device: DeviceChoice,
+    /// Use of the validation layer.
+    pub validation: Validation,
+    /// Folder for cached measurements.
+    pub cache: Option<PathBuf>,
+    /// Number of frames of the opened scene after which the viewer exits.
+    pub frames: Option<u32>,
+    /// Script to run; the viewer exits after it.
+    pub script: Option<Script>,
+    /// Ends the process when the display disappears and the system permits nothing else.
+    pub display_gone: Option<fn() -> !>,
+}
+
+/// Reason why the window could not open or had to close.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// There is no screen.
+    #[error("no display for a window; `relume render` needs none, and `xvfb-run` provides a virtual one")]
+    NoDisplay,
+    /// The system's events ended in an error.
+    #[error("the event loop of the window failed")]
+    Events(#[source] EventLoopError),
+    /// The system gives no window.
+    #[error("cannot open a window")]
+    NoWindow(#[from] OsError),
+    /// Error of the device.
+    #[error(transparent)]
+    Vulkan(#[from] VulkanError),
+    /// Error of the script.
+    #[error(transparent)]
+    Script(#[from] ScriptError),
+}

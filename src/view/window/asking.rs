@@ -1,0 +1,83 @@
+//! Actions of the panels and of scripts.
+
+use super::Viewer;
+use crate::document::{Document, Edit};
+use crate::view::action::{Action, Leaving, Losing};
+use crate::view::tour::Tour;
+
+impl Viewer {
+    pub(super) fn ask(&mut self, action: Action) {
+        match action {
+            Action::Edit(edit) => {
+                if !edit.leaves_light() {
+                    self.stop_tour();
+                }
+                // Neither changes the picture.
+                let spares = matches!(edit, Edit::Design(_) | Edit::Rename(..));
+                self.change(spares, |document| document.edit(&edit));
+            }
+            Action::Undo => {
+                self.stop_tour();
+                self.change(false, Document::undo);
+            }
+            Action::Redo => {
+                self.stop_tour();
+                self.change(false, Document::redo);
+            }
+            Action::Open(source) if self.losing().anything() => {
+                self.panels.chooser.leave(Leaving::Open(source));
+            }
+            Action::Open(source) | Action::Leave(Leaving::Open(source)) => self.open(*source),
+            Action::Another => self.open_another(),
+            Action::Close if self.losing().anything() => self.panels.chooser.leave(Leaving::Close),
+            Action::Close | Action::Leave(Leaving::Close) => self.ending.now = true,
+            Action::Choose(file) => self.choose(file),
+            Action::SavePicture(path) => self.save_picture(path),
+            Action::SaveAccumulators(path) => self.save_accumulators(path),
+            Action::SaveSession(path) => self.save_session(path),
+            Action::SaveWindow(path) => self.saving.capture = Some(path),
+            Action::Restart => {
+                self.lost.times = 1;
+                self.restore();
+            }
+            Action::Tour(seconds) => self.tour(seconds),
+            Action::SaveTour(path, frames) => self.begin_tour(path, frames),
+            Action::Panels(shown) => self.panels.shown = Some(shown),
+            Action::Probe(place) => self.picture.prober.look(place),
+            Action::Measure(goal) => self.measure(goal),
+            Action::Palette(shown) => self.panels.editing = shown,
+            Action::Offer => self.offer(),
+            Action::Solve(step) => self.solve(step),
+            Action::GiveUp => (self.tasks.measuring, self.tasks.solving) = (None, None),
+            Action::Dismiss(index) => {
+                if index < self.panels.notices.len() {
+                    self.panels.notices.remove(index);
+                }
+            }
+        }
+    }
+
+    /// Changes the document. Gives up a tour being saved, whose pictures must show one state, unless the change
+    /// `spares` it.
+    pub(super) fn change(&mut self, spares: bool, change: impl FnOnce(&mut Document) -> bool) {
+        if !self.opened.document.as_mut().is_some_and(change) {
+            return;
+        }
+        if !spares {
+            self.give_up_tour("The scene or the light was changed");
+        }
+        self.show_again();
+    }
+
+    /// Unsaved work; none in a scripted run, which nobody can answer for.
+    pub(super) fn losing(&self) -> Losing {
+        if self.is_scripted() {
+            return Losing::default();
+        }
+        Losing {
+            changes: self.opened.document.as_ref().is_some_and(|document| !document.is_saved()),
+            tour: matches!(self.tour, Some(Tour::Saving { .. })),
+            picture: self.is_awaited(),
+        }
+    }
+}

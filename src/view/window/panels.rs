@@ -1,0 +1,59 @@
+//! State of the panels beside the document, and the notices that they show.
+
+use egui::{Context, TexturesDelta};
+
+use super::Viewer;
+use super::report::keep;
+use crate::view::ui::{Chooser, Notice};
+
+/// Largest number of notices kept.
+const MOST_NOTICES: usize = 4;
+
+/// State of the panels.
+#[derive(Default)]
+pub(super) struct Panels {
+    pub(super) context: Context,
+    pub(super) textures: TexturesDelta,
+    /// Whether the panels are shown, if that was asked for; by default where they have room.
+    pub(super) shown: Option<bool>,
+    /// Dialog for the paths of files.
+    pub(super) chooser: Chooser,
+    /// Whether the palette editor is open.
+    pub(super) editing: bool,
+    pub(super) notices: Vec<Notice>,
+    /// Whether a notice was added after the last layout of the panels.
+    pub(super) untold: bool,
+}
+
+impl Viewer {
+    pub(super) fn tell(&mut self, error: &dyn std::error::Error) {
+        let mut text = error.to_string();
+        let mut cause = error.source();
+        while let Some(error) = cause {
+            text = format!("{text}: {error}");
+            cause = error.source();
+        }
+        keep(&mut self.record.report.failures, text.clone());
+        self.note(text);
+    }
+
+    /// Adds a notice of success, except in a scripted run, where nobody reads it.
+    pub(super) fn tell_done(&mut self, text: String) {
+        if !self.is_scripted() {
+            self.add(Notice::done(text));
+        }
+    }
+
+    pub(super) fn note(&mut self, text: String) {
+        self.add(Notice::wrong(text));
+    }
+
+    pub(super) fn add(&mut self, notice: Notice) {
+        self.panels.notices.retain(|known| known.text != notice.text);
+        self.panels.notices.push(notice);
+        self.panels.untold = true;
+        if self.panels.notices.len() > MOST_NOTICES {
+            self.panels.notices.remove(0);
+        }
+    }
+}
