@@ -344,6 +344,20 @@ pub enum PlanError {
     Model(#[from] ModelError),
 }
 
+impl PlanError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotGrey { .. } => "weights-inexact",
+            Self::HalfPrecision { .. } => "half-imprecise",
+            Self::HalfRange => "half-overflow",
+            Self::HalfMatrix => "half-matrix",
+            Self::Model(error) => error.code(),
+        }
+    }
+}
+
 /// Plans `scene` by its contents and its accuracy settings. Fits a colour model if one is needed.
 ///
 /// # Errors

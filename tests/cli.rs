@@ -135,7 +135,11 @@ fn a_component_is_chosen_by_flag_or_by_the_scene() {
     let folder = Folder::new()
         .with("rgb.nrrd", [header.as_bytes(), &numbers].concat())
         .with("rgb.toml", "version = 1\n[volume]\nfile = \"rgb.nrrd\"\ncomponent = 2\n");
-    folder.refused(1, &["info", "rgb.nrrd"], &["3 components per voxel (rgb-color)", "--component N, from 0 to 2"]);
+    folder.refused(
+        1,
+        &["info", "rgb.nrrd"],
+        &["3 components per voxel (rgb-color)", "choose a component from 0 to 2 with --component N"],
+    );
     folder.refused(1, &["info", "rgb.nrrd", "--component", "3"], &["--component 3", "3 components"]);
     folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--time", "1"], &["--time 1", "1 time step"]);
     folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--array", "ct"], &["--array ct"]);
@@ -664,7 +668,7 @@ fn spectra_that_nature_does_not_have_are_reported() {
         assert!(err.starts_with("warning: lights.lamp.spectrum is negative"), "{err}");
     }
     for err in warnings(&folder, &["--light", "odd.csv"]) {
-        assert!(err.starts_with("warning: --light odd.csv is negative"), "{err}");
+        assert!(err.starts_with("warning: the light odd.csv is negative"), "{err}");
     }
     // Artificial reflectances may be negative, and white may be 1.
     assert_eq!(warnings(&folder, &["-D", "materials.bone.reflectance={400=-0.5,700=1}"]), ["", ""]);

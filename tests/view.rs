@@ -660,7 +660,7 @@ fn a_script_that_drops_a_file_of_several_volumes_is_told_how_one_is_chosen() {
     let folder = folder().with("steps.nrrd", steps);
     let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop steps.nrrd\nsettle\n");
     let notice = report["notices"][0].as_str().unwrap();
-    assert!(notice.contains("steps.nrrd") && notice.contains("--time N, from 0 to 1"), "{notice}");
+    assert!(notice.contains("steps.nrrd") && notice.contains("choose a time step from 0 to 1"), "{notice}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! The command line: one result on standard output, one error on standard error.
 
 mod accuracy;
+mod advice;
 mod bench;
 mod design;
 mod dial;

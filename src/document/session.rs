@@ -44,7 +44,7 @@ pub enum SessionError {
         source: io::Error,
     },
     /// A phantom was downsampled, which a scene cannot state.
-    #[error("a phantom with --downsample cannot be saved as a session; write its smaller dims into the scene")]
+    #[error("a downsampled phantom cannot be saved as a session; write its smaller dims into the scene")]
     Downsampled,
     /// The transfer function has more curves than a scene can state.
     #[error("the transfer function has {0} curves, and a scene file at most one; remove the others")]
@@ -58,6 +58,22 @@ pub enum SessionError {
     /// The file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+}
+
+impl SessionError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Text { .. } => "session-text-invalid",
+            Self::Name { .. } => "session-path-not-text",
+            Self::Where { .. } => "session-folder-missing",
+            Self::Downsampled => "session-phantom-downsampled",
+            Self::Curves(_) => "session-curves-too-many",
+            Self::NoTable { .. } => "session-key-not-table",
+            Self::Output(error) => error.code(),
+        }
+    }
 }
 
 /// Writes `state` to `path`. `opened` is the scene as it was opened from `source`.

@@ -143,11 +143,11 @@ struct Kept {
 #[non_exhaustive]
 pub enum ChoiceError {
     /// No setting reaches the goal.
-    #[error("no setting of this scene reaches {asked}; {nearest}")]
+    #[error("no setting of this scene reaches {}{nearest}", described(*goal))]
     None {
         /// The goal.
-        asked: String,
-        /// The nearest setting, and advice.
+        goal: Goal,
+        /// The nearest setting, as the end of the sentence.
         nearest: String,
     },
     /// No pixel shows the volume, so that no error can be measured.
@@ -167,7 +167,28 @@ pub enum ChoiceError {
     Render(#[from] RenderError),
 }
 
+/// A goal in words.
+fn described(goal: Goal) -> String {
+    match goal {
+        Goal::MaxError(error) => format!("ΔE00 {error} in 95 of 100 pixels"),
+        Goal::Budget(ms) => format!("{ms} ms a frame"),
+    }
+}
+
 impl ChoiceError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::None { goal: Goal::MaxError(_), .. } => "error-not-reached",
+            Self::None { goal: Goal::Budget(_), .. } => "time-not-reached",
+            Self::Nothing { .. } => "volume-not-visible",
+            Self::Plan(error) => error.code(),
+            Self::Ladder(error) => error.code(),
+            Self::Render(error) => error.code(),
+        }
+    }
+
     /// Whether the picture is too large for the device, so that fewer pixels might fit.
     fn is_too_large(&self) -> bool {
         matches!(self, Self::Render(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }))
@@ -458,12 +479,9 @@ impl<'a> Curve<'a> {
         }
         let Some(best) = best else {
             return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| ChoiceError::None {
-                asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
+                goal: Goal::MaxError(asked),
                 nearest: nearest.map_or_else(String::new, |(setting, point)| {
-                    format!(
-                        "the nearest is {setting}, with {}; allow a larger error, or use --reference",
-                        short(point.error.p95)
-                    )
+                    format!("; the nearest is {setting}, with {}", short(point.error.p95))
                 }),
             }));
         };
@@ -606,12 +624,9 @@ impl<'a> Curve<'a> {
         }
         let fastest = self.tried.iter().min_by(|one, two| one.1.frame_ms.total_cmp(&two.1.frame_ms));
         Err(too_large.filter(|_| fastest.is_none()).unwrap_or_else(|| ChoiceError::None {
-            asked: format!("{asked} ms a frame"),
+            goal: Goal::Budget(asked),
             nearest: fastest.map_or_else(String::new, |(setting, point)| {
-                format!(
-                    "the fastest is {setting}, with {} ms; allow more time, or fewer pixels (--size, or a smaller window)",
-                    short(point.frame_ms)
-                )
+                format!("; the fastest is {setting}, with {} ms", short(point.frame_ms))
             }),
         }))
     }

@@ -311,6 +311,17 @@ pub enum LadderError {
     Volume(#[from] VolumeError),
 }
 
+impl LadderError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Reference(error) => error.code(),
+            Self::Volume(error) => error.code(),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::Lattice;

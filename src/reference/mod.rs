@@ -29,3 +29,15 @@ pub enum ReferenceError {
     #[error("the camera has no view direction: its target is its position, or its up vector is parallel to its view")]
     Camera,
 }
+
+impl ReferenceError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Cancelled => "cancelled",
+            Self::TooManySamples { .. } => "samples-too-many",
+            Self::Camera => "camera-without-direction",
+        }
+    }
+}

@@ -381,7 +381,7 @@ impl Renderer {
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes())?;
         if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
-            return Err(RenderError::Matrix { dimension: plan.components() });
+            return Err(RenderError::Matrix { dimension: plan.components(), largest: LARGEST_MATRIX });
         }
         self.shared.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);

@@ -19,6 +19,7 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::window::WindowId;
 
 use super::action::{Action, Leaving, Losing};
+use super::advice;
 use super::effort::Curve;
 use super::engine::{Counts, Engine, Reached, Stepped};
 use super::export::write_rgba;
@@ -313,13 +314,8 @@ impl Viewer {
         }
     }
 
-    fn tell(&mut self, error: &dyn std::error::Error) {
-        let mut text = error.to_string();
-        let mut cause = error.source();
-        while let Some(error) = cause {
-            text = format!("{text}: {error}");
-            cause = error.source();
-        }
+    fn tell(&mut self, error: &(dyn std::error::Error + 'static)) {
+        let text = advice::line(error);
         keep(&mut self.report.failures, text.clone());
         self.note(text);
     }

@@ -26,7 +26,7 @@ pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
 pub use raw::{ByteOrder, RawLayout};
-pub use select::{Selection, Several};
+pub use select::{Asked, Selection, Several};
 pub use statistics::{BINS, Statistics};
 pub(crate) use voxels::with_voxels;
 pub use voxels::{Voxel, VoxelType, Voxels};
