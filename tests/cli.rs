@@ -207,7 +207,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
     assert_eq!(
         keys(&json),
-        ["accumulators", "components", "lights", "model", "positions", "situations", "size", "warnings"]
+        ["accumulators", "components", "lights", "model", "positions", "presets", "situations", "size", "warnings"]
     );
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("film file (.exr)"));
@@ -865,7 +865,7 @@ fn the_hand_of_the_dial_mixes_lights_and_on_a_node_is_that_light_alone() {
         assert!(names.iter().any(|there| there == name), "no {name} in {names:?}");
     }
     assert!(!names.iter().any(|name| name == "s.png"));
-    folder.done(&["relight", "acc.exr", "--tour", "--frames", "2", "-o", "t.png"]);
+    folder.done(&["relight", "acc.exr", "--loop", "--frames", "2", "-o", "t.png"]);
     assert_eq!(std::fs::read(folder.path("t-0001.png")).unwrap(), std::fs::read(folder.path("s-0003.png")).unwrap());
 }
 
@@ -876,13 +876,13 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
     for (arguments, words) in [
         (&["--dial", "north"][..], "write x,y"),
         (&["--dial", "0,0", "--light", "A"], "cannot be used with"),
-        (&["--nodes-off", "lamp"], "--dial, --situation, --sweep or --tour"),
+        (&["--nodes-off", "lamp"], "--dial, --dial-preset, --sweep or --loop"),
         (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
         (&["--sweep", "day"], "A..B"),
         (&["--sweep", "day..night"], "night: there is no such light"),
-        (&["--dial", "0,0", "--frames", "7"], "--sweep <A..B>|--tour"),
-        (&["--frames", "3"], "--sweep <A..B>|--tour"),
-        (&["--situation", "dusk"], "dusk: the dial has no presets; [[dial.situations]]"),
+        (&["--dial", "0,0", "--frames", "7"], "--sweep <A..B>|--loop"),
+        (&["--frames", "3"], "--sweep <A..B>|--loop"),
+        (&["--dial-preset", "dusk"], "dusk: the dial has no presets; [[dial.presets]]"),
     ] {
         folder.refused(2, &[&["relight", "acc.exr", "-o", "p.png"], arguments].concat(), &[words]);
     }

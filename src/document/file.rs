@@ -19,7 +19,7 @@ use keys::*;
 
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::light_request::{chain, warn_below_zero};
-use super::{Dial, LightState, SceneError, SceneFile, Situation};
+use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
 use crate::number::{brief, count, readable, unsigned};

@@ -54,7 +54,7 @@ fn an_edit_makes_stale_what_it_must() {
         Edit::HandOnNode(0),
         Edit::NodePlace(0, DVec2::splat(0.3)),
         Edit::NodeOn(0, false),
-        Edit::Situation(0),
+        Edit::DialPreset(0),
         offered(&document()),
     ];
     let display = [Edit::Exposure(2.0), Edit::Adapt(true)];

@@ -87,9 +87,9 @@ impl FilmFile {
                     return Err(format!("the dial has a node {:?}, but no light has this name", node.light));
                 }
             }
-            check_names("preset of the dial", dial.situations.iter().map(|situation| &*situation.name))?;
-            for situation in &dial.situations {
-                check_finite("the dial's preset ", &situation.name, &situation.hand)?;
+            check_names("preset of the dial", dial.presets.iter().map(|preset| &*preset.name))?;
+            for preset in &dial.presets {
+                check_finite("the dial's preset ", &preset.name, &preset.hand)?;
             }
         }
         check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;

@@ -88,7 +88,7 @@ impl Map {
         let [low, high] = around(&mut nodes());
         // The map also covers the hands, but distant ones are clamped so that the nodes do not shrink too far.
         let far = DVec2::splat((high - low).max_element().max(1e-3));
-        let hands = dial.situations.iter().map(|situation| situation.hand).chain([document.state().light.hand]);
+        let hands = dial.presets.iter().map(|preset| preset.hand).chain([document.state().light.hand]);
         let hands = hands.map(|hand| hand.clamp(low - far, high + far));
         let [low, high] = around(&mut nodes().chain(hands));
         let room = (rect.size().min_elem() - 2.0 * MARGIN).max(10.0);

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
-use crate::document::presets::Preset;
+use crate::document::transfer_presets::TransferPreset;
 use crate::document::{Document, Edit, State};
 use crate::film::{Components, RelightMatrices};
 use crate::number::{count, whole};
@@ -83,7 +83,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &mut Vec<Action>) {
     let Some(statistics) = statistics else { return };
     let menu = ui.menu_button("Presets", |ui| {
-        for preset in Preset::ALL {
+        for preset in TransferPreset::ALL {
             let intervals = preset.intervals(statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(preset.name()));
             let none = format!("{} These values are not a CT in Hounsfield units.", preset.help());
