@@ -193,8 +193,8 @@ fn automatic_dimensions_keep_their_tolerance_behind_many_dyes_at_once() {
             for depth in (0..=30).map(|step| 0.05 * 400_f64.powf(f64::from(step) / 30.0)) {
                 let parts = dyes.iter().zip(shares).map(|(dye, share)| dye.scaled(share * depth));
                 let depths = parts.fold(Spectrum::constant(0.0), |sum, part| &sum + &part);
-                let passes = Spectrum::from_samples(depths.samples().map(|depth| (-depth).exp()));
-                let error = error_of(&model, &passes);
+                let transmittance = Spectrum::from_samples(depths.samples().map(|depth| (-depth).exp()));
+                let error = error_of(&model, &transmittance);
                 if error > worst.0 {
                     worst = (error, shares, depth);
                 }

@@ -54,10 +54,10 @@ fn a_slab_is_the_power_of_its_matrix() {
             back += &through * &source;
             through *= &met;
         }
-        let passed: Vec<f64> = through.transpose().as_slice().to_vec();
-        let check = |rung: &str, [found, passing]: [Vec<f64>; 2], limit: f64| {
-            assert_eq!((found.len(), passing.len()), (k, k * k), "{rung}");
-            for (found, expected) in found.iter().zip(&back).chain(passing.iter().zip(&passed)) {
+        let transmitted: Vec<f64> = through.transpose().as_slice().to_vec();
+        let check = |rung: &str, [found, transmittance]: [Vec<f64>; 2], limit: f64| {
+            assert_eq!((found.len(), transmittance.len()), (k, k * k), "{rung}");
+            for (found, expected) in found.iter().zip(&back).chain(transmittance.iter().zip(&transmitted)) {
                 assert!((found - expected).abs() <= limit, "{rung}, k = {k}: {found} for {expected}");
             }
         };

@@ -261,8 +261,8 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
         None => lines.push(("components", or_none(&components.join(", ")))),
         Some(model) => {
             let worst = model.worst();
-            let passes = if file.is_coloured() { "transmittance is coloured" } else { "transmittance is grey" };
-            lines.push(("model", format!("{}; {passes}", model.description())));
+            let transmittance = if file.is_coloured() { "transmittance is coloured" } else { "transmittance is grey" };
+            lines.push(("model", format!("{}; {transmittance}", model.description())));
             let of = format!("{:.3} on average, p95 {:.3}, at most {:.3}", worst.mean, worst.p95, worst.max);
             lines.push(("ΔE00", format!("{of} under its lights")));
         }

@@ -61,7 +61,7 @@ impl Document {
 
     /// Whether the volume of `scene` has the same grid.
     #[must_use]
-    pub fn lies_as(&self, scene: &Scene) -> bool {
+    pub fn has_grid_of(&self, scene: &Scene) -> bool {
         scene.volume.geometry == self.opened.scene.volume.geometry
     }
 
@@ -69,7 +69,7 @@ impl Document {
     /// stay. An unchanged transfer function is replaced by that of `file`, unless the values of both volumes are
     /// `alike`, as those of time steps are.
     #[must_use]
-    pub fn beside(self, file: SceneFile, alike: bool) -> Self {
+    pub fn with_file(self, file: SceneFile, alike: bool) -> Self {
         let (before, scene) = (&self.opened.scene, &file.scene);
         let onto = |state: State| {
             let now = state.scene;
@@ -163,7 +163,7 @@ impl Document {
     }
 
     /// Ends the gesture during a tour: the next edit starts an undo step, and the tour continues its own.
-    pub fn rest_beside_tour(&mut self) {
+    pub fn rest_during_tour(&mut self) {
         let tour = Edit::Tour(0, 0).kind();
         self.gesture.retain(|kind| *kind == tour);
     }

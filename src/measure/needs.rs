@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::DVec3;
 use serde::Serialize;
 
-use super::leaping::{Leaping, occupancy};
 use super::rungs::{RungError, Rungs};
+use super::skipping::{Skipping, occupancy};
 use crate::document::{SceneError, SceneOptions, parse};
 use crate::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use crate::progress::{Progress, Quiet};
@@ -482,8 +482,8 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
     let counting = Counting { inner: rungs.stored::<f64>(), taken: &taken };
     if plan.skipping {
         let occupancy = occupancy(&rungs.scene, &rungs.storage, rungs.labels.as_ref());
-        let leaping = Leaping::new(counting, &occupancy, &rungs.scene, &rungs.planned);
-        march(&rungs.scene, &rungs.planned, &leaping, SIZE, &Quiet).map_err(RungError::Reference)?;
+        let skipping = Skipping::new(counting, &occupancy, &rungs.scene, &rungs.planned);
+        march(&rungs.scene, &rungs.planned, &skipping, SIZE, &Quiet).map_err(RungError::Reference)?;
     } else {
         march(&rungs.scene, &rungs.planned, &counting, SIZE, &Quiet).map_err(RungError::Reference)?;
     }

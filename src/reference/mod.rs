@@ -5,7 +5,7 @@ mod samples;
 mod store;
 
 pub use march::{
-    RaySample, composite, composite_matrix, march, march_ray, pass_by, pass_by_matrix, render, render_pixels,
+    RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
 };
 pub use samples::{Exact, Samples, Step, Stored};
 pub use store::store;

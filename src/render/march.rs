@@ -242,7 +242,7 @@ pub(super) fn common(plan: &ScenePlan) -> Constants {
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
-    let [_, passed] = images(plan, StoreAs::Single, "read_write");
+    let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
@@ -259,9 +259,9 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("EXPONENTS", unsigned(exponents))
         .bool("EQUAL_SHARES", shares == Shares::Equal)
         .bool("COLOURED", plan.transmittance != Transmittance::Grey)
-        .u32("PASSED", unsigned(plan.passed()))
-        .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
-        .alias("TransmittanceImage", &passed)
+        .u32("TRANSMITTANCE_NUMBERS", unsigned(plan.transmittance_numbers()))
+        .u32("TRANSMITTANCE_LANES", unsigned(plan.transmittance_lanes()))
+        .alias("TransmittanceImage", &transmittance)
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
         .u32("AMBIENT", unsigned(plan.positions.ambient))
@@ -414,10 +414,10 @@ impl Renderer {
             Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
-        let [vectors, passed] = formats(plan, StoreAs::Single);
+        let [vectors, format] = formats(plan, StoreAs::Single);
         let accumulators = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
         let transmittance =
-            StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
+            StorageImage::new(device, "transmittance", format, extent, unsigned(plan.transmittance_lanes().max(1)))?;
 
         let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
             Some(match name {
@@ -498,7 +498,7 @@ impl Renderer {
         let transmittance = match plan.transmittance {
             Transmittance::Grey => read_layer(&self.device, &film.transmittance, 0)?,
             Transmittance::Coloured | Transmittance::Mixed => {
-                self.read_numbers(&film.transmittance, 0, plan.passed())?
+                self.read_numbers(&film.transmittance, 0, plan.transmittance_numbers())?
             }
         };
         Ok(Film { size, components, accumulators, transmittance })
@@ -511,7 +511,7 @@ impl Renderer {
     /// [`RenderError::Vulkan`].
     pub fn read_pixel(&self, film: &DeviceFilm, pixel: [usize; 2]) -> Result<Film<f32>, RenderError> {
         let plan = &film.planned.plan;
-        let images = [(&film.accumulators, plan.layers()), (&film.transmittance, plan.passed_lanes())];
+        let images = [(&film.accumulators, plan.layers()), (&film.transmittance, plan.transmittance_lanes())];
         let texels =
             || images.iter().flat_map(|&(image, layers)| (0..unsigned(layers)).map(move |layer| (image, layer)));
         let bytes: u64 = texels().map(|(image, _)| u64::from(image.format().texel_bytes())).sum();
@@ -529,7 +529,7 @@ impl Renderer {
         let mut read = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
         buffer.read(0, &mut read)?;
         let accumulators = texels_of(&film.accumulators, plan.layers());
-        let (accumulators, passed) = read.split_at(accumulators);
+        let (accumulators, rest) = read.split_at(accumulators);
         let numbers = |image: &StorageImage, bytes: &[u8]| -> Vec<f32> {
             match image.format() {
                 Format::Rgba16Float => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
@@ -543,8 +543,8 @@ impl Renderer {
         let accumulators = numbers(&film.accumulators, accumulators);
         let accumulators =
             accumulators.chunks_exact(lanes).flat_map(|position| &position[..components]).copied().collect();
-        let mut transmittance = numbers(&film.transmittance, passed);
-        transmittance.truncate(plan.passed());
+        let mut transmittance = numbers(&film.transmittance, rest);
+        transmittance.truncate(plan.transmittance_numbers());
         Ok(Film { size: [1, 1], components, accumulators, transmittance })
     }
 
@@ -678,7 +678,7 @@ fn longest_slice(plan: &ScenePlan) -> u32 {
         }
         (_, Accumulate::Weights { .. }) => (0, 0),
     };
-    let through = if plan.transmittance == Transmittance::Mixed { plan.passed() } else { 0 };
+    let through = if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { 0 };
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
     let per_sample = 4 + 2 * parts + coloured + plan.positions.total() * per_position;
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
@@ -705,9 +705,9 @@ struct Schedule {
     taken: f64,
     /// For each dispatch that was long enough to measure: the samples that would have fitted, and its seconds; the
     /// smallest number of samples first. A shorter dispatch only measures the time to start one.
-    told: Vec<[f64; 2]>,
+    timed: Vec<[f64; 2]>,
     /// Samples of the largest dispatch among the shorter ones.
-    untold: f64,
+    untimed: f64,
 }
 
 impl Schedule {
@@ -727,8 +727,8 @@ impl Schedule {
             budget,
             most,
             taken: 0.0,
-            told: Vec::new(),
-            untold: 0.0,
+            timed: Vec::new(),
+            untimed: 0.0,
         }
     }
 
@@ -736,9 +736,9 @@ impl Schedule {
     /// may have another cause.
     fn slow(&self) -> Option<f64> {
         let most = 2.0 * self.dispatch.as_secs_f64();
-        let told = self.told.get(1..)?;
-        let mut left = SLOW * told.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
-        let slow = told.iter().find(|[_, seconds]| {
+        let timed = self.timed.get(1..)?;
+        let mut left = SLOW * timed.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
+        let slow = timed.iter().find(|[_, seconds]| {
             left -= seconds.min(most);
             left <= 0.0
         });
@@ -748,11 +748,11 @@ impl Schedule {
     /// Speed measured so far.
     fn speed(&self) -> Speed {
         let dispatch = self.dispatch;
-        let most = match (self.slow(), self.told.first()) {
+        let most = match (self.slow(), self.timed.first()) {
             (Some(slow), _) => BOLDNESS * slow,
             // The only measurement.
             (None, Some([fitting, _])) => BOLDNESS * fitting,
-            (None, None) => self.most.max(BOLDNESS_ELSEWHERE * self.untold),
+            (None, None) => self.most.max(BOLDNESS_ELSEWHERE * self.untimed),
         };
         Speed { dispatch, first: Some(self.budget.min(most)), most }
     }
@@ -801,10 +801,10 @@ impl Schedule {
         let (seconds, aim) = (time.as_secs_f64().max(1e-6), self.dispatch.as_secs_f64());
         let fitting = self.taken * aim / seconds;
         if seconds >= TELLING * aim {
-            let place = self.told.partition_point(|[known, _]| *known < fitting);
-            self.told.insert(place, [fitting, seconds]);
+            let place = self.timed.partition_point(|[known, _]| *known < fitting);
+            self.timed.insert(place, [fitting, seconds]);
         } else {
-            self.untold = self.untold.max(self.taken);
+            self.untimed = self.untimed.max(self.taken);
         }
         let most = self.most.min(self.slow().map_or(f64::INFINITY, |slow| BOLDNESS * slow));
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(most);

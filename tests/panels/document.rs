@@ -116,7 +116,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     before.edit(&Edit::HandOnNode(1));
     before.edit(&Edit::RemoveTerm(0));
     let scene = before.opened().clone();
-    assert!(before.lies_as(&scene.scene));
+    assert!(before.has_grid_of(&scene.scene));
     let after = before.clone().beside(scene.clone(), false);
     assert!(after.state().writes_as(before.state()), "also a transfer function that was changed");
     let mut back = after.clone();
@@ -137,7 +137,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     }
     let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
     let smaller = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    assert!(!before.lies_as(&smaller.scene), "another grid is another thing");
+    assert!(!before.has_grid_of(&smaller.scene), "another grid is another thing");
 }
 
 #[test]

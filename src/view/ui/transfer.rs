@@ -118,8 +118,8 @@ fn seen_of(material: &Material) -> Spectrum {
     let Some(shape) = material.absorption.as_ref().map(Absorption::spectrum).filter(|it| !is_constant(it)) else {
         return reflected.clone();
     };
-    let passed = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
-    if *reflected == Spectrum::constant(0.0) { passed } else { &passed * reflected }
+    let transmitted = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
+    if *reflected == Spectrum::constant(0.0) { transmitted } else { &transmitted * reflected }
 }
 
 /// Colours of the scene's materials under the current light, lit from all its positions.
