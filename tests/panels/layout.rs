@@ -85,7 +85,7 @@ fn the_transfer_function_comes_right_after_the_lights_and_the_camera_says_which_
         matches!(document.state().scene.camera.projection, Projection::Orthographic { .. })
     };
     for (choice, parallel) in
-        [("Perspective", false), ("Parallel rays", true), ("Parallel rays", true), ("Perspective", false)]
+        [("Perspective", false), ("Orthographic", true), ("Orthographic", true), ("Perspective", false)]
     {
         window.get_by_label(choice).click();
         window.run();

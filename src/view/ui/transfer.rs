@@ -210,7 +210,7 @@ fn ends(ui: &mut Ui, statistics: &Statistics) {
             ui.label(end(statistics.max));
             ui.with_layout(egui::Layout::top_down(egui::Align::Center), |ui| {
                 // Not on the histogram, where the tooltip would cover the handles and the numbers below.
-                ui.label(RichText::new("what can be dragged?").small().weak()).on_hover_text(HELP);
+                ui.label(RichText::new("help").small().weak()).on_hover_text(HELP);
             });
         });
     });
