@@ -283,7 +283,7 @@ fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
 fn a_slab_is_its_closed_form_on_every_rung() {
     for (step, opacity) in [(0.7, 0.05), (0.7, 0.4), (1.0, 1e-6), (0.013, 0.05)] {
         let rungs = slab_straight_on(step, opacity);
-        let (transmittance, weight) = closed_form(step, opacity);
+        let (left, weight) = closed_form(step, opacity);
         let near = |what: &str, found: f64, expected: f64, limit: f64| {
             let error = (found - expected).abs() / expected;
             assert!(
@@ -300,7 +300,7 @@ fn a_slab_is_its_closed_form_on_every_rung() {
         near("81 bands", truth[27].y, weight * surface.0[1], BASIS + double);
         let check = |what: &str, weights: &[f64], transmittance: &[f64], limit: f64| {
             weights.iter().for_each(|&found| near(what, found, weight, limit));
-            transmittance.iter().for_each(|&found| near(what, found, transmittance, limit));
+            transmittance.iter().for_each(|&found| near(what, found, left, limit));
         };
         let wide = |sums: &[f32]| -> Vec<f64> { sums.iter().copied().map(f64::from).collect() };
         let exact = rungs.march::<f64>(&rungs.exact());

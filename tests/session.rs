@@ -376,7 +376,7 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     let (first, statistics) = other.read(&Quiet).unwrap();
     assert!(statistics.min.abs() < 1e-9 && (statistics.max - 63.0).abs() < 1e-9, "the first half: {statistics:?}");
     assert_eq!(first.scene.volume.selection, time(0));
-    let document = Document::new(scene).beside(first, true);
+    let document = Document::new(scene).with_file(first, true);
     let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
     assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");
 }

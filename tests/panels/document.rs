@@ -117,7 +117,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     before.edit(&Edit::RemoveTerm(0));
     let scene = before.opened().clone();
     assert!(before.has_grid_of(&scene.scene));
-    let after = before.clone().beside(scene.clone(), false);
+    let after = before.clone().with_file(scene.clone(), false);
     assert!(after.state().writes_as(before.state()), "also a transfer function that was changed");
     let mut back = after.clone();
     while back.can_undo() {
@@ -132,7 +132,7 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     other.scene.transfer.terms.remove(0);
     let untouched = Document::new(scene.clone());
     for (alike, terms) in [(true, &scene.scene.transfer), (false, &other.scene.transfer)] {
-        let after = untouched.clone().beside(other.clone(), alike);
+        let after = untouched.clone().with_file(other.clone(), alike);
         assert!(after.is_saved() && after.state().scene.transfer == *terms, "{alike}");
     }
     let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
