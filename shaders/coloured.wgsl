@@ -1,25 +1,25 @@
 // Coloured transmittance: one number per coefficient of the colour model. Part of `march.wgsl`.
 
-alias Passed = array<vec4f, LANES>;
+alias Transmittance = array<vec4f, LANES>;
 
-fn all_light() -> Passed {
-    var all: Passed;
+fn all_light() -> Transmittance {
+    var all: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
         all[lane] = all_components(lane);
     }
     return all;
 }
 
-fn opacity_at(i: u32) -> Passed {
-    var opacity: Passed;
+fn opacity_at(i: u32) -> Transmittance {
+    var opacity: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
         opacity[lane] = table_opacity[i * LANES + lane];
     }
     return opacity;
 }
 
-fn opacity_between(i: u32, fraction: f32) -> Passed {
-    var between: Passed;
+fn opacity_between(i: u32, fraction: f32) -> Transmittance {
+    var between: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
         let opacity = table_opacity[i * LANES + lane];
         between[lane] = fma(vec4f(fraction), table_opacity[(i + 1u) * LANES + lane] - opacity, opacity);
@@ -27,8 +27,8 @@ fn opacity_between(i: u32, fraction: f32) -> Passed {
     return between;
 }
 
-fn opacity_of_label(row: u32) -> Passed {
-    var opacity: Passed;
+fn opacity_of_label(row: u32) -> Transmittance {
+    var opacity: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
         opacity[lane] = label_opacity[row * LANES + lane];
     }
@@ -36,37 +36,37 @@ fn opacity_of_label(row: u32) -> Passed {
 }
 
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
-fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
-    var passed: Passed;
+fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
+    var left: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        passed[lane] = fma(-transmittance[lane], opacity[lane], transmittance[lane]);
+        left[lane] = fma(-transmittance[lane], opacity[lane], transmittance[lane]);
     }
-    return passed;
+    return left;
 }
 
 // Returns `sum` plus the transmitted part of a lane of `source`.
-fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
-    return fma(passed[lane], source[lane], sum);
+fn received(transmittance: Transmittance, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
+    return fma(transmittance[lane], source[lane], sum);
 }
 
-fn brightest(passed: Passed) -> f32 {
+fn brightest(transmittance: Transmittance) -> f32 {
     var most = vec4f();
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        most = max(most, passed[lane]);
+        most = max(most, transmittance[lane]);
     }
     return max(max(most.x, most.y), max(most.z, most.w));
 }
 
-fn load_passed(pixel: vec2u) -> Passed {
-    var passed: Passed;
+fn load_transmittance(pixel: vec2u) -> Transmittance {
+    var transmittance: Transmittance;
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        passed[lane] = textureLoad(transmittances, pixel, lane);
+        transmittance[lane] = textureLoad(transmittances, pixel, lane);
     }
-    return passed;
+    return transmittance;
 }
 
-fn store_passed(pixel: vec2u, passed: Passed) {
+fn store_transmittance(pixel: vec2u, transmittance: Transmittance) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        textureStore(transmittances, pixel, lane, passed[lane]);
+        textureStore(transmittances, pixel, lane, transmittance[lane]);
     }
 }

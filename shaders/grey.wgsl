@@ -1,42 +1,42 @@
 // Grey transmittance: one number for all wavelengths. Part of `march.wgsl`.
 
-alias Passed = f32;
+alias Transmittance = f32;
 
-fn all_light() -> Passed {
+fn all_light() -> Transmittance {
     return 1.0;
 }
 
-fn opacity_at(i: u32) -> Passed {
+fn opacity_at(i: u32) -> Transmittance {
     return table_opacity[i / 4u][i % 4u];
 }
 
-fn opacity_between(i: u32, fraction: f32) -> Passed {
+fn opacity_between(i: u32, fraction: f32) -> Transmittance {
     let opacity = opacity_at(i);
     return fma(fraction, opacity_at(i + 1u) - opacity, opacity);
 }
 
-fn opacity_of_label(row: u32) -> Passed {
+fn opacity_of_label(row: u32) -> Transmittance {
     return label_opacity[row / 4u][row % 4u];
 }
 
 // Transmittance after a step, rounded once: `T *= 1 − α` drifts over a large number of equal steps.
-fn pass_by(transmittance: Passed, opacity: Passed) -> Passed {
+fn attenuate(transmittance: Transmittance, opacity: Transmittance) -> Transmittance {
     return fma(-transmittance, opacity, transmittance);
 }
 
 // Returns `sum` plus the transmitted part of a lane of `source`.
-fn received(passed: Passed, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
-    return fma(vec4f(passed), source[lane], sum);
+fn received(transmittance: Transmittance, lane: u32, source: array<vec4f, LANES>, sum: vec4f) -> vec4f {
+    return fma(vec4f(transmittance), source[lane], sum);
 }
 
-fn brightest(passed: Passed) -> f32 {
-    return passed;
+fn brightest(transmittance: Transmittance) -> f32 {
+    return transmittance;
 }
 
-fn load_passed(pixel: vec2u) -> Passed {
+fn load_transmittance(pixel: vec2u) -> Transmittance {
     return textureLoad(transmittances, pixel, 0).x;
 }
 
-fn store_passed(pixel: vec2u, passed: Passed) {
-    textureStore(transmittances, pixel, 0, vec4f(passed));
+fn store_transmittance(pixel: vec2u, transmittance: Transmittance) {
+    textureStore(transmittances, pixel, 0, vec4f(transmittance));
 }

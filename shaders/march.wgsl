@@ -80,7 +80,7 @@ struct Ray {
 
 struct Step {
     source: array<vec4f, TABLE_LANES>,
-    opacity: Passed,
+    opacity: Transmittance,
     normal: vec3f,
 }
 
@@ -334,24 +334,41 @@ fn shade(position: u32, ray: Ray, place: vec3f, step: Step) -> array<vec4f, LANE
 }
 
 // Adds one premultiplied sample front to back, `A += T·s`.
-fn composite(sums: ptr<function, array<vec4f, LAYERS>>, first: u32, source: array<vec4f, LANES>, passed: Passed) {
+fn composite(
+    sums: ptr<function, array<vec4f, LAYERS>>,
+    first: u32,
+    source: array<vec4f, LANES>,
+    transmittance: Transmittance,
+) {
     for (var lane = 0u; lane < LANES; lane += 1u) {
-        (*sums)[first + lane] = received(passed, lane, source, (*sums)[first + lane]);
+        (*sums)[first + lane] = received(transmittance, lane, source, (*sums)[first + lane]);
     }
 }
 
 // Adds the contribution of the sample at `place`; returns the transmittance after it.
-fn add_sample(ray: Ray, place: vec3f, key: Key, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
+fn add_sample(
+    ray: Ray,
+    place: vec3f,
+    key: Key,
+    transmittance: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
     let step = sample(place, key);
     for (var position = 0u; position < POSITIONS_USED; position += 1u) {
-        composite(sums, position * LANES, shade(position, ray, place, step), passed);
+        composite(sums, position * LANES, shade(position, ray, place, step), transmittance);
     }
-    return pass_by(passed, step.opacity);
+    return attenuate(transmittance, step.opacity);
 }
 
 // Marches the samples from `first` to before `end`, or until early termination; returns the transmittance.
-fn march_samples(ray: Ray, first: u32, end: u32, passed: Passed, sums: ptr<function, array<vec4f, LAYERS>>) -> Passed {
-    var transmittance = passed;
+fn march_samples(
+    ray: Ray,
+    first: u32,
+    end: u32,
+    before: Transmittance,
+    sums: ptr<function, array<vec4f, LAYERS>>,
+) -> Transmittance {
+    var transmittance = before;
     if (SEEKING) {
         var n = first;
         loop {
@@ -397,7 +414,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
             sums[layer] = textureLoad(accumulators, pixel, layer);
         }
-        transmittance = load_passed(pixel);
+        transmittance = load_transmittance(pixel);
     }
     let end = select(min(ray.samples, band.end_sample), 0u, brightest(transmittance) < march.termination);
     var n = band.first_sample;
@@ -430,5 +447,5 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
         textureStore(accumulators, pixel, layer, sums[layer]);
     }
-    store_passed(pixel, transmittance);
+    store_transmittance(pixel, transmittance);
 }

@@ -6,7 +6,7 @@ struct Relight {
     // Whether these accumulators were relit before.
     again: u32,
     // Per lane of the transmittance: red, green and blue of the background, and the weights in the total transmittance.
-    passing: array<array<vec4f, 4>, PASSED_LANES>,
+    background: array<array<vec4f, 4>, TRANSMITTANCE_LANES>,
     // Per layer of the accumulators: red, green and blue of its components.
     colours: array<array<vec4f, 3>, LAYERS>,
 }
@@ -17,7 +17,7 @@ struct Relight {
 @group(0) @binding(3) var display: texture_storage_2d_array<rgba8unorm, write>;
 @group(0) @binding(4) var linear: texture_storage_2d_array<rgba32float, write>;
 // Nonzero if any accumulator of a column of ROWS pixels is; otherwise only the background changes the column.
-@group(0) @binding(5) var met: texture_storage_2d_array<r32uint, read_write>;
+@group(0) @binding(5) var nonzero: texture_storage_2d_array<r32uint, read_write>;
 
 // The transfer curve of IEC 61966-2-1 to 1.5e-4 of a code. With u the fourth root of x, 1.055 x^(1/2.4) - 0.055 is
 // 1.055 u^(5/3) - 0.055, here its minimax polynomial. `pow` takes several times as long on a software device.
@@ -41,7 +41,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     if (FEW_LAYERS) {
         colours = relight.colours;
     }
-    let passing = relight.passing;
+    let background = relight.background;
     let begin = id.y * ROWS;
     var end = min(begin + ROWS, relight.height);
     if (id.x >= relight.width || begin >= end) {
@@ -52,7 +52,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var shown = 1u;
     if (SPARES) {
         if (relight.again != 0u) {
-            shown = min(textureLoad(met, id.xy, 0).x, 1u);
+            shown = min(textureLoad(nonzero, id.xy, 0).x, 1u);
         }
         if (!BACKGROUND) {
             end = begin + shown * (end - begin);
@@ -76,26 +76,26 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
                 colour += vec3f(dot(shine[0], weights), dot(shine[1], weights), dot(shine[2], weights));
             }
         }
-        var passed = 0.0;
-        if (PASSING) {
-            for (var lane = 0u; lane < PASSED_LANES; lane += 1u) {
-                let through = textureLoad(transmittances, pixel, lane);
-                passed += dot(passing[lane][3], through);
+        var total = 0.0;
+        if (READS_TRANSMITTANCE) {
+            for (var lane = 0u; lane < TRANSMITTANCE_LANES; lane += 1u) {
+                let transmittance = textureLoad(transmittances, pixel, lane);
+                total += dot(background[lane][3], transmittance);
                 if (BACKGROUND) {
-                    let behind = passing[lane];
-                    colour += vec3f(dot(behind[0], through), dot(behind[1], through), dot(behind[2], through));
+                    let behind = background[lane];
+                    colour += vec3f(dot(behind[0], transmittance), dot(behind[1], transmittance), dot(behind[2], transmittance));
                 }
             }
         }
         if (DISPLAY) {
             textureStore(display, pixel, 0, vec4f(encode(colour), 1.0));
         } else {
-            textureStore(linear, pixel, 0, vec4f(colour, 1.0 - passed));
+            textureStore(linear, pixel, 0, vec4f(colour, 1.0 - total));
         }
     }
     if (SPARES) {
         if (relight.again == 0u) {
-            textureStore(met, id.xy, 0, vec4u(found.x | found.y | found.z | found.w));
+            textureStore(nonzero, id.xy, 0, vec4u(found.x | found.y | found.z | found.w));
         }
     }
 }

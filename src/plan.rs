@@ -182,7 +182,7 @@ impl ScenePlan {
 
     /// Numbers of the transmittance of a pixel.
     #[must_use]
-    pub fn passed(&self) -> usize {
+    pub fn transmittance_numbers(&self) -> usize {
         match self.transmittance {
             Transmittance::Grey => 1,
             Transmittance::Coloured => self.components(),
@@ -196,10 +196,10 @@ impl ScenePlan {
         self.components().div_ceil(LANE)
     }
 
-    /// Vectors that hold [`Self::passed`].
+    /// Vectors that hold [`Self::transmittance_numbers`].
     #[must_use]
-    pub fn passed_lanes(&self) -> usize {
-        self.passed().div_ceil(LANE)
+    pub fn transmittance_lanes(&self) -> usize {
+        self.transmittance_numbers().div_ceil(LANE)
     }
 
     /// Vectors that hold the shading coefficients: one number per material, or one per exponent of highlights.
@@ -263,11 +263,11 @@ impl ScenePlan {
             StoreAs::Single => size_of::<f32>(),
             StoreAs::Half => size_of::<::half::f16>(),
         };
-        let passed = match self.transmittance {
+        let transmittance = match self.transmittance {
             Transmittance::Grey => size_of::<f32>(),
-            Transmittance::Coloured | Transmittance::Mixed => self.passed_lanes() * LANE * number,
+            Transmittance::Coloured | Transmittance::Mixed => self.transmittance_lanes() * LANE * number,
         };
-        (self.layers() * LANE * number + passed) as u64
+        (self.layers() * LANE * number + transmittance) as u64
     }
 
     /// Whether the gradient of the data is needed.
@@ -289,10 +289,10 @@ impl ScenePlan {
     #[must_use]
     pub fn seeks(&self) -> bool {
         let voxels = if self.interpolation == Interpolation::Cubic { 64 } else { 8 };
-        let passed = if self.transmittance == Transmittance::Grey { 1 } else { self.passed_lanes() * LANE };
+        let opacity = if self.transmittance == Transmittance::Grey { 1 } else { self.transmittance_lanes() * LANE };
         let entries = if self.lookup == Lookup::Nearest { 1 } else { 2 };
         let differences = if self.gradient() && self.gradients == Gradients::Central { 6 * voxels } else { 0 };
-        self.skipping && entries * (self.parts().lanes * LANE + passed) + differences >= 2 * voxels
+        self.skipping && entries * (self.parts().lanes * LANE + opacity) + differences >= 2 * voxels
     }
 
     /// Whether a volume stored on a device for `other` suits this plan: same format, gradients, labels and filter.
@@ -342,6 +342,20 @@ pub enum PlanError {
     /// No colour model meets the request.
     #[error("no colour model fits the scene")]
     Model(#[from] ModelError),
+}
+
+impl PlanError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotGrey { .. } => "weights-inexact",
+            Self::HalfPrecision { .. } => "half-imprecise",
+            Self::HalfRange => "half-overflow",
+            Self::HalfMatrix => "half-matrix",
+            Self::Model(error) => error.code(),
+        }
+    }
 }
 
 /// Plans `scene` by its contents and its accuracy settings. Fits a colour model if one is needed.

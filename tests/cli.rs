@@ -135,7 +135,11 @@ fn a_component_is_chosen_by_flag_or_by_the_scene() {
     let folder = Folder::new()
         .with("rgb.nrrd", [header.as_bytes(), &numbers].concat())
         .with("rgb.toml", "version = 1\n[volume]\nfile = \"rgb.nrrd\"\ncomponent = 2\n");
-    folder.refused(1, &["info", "rgb.nrrd"], &["3 components per voxel (rgb-color)", "--component N, from 0 to 2"]);
+    folder.refused(
+        1,
+        &["info", "rgb.nrrd"],
+        &["3 components per voxel (rgb-color)", "choose a component from 0 to 2 with --component N"],
+    );
     folder.refused(1, &["info", "rgb.nrrd", "--component", "3"], &["--component 3", "3 components"]);
     folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--time", "1"], &["--time 1", "1 time step"]);
     folder.refused(1, &["info", "rgb.nrrd", "--component", "0", "--array", "ct"], &["--array ct"]);
@@ -203,7 +207,7 @@ fn info_of_an_accumulator_file_says_what_it_holds() {
     let json = folder.done(&["info", "acc.exr", "--json"]).json();
     assert_eq!(
         keys(&json),
-        ["accumulators", "components", "lights", "model", "positions", "situations", "size", "warnings"]
+        ["accumulators", "components", "lights", "model", "positions", "presets", "situations", "size", "warnings"]
     );
     assert_eq!(json["positions"], serde_json::json!(["lamp", "day"]));
     assert!(folder.done(&["info", "--help"]).out.contains("film file (.exr)"));
@@ -629,7 +633,7 @@ fn spectra_that_nature_does_not_have_are_reported() {
         assert!(err.starts_with("warning: lights.lamp.spectrum is negative"), "{err}");
     }
     for err in warnings(&folder, &["--light", "odd.csv"]) {
-        assert!(err.starts_with("warning: --light odd.csv is negative"), "{err}");
+        assert!(err.starts_with("warning: the light odd.csv is negative"), "{err}");
     }
     // Artificial reflectances may be negative, and white may be 1.
     assert_eq!(warnings(&folder, &["-D", "materials.bone.reflectance={400=-0.5,700=1}"]), ["", ""]);
@@ -826,7 +830,7 @@ fn the_hand_of_the_dial_mixes_lights_and_on_a_node_is_that_light_alone() {
         assert!(names.iter().any(|there| there == name), "no {name} in {names:?}");
     }
     assert!(!names.iter().any(|name| name == "s.png"));
-    folder.done(&["relight", "acc.exr", "--tour", "--frames", "2", "-o", "t.png"]);
+    folder.done(&["relight", "acc.exr", "--loop", "--frames", "2", "-o", "t.png"]);
     assert_eq!(std::fs::read(folder.path("t-0001.png")).unwrap(), std::fs::read(folder.path("s-0003.png")).unwrap());
 }
 
@@ -837,13 +841,13 @@ fn a_dial_that_cannot_be_turned_so_is_refused() {
     for (arguments, words) in [
         (&["--dial", "north"][..], "write x,y"),
         (&["--dial", "0,0", "--light", "A"], "cannot be used with"),
-        (&["--nodes-off", "lamp"], "--dial, --situation, --sweep or --tour"),
+        (&["--nodes-off", "lamp"], "--dial, --dial-preset, --sweep or --loop"),
         (&["--dial", "0,0", "--nodes-off", "lam"], "there are: day, lamp"),
         (&["--sweep", "day"], "A..B"),
         (&["--sweep", "day..night"], "night: there is no such light"),
-        (&["--dial", "0,0", "--frames", "7"], "--sweep <A..B>|--tour"),
-        (&["--frames", "3"], "--sweep <A..B>|--tour"),
-        (&["--situation", "dusk"], "dusk: the dial has no presets; [[dial.situations]]"),
+        (&["--dial", "0,0", "--frames", "7"], "--sweep <A..B>|--loop"),
+        (&["--frames", "3"], "--sweep <A..B>|--loop"),
+        (&["--dial-preset", "dusk"], "dusk: the dial has no presets; [[dial.presets]]"),
     ] {
         folder.refused(2, &[&["relight", "acc.exr", "-o", "p.png"], arguments].concat(), &[words]);
     }

@@ -11,6 +11,8 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
+use relume::document::{Source, State, session};
+use relume::progress::Quiet;
 use support::program::Folder;
 
 fn released(name: &str) -> PathBuf {
@@ -45,6 +47,49 @@ fn gives(arguments: &[&str], picture: &str, codes: u8) {
     assert!(difference <= codes, "{arguments:?}: {difference} codes off {picture}");
 }
 
+/// A file of version 0.1.0 in a folder of its own.
+fn with(name: &str) -> Folder {
+    let folder = Folder::new();
+    std::fs::copy(released(name), folder.path(name)).unwrap();
+    folder
+}
+
+#[test]
+fn former_names_of_keys_and_flags_work_and_are_told_once() {
+    let folder = with("session.toml");
+    let told = "dial.situations is now called dial.presets";
+    let outcome = folder.done(&["info", "session.toml", "--json"]);
+    assert_eq!(outcome.err.matches(told).count(), 1, "{}", outcome.err);
+    let json = outcome.json();
+    assert_eq!(json["presets"][3], "between");
+    assert_eq!(json["presets"], json["situations"]);
+    assert_eq!(json["warnings"], serde_json::json!([told]));
+
+    let folder = with("session.exr");
+    let relit = |flags: &[&str]| folder.done(&[&["relight", "session.exr", "-o", "now.png"], flags].concat()).err;
+    assert_eq!(relit(&["--dial-preset", "between"]), "");
+    assert_eq!(largest_difference(&folder.path("now.png"), &released("relit.png")), 0);
+    assert_eq!(relit(&["--situation", "between"]), "warning: --situation is now called --dial-preset\n");
+    assert_eq!(largest_difference(&folder.path("now.png"), &released("relit.png")), 0);
+    assert_eq!(relit(&["--tour", "--frames", "1"]), "warning: --tour is now called --loop\n");
+}
+
+#[test]
+fn a_session_of_0_1_0_is_saved_with_the_names_of_now() {
+    let folder = with("session.toml");
+    let source = Source::of(&folder.path("session.toml"));
+    let (file, _) = source.read(&Quiet).unwrap();
+    let state = State::new(&file);
+    let text = session::text(&folder.path("again.toml"), &source, &file, &state).unwrap();
+    assert!(text.contains("presets = [{ name = \"1b\"") && !text.contains("situations"), "{text}");
+    std::fs::write(
+        folder.path("both.toml"),
+        text.replace("[dial]\n", "[dial]\nsituations = [{ name = \"x\", hand = [0, 0] }]\n"),
+    )
+    .unwrap();
+    folder.refused(1, &["info", "both.toml"], &["dial.situations is now called dial.presets; keep one"]);
+}
+
 /// Devices round the march and the sRGB curve differently, by up to one code.
 #[test]
 fn a_session_of_0_1_0_renders_as_it_did() {
@@ -53,7 +98,7 @@ fn a_session_of_0_1_0_renders_as_it_did() {
 
 #[test]
 fn a_film_of_weights_of_0_1_0_relights_as_it_did() {
-    gives(&["relight", "session.exr", "--situation", "between"], "relit.png", 0);
+    gives(&["relight", "session.exr", "--dial-preset", "between"], "relit.png", 0);
     gives(&["relight", "session.exr", "--light", "A=0.7"], "bulb.png", 0);
 }
 

@@ -37,7 +37,7 @@ fn luminance(mix: &Mix) -> f64 {
 #[test]
 fn weights_are_inverse_distances_and_add_up_to_one() {
     let nodes = vec![node("a", dvec2(0.0, 0.0)), node("b", dvec2(3.0, 0.0)), node("c", dvec2(0.0, 4.0))];
-    let dial = Dial { nodes, normalise: true, master: 1.0, situations: vec![] };
+    let dial = Dial { nodes, normalise: true, master: 1.0, presets: vec![] };
     // Distances from (0, 1): 1, √10 and 3.
     let reciprocals = [1.0, 1.0 / 10_f64.sqrt(), 1.0 / 3.0];
     let sum: f64 = reciprocals.iter().sum();
@@ -108,7 +108,7 @@ fn a_node_that_is_off_keeps_its_place_and_does_not_shine() {
 #[test]
 fn nodes_at_one_place_share_the_light_there() {
     let nodes = vec![node("a", DVec2::ONE), node("b", DVec2::ONE), node("c", DVec2::ZERO)];
-    assert_eq!(Dial { nodes, normalise: true, master: 1.0, situations: vec![] }.weights(DVec2::ONE), [0.5, 0.5, 0.0]);
+    assert_eq!(Dial { nodes, normalise: true, master: 1.0, presets: vec![] }.weights(DVec2::ONE), [0.5, 0.5, 0.0]);
 }
 
 #[test]
@@ -117,15 +117,15 @@ fn ways_of_the_hand_meet_their_nodes_exactly() {
     let way = Dial::sweep(&dial.nodes[0], &dial.nodes[2], 7);
     assert_eq!((way.len(), way[0], way[6]), (7, dial.nodes[0].place, dial.nodes[2].place));
     assert_eq!(Dial::sweep(&dial.nodes[0], &dial.nodes[2], 1), [dial.nodes[0].place]);
-    let tour = dial.tour(9);
+    let path = dial.closed_path(9);
     assert_eq!(
-        (tour.len(), tour[0], tour[3], tour[6]),
+        (path.len(), path[0], path[3], path[6]),
         (9, dial.nodes[0].place, dial.nodes[1].place, dial.nodes[2].place)
     );
     dial.node_mut("b").unwrap().on = false;
-    assert_eq!(dial.tour(4)[2], dial.nodes[2].place, "what is off is no stop");
+    assert_eq!(dial.closed_path(4)[2], dial.nodes[2].place, "what is off is no stop");
     dial.nodes.clear();
-    assert!(dial.tour(4).is_empty());
+    assert!(dial.closed_path(4).is_empty());
 }
 
 #[test]
@@ -134,20 +134,20 @@ fn a_scene_states_its_dial() {
     assert_eq!(plain, Dial::regular(["a", "b", "c"].into_iter()));
     let stated = scene(
         "[dial]\nnormalise = false\nmaster = 2\noff = [\"c\"]\n[dial.nodes]\nb = [0.25, -0.5]\n\
-                        [[dial.situations]]\nname = \"dusk\"\nhand = \"b\"\noff = [\"a\"]\n\
-                        [[dial.situations]]\nname = \"noon\"\nhand = [1, 2]\ncaption = \"bright\"\n",
+                        [[dial.presets]]\nname = \"dusk\"\nhand = \"b\"\noff = [\"a\"]\n\
+                        [[dial.presets]]\nname = \"noon\"\nhand = [1, 2]\ncaption = \"bright\"\n",
     )
     .unwrap()
     .dial;
     assert_eq!((stated.normalise, stated.master), (false, 2.0));
     assert_eq!(stated.nodes[1].place, dvec2(0.25, -0.5));
     assert_eq!(stated.nodes.iter().map(|node| node.on).collect::<Vec<_>>(), [true, true, false]);
-    let (dial, dusk) = stated.situation("dusk").unwrap();
+    let (dial, dusk) = stated.preset("dusk").unwrap();
     assert_eq!(dusk.hand, dvec2(0.25, -0.5), "the node's place");
     assert_eq!(dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>(), [false, true, false]);
-    let (dial, noon) = stated.situation("noon").unwrap();
+    let (dial, noon) = stated.preset("noon").unwrap();
     assert_eq!((dial, noon.hand, noon.caption.as_str()), (stated.clone(), dvec2(1.0, 2.0), "bright"));
-    assert!(stated.situation("dawn").unwrap_err().contains("there are: dusk, noon"));
+    assert!(stated.preset("dawn").unwrap_err().contains("there are: dusk, noon"));
 }
 
 #[test]
@@ -156,7 +156,7 @@ fn a_dial_of_lights_that_are_not_there_is_refused() {
         ("[dial.nodes]\nd = [0, 0]\n", ["dial.nodes.d", "there are: a, b, c"]),
         ("[dial]\noff = [\"d\"]\n", ["dial.off: d", "there are: a, b, c"]),
         ("[dial]\nmaster = -1\n", ["dial.master = -1", "from 0 to"]),
-        ("[[dial.situations]]\nname = \"x\"\nhand = \"d\"\n", ["dial.situations, x: d", "there are: a, b, c"]),
+        ("[[dial.presets]]\nname = \"x\"\nhand = \"d\"\n", ["dial.presets, x: d", "there are: a, b, c"]),
         ("[dial.nodes]\na = [inf, 0]\n", ["dial.nodes.a", "not finite"]),
     ] {
         let message = scene(text).unwrap_err().to_string();

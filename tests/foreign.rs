@@ -87,7 +87,6 @@ fn a_name_that_promises_what_is_not_there_is_no_proof() {
     std::fs::write(&path, b"words").unwrap();
     let said = refusal(&path);
     assert!(said.contains("unknown volume format") && said.contains("a NIfTI file"), "{said}");
-    assert!(said.contains("--dims and --type"), "the way out: {said}");
     assert!(said.contains("text file"), "{said}");
     // Cut within a character, as the inspected start of a long file may be.
     std::fs::write(&path, "Übung".repeat(1000).as_bytes()).unwrap();

@@ -12,7 +12,7 @@ use hostile::{Counting, Place, Reader, most_held};
 use relume::document;
 use relume::model::{ColourModel, ErrorSummary, LightMatrix, ModelKind};
 use relume::output::FilmFile;
-use relume::output::film::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation, Stored};
+use relume::output::film::{Component, Components, Dial, DialPreset, Light, Node, Position, PositionKind, Stored};
 use relume::progress::{Progress, Quiet};
 use relume::spectrum::observer::Observer;
 use relume::spectrum::{self, Spectrum};
@@ -191,7 +191,7 @@ fn accumulators_to_damage() {
         transmittance: vec![0.25; 12],
     };
     let node = |light: &str, on| Node { light: light.to_owned(), place: [0.0, f64::from(u8::from(on))], on };
-    let situation = |name: &str, hand| Situation {
+    let preset = |name: &str, hand| DialPreset {
         name: name.to_owned(),
         caption: "at dusk".to_owned(),
         hand,
@@ -205,7 +205,7 @@ fn accumulators_to_damage() {
             normalise: true,
             master: 1.5,
             nodes: vec![node("day", true), node("lamp", false)],
-            situations: vec![situation("evening", [0.5, -2.0]), situation("night", [0.0, 0.0])],
+            presets: vec![preset("evening", [0.5, -2.0]), preset("night", [0.0, 0.0])],
         }),
         ..point.clone()
     };

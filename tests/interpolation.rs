@@ -115,7 +115,7 @@ fn every_interpolation_is_the_same_on_the_device() {
 }
 
 #[test]
-fn leaping_over_empty_cells_leaves_nothing_out_of_any_interpolation() {
+fn empty_space_skipping_omits_nothing_of_any_interpolation() {
     for interpolation in ALL {
         let march = |skipping: bool| {
             let mut scene = scenes::named("unshaded_three");

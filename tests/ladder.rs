@@ -58,7 +58,7 @@ fn accumulators<A: Real, E: Real>(
 ) -> Worst {
     let pixels = expected.size[0] * expected.size[1];
     assert_eq!(actual.accumulators.len(), expected.accumulators.len(), "the same accumulators");
-    assert_eq!(actual.transmittance.len(), expected.transmittance.len(), "the same numbers of what passes");
+    assert_eq!(actual.transmittance.len(), expected.transmittance.len(), "the same numbers of the transmittance");
     let mut worst = Worst::default();
     let pairs = actual.accumulators.iter().zip(&expected.accumulators).zip(&bound.accumulators);
     for (i, ((actual, expected), &bound)) in pairs.enumerate() {
@@ -217,7 +217,7 @@ fn climb(name: &str) {
     let linear: Vec<DVec3> = shown.iter().map(|&[r, g, b, _]| [r, g, b].map(f64::from).into()).collect();
     let relit = colours(&linear, &gpu.relight(&rungs.matrices()), &bound, &all);
     assert!(relit.share <= 1.0, "{name}: relight: {relit:?}");
-    let summed = f64::from(f32::EPSILON) * float(rungs.planned.plan.passed());
+    let summed = f64::from(f32::EPSILON) * float(rungs.planned.plan.transmittance_numbers());
     for (pixel, expected) in shown.iter().zip(gpu.opacity(&rungs.matrices())) {
         assert!((f64::from(pixel[3]) - expected).abs() <= summed, "{name}: opacity {} for {expected}", pixel[3]);
     }
@@ -283,7 +283,7 @@ fn closed_form(step: f64, opacity: f64) -> (f64, f64) {
 fn a_slab_is_its_closed_form_on_every_rung() {
     for (step, opacity) in [(0.7, 0.05), (0.7, 0.4), (1.0, 1e-6), (0.013, 0.05)] {
         let rungs = slab_straight_on(step, opacity);
-        let (passed, weight) = closed_form(step, opacity);
+        let (left, weight) = closed_form(step, opacity);
         let near = |what: &str, found: f64, expected: f64, limit: f64| {
             let error = (found - expected).abs() / expected;
             assert!(
@@ -300,7 +300,7 @@ fn a_slab_is_its_closed_form_on_every_rung() {
         near("81 bands", truth[27].y, weight * surface.0[1], BASIS + double);
         let check = |what: &str, weights: &[f64], transmittance: &[f64], limit: f64| {
             weights.iter().for_each(|&found| near(what, found, weight, limit));
-            transmittance.iter().for_each(|&found| near(what, found, passed, limit));
+            transmittance.iter().for_each(|&found| near(what, found, left, limit));
         };
         let wide = |sums: &[f32]| -> Vec<f64> { sums.iter().copied().map(f64::from).collect() };
         let exact = rungs.march::<f64>(&rungs.exact());
@@ -367,15 +367,15 @@ fn glass_changed(change: impl FnOnce(&mut Rungs)) -> f64 {
 fn the_ladder_catches_what_goes_wrong_in_one_number_of_a_spectrum() {
     assert!(glass_changed(|_| {}) <= 1.0, "the same picture");
     let swapped = glass_changed(|rungs| rungs.table.source.iter_mut().for_each(|vector| vector.swap(0, 1)));
-    let dimension = |rungs: &Rungs| rungs.table.passed;
+    let dimension = |rungs: &Rungs| rungs.table.opacity_numbers;
     let faded = glass_changed(|rungs| {
-        let passed = dimension(rungs);
-        rungs.table.opacity.chunks_exact_mut(passed).for_each(|numbers| numbers[1] *= 1.001);
+        let numbers = dimension(rungs);
+        rungs.table.opacity.chunks_exact_mut(numbers).for_each(|numbers| numbers[1] *= 1.001);
     });
     // Grey transmittance in place of coefficients.
     let grey = glass_changed(|rungs| {
-        let passed = dimension(rungs);
-        rungs.table.opacity.chunks_exact_mut(passed).for_each(|numbers| numbers.fill(numbers[0]));
+        let numbers = dimension(rungs);
+        rungs.table.opacity.chunks_exact_mut(numbers).for_each(|numbers| numbers.fill(numbers[0]));
     });
     assert!(swapped > 10.0 && faded > 1.0 && grey > 10.0, "{swapped}, {faded}, {grey}");
 }

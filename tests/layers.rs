@@ -127,6 +127,8 @@ const WORDS: &[(&str, &[&str])] = &[
 
 /// Siblings that use each other, and why they stay: folder, its modules, reason. None at present.
 const CIRCLES: &[(&str, &[&str], &str)] = &[];
+/// Modules whose texts may name a flag of the command line. A page of `measure` shows commands to copy.
+const NAMING_FLAGS: &[&str] = &["src/cli/", "src/view/", "src/measure/report/"];
 
 /// Source file of the program.
 struct Source {
@@ -394,6 +396,18 @@ fn wrong_words(source: &Source) -> Vec<String> {
     wrong.map(|word| format!("{}: {module} may not say {word:?}", source.path.display())).collect()
 }
 
+/// Texts of a file that name a flag although its module may not. In code, two minus signs never precede a word.
+fn wrong_flags(source: &Source) -> Vec<String> {
+    let path = source.path.to_string_lossy().replace('\\', "/");
+    if NAMING_FLAGS.iter().any(|folder| path.starts_with(folder)) {
+        return Vec::new();
+    }
+    let code = code(&source.text);
+    let flags = code.match_indices("--").map(|(at, _)| &code[at..]);
+    let flags = flags.filter(|rest| rest[2..].starts_with(|letter: char| letter.is_ascii_lowercase()));
+    flags.map(|rest| format!("{path} names the flag {}", rest.split([' ', '"', '\n']).next().unwrap())).collect()
+}
+
 /// Whether the file starts with a statement of its purpose.
 fn opens_with_a_purpose(source: &Source) -> bool {
     let mark = if source.path.extension().is_some_and(|ending| ending == "rs") { "//! " } else { "// " };
@@ -475,6 +489,12 @@ fn every_module_is_on_the_map() {
 #[test]
 fn modules_keep_to_their_words() {
     let wrong: Vec<String> = files("src", &[".rs"]).iter().flat_map(wrong_words).collect();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn only_the_command_line_and_the_window_name_flags() {
+    let wrong: Vec<String> = files("src", &[".rs"]).iter().flat_map(wrong_flags).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
@@ -566,6 +586,15 @@ fn a_wrong_word_is_caught() {
     assert_eq!(wrong("src/vulkan/image.rs", "//! One layer per wavelength of a spectrum."), 2);
     assert_eq!(wrong("src/shader.rs", "/// Spectral."), 1);
     assert_eq!(wrong("src/render/mod.rs", "//! Buffers of spectra."), 0);
+}
+
+#[test]
+fn a_flag_in_a_message_of_the_library_is_caught() {
+    let wrong = |path: &str, text: &str| wrong_flags(&Source::new(path, text)).len();
+    let message = "#[error(\"too large: take --downsample or --size\")]";
+    assert_eq!(wrong("src/render/mod.rs", message), 2);
+    assert_eq!(wrong("src/cli/advice.rs", message), 0);
+    assert_eq!(wrong("src/model/fit.rs", "// As --model does.\nlet x = -1 - -y;"), 0);
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn by(row: &Measured, cause: Cause) -> Difference {
 }
 
 #[test]
-fn the_truth_is_the_full_spectrum_at_an_eighth_of_the_shortest_step_and_leaping_leaves_nothing_out() {
+fn the_truth_is_the_full_spectrum_at_an_eighth_of_the_shortest_step_and_skipping_omits_nothing() {
     for text in [SCENE, GLASS] {
         let scene = parsed(text);
         let mut fine = scene.clone();
@@ -135,7 +135,7 @@ fn counts_and_bytes_are_those_of_the_plan() {
     let scene = parsed(GLASS);
     measured(&scene, &["storage=f16", "k=4", "k=8", "scale=0.5"], |_, rows| {
         let [own, half, four, eight, small] = rows else { panic!("{}", rows.len()) };
-        assert_eq!(own.pixel_bytes, 2 * half.pixel_bytes, "coloured light passes in numbers of 16 bits, too");
+        assert_eq!(own.pixel_bytes, 2 * half.pixel_bytes, "coloured transmittance has 16 bits, too");
         // Two positions and the transmittance, with one vector of four f32 each.
         assert_eq!((four.pixel_bytes, eight.pixel_bytes), (3 * 16, 6 * 16));
         assert_eq!((four.components, eight.components), (4, 8));

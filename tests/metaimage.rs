@@ -372,9 +372,10 @@ fn a_component_and_a_time_step_are_read_alone() {
             assert_eq!((volume.voxels, volume.components), (Voxels::U8(expected.to_vec()), 2), "{packed}");
         }
     }
-    let error = refused(&lines, &numbers, &["2 components per voxel", "--component N, from 0 to 1"]);
+    let error = refused(&lines, &numbers, &["2 components per voxel", "choose a component from 0 to 1"]);
     assert!(matches!(error, VolumeError::Choose { .. }), "{error}");
-    for (component, time, words) in [(0, None, "2 time steps"), (2, Some(0), "--component 2"), (0, Some(7), "--time 7")]
+    for (component, time, words) in
+        [(0, None, "2 time steps"), (2, Some(0), "component 2"), (0, Some(7), "time step 7")]
     {
         let error = select(&lines, &numbers, Some(component), time).map(|volume| volume.voxels).unwrap_err();
         assert!(error.to_string().contains(words), "{error}");

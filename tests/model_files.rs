@@ -50,7 +50,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
     let model = fit(&ingredients(), kind, dimension, &Quiet).unwrap();
     let (width, height) = (5, 19);
     let number = |index: usize| f32::from(u16::try_from(index % 251).unwrap()) / 251.0;
-    let passed = if coloured { dimension } else { 1 };
+    let numbers = if coloured { dimension } else { 1 };
     let light = |(index, (name, light)): (usize, &(String, relume::spectrum::Light))| Light {
         name: name.clone(),
         position: 1 - index,
@@ -73,7 +73,7 @@ fn example(kind: ModelKind, dimension: usize, coloured: bool) -> FilmFile {
         observer: Observer::default(),
         dial: None,
         accumulators: (0..2 * dimension * width * height).map(number).collect(),
-        transmittance: (0..passed * width * height).map(|index| number(index + 7)).collect(),
+        transmittance: (0..numbers * width * height).map(|index| number(index + 7)).collect(),
     }
 }
 
@@ -248,8 +248,8 @@ fn a_file_that_another_program_wrote_is_relit() {
             let spectrum = Spectrum::from_fn(|nm| if nm >= 550.0 { high } else { low });
             DVec3::from_array(xyz_of(&(light.spectrum() * &spectrum)).0)
         };
-        let passed = colour(0.5 * 0.5, 0.25 * 0.5);
-        assert_same_xyz(name, &found, &[colour(0.25, 0.25), colour(0.0, 0.5) + passed]);
+        let transmitted = colour(0.5 * 0.5, 0.25 * 0.5);
+        assert_same_xyz(name, &found, &[colour(0.25, 0.25), colour(0.0, 0.5) + transmitted]);
         let json = outcome.json();
         let lights = json["model"]["lights"].as_array().unwrap();
         let new = lights.iter().find(|light| light["planned"] == false).unwrap();

@@ -352,11 +352,11 @@ fn a_component_is_read_alone_wherever_its_axis_lies() {
                     assert_eq!(volume.geometry.dims, [6, 1, 1], "{lines:?}");
                 }
                 let kind = kind.to_ascii_lowercase();
-                let error = files.refused(&["3 components", &kind, "--component N, from 0 to 2"]);
+                let error = files.refused(&["3 components", &kind, "choose a component from 0 to 2"]);
                 assert!(matches!(error, VolumeError::Choose { .. }), "{error}");
                 let selection = Selection { component: Some(3), ..Selection::default() };
                 let error = files.select(&selection).map(|volume| volume.voxels).unwrap_err();
-                assert!(error.to_string().contains("--component 3 does not exist"), "{error}");
+                assert!(error.to_string().contains("component 3 does not exist"), "{error}");
             }
         }
     }
@@ -384,7 +384,7 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
         ),
     ] {
         let files = Files::new(&header(&[&["dimension: 4"], lines].concat()), &TWELVE);
-        files.refused(&["2 time steps", "--time N, from 0 to 1"]);
+        files.refused(&["2 time steps", "choose a time step from 0 to 1"]);
         let volume = files.select(&Selection { time: Some(1), ..Selection::default() }).unwrap();
         assert_eq!(volume.voxels, Voxels::U8(expected.to_vec()), "{lines:?}");
     }
@@ -393,7 +393,7 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
     files.refused(&["2 components", "complex"]);
     let error =
         files.select(&Selection { component: Some(1), ..Selection::default() }).map(|it| it.voxels).unwrap_err();
-    assert!(error.to_string().contains("--time N, from 0 to 1"), "one after the other is asked for: {error}");
+    assert!(error.to_string().contains("choose a time step from 0 to 1"), "one after the other is asked for: {error}");
     let volume = files.select(&Selection { component: Some(1), time: Some(1), array: None, asks: false }).unwrap();
     assert_eq!(volume.voxels, Voxels::U8(vec![8, 10, 12]));
     let stub = ["dimension: 5", "sizes: 2 6 1 1 1", "kinds: vector space space space stub"];
@@ -406,7 +406,7 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
     assert!(Files::new(&header(&[]), &TWELVE).select(&all).is_ok(), "all there is");
     let named = Selection { array: Some("ct".to_owned()), ..Selection::default() };
     let error = Files::new(&header(&[]), &TWELVE).select(&named).map(|volume| volume.voxels).unwrap_err();
-    assert!(error.to_string().contains("--array ct"), "{error}");
+    assert!(error.to_string().contains("the array ct"), "{error}");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
 use std::path::Path;
 
 use exr::prelude::*;
-use relume::output::film::{Component, Components, Dial, Light, Node, Position, PositionKind, Situation};
+use relume::output::film::{Component, Components, Dial, DialPreset, Light, Node, Position, PositionKind};
 use relume::output::{
     Alpha, BANDS, Depth, FilmFile, OutputError, Picture, write_atomically, write_exr, write_png, write_ready_png,
     write_spectral,
@@ -323,7 +323,7 @@ fn example() -> FilmFile {
             normalise: false,
             master: 2.5,
             nodes: vec![Node { light: "A".to_owned(), place: [0.1, -1e3], on: false }],
-            situations: vec![Situation {
+            presets: vec![DialPreset {
                 name: "night".to_owned(),
                 caption: "the eyes".to_owned(),
                 hand: [0.5, 1.0],

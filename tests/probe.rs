@@ -104,7 +104,7 @@ fn two_media_in_one_place_share_a_pixel_by_how_much_they_scatter() {
             near("as the ray has it", probe.seen[seen], weight, 1e-12);
         }
     }
-    near("what passes", probe.transmittance, 1.0 - hidden, 1e-6);
+    near("transmittance", probe.transmittance, 1.0 - hidden, 1e-6);
     near("all parts of the light", probe.shares.iter().map(|share| share.light).sum(), 1.0, 1e-12);
     // The only light position contributes the materials' light; the rest is from the background.
     assert_eq!(probe.positions.len(), 1);
@@ -199,19 +199,19 @@ fn light_that_passes_falls_along_the_ray_as_its_closed_form() {
         let grey: f64 = scattering().iter().sum();
         let shape = scene.materials[0].absorption.as_ref().unwrap().spectrum();
         let luminance = &relume::spectrum::colour::OBSERVER[1];
-        let passes = |distance: f64| {
+        let transmittance_at = |distance: f64| {
             let at = |band: usize| (-(absorption * shape.samples()[band] + grey) * distance).exp();
             let parts = (0..81).map(|band| luminance.samples()[band] / luminance.sum() * at(band));
             parts.sum::<f64>()
         };
         let taken = |band: usize| {
-            let (absorbed, passed) = (absorption * shape.samples()[band], absorption * shape.samples()[band] + grey);
-            luminance.samples()[band] / luminance.sum() * absorbed / passed * -(-passed * 64.0).exp_m1()
+            let (absorbed, extinct) = (absorption * shape.samples()[band], absorption * shape.samples()[band] + grey);
+            luminance.samples()[band] / luminance.sum() * absorbed / extinct * -(-extinct * 64.0).exp_m1()
         };
         near("what is absorbed", ray.absorbed[0], (0..81).map(taken).sum(), 1e-9);
         near("what absorbs nothing", ray.absorbed[1], 0.0, 0.0);
-        let all = ray.seen.iter().sum::<f64>() + ray.absorbed.iter().sum::<f64>() + passes(64.0);
-        near("what is seen, what is absorbed and what passes", all, 1.0, 1e-9);
+        let all = ray.seen.iter().sum::<f64>() + ray.absorbed.iter().sum::<f64>() + transmittance_at(64.0);
+        near("seen, absorbed and transmitted light", all, 1.0, 1e-9);
         let long = 64.0 / f64::from(u32::try_from(ray.stretches.len()).unwrap());
         for (number, stretch) in ray.stretches.iter().enumerate() {
             let begins = long * f64::from(u32::try_from(number).unwrap());
@@ -219,7 +219,7 @@ fn light_that_passes_falls_along_the_ray_as_its_closed_form() {
             let world = |place| scene.volume.geometry.world_from_index(place);
             let along = (world(stretch.place) - world(ray.stretches[0].place)).length();
             near("the place", along, begins, 1e-9);
-            near("what passes", stretch.transmittance, passes(begins), 1e-9);
+            near("transmittance", stretch.transmittance, transmittance_at(begins), 1e-9);
             near("scattering of a", stretch.scattering[0], scattering()[0] * long, 1e-12);
         }
         let bare = |scattering: f64| -> f64 {

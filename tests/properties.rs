@@ -183,7 +183,7 @@ fn an_xray_slab_adds_up_and_hides_nothing() {
     // 24 steps of −ln(1 − 0.08) each.
     let expected = -24.0 * (-0.08_f64).ln_1p();
     for (rung, sums) in marched(&rungs) {
-        assert!(sums.transmittance.iter().all(|&passed| (passed - 1.0).abs() <= 0.0), "{rung}");
+        assert!(sums.transmittance.iter().all(|&transmitted| (transmitted - 1.0).abs() <= 0.0), "{rung}");
         for &weight in &sums.accumulators {
             let error = (f64::from(weight) - expected).abs() / expected;
             assert!(error <= STEP_INVARIANCE, "{rung}: {weight} for {expected}");
@@ -265,13 +265,13 @@ fn bits(sums: &Film<f32>) -> Vec<u32> {
 }
 
 #[test]
-fn leaping_over_what_is_empty_changes_no_byte() {
+fn empty_space_skipping_changes_no_byte() {
     with_renderer(|renderer| {
         for name in scenes::NAMES {
             let mut scene = scenes::named(name);
-            let leaping = Rungs::new(scene.clone(), SIZE);
-            assert!(leaping.planned.plan.skipping, "{name}");
-            let accumulators = leaping.gpu_accumulators(renderer);
+            let skipping = Rungs::new(scene.clone(), SIZE);
+            assert!(skipping.planned.plan.skipping, "{name}");
+            let accumulators = skipping.gpu_accumulators(renderer);
             let [occupied, cells] = accumulators.occupied;
             scene.accuracy.skipping = false;
             let walking = Rungs::new(scene, SIZE);
@@ -283,8 +283,8 @@ fn leaping_over_what_is_empty_changes_no_byte() {
         scene.volume = Arc::new(scenes::sampled([61, 53, 47], |p| {
             60000.0 * (-(p - DVec3::new(0.4, -0.3, 0.2)).length_squared() / 0.01).exp()
         }));
-        let leaping = Rungs::new(scene.clone(), SIZE);
-        let accumulators = leaping.gpu_accumulators(renderer);
+        let skipping = Rungs::new(scene.clone(), SIZE);
+        let accumulators = skipping.gpu_accumulators(renderer);
         let [occupied, cells] = accumulators.occupied;
         assert!(occupied * 10 <= cells && occupied > 0, "{occupied} of {cells} cells hold something");
         scene.accuracy.skipping = false;

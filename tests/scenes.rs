@@ -138,8 +138,8 @@ fn the_wedge_is_beer_and_lamberts_law() {
             // Path length through the box, in whole steps of ½.
             let way = 256.0 * (f64::from(x) + 0.5) / 40.0;
             let way = 0.5 * (way / 0.5 - 0.5).ceil();
-            let passed = |band: usize| light.samples()[band] * (-peak * way / 256.0 * shape.samples()[band]).exp();
-            let expected = DVec3::from(xyz_of(&Spectrum::from_samples(std::array::from_fn(passed))).0);
+            let transmitted = |band: usize| light.samples()[band] * (-peak * way / 256.0 * shape.samples()[band]).exp();
+            let expected = DVec3::from(xyz_of(&Spectrum::from_samples(std::array::from_fn(transmitted))).0);
             let found = truth[usize::try_from(x).unwrap() + 40 * row];
             assert!((found - expected).length() <= 1e-3, "{name}, {x}: {found} for {expected}");
             if [2, 39].contains(&x) {

@@ -64,7 +64,7 @@ fn edits() -> Vec<Edit> {
         Edit::Normalise(false),
         Edit::Master(1.5),
         Edit::NodeOn(1, true),
-        Edit::Situation(0),
+        Edit::DialPreset(0),
         Edit::Keep("dusk".to_owned()),
         Edit::Rename(1, "night".to_owned()),
         Edit::Tour(1, 3),
@@ -210,7 +210,7 @@ fn intervals_that_no_scene_may_state_are_not_made() {
 }
 
 #[test]
-fn a_tour_meets_every_situation_and_is_straight_between_them() {
+fn a_tour_meets_every_preset_and_is_straight_between_them() {
     let mut document = Document::new(scene());
     let places = [DVec2::new(0.1, 0.3), DVec2::new(-0.5, 0.25), DVec2::new(0.3, -0.7)];
     document.edit(&Edit::Forget(0));
@@ -223,11 +223,11 @@ fn a_tour_meets_every_situation_and_is_straight_between_them() {
     let quarter = places[0] * 0.75 + places[1] * 0.25;
     assert!(hand(1).distance(places[0] + (places[1] - places[0]) / 6.0) < 1e-15, "{}", hand(1));
     assert!(document.preview(&Edit::Tour(3, 24)).light.hand.distance(quarter) < 1e-15, "a quarter of the first leg");
-    assert_eq!(document.state().light.situation, Some(2), "a preview changes nothing");
+    assert_eq!(document.state().light.preset, Some(2), "a preview changes nothing");
 }
 
 #[test]
-fn a_situation_keeps_its_name_to_itself_and_which_nodes_are_out() {
+fn a_preset_keeps_its_name_to_itself_and_which_nodes_are_out() {
     let mut document = Document::new(scene());
     document.edit(&Edit::NodeOn(0, false));
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
@@ -235,39 +235,39 @@ fn a_situation_keeps_its_name_to_itself_and_which_nodes_are_out() {
     document.edit(&Edit::Keep(String::new()));
     document.edit(&Edit::Rename(0, "dusk".to_owned()));
     let names = |document: &Document| -> Vec<String> {
-        document.state().dial.situations.iter().map(|situation| situation.name.clone()).collect()
+        document.state().dial.presets.iter().map(|preset| preset.name.clone()).collect()
     };
     assert_eq!(names(&document), ["evening", "dusk"], "an empty name is none, and one that is taken is not given");
     document.edit(&Edit::NodeOn(0, true));
-    document.edit(&Edit::Situation(1));
+    document.edit(&Edit::DialPreset(1));
     assert!(!document.state().dial.nodes[0].on, "the node is out again");
     document.edit(&Edit::Hand(DVec2::new(0.3, 0.1)));
     document.edit(&Edit::Keep("dusk".to_owned()));
-    assert_eq!(document.state().dial.situations[1].hand, DVec2::new(0.3, 0.1));
+    assert_eq!(document.state().dial.presets[1].hand, DVec2::new(0.3, 0.1));
     assert_eq!(names(&document).len(), 2);
     document.undo();
-    assert_eq!(document.state().dial.situations[1].hand, DVec2::new(0.2, 0.1));
+    assert_eq!(document.state().dial.presets[1].hand, DVec2::new(0.2, 0.1));
 }
 
 #[test]
-fn a_situation_restores_exactly_which_nodes_take_part_whatever_the_dial_had_when_it_was_saved() {
+fn a_preset_restores_exactly_which_nodes_take_part_whatever_the_dial_had_when_it_was_saved() {
     let mut document = Document::new(scene());
     let on = |state: &State| state.dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
     document.edit(&Edit::Keep("all".to_owned()));
     document.edit(&Edit::NodeOn(1, false));
     document.edit(&Edit::Keep("one".to_owned()));
-    document.edit(&Edit::Situation(1));
+    document.edit(&Edit::DialPreset(1));
     assert_eq!(on(document.state()), [true, true]);
     document.edit(&Edit::NodeOn(0, false));
     document.edit(&Edit::NodeOn(1, false));
     let mut opened = Document::new(saved(&document).1);
     assert_eq!(on(opened.state()), [false, false], "the dial itself has both off now");
-    for (situation, expected) in [(1, [true, true]), (2, [true, false]), (1, [true, true])] {
-        opened.edit(&Edit::Situation(situation));
+    for (preset, expected) in [(1, [true, true]), (2, [true, false]), (1, [true, true])] {
+        opened.edit(&Edit::DialPreset(preset));
         assert_eq!(on(opened.state()), expected);
-        let name = opened.state().dial.situations[situation].name.clone();
-        let (dial, _) = opened.opened().dial.situation(&name).unwrap();
+        let name = opened.state().dial.presets[preset].name.clone();
+        let (dial, _) = opened.opened().dial.preset(&name).unwrap();
         assert_eq!(dial.nodes.iter().map(|node| node.on).collect::<Vec<_>>(), expected, "on the command line, too");
     }
 }
@@ -376,7 +376,7 @@ fn another_time_step_than_a_session_states_is_asked_for_and_saved() {
     let (first, statistics) = other.read(&Quiet).unwrap();
     assert!(statistics.min.abs() < 1e-9 && (statistics.max - 63.0).abs() < 1e-9, "the first half: {statistics:?}");
     assert_eq!(first.scene.volume.selection, time(0));
-    let document = Document::new(scene).beside(first, true);
+    let document = Document::new(scene).with_file(first, true);
     let text = session::text(&folder.path("session.toml"), &other, document.opened(), document.state()).unwrap();
     assert!(text.contains("time = 0") && !text.contains("time = 1"), "{text}");
 }

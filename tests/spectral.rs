@@ -56,9 +56,9 @@ fn every_rung(rungs: &Rungs, mut check: impl FnMut(&str, Vec<f64>, Vec<f64>)) {
 fn a_coloured_slab_is_its_closed_form_at_every_step() {
     for step in [2.0, 1.0, 0.5, 0.25] {
         let rungs = slab(step);
-        let (sums, passed) = closed_form(&rungs, 64.0);
+        let (sums, transmitted) = closed_form(&rungs, 64.0);
         every_rung(&rungs, |rung, found, through| {
-            let pairs = found.iter().zip(&sums).chain(through.iter().zip(&passed));
+            let pairs = found.iter().zip(&sums).chain(through.iter().zip(&transmitted));
             for (found, expected) in pairs {
                 let error = ((found - expected) / expected).abs();
                 assert!(error <= 2e-5, "{rung}, step {step}: {found} for {expected}: {error:e}");
@@ -71,9 +71,9 @@ fn a_coloured_slab_is_its_closed_form_at_every_step() {
 #[test]
 fn all_bands_are_the_closed_form_too() {
     let full = slab(0.5).full_spectrum();
-    let (sums, passed) = closed_form(&full, 64.0);
+    let (sums, transmitted) = closed_form(&full, 64.0);
     let marched = full.march::<f64>(&full.exact());
-    let pairs = marched.accumulators.iter().zip(&sums).chain(marched.transmittance.iter().zip(&passed));
+    let pairs = marched.accumulators.iter().zip(&sums).chain(marched.transmittance.iter().zip(&transmitted));
     for (found, expected) in pairs {
         assert!((found - expected).abs() <= 1e-12, "{found} for {expected}");
     }
@@ -131,7 +131,7 @@ fn layers_are_the_chain_that_is_computed_without_this_crate() {
     // Samples at ¼, ¾, 1¼ …: the first and last slice once, those in between twice.
     let samples: Vec<u16> = values.windows(2).flat_map(|pair| [pair[0], pair[1]]).collect();
     let reflected = |band: usize| {
-        let (mut sum, mut passed) = (0.0, 1.0);
+        let (mut sum, mut transmitted) = (0.0, 1.0);
         for &value in &samples {
             let Some((opacity, peak, reflectance, shape)) = media.get(usize::from(value / 100).wrapping_sub(1)) else {
                 continue;
@@ -139,10 +139,10 @@ fn layers_are_the_chain_that_is_computed_without_this_crate() {
             let scattering = -(1.0 - opacity).ln();
             let extinction = scattering + shape.map_or(0.0, |shape| peak * shape[band]);
             let through = (-0.5 * extinction).exp();
-            sum += passed * scattering * reflectance[band] * (1.0 - through) / extinction;
-            passed *= through;
+            sum += transmitted * scattering * reflectance[band] * (1.0 - through) / extinction;
+            transmitted *= through;
         }
-        light.samples()[band] * (sum + passed * behind[band])
+        light.samples()[band] * (sum + transmitted * behind[band])
     };
     let expected = DVec3::from(xyz_of(&Spectrum::from_samples(std::array::from_fn(reflected))).0);
     let found = rungs.truth()[0];

@@ -11,7 +11,7 @@ use relume::measure::extremes::{Extreme, Group, Row, Rung};
 use relume::model::random::Random;
 use relume::plan::plan;
 use relume::progress::Quiet;
-use relume::reference::{Samples, Step, composite, pass_by};
+use relume::reference::{Samples, Step, attenuate, composite};
 use relume::render::Renderer;
 use relume::scene::{Aim, Projection, Scene, Shading};
 use relume::spectrum::colour::{Xyz, ciede2000, d65_white, lab_from_xyz};
@@ -109,7 +109,10 @@ fn marched(rungs: &Rungs) -> Vec<(&'static str, Film<f32>)> {
             sums.accumulators.iter().chain(&sums.transmittance).all(|number| number.is_finite()),
             "{rung}: {sums:?}"
         );
-        assert!(sums.transmittance.iter().all(|passed| (0.0..=1.0).contains(passed)), "{rung}: light comes and goes");
+        assert!(
+            sums.transmittance.iter().all(|transmitted| (0.0..=1.0).contains(transmitted)),
+            "{rung}: light comes and goes"
+        );
     }
     all
 }
@@ -228,7 +231,7 @@ fn without_materials_all_light_passes() {
     let rungs = Rungs::new(scene.clone(), SIZE);
     let background = rungs.matrices().background[0];
     for (rung, sums) in agree(scene, SIZE) {
-        assert!(sums.transmittance.iter().all(|&passed| (passed - 1.0).abs() <= 0.0), "{rung}");
+        assert!(sums.transmittance.iter().all(|&transmitted| (transmitted - 1.0).abs() <= 0.0), "{rung}");
         assert!(
             sums.relight(&rungs.matrices()).iter().all(|&colour| colour == background),
             "{rung}: empty = background"
@@ -317,7 +320,7 @@ fn random_samples_add_up_as_exactly_as_they_should() {
                     let alpha = narrow(opacity());
                     let source = alpha * narrow(colours.unit());
                     composite(&mut single.0, &[source], &[single.1]);
-                    single.1 = pass_by(single.1, alpha);
+                    single.1 = attenuate(single.1, alpha);
                     exact.0 += exact.1 * f64::from(source);
                     exact.1 *= 1.0 - f64::from(alpha);
                 }
@@ -365,7 +368,7 @@ fn coloured_extremes_are_finite() {
             // unchanged.
             let pixels = SIZE[0] * SIZE[1];
             assert!(
-                sums.transmittance.iter().step_by(pixels).all(|&passed| (1.0 - passed).abs() <= 0.0),
+                sums.transmittance.iter().step_by(pixels).all(|&transmitted| (1.0 - transmitted).abs() <= 0.0),
                 "{what}, {rung}"
             );
             assert!((picture[0] - behind).abs().max_element() <= 1e-12 * behind.length(), "{what}, {rung}");

@@ -539,14 +539,14 @@ fn another_observer_is_a_relight_of_weights_and_of_a_model_and_renders_equal() {
 }
 
 #[test]
-fn crops_previews_and_situations_save_and_render_equal_and_light_never_marches() {
+fn crops_previews_and_presets_save_and_render_equal_and_light_never_marches() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
     let script = "settle
 crop 0.2 0.9 0 1 0.1 0.8
 settle
 picture cropped.png
-sees deutan
+vision deutan
 node lamp
 keep evening
 hand 0.3 0.2
@@ -555,13 +555,13 @@ hand 0.15 -0.4
 keep dusk
 rename noon to midday
 tour 0.3
-situation midday
+preset midday
 settle
 picture seen.png
 picture seen.exr
 save session seen.toml
 tour tour.png 5
-situation midday
+preset midday
 settle
 picture still.png
 sees all
@@ -660,7 +660,7 @@ fn a_script_that_drops_a_file_of_several_volumes_is_told_how_one_is_chosen() {
     let folder = folder().with("steps.nrrd", steps);
     let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop steps.nrrd\nsettle\n");
     let notice = report["notices"][0].as_str().unwrap();
-    assert!(notice.contains("steps.nrrd") && notice.contains("--time N, from 0 to 1"), "{notice}");
+    assert!(notice.contains("steps.nrrd") && notice.contains("choose a time step from 0 to 1"), "{notice}");
 }
 
 #[test]

@@ -141,13 +141,7 @@ impl Storm {
             2 => format!("{} {light}", self.one_of(&["take", "leave"])),
             3 => format!("place {light} {} {}", self.number(-2.0, 2.0), self.number(-2.0, 2.0)),
             4 => self
-                .one_of(&[
-                    "keep evening\nsituation evening",
-                    "tour 0.1",
-                    "keep evening",
-                    "keep dusk",
-                    "tour tour.png 3",
-                ])
+                .one_of(&["keep evening\npreset evening", "tour 0.1", "keep evening", "keep dusk", "tour tour.png 3"])
                 .to_owned(),
             5 => format!("label gut {}", self.number(0.0, 1.0)),
             6 => format!("interval add {material} 20 90 5 0.1\ninterval 0 material {material}"),

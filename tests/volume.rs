@@ -131,8 +131,8 @@ fn a_sidecar_says_what_to_read_as_a_scene_does() {
         let message = whole_message(&open(more, &Selection::default()).unwrap_err());
         assert!(message.contains(words), "{more}: {message}");
     };
-    refused("component = 1", "--component 1");
-    refused("time = 2", "--time 2");
+    refused("component = 1", "component 1");
+    refused("time = 2", "time step 2");
     refused("downsample = [0, 1, 1]", "a whole number from 1");
     refused("downsample = [5, 1, 1]", "blocks of 5×1×1 in 4×1×1 voxels");
     refused("labels = 'b.raw'", "unknown field `labels`");

@@ -178,7 +178,7 @@ fn pieces_are_put_together() {
     refused(&changed("pieces", "WholeExtent=\"2 6", "WholeExtent=\"2 7"), &["12 of 72 voxels"]);
     refused(&changed("pieces", "WholeExtent=\"2 6", "WholeExtent=\"2 5"), &["outside the WholeExtent"]);
     refused(&changed("pieces", "type=\"UInt8\"", "type=\"Int8\" "), &["\"ct\"", "differs in type"]);
-    refused(&changed("pieces", "Name=\"ct\"", "Name=\"cT\""), &["cT, cells", "--array"]);
+    refused(&changed("pieces", "Name=\"ct\"", "Name=\"cT\""), &["cT, cells", "the array"]);
     let mut renamed = String::from_utf8(bytes("pieces_binary")).unwrap();
     let last = renamed.rfind("\"ct\"").unwrap();
     renamed.replace_range(last..last + 4, "\"CT\"");
@@ -206,12 +206,15 @@ fn one_of_several_arrays_and_components_is_chosen() {
     let message =
         |array, component| choose("several", array, component).map(|volume| volume.voxels).unwrap_err().to_string();
     let which = message(None, None);
-    assert!(which.contains("PointData/ct, flow, labels, CellData/ct") && which.contains("--array NAME"), "{which}");
-    assert!(message(Some("pet"), None).contains("--array pet"));
+    assert!(
+        which.contains("PointData/ct, flow, labels, CellData/ct") && which.contains("choose one of them"),
+        "{which}"
+    );
+    assert!(message(Some("pet"), None).contains("the array pet"));
     let component = message(Some("flow"), None);
-    assert!(component.contains("3 components") && component.contains("--component N, from 0 to 2"), "{component}");
-    assert!(message(Some("flow"), Some(3)).contains("--component 3"));
-    assert!(message(Some("labels"), Some(1)).contains("--component 1"));
+    assert!(component.contains("3 components") && component.contains("choose a component from 0 to 2"), "{component}");
+    assert!(message(Some("flow"), Some(3)).contains("component 3"));
+    assert!(message(Some("labels"), Some(1)).contains("component 1"));
 
     assert_eq!(choose("several", Some("labels"), None).unwrap().voxels, ramp("UInt8", CELLS));
     assert_eq!(choose("several", Some("PointData/ct"), Some(0)).unwrap().voxels, ramp("UInt16", POINTS));
@@ -252,14 +255,14 @@ fn one_of_several_times_is_chosen() {
         volume::open(&path(name), &Selection { time, ..Selection::default() }, &Quiet).map(|volume| volume.voxels)
     };
     let which = at("times", None).unwrap_err().to_string();
-    assert!(which.contains("3 time steps") && which.contains("--time N, from 0 to 2"), "{which}");
+    assert!(which.contains("3 time steps") && which.contains("choose a time step from 0 to 2"), "{which}");
     let Voxels::U8(ramp) = ramp("UInt8", POINTS) else { unreachable!() };
     for (index, added) in [0, 1, 2].into_iter().enumerate() {
         let later = ramp.iter().map(|value| value + added).collect();
         assert_eq!(at("times", Some(index)).unwrap(), Voxels::U8(later), "time {index}");
     }
-    assert!(at("times", Some(3)).unwrap_err().to_string().contains("--time 3"));
-    assert!(matches!(at("turned", Some(1)), Err(VolumeError::NoSuch { .. })), "--time 1");
+    assert!(at("times", Some(3)).unwrap_err().to_string().contains("time step 3"));
+    assert!(matches!(at("turned", Some(1)), Err(VolumeError::NoSuch { .. })), "time step 1");
 }
 
 #[test]

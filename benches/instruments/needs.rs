@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use relume::document::{SceneError, SceneOptions, parse};
-use relume::measure::{Leaping, RungError, Rungs, occupancy};
+use relume::measure::{RungError, Rungs, Skipping, occupancy};
 use relume::plan::{Accumulate, Planned, ScenePlan, ShadingTerms, Shares, Specular, Transmittance, plan};
 use relume::progress::{Progress, Quiet};
 use relume::reference::{Samples, Step, march};
@@ -478,8 +478,8 @@ fn counted(renderer: &Renderer, scene: Scene) -> Result<Counted, NeedError> {
     let counting = Counting { inner: rungs.stored::<f64>(), taken: &taken };
     if plan.skipping {
         let occupancy = occupancy(&rungs.scene, &rungs.storage, rungs.labels.as_ref());
-        let leaping = Leaping::new(counting, &occupancy, &rungs.scene, &rungs.planned);
-        march(&rungs.scene, &rungs.planned, &leaping, SIZE, &Quiet).map_err(RungError::Reference)?;
+        let skipping = Skipping::new(counting, &occupancy, &rungs.scene, &rungs.planned);
+        march(&rungs.scene, &rungs.planned, &skipping, SIZE, &Quiet).map_err(RungError::Reference)?;
     } else {
         march(&rungs.scene, &rungs.planned, &counting, SIZE, &Quiet).map_err(RungError::Reference)?;
     }

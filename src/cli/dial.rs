@@ -22,19 +22,19 @@ pub(crate) struct DialArgs {
     /// node. Without [dial] the nodes are the corners of a regular polygon, 1 from 0,0, the first at 0,1, then
     /// clockwise.
     #[arg(long, help_heading = DIAL, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
-    #[arg(conflicts_with_all = ["lights", "sweep", "tour"])]
+    #[arg(conflicts_with_all = ["lights", "sweep", "closed"])]
     dial: Option<DVec2>,
-    /// Mix the lights as in this dial preset (`relume info` lists them as situations).
-    #[arg(long, help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "tour"])]
-    situation: Option<String>,
+    /// Mix the lights as in this dial preset; `relume info` lists the presets.
+    #[arg(long, alias = "situation", help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "closed"])]
+    dial_preset: Option<String>,
     /// Move the hand straight from the node of light A to that of light B: one picture per frame.
-    #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "tour"])]
+    #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "closed"])]
     #[arg(group = "moves")]
     sweep: Option<String>,
     /// Move the hand over all nodes and back to the first: one picture per frame, for a seamless loop.
-    #[arg(long, help_heading = DIAL, conflicts_with = "lights", group = "moves")]
-    tour: bool,
-    /// Number of pictures of a sweep or tour, as NAME-0001.png and so on.
+    #[arg(long = "loop", alias = "tour", help_heading = DIAL, conflicts_with = "lights", group = "moves")]
+    closed: bool,
+    /// Number of pictures of a sweep or loop, as NAME-0001.png and so on.
     #[arg(long, help_heading = DIAL, value_name = "N", default_value_t = 25)]
     #[arg(value_parser = clap::value_parser!(u16).range(1..), requires = "moves")]
     frames: u16,
@@ -55,7 +55,7 @@ pub(crate) struct Hand {
 impl DialArgs {
     /// Number of pictures per output; `None` for a single, unnumbered one.
     fn pictures(&self) -> Option<u16> {
-        (self.sweep.is_some() || self.tour).then_some(self.frames)
+        (self.sweep.is_some() || self.closed).then_some(self.frames)
     }
 
     /// File names of the pictures, frame by frame.
@@ -72,10 +72,10 @@ impl DialArgs {
             dial.node_mut(name).map_err(|message| CliError::Usage(format!("--nodes-off {message}")))?.on = false;
         }
         let mut at = self.dial;
-        if let Some(name) = &self.situation {
-            let (of_situation, situation) =
-                dial.situation(name).map_err(|message| CliError::Usage(format!("--situation {message}")))?;
-            (dial, at) = (of_situation, Some(situation.hand));
+        if let Some(name) = &self.dial_preset {
+            let (of_preset, preset) =
+                dial.preset(name).map_err(|message| CliError::Usage(format!("--dial-preset {message}")))?;
+            (dial, at) = (of_preset, Some(preset.hand));
         }
         let moves = self.pictures().is_some();
         let frames = usize::from(self.frames);
@@ -89,12 +89,12 @@ impl DialArgs {
                 let to = dial.node_mut(to).map_err(unknown)?;
                 Dial::sweep(&from, to, frames)
             }
-            (None, _) if self.tour => dial.tour(frames),
+            (None, _) if self.closed => dial.closed_path(frames),
             (None, Some(hand)) => vec![hand],
             (None, None) if self.nodes_off.is_empty() => return Ok(None),
             (None, None) => {
                 return Err(CliError::Usage(
-                    "--nodes-off needs a position of the hand: add --dial, --situation, --sweep or --tour".into(),
+                    "--nodes-off needs a position of the hand: add --dial, --dial-preset, --sweep or --loop".into(),
                 ));
             }
         };

@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut text = String::new();
     for (name, file, loaded) in scenes {
         let SceneFile { scene, dial, inputs, .. } = file;
-        let names = dial.situations.iter().map(|situation| args.output.join(format!("{}.png", situation.name)));
+        let names = dial.presets.iter().map(|preset| args.output.join(format!("{}.png", preset.name)));
         let names: Vec<PathBuf> = names.collect();
         let inputs: Vec<&Path> = inputs.iter().map(PathBuf::as_path).collect();
         files::check_outputs(&names.iter().collect::<Vec<_>>(), &inputs)?;
@@ -99,9 +99,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let marched = clock.read();
         let relight = renderer.relight_display(&accumulators)?;
         let stated = Mix::of_scene(scene);
-        for (situation, path) in dial.situations.iter().zip(&names) {
-            let (of_situation, _) = dial.situation(&situation.name).map_err(CliError::Failed)?;
-            let mix = of_situation.mix(situation.hand, &stated);
+        for (preset, path) in dial.presets.iter().zip(&names) {
+            let (of_preset, _) = dial.preset(&preset.name).map_err(CliError::Failed)?;
+            let mix = of_preset.mix(preset.hand, &stated);
             let clock = Stopwatch::start();
             relight.run(&on_device.matrices(&mix))?;
             let relit = clock.read();
@@ -110,17 +110,17 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             write_ready_png(path, args.size[0], args.size[1], &rgb)?;
             let read = |error| CliError::Failed(format!("cannot read {} back: {error}", path.display()));
             let png = std::fs::read(path).map_err(read)?;
-            let _ = writeln!(text, "{:<4} {}  {}", situation.name, path.display(), situation.caption);
+            let _ = writeln!(text, "{:<4} {}  {}", preset.name, path.display(), preset.caption);
             let lights = mix.0.iter().map(|light| json!({"name": light.name, "weight": light.weight}));
             rows.push(json!({
                 "figure": name,
-                "name": situation.name,
-                "caption": situation.caption,
+                "name": preset.name,
+                "caption": preset.caption,
                 "output": path.display().to_string(),
                 "lights": lights.collect::<Vec<_>>(),
                 "relight": relit,
             }));
-            panels.push(Panel { name: situation.name.clone(), caption: situation.caption.clone(), png });
+            panels.push(Panel { name: preset.name.clone(), caption: preset.caption.clone(), png });
         }
         let _ = writeln!(
             text,

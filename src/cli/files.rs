@@ -8,10 +8,10 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::Value;
 
-use relume::document::{Dial, DialNode, Situation};
+use relume::document::{Dial, DialNode, DialPreset};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::output::film::{
-    Components as FileComponents, Dial as FileDial, Node as FileNode, Situation as FileSituation, Stored,
+    Components as FileComponents, Dial as FileDial, DialPreset as FilePreset, Node as FileNode, Stored,
 };
 use relume::output::{Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, write_exr, write_png};
 use relume::plan::Transmittance;
@@ -87,17 +87,17 @@ pub(crate) fn from_file(path: &Path) -> Result<Saved, CliError> {
     let file = File::read(path)?;
     let dial = match file.dial {
         None => Dial::regular(file.lights.iter().map(|light| light.name.as_str())),
-        Some(FileDial { normalise, master, nodes, situations }) => {
+        Some(FileDial { normalise, master, nodes, presets }) => {
             let node = |FileNode { light, place, on }| DialNode { light, place: DVec2::from_array(place), on };
-            let situation = |FileSituation { name, caption, hand, off, on }| Situation {
+            let preset = |FilePreset { name, caption, hand, off, on }| DialPreset {
                 name,
                 caption,
                 hand: DVec2::from_array(hand),
                 off,
                 on,
             };
-            let (nodes, situations) = (nodes.into_iter().map(node), situations.into_iter().map(situation));
-            Dial { normalise, master, nodes: nodes.collect(), situations: situations.collect() }
+            let (nodes, presets) = (nodes.into_iter().map(node), presets.into_iter().map(preset));
+            Dial { normalise, master, nodes: nodes.collect(), presets: presets.collect() }
         }
     };
     let bad = |error: relume::spectrum::SpectrumError| CliError::Failed(format!("{}: {error}", path.display()));

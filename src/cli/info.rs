@@ -261,18 +261,18 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
         None => lines.push(("components", or_none(&components.join(", ")))),
         Some(model) => {
             let worst = model.worst();
-            let passes = if file.is_coloured() { "transmittance is coloured" } else { "transmittance is grey" };
-            lines.push(("model", format!("{}; {passes}", model.description())));
+            let transmittance = if file.is_coloured() { "transmittance is coloured" } else { "transmittance is grey" };
+            lines.push(("model", format!("{}; {transmittance}", model.description())));
             let of = format!("{:.3} on average, p95 {:.3}, at most {:.3}", worst.mean, worst.p95, worst.max);
             lines.push(("ΔE00", format!("{of} under its lights")));
         }
     }
     lines.push(("positions", or_none(&positions.join(", "))));
     lines.push(("lights", or_none(&lights.collect::<Vec<_>>().join(", "))));
-    let situations = file.dial.iter().flat_map(|dial| &dial.situations).map(|situation| situation.name.as_str());
-    let situations: Vec<&str> = situations.collect();
-    if !situations.is_empty() {
-        lines.push(("situations", situations.join(", ")));
+    let presets = file.dial.iter().flat_map(|dial| &dial.presets).map(|preset| preset.name.as_str());
+    let presets: Vec<&str> = presets.collect();
+    if !presets.is_empty() {
+        lines.push(("presets", presets.join(", ")));
     }
     for (name, value) in lines {
         let _ = writeln!(text, "  {name:<10} {value}");
@@ -287,7 +287,9 @@ fn of_accumulators(path: &Path, file: &FilmFile) -> Report {
         "model": model.map(|model| Learnt::nothing(model).json(model)),
         "positions": positions,
         "lights": lights,
-        "situations": situations,
+        "presets": presets,
+        // Former name of `presets`.
+        "situations": presets,
     });
     Report { text, json }
 }
@@ -338,9 +340,9 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
         })
         .collect();
     line("lights", &or_none(&lights.join(", ")));
-    let situations: Vec<&str> = file.dial.situations.iter().map(|situation| situation.name.as_str()).collect();
-    if !situations.is_empty() {
-        line("situations", &situations.join(", "));
+    let presets: Vec<&str> = file.dial.presets.iter().map(|preset| preset.name.as_str()).collect();
+    if !presets.is_empty() {
+        line("presets", &presets.join(", "));
     }
     text.push_str("cost of a picture\n");
     for sentence in explanation(scene, planned, &storage) {
@@ -381,7 +383,9 @@ fn of_scene(file: &SceneFile, planned: &Planned, voxels: &[[usize; 3]]) -> Resul
                 json!({"name": light.name, "kind": kind, "place": place, "intensity": light.intensity, "on": on})
             })
             .collect::<Vec<_>>(),
-        "situations": situations,
+        "presets": presets,
+        // Former name of `presets`.
+        "situations": presets,
         "plan": plan_json(scene, planned, &storage, None),
     });
     Ok(Report { text, json })

@@ -15,6 +15,7 @@ use relume::render::{RenderError, Renderer};
 use relume::scene::Mix;
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
+use super::advice::sentence;
 use super::extremes;
 use super::files;
 use super::goal::{self, GoalArgs};
@@ -99,7 +100,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         }
         return extremes::run(&args.device, args.csv, args.markdown, progress);
     }
-    let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(error.to_string()))?;
+    let mut settings = settings(&args.sweep).map_err(|error| CliError::Usage(format!("--sweep {error}")))?;
     let outputs: Vec<&PathBuf> = args.output.iter().collect();
     let kinds: Vec<ReportKind> = outputs.iter().map(|path| report_kind(path)).collect::<Result<_, _>>()?;
     let file = args.scene.load(progress)?;
@@ -186,9 +187,9 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
                 break;
             }
             // The scene refuses this setting; all others are measured.
-            Err(SurveyError::Plan(error)) => outcome.refused.push((setting.clone(), error.to_string())),
+            Err(SurveyError::Plan(error)) => outcome.refused.push((setting.clone(), sentence(&error))),
             Err(SurveyError::Render(error @ RenderError::Matrix { .. })) => {
-                outcome.refused.push((setting.clone(), error.to_string()));
+                outcome.refused.push((setting.clone(), sentence(&error)));
             }
             Err(error) => return Err(error.into()),
         }

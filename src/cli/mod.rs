@@ -1,6 +1,7 @@
 //! The command line: one result on standard output, one error on standard error.
 
 mod accuracy;
+mod advice;
 mod bench;
 mod design;
 mod dial;
@@ -149,11 +150,26 @@ fn exit_code(error: &CliError) -> u8 {
     }
 }
 
+/// Former names of flags, which are hidden aliases for one release.
+const RENAMED: [(&str, &str); 2] = [("--situation", "--dial-preset"), ("--tour", "--loop")];
+
+/// Warns of the former names of flags among `arguments`.
+fn warn_of_former_names(arguments: impl Iterator<Item = std::ffi::OsString>) {
+    for argument in arguments {
+        let argument = argument.to_string_lossy();
+        let flag = argument.split('=').next().unwrap_or_default();
+        if let Some((old, new)) = RENAMED.iter().find(|(old, _)| *old == flag) {
+            tracing::warn!("{old} is now called {new}");
+        }
+    }
+}
+
 /// Runs the command line; prints the result or the error.
 pub(crate) fn main() -> ExitCode {
     let started = std::time::Instant::now();
     let cli = Cli::parse();
     let terminal = Terminal::new(cli.quiet);
+    warn_of_former_names(std::env::args_os());
     let outcome = match &cli.command {
         Command::Render(args) => render::run(args, &terminal),
         Command::View(args) => view::run(args),

@@ -54,7 +54,7 @@ impl DefineArgs {
     }
 
     pub(crate) fn definitions(&self) -> impl Iterator<Item = Definition> {
-        self.define.iter().map(|text| Definition::new(text))
+        self.define.iter().map(|text| Definition { given: format!("-D {text}"), text: text.clone() })
     }
 }
 

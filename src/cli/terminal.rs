@@ -23,6 +23,8 @@ use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::registry::LookupSpan;
 
+use super::advice;
+
 /// Exit code after Ctrl-C: 128 plus the number of the signal, as in shells.
 pub(super) const INTERRUPTED: u8 = 130;
 
@@ -232,17 +234,17 @@ pub(crate) fn print(text: &str) {
     out.write_all(text.as_bytes()).and_then(|()| out.flush()).ok();
 }
 
-/// Prints an error and its causes, one line each. Prints only the first error if two threads end the program.
-pub(crate) fn complain(error: &dyn std::error::Error) {
+/// Prints an error and its causes, one line each, with the flags that help. Prints only the first error if two threads end the program.
+pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) {
     static TOLD: Mutex<bool> = Mutex::new(false);
     let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
     if std::mem::replace(&mut *told, true) {
         return;
     }
-    let mut text = format!("error: {error}\n");
+    let mut text = format!("error: {}\n", advice::sentence(error));
     let mut cause = error.source();
     while let Some(error) = cause {
-        text.push_str(&format!("  because: {error}\n"));
+        text.push_str(&format!("  because: {}\n", advice::sentence(error)));
         cause = error.source();
     }
     let mut err = io::stderr().lock();

@@ -6,17 +6,17 @@ use toml::{Table, Value};
 /// A change of one value of a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Definition {
-    /// The flag as given, for messages: `-D camera.fov=3`, `--k 8`.
+    /// The definition as its user gave it, for messages; the command line writes its flag here.
     pub given: String,
     /// `key.path=value`.
     pub text: String,
 }
 
 impl Definition {
-    /// A definition given by `-D`.
+    /// The definition `text`, given as it is.
     #[must_use]
     pub fn new(text: &str) -> Self {
-        Self { given: format!("-D {text}"), text: text.to_owned() }
+        Self { given: text.to_owned(), text: text.to_owned() }
     }
 }
 

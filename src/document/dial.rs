@@ -20,12 +20,12 @@ pub struct Dial {
     /// Luminance of white if `normalise` is on, otherwise a factor of every weight.
     pub master: f64,
     /// Dial presets, in the order of a tour.
-    pub situations: Vec<Situation>,
+    pub presets: Vec<DialPreset>,
 }
 
 /// A dial preset: a named position of the hand with the nodes that are on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Situation {
+pub struct DialPreset {
     /// Its name.
     pub name: String,
     /// Caption of one sentence; may be empty.
@@ -57,7 +57,7 @@ impl DialNode {
     }
 }
 
-impl Situation {
+impl DialPreset {
     /// Whether this preset has a node on whose state on the dial is `stated`.
     #[must_use]
     pub fn has_on(&self, stated: &DialNode) -> bool {
@@ -78,7 +78,7 @@ impl Dial {
             place: DVec2::from_angle(TAU * (0.25 - count(corner) / corners)),
             on: true,
         };
-        Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, situations: Vec::new() }
+        Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, presets: Vec::new() }
     }
 
     /// Moves the nodes to their positions in `nodes`, a list of the same length. A preset whose hand is on a node
@@ -86,11 +86,11 @@ impl Dial {
     /// dial as `stated`, not by its current state.
     pub(crate) fn rearrange(&mut self, nodes: Vec<DialNode>, stated: &[DialNode]) {
         let before = std::mem::replace(&mut self.nodes, nodes);
-        for situation in &mut self.situations {
+        for preset in &mut self.presets {
             let mut moved = before.iter().zip(&self.nodes).zip(stated);
-            let meant = moved.find(|((node, _), stated)| node.lies_at(situation.hand) && situation.has_on(stated));
+            let meant = moved.find(|((node, _), stated)| node.lies_at(preset.hand) && preset.has_on(stated));
             if let Some(((_, now), _)) = meant {
-                situation.hand = now.place;
+                preset.hand = now.place;
             }
         }
     }
@@ -111,19 +111,19 @@ impl Dial {
     /// # Errors
     ///
     /// A sentence that lists the available names.
-    pub fn situation(&self, name: &str) -> Result<(Self, Situation), String> {
-        let names: Vec<&str> = self.situations.iter().map(|situation| situation.name.as_str()).collect();
-        let found = self.situations.iter().find(|situation| situation.name == name).cloned();
+    pub fn preset(&self, name: &str) -> Result<(Self, DialPreset), String> {
+        let names: Vec<&str> = self.presets.iter().map(|preset| preset.name.as_str()).collect();
+        let found = self.presets.iter().find(|preset| preset.name == name).cloned();
         let unknown = || match names.as_slice() {
-            [] => format!("{name}: the dial has no presets; [[dial.situations]] of the scene declares them"),
+            [] => format!("{name}: the dial has no presets; [[dial.presets]] of the scene declares them"),
             names => format!("{name}: there is no such preset; there are: {}", names.join(", ")),
         };
-        let situation = found.ok_or_else(unknown)?;
+        let preset = found.ok_or_else(unknown)?;
         let mut dial = self.clone();
         for node in &mut dial.nodes {
-            node.on = situation.has_on(node);
+            node.on = preset.has_on(node);
         }
-        Ok((dial, situation))
+        Ok((dial, preset))
     }
 
     /// Weight of each node with the hand at `hand`. The weights sum to 1. With the hand on a node, the weight of that
@@ -170,7 +170,7 @@ impl Dial {
     /// Closed path of the hand in `frames` positions over the nodes that are on, in their order, with equal time for
     /// each leg. It starts on the first node and ends before it returns there.
     #[must_use]
-    pub fn tour(&self, frames: usize) -> Vec<DVec2> {
+    pub fn closed_path(&self, frames: usize) -> Vec<DVec2> {
         let stops: Vec<DVec2> = self.nodes.iter().filter(|node| node.on).map(|node| node.place).collect();
         let along = |frame: usize| {
             // Whole legs and the fraction of the next in integers, so that a stop is reached exactly.
@@ -216,18 +216,18 @@ impl From<&Dial> for film::Dial {
     fn from(dial: &Dial) -> Self {
         let node =
             |node: &DialNode| film::Node { light: node.light.clone(), place: node.place.to_array(), on: node.on };
-        let situation = |situation: &Situation| film::Situation {
-            name: situation.name.clone(),
-            caption: situation.caption.clone(),
-            hand: situation.hand.to_array(),
-            off: situation.off.clone(),
-            on: situation.on.clone(),
+        let preset = |preset: &DialPreset| film::DialPreset {
+            name: preset.name.clone(),
+            caption: preset.caption.clone(),
+            hand: preset.hand.to_array(),
+            off: preset.off.clone(),
+            on: preset.on.clone(),
         };
         Self {
             normalise: dial.normalise,
             master: dial.master,
             nodes: dial.nodes.iter().map(node).collect(),
-            situations: dial.situations.iter().map(situation).collect(),
+            presets: dial.presets.iter().map(preset).collect(),
         }
     }
 }

@@ -60,11 +60,35 @@ pub enum SceneError {
         /// The cause.
         source: VolumeError,
     },
+    /// The file is a volume, not a scene.
+    #[error("{}: this is a volume, not a scene", path.display())]
+    IsVolume {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is too long for a scene.
+    #[error("{}: a scene file has at most {limit} bytes, this one has {length}", path.display())]
+    TooLong {
+        /// The file.
+        path: PathBuf,
+        /// Its length in bytes.
+        length: u64,
+        /// Greatest length of a scene file.
+        limit: u64,
+    },
+    /// The file is not text.
+    #[error("{}: not UTF-8 text from byte {byte} on", path.display())]
+    NoText {
+        /// The file.
+        path: PathBuf,
+        /// Index of the first byte that is not text.
+        byte: usize,
+    },
     /// The file is neither a scene nor a supported volume.
     #[error(transparent)]
     NoScene(VolumeError),
-    /// Neither the scene nor the command line names a volume.
-    #[error("{scene} names no volume: give one with --volume FILE, or write `file = …` into its [volume]")]
+    /// Neither the scene nor the options name a volume.
+    #[error("{scene} names no volume: write `file = …` into its [volume]")]
     NoVolume {
         /// The scene.
         scene: String,
@@ -81,20 +105,41 @@ pub enum SceneError {
         /// Its dimensions.
         ours: [usize; 3],
     },
-    /// `--light` names a missing light or position.
-    #[error("--light {request}: {message}")]
+    /// A request names a missing light or position.
+    #[error("{request}: {message}")]
     LightRequest {
         /// The request as given.
         request: String,
         /// The mistake, and the available names.
         message: String,
     },
-    /// A `-D key=value`, or a flag that stands for one, cannot be applied or makes the scene invalid.
+    /// A definition `key=value` cannot be applied or makes the scene invalid.
     #[error("{given}: {message}")]
     Define {
-        /// The flag as given.
+        /// The definition as its user gave it.
         given: String,
         /// The mistake.
         message: String,
     },
+}
+
+impl SceneError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Invalid { .. } => "scene-invalid",
+            Self::Read { .. } => "scene-not-readable",
+            Self::Spectrum { source, .. } => source.code(),
+            Self::Palette { source, .. } => source.code(),
+            Self::Volume { source, .. } | Self::Labels { source, .. } | Self::NoScene(source) => source.code(),
+            Self::IsVolume { .. } => "scene-is-volume",
+            Self::TooLong { .. } => "scene-too-long",
+            Self::NoText { .. } => "scene-not-text",
+            Self::NoVolume { .. } => "scene-without-volume",
+            Self::LabelGrid { .. } => "label-grid-differs",
+            Self::LightRequest { .. } => "light-request-invalid",
+            Self::Define { .. } => "definition-invalid",
+        }
+    }
 }

@@ -19,7 +19,7 @@ use keys::*;
 
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::light_request::{chain, warn_below_zero};
-use super::{Dial, LightState, SceneError, SceneFile, Situation};
+use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
 use crate::input;
 use crate::model::LARGEST_DIMENSION;
 use crate::number::{brief, count, readable, unsigned};
@@ -62,10 +62,7 @@ pub struct SceneOptions {
 /// [`SceneError`]: an unreadable file, or an invalid value with its place in the file.
 pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Result<SceneFile, SceneError> {
     let read = |source| SceneError::Read { path: path.to_owned(), source };
-    let volume = || SceneError::Invalid {
-        at: path.display().to_string(),
-        message: format!("this is a volume, not a scene: use --volume {}", path.display()),
-    };
+    let volume = || SceneError::IsVolume { path: path.to_owned() };
     if volume::is_volume(path, &[]) {
         return Err(volume());
     }
@@ -75,22 +72,16 @@ pub fn load(path: &Path, options: &SceneOptions, progress: &dyn Progress) -> Res
     let file = input::open(path).map_err(read)?;
     let length = file.metadata().map_err(read)?.len();
     if length > LONGEST_SCENE {
-        let message = format!(
-            "a scene file has at most {LONGEST_SCENE} bytes, this one has {length}; if it is a volume, use --volume"
-        );
-        return Err(SceneError::Invalid { at: path.display().to_string(), message });
+        return Err(SceneError::TooLong { path: path.to_owned(), length, limit: LONGEST_SCENE });
     }
     let mut bytes = Vec::new();
     file.take(LONGEST_SCENE).read_to_end(&mut bytes).map_err(read)?;
     if volume::is_volume(path, &bytes) {
         return Err(volume());
     }
-    let text = String::from_utf8(bytes).map_err(|error| SceneError::Invalid {
-        at: path.display().to_string(),
-        message: format!(
-            "not UTF-8 text from byte {} on; if it is a volume, use --volume",
-            error.utf8_error().valid_up_to()
-        ),
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let byte = error.utf8_error().valid_up_to();
+        SceneError::NoText { path: path.to_owned(), byte }
     })?;
     let base = path.parent().unwrap_or(Path::new(""));
     parse(&path.display().to_string(), &text, base, options, progress)
@@ -148,7 +139,7 @@ pub fn parse(
     defined.resolve(file, base, options, progress)
 }
 
-/// The flags that changed the scene, as given.
+/// The definitions that changed the scene, as given.
 fn all_given(definitions: &[Definition]) -> String {
     let mut given: Vec<&str> = definitions.iter().map(|definition| &*definition.given).collect();
     // One flag can stand for several definitions.

@@ -3,7 +3,7 @@
 use std::mem::Discriminant;
 use std::sync::Arc;
 
-use super::{Edit, Mixing, SceneFile, Situation, State};
+use super::{DialPreset, Edit, Mixing, SceneFile, State};
 use crate::scene::{Labels, Scene};
 use crate::volume::Statistics;
 
@@ -61,7 +61,7 @@ impl Document {
 
     /// Whether the volume of `scene` has the same grid.
     #[must_use]
-    pub fn lies_as(&self, scene: &Scene) -> bool {
+    pub fn has_grid_of(&self, scene: &Scene) -> bool {
         scene.volume.geometry == self.opened.scene.volume.geometry
     }
 
@@ -69,7 +69,7 @@ impl Document {
     /// stay. An unchanged transfer function is replaced by that of `file`, unless the values of both volumes are
     /// `alike`, as those of time steps are.
     #[must_use]
-    pub fn beside(self, file: SceneFile, alike: bool) -> Self {
+    pub fn with_file(self, file: SceneFile, alike: bool) -> Self {
         let (before, scene) = (&self.opened.scene, &file.scene);
         let onto = |state: State| {
             let now = state.scene;
@@ -112,16 +112,16 @@ impl Document {
 
     /// Index of the current dial preset: the last one chosen, otherwise the first with the same light.
     #[must_use]
-    pub fn situation(&self) -> Option<usize> {
+    pub fn preset(&self) -> Option<usize> {
         let (light, dial) = (&self.now.light, &self.now.dial);
-        let is_shown = |situation: &Situation| {
+        let is_shown = |preset: &DialPreset| {
             let mut nodes = dial.nodes.iter().zip(&self.opened.dial.nodes);
             light.mixing == Mixing::Dial
-                && situation.hand == light.hand
-                && nodes.all(|(node, stated)| node.on == situation.has_on(stated) && node.place == stated.place)
+                && preset.hand == light.hand
+                && nodes.all(|(node, stated)| node.on == preset.has_on(stated) && node.place == stated.place)
         };
-        let asked = light.situation.filter(|&index| index < dial.situations.len());
-        asked.or_else(|| dial.situations.iter().position(is_shown))
+        let asked = light.preset.filter(|&index| index < dial.presets.len());
+        asked.or_else(|| dial.presets.iter().position(is_shown))
     }
 
     /// Applies `edit`. Until [`Self::rest`], edits of one kind form one undo step, even with edits of other kinds
@@ -163,7 +163,7 @@ impl Document {
     }
 
     /// Ends the gesture during a tour: the next edit starts an undo step, and the tour continues its own.
-    pub fn rest_beside_tour(&mut self) {
+    pub fn rest_during_tour(&mut self) {
         let tour = Edit::Tour(0, 0).kind();
         self.gesture.retain(|kind| *kind == tour);
     }

@@ -1,4 +1,4 @@
-//! `--light NAME[@POSITION][=WEIGHT]`: a mix in place of the scene's.
+//! Light requests, `NAME[@POSITION][=WEIGHT]`: a mix in place of the scene's.
 
 use std::convert::Infallible;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,7 @@ pub fn requested(
                 let lights: Vec<_> = stated.0.iter().map(|light| light.name.as_str()).collect();
                 fail(format!("{}; lights of the scene: {}", chain(&error), lights.join(", ")))
             })?;
-            warn_below_zero(&format!("--light {}", request.name), &spectrum);
+            warn_below_zero(&format!("the light {}", request.name), &spectrum);
             if positions.is_empty() {
                 return Err(fail("the scene has no lights, and so no light position for this one".into()));
             }
@@ -83,7 +83,7 @@ pub(super) fn chain(error: &dyn std::error::Error) -> String {
     text
 }
 
-/// A spectrum named on the command line.
+/// The spectrum of a request.
 fn source_of(name: &str) -> SpectrumSource {
     let Ok(source) = name.parse();
     source

@@ -21,7 +21,7 @@ pub struct LightState {
     /// Position of the dial's hand.
     pub hand: DVec2,
     /// Index of the last chosen dial preset; `None` after any other change of the light.
-    pub situation: Option<usize>,
+    pub preset: Option<usize>,
 }
 
 /// Source of the lights' weights.
@@ -55,7 +55,7 @@ impl LightState {
             normalise: false,
             master: 1.0,
             hand: DVec2::ZERO,
-            situation: None,
+            preset: None,
         }
     }
 

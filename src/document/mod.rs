@@ -9,10 +9,10 @@ mod history;
 mod light_request;
 mod mixing;
 pub mod moves;
-pub mod presets;
 pub mod session;
 mod source;
 mod state;
+pub mod transfer_presets;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 pub use define::Definition;
 pub(crate) use dial::along;
-pub use dial::{Dial, DialNode, Situation};
+pub use dial::{Dial, DialNode, DialPreset};
 pub use error::SceneError;
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use history::Document;

@@ -44,7 +44,7 @@ pub enum SessionError {
         source: io::Error,
     },
     /// A phantom was downsampled, which a scene cannot state.
-    #[error("a phantom with --downsample cannot be saved as a session; write its smaller dims into the scene")]
+    #[error("a downsampled phantom cannot be saved as a session; write its smaller dims into the scene")]
     Downsampled,
     /// The transfer function has more curves than a scene can state.
     #[error("the transfer function has {0} curves, and a scene file at most one; remove the others")]
@@ -58,6 +58,22 @@ pub enum SessionError {
     /// The file cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+}
+
+impl SessionError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Text { .. } => "session-text-invalid",
+            Self::Name { .. } => "session-path-not-text",
+            Self::Where { .. } => "session-folder-missing",
+            Self::Downsampled => "session-phantom-downsampled",
+            Self::Curves(_) => "session-curves-too-many",
+            Self::NoTable { .. } => "session-key-not-table",
+            Self::Output(error) => error.code(),
+        }
+    }
 }
 
 /// Writes `state` to `path`. `opened` is the scene as it was opened from `source`.
@@ -129,13 +145,19 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
             document.insert("crop", Item::Table(crop));
         }
     }
+    if let Some(dial) = document.get_mut("dial").and_then(Item::as_table_like_mut) {
+        // Its former name.
+        if let Some(presets) = dial.remove("situations") {
+            dial.insert("presets", presets);
+        }
+    }
     if state.dial != opened.dial {
         dial(table(&mut document, "dial")?, &state.dial);
     }
     document.remove("mix");
     let dark = dark(&document);
     // The index of the preset does not matter, only its light.
-    let light = LightState { situation: None, ..state.light.clone() };
+    let light = LightState { preset: None, ..state.light.clone() };
     if light != LightState::stated(scene.lights.len()) || !dark.is_empty() {
         document.insert("mix", Item::Table(mix(&light, scene, &dark)));
     }
@@ -369,19 +391,19 @@ fn dial(table: &mut dyn TableLike, dial: &Dial) {
     table.insert("off", value(names(off)));
     let nodes = dial.nodes.iter().map(|node| (node.light.as_str(), Value::Array(point(node.place))));
     table.insert("nodes", value(nodes.collect::<InlineTable>()));
-    let situations = dial.situations.iter().map(|situation| {
+    let presets = dial.presets.iter().map(|preset| {
         let mut row = InlineTable::new();
-        row.insert("name", situation.name.as_str().into());
-        row.insert("caption", situation.caption.as_str().into());
+        row.insert("name", preset.name.as_str().into());
+        row.insert("caption", preset.caption.as_str().into());
         // A position even on a node, because nodes move.
-        row.insert("hand", point(situation.hand).into());
-        row.insert("off", names(situation.off.iter().map(String::as_str)).into());
-        if !situation.on.is_empty() {
-            row.insert("on", names(situation.on.iter().map(String::as_str)).into());
+        row.insert("hand", point(preset.hand).into());
+        row.insert("off", names(preset.off.iter().map(String::as_str)).into());
+        if !preset.on.is_empty() {
+            row.insert("on", names(preset.on.iter().map(String::as_str)).into());
         }
         row
     });
-    table.insert("situations", value(situations.collect::<Array>()));
+    table.insert("presets", value(presets.collect::<Array>()));
 }
 
 fn point(place: DVec2) -> Array {

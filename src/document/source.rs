@@ -58,6 +58,15 @@ pub enum Unknown {
 }
 
 impl OpenError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Scene(error) => error.code(),
+            Self::Volume(error) => error.code(),
+        }
+    }
+
     /// The missing information, if nothing else prevents opening.
     #[must_use]
     pub fn question(&self) -> Option<Question> {
@@ -196,8 +205,8 @@ impl Source {
 /// Error for the file `path`, which is not readable as a scene. A file that is not text, or too long for a scene, is
 /// reported as a volume of unknown format.
 fn no_scene(path: &Path, error: SceneError) -> OpenError {
-    // Errors inside a scene's text have a line; this one concerns the whole file.
-    let is_all_of_it = matches!(&error, SceneError::Invalid { at, .. } if *at == path.display().to_string());
+    let is_all_of_it =
+        matches!(error, SceneError::IsVolume { .. } | SceneError::TooLong { .. } | SceneError::NoText { .. });
     match volume::open(path, &Selection::default(), &Quiet) {
         Err(unknown @ VolumeError::UnknownFormat { .. }) if is_all_of_it => unknown.into(),
         _ => error.into(),

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use super::design::{self, Spectra, Step};
 use super::moves::{self, Move};
-use super::{Dial, DialNode, LightState, Mixing, SceneFile, Situation, Slider, along};
+use super::{Dial, DialNode, DialPreset, LightState, Mixing, SceneFile, Slider, along};
 use crate::model::LARGEST_DIMENSION;
 use crate::number::count;
 use crate::palette::Palette;
@@ -57,7 +57,7 @@ pub enum Edit {
     /// Moves the nodes to the corners of a regular polygon, and switches all of them on.
     Polygon,
     /// Selects a dial preset, by its index.
-    Situation(usize),
+    DialPreset(usize),
     /// Saves the hand and the nodes that are on as a dial preset of this name; replaces a preset of the same name.
     Keep(String),
     /// Renames a dial preset, by its index, unless the name is taken.
@@ -137,7 +137,7 @@ impl Edit {
             | Self::NodeOn(..)
             | Self::ResetDial
             | Self::Polygon
-            | Self::Situation(_)
+            | Self::DialPreset(_)
             | Self::Keep(_)
             | Self::Rename(..)
             | Self::Forget(_)
@@ -165,9 +165,9 @@ pub fn polygon(dial: &Dial) -> Vec<DialNode> {
 
 /// Switches the nodes of a dial preset on or off, by its index, relative to the dial as opened.
 fn take_part(dial: &mut Dial, opened: &SceneFile, index: usize) {
-    let Some(situation) = dial.situations.get(index) else { return };
+    let Some(preset) = dial.presets.get(index) else { return };
     for (node, stated) in dial.nodes.iter_mut().zip(&opened.dial.nodes) {
-        node.on = situation.has_on(stated);
+        node.on = preset.has_on(stated);
     }
 }
 
@@ -364,8 +364,8 @@ impl State {
                 }
                 dial.rearrange(nodes, &opened.dial.nodes);
             }
-            Edit::Situation(index) => {
-                if let Some(hand) = dial.situations.get(index).map(|situation| situation.hand) {
+            Edit::DialPreset(index) => {
+                if let Some(hand) = dial.presets.get(index).map(|preset| preset.hand) {
                     take_part(dial, opened, index);
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
                 }
@@ -374,26 +374,26 @@ impl State {
                 // All nodes, because the dial's own selection may differ when the session is opened again.
                 let (on, off): (Vec<_>, Vec<_>) = dial.nodes.iter().partition(|node| node.on);
                 let [on, off] = [on, off].map(|nodes| nodes.into_iter().map(|node| node.light.clone()).collect());
-                let kept = |caption| Situation { name: name.clone(), caption, hand: light.hand, off, on };
-                match dial.situations.iter_mut().find(|situation| situation.name == *name) {
-                    Some(situation) => *situation = kept(std::mem::take(&mut situation.caption)),
+                let kept = |caption| DialPreset { name: name.clone(), caption, hand: light.hand, off, on };
+                match dial.presets.iter_mut().find(|preset| preset.name == *name) {
+                    Some(preset) => *preset = kept(std::mem::take(&mut preset.caption)),
                     None if name.is_empty() => {}
-                    None => dial.situations.push(kept(String::new())),
+                    None => dial.presets.push(kept(String::new())),
                 }
             }
             Edit::Rename(index, ref name) => {
-                let is_free = !name.is_empty() && dial.situations.iter().all(|one| one.name != *name);
-                if let Some(situation) = dial.situations.get_mut(index).filter(|_| is_free) {
-                    situation.name.clone_from(name);
+                let is_free = !name.is_empty() && dial.presets.iter().all(|one| one.name != *name);
+                if let Some(preset) = dial.presets.get_mut(index).filter(|_| is_free) {
+                    preset.name.clone_from(name);
                 }
             }
             Edit::Forget(index) => {
-                if index < dial.situations.len() {
-                    dial.situations.remove(index);
+                if index < dial.presets.len() {
+                    dial.presets.remove(index);
                 }
             }
             Edit::Tour(step, of) => {
-                let stops: Vec<DVec2> = dial.situations.iter().map(|situation| situation.hand).collect();
+                let stops: Vec<DVec2> = dial.presets.iter().map(|preset| preset.hand).collect();
                 if let Some((at, hand)) = along(&stops, step, of) {
                     take_part(dial, opened, at);
                     (light.mixing, light.hand) = (Mixing::Dial, hand);
@@ -457,22 +457,22 @@ impl State {
                 scene.accuracy = allowed(accuracy, voxel);
             }
         }
-        light.situation = match *edit {
-            Edit::Situation(index) => Some(index).filter(|&index| index < dial.situations.len()),
-            Edit::Keep(ref name) => dial.situations.iter().position(|situation| situation.name == *name),
-            Edit::Tour(..) => dial.situations.iter().rposition(|situation| situation.hand == light.hand),
+        light.preset = match *edit {
+            Edit::DialPreset(index) => Some(index).filter(|&index| index < dial.presets.len()),
+            Edit::Keep(ref name) => dial.presets.iter().position(|preset| preset.name == *name),
+            Edit::Tour(..) => dial.presets.iter().rposition(|preset| preset.hand == light.hand),
             // On a node only its light shines, whatever the positions of the others.
-            Edit::NodePlace(..) | Edit::ResetDial | Edit::Polygon => light.situation.filter(|&index| {
+            Edit::NodePlace(..) | Edit::ResetDial | Edit::Polygon => light.preset.filter(|&index| {
                 let is_on = dial.nodes.iter().any(|node| node.on && node.lies_at(light.hand));
-                is_on && dial.situations.get(index).is_some_and(|situation| situation.hand == light.hand)
+                is_on && dial.presets.get(index).is_some_and(|preset| preset.hand == light.hand)
             }),
             Edit::Exposure(_)
             | Edit::Adapt(_)
             | Edit::Observer(_)
             | Edit::Deficiency(_)
             | Edit::Rename(..)
-            | Edit::Design(_) => light.situation,
-            _ if edit.leaves_light() => light.situation,
+            | Edit::Design(_) => light.preset,
+            _ if edit.leaves_light() => light.preset,
             _ => None,
         };
     }

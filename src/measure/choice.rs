@@ -332,12 +332,9 @@ impl<'a> Curve<'a> {
         }
         let Some(best) = best else {
             return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| ChoiceError::None {
-                asked: format!("ΔE00 {asked} in 95 of 100 pixels"),
+                goal: Goal::MaxError(asked),
                 nearest: nearest.map_or_else(String::new, |(setting, point)| {
-                    format!(
-                        "the nearest is {setting}, with {}; allow a larger error, or use --reference",
-                        short(point.error.p95)
-                    )
+                    format!("; the nearest is {setting}, with {}", short(point.error.p95))
                 }),
             }));
         };
@@ -480,12 +477,9 @@ impl<'a> Curve<'a> {
         }
         let fastest = self.tried.iter().min_by(|one, two| one.1.frame_ms.total_cmp(&two.1.frame_ms));
         Err(too_large.filter(|_| fastest.is_none()).unwrap_or_else(|| ChoiceError::None {
-            asked: format!("{asked} ms a frame"),
+            goal: Goal::Budget(asked),
             nearest: fastest.map_or_else(String::new, |(setting, point)| {
-                format!(
-                    "the fastest is {setting}, with {} ms; allow more time, or fewer pixels (--size, or a smaller window)",
-                    short(point.frame_ms)
-                )
+                format!("; the fastest is {setting}, with {} ms", short(point.frame_ms))
             }),
         }))
     }

@@ -61,11 +61,11 @@ impl Preset {
 #[non_exhaustive]
 pub enum ChoiceError {
     /// No setting reaches the goal.
-    #[error("no setting of this scene reaches {asked}; {nearest}")]
+    #[error("no setting of this scene reaches {}{nearest}", described(*goal))]
     None {
         /// The goal.
-        asked: String,
-        /// The nearest setting, and advice.
+        goal: Goal,
+        /// The nearest setting, as the end of the sentence.
         nearest: String,
     },
     /// No pixel shows the volume, so that no error can be measured.
@@ -85,7 +85,28 @@ pub enum ChoiceError {
     Render(#[from] RenderError),
 }
 
+/// A goal in words.
+fn described(goal: Goal) -> String {
+    match goal {
+        Goal::MaxError(error) => format!("ΔE00 {error} in 95 of 100 pixels"),
+        Goal::Budget(ms) => format!("{ms} ms a frame"),
+    }
+}
+
 impl ChoiceError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::None { goal: Goal::MaxError(_), .. } => "error-not-reached",
+            Self::None { goal: Goal::Budget(_), .. } => "time-not-reached",
+            Self::Nothing { .. } => "volume-not-visible",
+            Self::Plan(error) => error.code(),
+            Self::Ladder(error) => error.code(),
+            Self::Render(error) => error.code(),
+        }
+    }
+
     /// Whether the picture is too large for the device, so that fewer pixels might fit.
     pub(super) fn is_too_large(&self) -> bool {
         matches!(self, Self::Render(RenderError::PictureSize { .. } | RenderError::PictureMemory { .. }))

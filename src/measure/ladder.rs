@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::leaping::{Leaping, occupancy};
+use super::skipping::{Skipping, occupancy};
 use crate::film::RelightMatrices;
 use crate::number::Real;
 use crate::number::{count, whole};
@@ -243,9 +243,9 @@ impl<'a> Ladder<'a> {
         let storage = Storage::new(&planned.plan, &scene.volume, &self.statistics);
         let labels = self.labels.as_ref().filter(|_| planned.plan.labels);
         let exact = Exact::new(scene, planned, storage, labels);
-        let leaping = Leaping::new(exact, &self.occupancy, scene, planned);
+        let skipping = Skipping::new(exact, &self.occupancy, scene, planned);
         let matrices = self.matrices(scene, planned);
-        Ok(render_pixels(scene, planned, &leaping, &matrices, self.size, pixels, progress)?)
+        Ok(render_pixels(scene, planned, &skipping, &matrices, self.size, pixels, progress)?)
     }
 
     /// XYZ under the plan `planned` in f64 from exact samples, with unrounded accumulators.
@@ -309,6 +309,17 @@ pub enum LadderError {
     /// The volume or its labels cannot be used.
     #[error(transparent)]
     Volume(#[from] VolumeError),
+}
+
+impl LadderError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Reference(error) => error.code(),
+            Self::Volume(error) => error.code(),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ const MOST: usize = 10_000;
 
 /// An invalid sweep.
 #[derive(Debug, thiserror::Error)]
-#[error("--sweep {sweep}: {problem}")]
+#[error("{sweep}: {problem}")]
 pub struct SweepError {
     sweep: String,
     problem: String,
@@ -197,7 +197,7 @@ mod tests {
             ("", "write KNOB=VALUES"),
         ] {
             let told = settings(&[sweep.to_owned()]).unwrap_err().to_string();
-            assert!(told.contains(words) && told.starts_with(&format!("--sweep {sweep}:")), "{told}");
+            assert!(told.contains(words) && told.starts_with(&format!("{sweep}: ")), "{told}");
         }
     }
 

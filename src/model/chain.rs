@@ -219,7 +219,7 @@ impl Chain {
         let white = matrices.vector(&[1.0; BANDS]);
         let dimension = white.len();
         let mut light = vec![0.0; dimension];
-        let mut passing = matrices.matrix(&[1.0; BANDS]);
+        let mut transmittance = matrices.matrix(&[1.0; BANDS]);
         for step in &self.steps {
             let scattering: f64 = step.scattered.iter().map(|(_, depth)| depth).sum();
             let depths = depth(&step.absorbed).samples().map(|absorbed| absorbed + scattering);
@@ -232,15 +232,15 @@ impl Chain {
             for (sent, depth) in sent.iter_mut().zip(depths) {
                 *sent *= if depth == 0.0 { 1.0 } else { absorbed_share(depth) / depth };
             }
-            add_product(&mut light, &passing, &matrices.vector(&sent), 1.0);
-            let met = matrices.matrix(&depths.map(|depth| (-depth).exp()));
-            let mut passed = vec![0.0; met.len()];
-            for (passed, row) in passed.chunks_exact_mut(dimension).zip(passing.chunks_exact(dimension)) {
-                for (factor, met) in row.iter().zip(met.chunks_exact(dimension)) {
-                    passed.iter_mut().zip(met).for_each(|(sum, met)| *sum += factor * met);
+            add_product(&mut light, &transmittance, &matrices.vector(&sent), 1.0);
+            let step_transmittance = matrices.matrix(&depths.map(|depth| (-depth).exp()));
+            let mut left = vec![0.0; step_transmittance.len()];
+            for (into, row) in left.chunks_exact_mut(dimension).zip(transmittance.chunks_exact(dimension)) {
+                for (factor, parts) in row.iter().zip(step_transmittance.chunks_exact(dimension)) {
+                    into.iter_mut().zip(parts).for_each(|(sum, part)| *sum += factor * part);
                 }
             }
-            passing = passed;
+            transmittance = left;
         }
         if let Some(behind) = &self.behind {
             let mut last_first = behind.iter().rev();
@@ -250,7 +250,7 @@ impl Chain {
                 add_product(&mut next, &matrices.matrix(sources[source].samples()), &reflected, 1.0);
                 reflected = next;
             }
-            add_product(&mut light, &passing, &reflected, self.lit_behind);
+            add_product(&mut light, &transmittance, &reflected, self.lit_behind);
         }
         light
     }

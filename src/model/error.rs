@@ -29,7 +29,7 @@ pub enum ModelError {
     /// No dimension keeps the tolerance.
     #[error(
         "the model {kind} does not keep ΔE00 {tolerance} for any k up to {largest}: the best is k = {dimension} with a \
-         largest error of {reached:.3}; to accept it, add --k {dimension} or --tolerance {kept:.3}{way_out}"
+         largest error of {reached:.3}"
     )]
     Tolerance {
         /// Requested kind of model.
@@ -44,8 +44,6 @@ pub enum ModelError {
         reached: f64,
         /// Tolerance that this dimension keeps.
         kept: f64,
-        /// Other remedies, as the end of the sentence.
-        way_out: String,
     },
     /// An unusable spectrum.
     #[error("{what} is {value} at {nm} nm; {expected}")]
@@ -71,4 +69,21 @@ pub enum ModelError {
     /// The fit was cancelled.
     #[error("fitting the colour model was stopped")]
     Cancelled,
+}
+
+impl ModelError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Dimension { .. } => "dimension-invalid",
+            Self::NotThree { .. } => "rgb-dimension-invalid",
+            Self::NotATolerance { .. } => "tolerance-invalid",
+            Self::Tolerance { .. } => "tolerance-exceeded",
+            Self::Sample { .. } => "model-sample-invalid",
+            Self::NotFinite => "model-not-finite",
+            Self::Parts { .. } => "model-parts-inconsistent",
+            Self::Cancelled => "cancelled",
+        }
+    }
 }

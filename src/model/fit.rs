@@ -85,10 +85,6 @@ pub fn fit_automatic(
     model.refit(&cloud)?;
     model.check_on(&unseen)?;
     let reached = model.worst().max;
-    let way_out = match kind {
-        ModelKind::Nodes => "; --reference renders all bands, slowly but without this error",
-        _ => "; --model nodes may keep your tolerance",
-    };
     Err(ModelError::Tolerance {
         kind,
         tolerance,
@@ -96,7 +92,6 @@ pub fn fit_automatic(
         dimension,
         reached,
         kept: (reached * 1000.0).ceil() / 1000.0,
-        way_out: way_out.to_owned(),
     })
 }
 

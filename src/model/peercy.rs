@@ -70,11 +70,11 @@ impl Matrices {
     /// The k × k matrix, row by row, of the multiplication by `spectrum`.
     #[must_use]
     pub fn matrix(&self, spectrum: &[f64; BANDS]) -> Vec<f64> {
-        let mut met = self.dual.clone();
-        for (mut row, &factor) in met.row_iter_mut().zip(spectrum) {
+        let mut weighted = self.dual.clone();
+        for (mut row, &factor) in weighted.row_iter_mut().zip(spectrum) {
             row *= factor;
         }
         // The transpose column by column is the matrix row by row.
-        (&self.projection * met).transpose().as_slice().to_vec()
+        (&self.projection * weighted).transpose().as_slice().to_vec()
     }
 }

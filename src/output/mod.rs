@@ -219,3 +219,29 @@ pub enum OutputError {
         detail: String,
     },
 }
+
+impl OutputError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Matrix => "film-of-matrices",
+            Self::Kind { .. } => "picture-kind-unknown",
+            Self::NoExr { .. } => "film-extension-invalid",
+            Self::NoFile { .. } => "folder-not-writable",
+            Self::NoFolder { .. } => "folder-missing",
+            Self::IsFolder { .. } => "output-is-folder",
+            Self::DiskFull { .. } => "disk-full",
+            Self::FileLimit { .. } => "file-limit-exceeded",
+            Self::Write { .. } => "output-not-written",
+            Self::Shape { .. } => "sample-count-differs",
+            Self::Size { .. } => "picture-size-invalid",
+            Self::Drawing { .. } => "drawing-failed",
+            Self::Read { .. } => "film-not-readable",
+            Self::Damaged { .. } => "exr-damaged",
+            Self::NotAccumulators { .. } => "exr-not-film",
+            Self::Attribute { .. } => "film-attribute-invalid",
+            Self::Inconsistent { .. } => "film-inconsistent",
+        }
+    }
+}

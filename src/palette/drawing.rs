@@ -123,7 +123,7 @@ impl Solution {
         let from = LABELS + 90.0;
         let y = drawing.height + 20.0;
         let observers =
-            std::iter::once("all cones".to_owned()).chain(Deficiency::ALL.map(|deficiency| deficiency.to_string()));
+            std::iter::once("normal".to_owned()).chain(Deficiency::ALL.map(|deficiency| deficiency.to_string()));
         for (column, observer) in observers.enumerate() {
             drawing.text([count(column).mul_add(OBSERVER, from), y], 12.0, &observer);
         }

@@ -55,3 +55,18 @@ pub enum PaletteError {
     #[error("solving the palette was stopped")]
     Cancelled,
 }
+
+impl PaletteError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Read { .. } => "palette-not-readable",
+            Self::Invalid { .. } => "palette-invalid",
+            Self::Spectrum { source, .. } => source.code(),
+            Self::Unsolvable { .. } => "palette-unsolvable",
+            Self::Model { source, .. } => source.code(),
+            Self::Cancelled => "cancelled",
+        }
+    }
+}

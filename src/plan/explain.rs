@@ -37,7 +37,7 @@ impl Planned {
         let name = |material: usize| scene.materials.get(material).map(|material| material.name.as_str());
         let shown = || listed(self.materials.iter().filter_map(|&material| name(material)));
         let absorbs = |material: &usize| scene.absorbs(*material);
-        let passes = match plan.transmittance {
+        let absorption = match plan.transmittance {
             Transmittance::Grey => "All wavelengths are absorbed equally".to_owned(),
             Transmittance::Coloured | Transmittance::Mixed => format!(
                 "Light changes its colour, as through stained glass, in {}",
@@ -45,13 +45,13 @@ impl Planned {
             ),
         };
         let each = if plan.positions.total() > 1 { " for each light position" } else { "" };
-        let kept = plan.components() * plan.positions.total() + plan.passed();
+        let kept = plan.components() * plan.positions.total() + plan.transmittance_numbers();
         let mut sentences = Vec::new();
         match &self.model {
             None => {
                 let white = if plan.specular().is_some() { " and of white highlights" } else { "" };
                 sentences.push(format!(
-                    "{passes}: the colour of a pixel under any light follows exactly from the weights of its materials."
+                    "{absorption}: the colour of a pixel under any light follows exactly from the weights of its materials."
                 ));
                 sentences.push(format!(
                     "A pixel keeps the weights of {}{white}{each}, and the transmittance: {kept} numbers in all.",
@@ -67,12 +67,12 @@ impl Planned {
                     ),
                     None => format!("Colours are computed with {} instead of all wavelengths", model.description()),
                 };
-                sentences.push(format!("{passes}. {followed}."));
+                sentences.push(format!("{absorption}. {followed}."));
                 sentences.extend(self.amplified(scene));
                 sentences.push(format!(
                     "A pixel keeps {} numbers of the scattered light{each}, and {} of the transmittance: {kept} in all.",
                     plan.components(),
-                    plan.passed()
+                    plan.transmittance_numbers()
                 ));
             }
         }

@@ -139,13 +139,13 @@ impl<'a, R: Real> Frame<'a, R> {
                 }
             }
             if mixed {
-                transmittance = pass_by_matrix(&transmittance, &step.opacity, source.len());
+                transmittance = attenuate_matrix(&transmittance, &step.opacity, source.len());
             } else {
-                for (passed, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
-                    *passed = pass_by(*passed, opacity);
+                for (left, &opacity) in transmittance.iter_mut().zip(&step.opacity) {
+                    *left = attenuate(*left, opacity);
                 }
             }
-            if transmittance.iter().all(|&passed| passed.abs() < self.termination) {
+            if transmittance.iter().all(|&left| left.abs() < self.termination) {
                 break;
             }
         }
@@ -154,18 +154,18 @@ impl<'a, R: Real> Frame<'a, R> {
 
     /// Initial transmittance: 1 per number, or the identity matrix.
     fn all_light(&self) -> Vec<R> {
-        let (passed, components) = (self.planned.plan.passed(), self.planned.plan.components());
+        let (numbers, components) = (self.planned.plan.transmittance_numbers(), self.planned.plan.components());
         let is_one =
             |n: usize| self.planned.plan.transmittance != Transmittance::Mixed || n.is_multiple_of(components + 1);
-        (0..passed).map(|n| if is_one(n) { R::from_f64(1.0) } else { R::default() }).collect()
+        (0..numbers).map(|n| if is_one(n) { R::from_f64(1.0) } else { R::default() }).collect()
     }
 
     /// Marches and stores pixel `[x, y]` and returns `finish(sums, transmittance)`.
     fn finished<T>(&self, samples: &impl Samples<R>, pixel: [usize; 2], finish: impl Fn(&[R], &[R]) -> T) -> T {
         let mut sums = vec![R::default(); self.planned.plan.components() * self.planned.positions.len()];
-        let mut passed = self.march_pixel(samples, pixel, &mut sums, |_| true);
-        store(&self.planned.plan, &mut sums, &mut passed);
-        finish(&sums, &passed)
+        let mut transmittance = self.march_pixel(samples, pixel, &mut sums, |_| true);
+        store(&self.planned.plan, &mut sums, &mut transmittance);
+        finish(&sums, &transmittance)
     }
 
     /// Sets `source` to the light that a step sends to the eye from the light at `position`: material weights and white
@@ -281,39 +281,39 @@ fn between<R: Real>(base: R, direction: R, low: R, high: R) -> [R; 2] {
 
 /// Adds one premultiplied sample front to back, `A += T·s`. T has one number for all components or one per component.
 pub fn composite<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[R]) {
-    let passed = transmittance.iter().cycle();
-    for ((sum, &part), passed) in accumulator.iter_mut().zip(source).zip(passed) {
-        *sum = passed.mul_add(part, *sum);
+    let lefts = transmittance.iter().cycle();
+    for ((sum, &part), left) in accumulator.iter_mut().zip(source).zip(lefts) {
+        *sum = left.mul_add(part, *sum);
     }
 }
 
 /// Returns the transmittance after a step, `T − T·α`, rounded once (`T *= 1 − α` drifts over many equal steps:
 /// docs/theory/march.md).
-pub fn pass_by<R: Real>(transmittance: R, opacity: R) -> R {
+pub fn attenuate<R: Real>(transmittance: R, opacity: R) -> R {
     (-transmittance).mul_add(opacity, transmittance)
 }
 
 /// [`composite`] for a row-major matrix T: each component of the sample adds to each of the sum.
 pub fn composite_matrix<R: Real>(accumulator: &mut [R], source: &[R], transmittance: &[R]) {
     for (sum, row) in accumulator.iter_mut().zip(transmittance.chunks_exact(source.len().max(1))) {
-        for (&passed, &part) in row.iter().zip(source) {
-            *sum = passed.mul_add(part, *sum);
+        for (&left, &part) in row.iter().zip(source) {
+            *sum = left.mul_add(part, *sum);
         }
     }
 }
 
-/// [`pass_by`] for matrices with `dimension` rows, `T − T·A`.
-pub fn pass_by_matrix<R: Real>(transmittance: &[R], opacity: &[R], dimension: usize) -> Vec<R> {
-    let mut passed = transmittance.to_vec();
-    let rows = passed.chunks_exact_mut(dimension.max(1)).zip(transmittance.chunks_exact(dimension.max(1)));
-    for (passed, before) in rows {
+/// [`attenuate`] for matrices with `dimension` rows, `T − T·A`.
+pub fn attenuate_matrix<R: Real>(transmittance: &[R], opacity: &[R], dimension: usize) -> Vec<R> {
+    let mut left = transmittance.to_vec();
+    let rows = left.chunks_exact_mut(dimension.max(1)).zip(transmittance.chunks_exact(dimension.max(1)));
+    for (row, before) in rows {
         for (&through, opacity) in before.iter().zip(opacity.chunks_exact(dimension.max(1))) {
-            for (passed, &opacity) in passed.iter_mut().zip(opacity) {
-                *passed = (-through).mul_add(opacity, *passed);
+            for (left, &opacity) in row.iter_mut().zip(opacity) {
+                *left = (-through).mul_add(opacity, *left);
             }
         }
     }
-    passed
+    left
 }
 
 /// Marches every pixel of a picture of `size` (width, height) as planned.
@@ -329,8 +329,9 @@ pub fn march<R: Real>(
     progress: &dyn Progress,
 ) -> Result<Film<R>, ReferenceError> {
     let kept = planned.plan.components() * planned.positions.len();
-    let marched = pixels(scene, planned, samples, size, progress, |sums, passed| [sums, passed].concat())?;
-    let numbers = kept + planned.plan.passed();
+    let marched =
+        pixels(scene, planned, samples, size, progress, |sums, transmittance| [sums, transmittance].concat())?;
+    let numbers = kept + planned.plan.transmittance_numbers();
     let mut planes = vec![R::default(); numbers * marched.len()];
     for (i, pixel) in marched.iter().enumerate() {
         for (k, &number) in pixel.iter().enumerate() {
@@ -356,7 +357,7 @@ pub fn render<R: Real>(
     size: [usize; 2],
     progress: &dyn Progress,
 ) -> Result<Vec<(DVec3, f64)>, ReferenceError> {
-    pixels(scene, planned, samples, size, progress, |sums, passed| relit_pixel(sums, passed, matrices))
+    pixels(scene, planned, samples, size, progress, |sums, transmittance| relit_pixel(sums, transmittance, matrices))
 }
 
 /// [`render`] for the pixels `wanted`, `[x, y]` with y down: linear sRGB and opacity of each, in the same order.
@@ -380,7 +381,9 @@ pub fn render_pixels<R: Real>(
     let found: Vec<Vec<_>> = in_parallel(chunks, progress, |chunk| {
         let pixels = wanted.iter().skip(chunk * AT_ONCE).take(AT_ONCE);
         pixels
-            .map(|&pixel| frame.finished(samples, pixel, |sums, passed| relit_pixel(sums, passed, matrices)))
+            .map(|&pixel| {
+                frame.finished(samples, pixel, |sums, transmittance| relit_pixel(sums, transmittance, matrices))
+            })
             .collect()
     })?;
     Ok(found.concat())

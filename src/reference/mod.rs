@@ -5,7 +5,7 @@ mod samples;
 mod store;
 
 pub use march::{
-    RaySample, composite, composite_matrix, march, march_ray, pass_by, pass_by_matrix, render, render_pixels,
+    RaySample, attenuate, attenuate_matrix, composite, composite_matrix, march, march_ray, render, render_pixels,
 };
 pub use samples::{Exact, Samples, Step, Stored};
 pub use store::store;
@@ -28,4 +28,16 @@ pub enum ReferenceError {
     /// The camera has no view direction.
     #[error("the camera has no view direction: its target is its position, or its up vector is parallel to its view")]
     Camera,
+}
+
+impl ReferenceError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Cancelled => "cancelled",
+            Self::TooManySamples { .. } => "samples-too-many",
+            Self::Camera => "camera-without-direction",
+        }
+    }
 }

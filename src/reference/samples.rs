@@ -96,7 +96,7 @@ impl Samples<f64> for Exact<'_> {
         let found = label.map_or_else(|| self.steps.of_value(value), |label| self.label_steps[label + 1].clone());
         step.source.clone_from(&found.source);
         step.opacity.clone_from(&found.opacity);
-        step.opacity.truncate(self.planned.plan.passed());
+        step.opacity.truncate(self.planned.plan.transmittance_numbers());
         if self.planned.plan.gradient() {
             let dims = self.scene.volume.geometry.dims;
             let interpolation = self.scene.accuracy.interpolation;
@@ -172,7 +172,7 @@ impl<R: Real> Samples<R> for Stored<'_, R> {
             let coordinate = value.mul_add(self.coordinate_scale, self.coordinate_offset).max(R::default()).min(last);
             self.look_up(coordinate, step);
         }
-        step.opacity.truncate(self.planned.plan.passed());
+        step.opacity.truncate(self.planned.plan.transmittance_numbers());
     }
 }
 
@@ -202,7 +202,7 @@ fn entry<R: Real>(table: &TransferTable, i: usize, step: &mut Step<R>) {
     step.source.clear();
     step.source.extend(table.source[i * table.lanes..][..table.lanes].iter().flatten().map(number));
     step.opacity.clear();
-    step.opacity.extend(table.opacity[i * table.passed..][..table.passed].iter().map(number));
+    step.opacity.extend(table.opacity[i * table.opacity_numbers..][..table.opacity_numbers].iter().map(number));
 }
 
 /// Interpolates `texel` at `place` (texture coordinates), x first, or returns the nearest texel.

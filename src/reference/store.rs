@@ -8,15 +8,15 @@ use crate::scene::StoreAs;
 
 /// Rounds the accumulators and transmittance of a pixel to the plan's storage format. Grey transmittance is not
 /// rounded.
-pub fn store<R: Real>(plan: &ScenePlan, sums: &mut [R], passed: &mut [R]) {
+pub fn store<R: Real>(plan: &ScenePlan, sums: &mut [R], transmittance: &mut [R]) {
     if plan.storage == StoreAs::Single {
         return;
     }
-    let passed = match plan.transmittance {
+    let transmittance = match plan.transmittance {
         Transmittance::Grey => &mut [],
-        Transmittance::Coloured | Transmittance::Mixed => passed,
+        Transmittance::Coloured | Transmittance::Mixed => transmittance,
     };
-    for number in sums.iter_mut().chain(passed) {
+    for number in sums.iter_mut().chain(transmittance) {
         *number = R::from_f64(f16::from_f64(number.to_f64()).to_f64());
     }
 }

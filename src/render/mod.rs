@@ -51,12 +51,13 @@ pub enum RenderError {
     Cancelled,
     /// The matrices of a colour model are too large for the device.
     #[error(
-        "the model peercy needs a transmittance matrix of {dimension}×{dimension} numbers, and a device has room for {0}×{0}: take --k {0} or less, or --reference",
-        march::LARGEST_MATRIX
+        "the model peercy needs a transmittance matrix of {dimension}×{dimension} numbers, and a device has room for {largest}×{largest}"
     )]
     Matrix {
         /// Dimension of the model.
         dimension: usize,
+        /// Largest dimension that fits.
+        largest: usize,
     },
     /// The camera has no line of sight.
     #[error(
@@ -70,9 +71,7 @@ pub enum RenderError {
         step_length: f64,
     },
     /// The volume has more voxels along an axis than a texture of the device.
-    #[error(
-        "the volume has {dims:?} voxels; {device} holds at most {limit:?}: take --downsample to average blocks of voxels"
-    )]
+    #[error("the volume has {dims:?} voxels; {device} holds at most {limit:?}")]
     TooLarge {
         /// Dimensions of the volume.
         dims: [usize; 3],
@@ -82,9 +81,7 @@ pub enum RenderError {
         limit: [u32; 3],
     },
     /// The volume's texture does not fit into the device's memory.
-    #[error(
-        "the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB: take --downsample{}", without_gradients(*format)
-    )]
+    #[error("the volume needs {needed_mb} MB as {format:?}; {device} has {heap_mb} MB")]
     Memory {
         /// Size of the texture.
         needed_mb: u64,
@@ -97,7 +94,7 @@ pub enum RenderError {
     },
     /// A picture has more pixels along a side, or more layers, than the device supports.
     #[error(
-        "a picture of {}×{} pixels with {} vectors each is too large for {device}, whose limit is {}×{} with {}: take a smaller --size, fewer light positions, or --reference", asked[0], asked[1], asked[2], limit[0], limit[1], limit[2]
+        "a picture of {}×{} pixels with {} vectors each is too large for {device}, whose limit is {}×{} with {}", asked[0], asked[1], asked[2], limit[0], limit[1], limit[2]
     )]
     PictureSize {
         /// Pixels across and down, and number of layers.
@@ -109,7 +106,7 @@ pub enum RenderError {
     },
     /// A picture and its volume together do not fit into the device's memory.
     #[error(
-        "a picture of {}×{} pixels needs {needed_mb} MB and its volume {volume_mb} MB, and {device} has {heap_mb} MB: take a smaller --size, fewer light positions, or --downsample", size[0], size[1]
+        "a picture of {}×{} pixels needs {needed_mb} MB and its volume {volume_mb} MB, and {device} has {heap_mb} MB", size[0], size[1]
     )]
     PictureMemory {
         /// Pixels across and down.
@@ -135,9 +132,26 @@ pub enum RenderError {
     },
 }
 
-/// Second remedy for [`RenderError::Memory`], if there is one.
-fn without_gradients(format: VolumeFormat) -> &'static str {
-    if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" }
+impl RenderError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Vulkan(error) => error.code(),
+            Self::Shader(_) => "shader-invalid",
+            Self::Plan(error) => error.code(),
+            Self::Volume(error) | Self::Labels(error) => error.code(),
+            Self::Cancelled => "cancelled",
+            Self::Matrix { .. } => "matrix-too-large",
+            Self::Camera => "camera-without-direction",
+            Self::TooManySamples { .. } => "samples-too-many",
+            Self::TooLarge { .. } => "volume-too-large",
+            Self::Memory { .. } => "volume-memory-exceeded",
+            Self::PictureSize { .. } => "picture-too-large",
+            Self::PictureMemory { .. } => "picture-memory-exceeded",
+            Self::Filter { .. } => "interpolation-unsupported",
+        }
+    }
 }
 
 /// A device with its most recently used pipelines. Clones share them.
@@ -308,21 +322,4 @@ pub fn shaders_of(plan: &ScenePlan) -> Result<[(&'static str, Shader); 3], Shade
         ("relight_display", relight::source(plan, relight::Target::Display).compile()?),
         ("relight_linear", relight::source(plan, relight::Target::Linear).compile()?),
     ])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn to_store_no_gradients_is_advised_where_there_are_any() {
-        for format in
-            [VolumeFormat::R16Unorm, VolumeFormat::R32Float, VolumeFormat::Rgba16Snorm, VolumeFormat::Rgba32Float]
-        {
-            let error = RenderError::Memory { needed_mb: 9, format, device: "d".to_owned(), heap_mb: 8 };
-            let message = error.to_string();
-            assert!(message.contains("--downsample"), "{message}");
-            assert_eq!(message.contains("shading = \"none\""), format.has_gradient(), "{message}");
-        }
-    }
 }

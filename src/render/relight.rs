@@ -41,7 +41,7 @@ pub struct RelightUniform {
 }
 
 /// Whether the relight reads the transmittance: for a background, or for the opacity of the picture.
-fn passes_light(plan: &ScenePlan, target: Target) -> bool {
+fn reads_transmittance(plan: &ScenePlan, target: Target) -> bool {
     plan.background || target == Target::Linear
 }
 
@@ -52,13 +52,13 @@ fn is_lit_again(target: Target) -> bool {
 
 /// Source of the relight shader of `plan`.
 pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
-    let [accumulators, passed] = images(plan, plan.storage, "read");
+    let [accumulators, transmittance] = images(plan, plan.storage, "read");
     let constants = common(plan)
         .bool("BACKGROUND", plan.background)
-        .bool("PASSING", passes_light(plan, target))
-        .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
+        .bool("READS_TRANSMITTANCE", reads_transmittance(plan, target))
+        .u32("TRANSMITTANCE_LANES", unsigned(plan.transmittance_lanes()))
         .alias("AccumulatorImage", &accumulators)
-        .alias("TransmittanceImage", &passed)
+        .alias("TransmittanceImage", &transmittance)
         .bool("SPARES", is_lit_again(target))
         .bool("DISPLAY", target == Target::Display)
         .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
@@ -115,7 +115,7 @@ impl Renderer {
         let plan = &film.planned.plan;
         let device = &self.device;
         let bytes = size_of::<RelightUniform>()
-            + plan.passed_lanes() * size_of::<[[f32; LANE]; 4]>()
+            + plan.transmittance_lanes() * size_of::<[[f32; LANE]; 4]>()
             + plan.layers().max(1) * size_of::<[[f32; LANE]; 3]>();
         let uniform = Buffer::host(device, "relight", bytes as u64, HostUse::Uniform)?;
         let name = match target {
@@ -124,21 +124,22 @@ impl Renderer {
         };
         let picture = StorageImage::new(device, name, format, film.size.map(unsigned), 1)?;
         let columns = [unsigned(film.size[0]), unsigned(film.size[1]).div_ceil(ROWS)];
-        let met =
-            is_lit_again(target).then(|| StorageImage::new(device, "met", Format::R32Uint, columns, 1)).transpose()?;
+        let nonzero = is_lit_again(target)
+            .then(|| StorageImage::new(device, "nonzero", Format::R32Uint, columns, 1))
+            .transpose()?;
         let (pipeline, set) = self.bind(source(plan, target), |name| {
             Some(match name {
                 "relight" => Resource::Uniform(&uniform),
                 "accumulators" => Resource::StorageImage(&film.accumulators),
                 "transmittances" => Resource::StorageImage(&film.transmittance),
                 "display" | "linear" => Resource::StorageImage(&picture),
-                "met" => Resource::StorageImage(met.as_ref()?),
+                "nonzero" => Resource::StorageImage(nonzero.as_ref()?),
                 _ => return None,
             })
         })?;
-        let passed = if passes_light(plan, target) { film.transmittance.bytes() } else { 0 };
+        let transmittance = if reads_transmittance(plan, target) { film.transmittance.bytes() } else { 0 };
         let accumulators = if plan.layers() == 0 { 0 } else { film.accumulators.bytes() };
-        let bytes = uniform.bytes() + accumulators + passed + picture.bytes();
+        let bytes = uniform.bytes() + accumulators + transmittance + picture.bytes();
         let (device, lit) = (device.clone(), AtomicBool::new(false));
         Ok(Relight { device, components: plan.components(), pipeline, set, uniform, picture, lit, bytes })
     }

@@ -179,3 +179,31 @@ pub enum SpectrumError {
         source: Box<Self>,
     },
 }
+
+impl SpectrumError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotFinite { .. } => "spectrum-not-finite",
+            Self::NegativeAbsorption { .. } => "absorption-negative",
+            Self::NoAbsorption => "absorption-zero",
+            Self::Temperature { .. } => "temperature-invalid",
+            Self::Gaussian { .. } => "gaussian-invalid",
+            Self::SampleCount { .. } => "sample-count-invalid",
+            Self::Points(_) => "spectrum-points-invalid",
+            Self::ColourCode { .. } => "colour-code-invalid",
+            Self::Unattainable { .. } => "colour-unattainable",
+            Self::WrongKind { .. } => "spectrum-kind-differs",
+            Self::NoStandard { .. } => "standard-unknown",
+            Self::Unknown { .. } => "spectrum-unknown",
+            Self::Read { .. } => "spectrum-not-readable",
+            Self::TooLarge { .. } => "spectrum-file-too-large",
+            Self::NotText { .. } => "spectrum-file-not-text",
+            Self::Empty { .. } => "spectrum-file-empty",
+            Self::Line { .. } => "spectrum-line-invalid",
+            Self::Column { .. } => "spectrum-column-unknown",
+            Self::File { source, .. } => source.code(),
+        }
+    }
+}

@@ -25,12 +25,12 @@ const PER_FEATURE: f64 = 8.0;
 pub struct TransferTable {
     /// Gained light: `entries × lanes` vectors; unused numbers are zero.
     pub source: Vec<[f32; LANE]>,
-    /// Lost light α: [`Self::passed`] numbers per entry; unused numbers are zero.
+    /// Lost light α: [`Self::opacity_numbers`] numbers per entry; unused numbers are zero.
     pub opacity: Vec<f32>,
     /// Vectors per entry of [`Self::source`].
     pub lanes: usize,
     /// Numbers per entry of [`Self::opacity`].
-    pub passed: usize,
+    pub opacity_numbers: usize,
 }
 
 /// Effect of one step in f64, laid out like a table entry.
@@ -65,13 +65,13 @@ impl TransferTable {
             source.extend(step.source.chunks_exact(LANE).map(|lane| std::array::from_fn(|part| rounded(lane[part]))));
             opacity.extend(step.opacity.iter().copied().map(rounded));
         }
-        Self { source, opacity, lanes: planned.plan.parts().lanes, passed: opacity_numbers(planned) }
+        Self { source, opacity, lanes: planned.plan.parts().lanes, opacity_numbers: opacity_numbers(planned) }
     }
 
     /// Number of entries.
     #[must_use]
     pub fn entries(&self) -> usize {
-        self.opacity.len() / self.passed
+        self.opacity.len() / self.opacity_numbers
     }
 
     /// Scale and offset from a texel's value to a table coordinate, 0 to `entries − 1`.
@@ -92,7 +92,7 @@ impl TransferTable {
     /// Whether entry `i` has any nonzero number.
     pub(crate) fn is_active(&self, i: usize) -> bool {
         let source = &self.source[i * self.lanes..][..self.lanes];
-        let opacity = &self.opacity[i * self.passed..][..self.passed];
+        let opacity = &self.opacity[i * self.opacity_numbers..][..self.opacity_numbers];
         source.iter().flatten().chain(opacity).any(|&number| number != 0.0)
     }
 }
@@ -101,7 +101,7 @@ impl TransferTable {
 fn opacity_numbers(planned: &Planned) -> usize {
     match planned.plan.transmittance {
         Transmittance::Grey => 1,
-        Transmittance::Coloured | Transmittance::Mixed => planned.plan.passed_lanes() * LANE,
+        Transmittance::Coloured | Transmittance::Mixed => planned.plan.transmittance_lanes() * LANE,
     }
 }
 
@@ -230,7 +230,7 @@ impl<'a> Steps<'a> {
             }
             return model.step_depths(&depth.scaled(steps), Amplification::Held);
         }
-        let mut depths = vec![scattering; self.planned.plan.passed()];
+        let mut depths = vec![scattering; self.planned.plan.transmittance_numbers()];
         for (&height, shape) in medium.absorption.iter().zip(&self.absorptions) {
             for (sum, part) in depths.iter_mut().zip(shape) {
                 *sum += height * part;

@@ -17,7 +17,7 @@ struct Stage {
     name: String,
     done: u64,
     total: u64,
-    told: Option<Instant>,
+    reported: Option<Instant>,
 }
 
 /// Receives the progress of a background task and tells it to stop.
@@ -60,8 +60,8 @@ impl Progress for Listener {
             name.clone_into(&mut stage.name);
         }
         (stage.done, stage.total) = (done, total);
-        if stage.told.is_none_or(|told| told.elapsed() > NEWS) {
-            stage.told = Some(Instant::now());
+        if stage.reported.is_none_or(|reported| reported.elapsed() > NEWS) {
+            stage.reported = Some(Instant::now());
             drop(stage);
             (self.progressed)();
         }

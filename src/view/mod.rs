@@ -5,6 +5,8 @@
 //! screen.
 
 pub mod action;
+#[cfg(feature = "window")]
+mod advice;
 pub mod effort;
 pub mod engine;
 pub mod export;

@@ -170,11 +170,8 @@ impl Probe {
         let lights = alone.into_iter().map(|(_, light)| lit(&light.name.clone(), &Mix(vec![light]))).collect();
         let spectrum = |mix: &Mix| reflected.map(|reflected| spectrum(reflected, numbers, mix, positions));
         let now = matrices(mix);
-        let through = numbers
-            .transmittance
-            .iter()
-            .zip(&now.transmittance_weights)
-            .map(|(&passed, share)| f64::from(passed) * share);
+        let through =
+            numbers.transmittance.iter().zip(&now.transmittance_weights).map(|(&left, share)| f64::from(left) * share);
         let (shares, of_positions) = shares(pixel, scene, &now, ray);
         Self {
             place: pixel.place,
@@ -188,7 +185,7 @@ impl Probe {
                     components.fold(Spectrum::constant(0.0), |sum, (part, &weight)| &sum + &part.scaled(weight.into()));
                 // The background is lit from every light position.
                 let behind = reflected.behind.iter().zip(&numbers.transmittance);
-                behind.fold(sent, |sum, (part, &passed)| &sum + &part.scaled(count(positions) * f64::from(passed)))
+                behind.fold(sent, |sum, (part, &left)| &sum + &part.scaled(count(positions) * f64::from(left)))
             }),
             spectral_error: reflected.and_then(|reflected| Some(reflected.reconstruction.as_ref()?.rms)),
             shares,
@@ -204,8 +201,8 @@ impl Probe {
     #[must_use]
     pub fn brightest(&self) -> Option<&Stretch> {
         let seen = |stretch: &&Stretch| stretch.transmittance * stretch.scattering.iter().sum::<f64>();
-        let met = self.ray.iter().flatten().filter(|stretch| seen(stretch) > 0.0);
-        met.max_by(|one, two| seen(one).total_cmp(&seen(two)))
+        let stretches = self.ray.iter().flatten().filter(|stretch| seen(stretch) > 0.0);
+        stretches.max_by(|one, two| seen(one).total_cmp(&seen(two)))
     }
 
     /// Returns the probe as JSON.
@@ -270,7 +267,7 @@ fn shares(pixel: &Pixel, scene: &Scene, matrices: &RelightMatrices, ray: Option<
         .map(|(&weight, &colour)| f64::from(weight) * Shown(colour).luminance())
         .collect();
     let behind: f64 = (numbers.transmittance.iter().zip(&matrices.background))
-        .map(|(&passed, &colour)| f64::from(passed) * Shown(colour).luminance())
+        .map(|(&left, &colour)| f64::from(left) * Shown(colour).luminance())
         .sum();
     let all = sent.iter().sum::<f64>() + behind;
     let of = |light: f64| if all > 0.0 { light / all } else { 0.0 };
@@ -453,13 +450,13 @@ impl<'a> Profile<'a> {
             .filter_map(|(index, (material, &depth))| Some((index, material.absorption.as_ref()?.spectrum(), depth)))
             .filter(|(_, _, depth)| *depth > 0.0)
             .collect();
-        let (mut passes, mut hides, mut gain) = (0.0, 0.0, 0.0);
-        for ((&eye, &passed), band) in self.eye.iter().zip(transmittance).zip(0..BANDS) {
+        let (mut transmitted, mut hides, mut gain) = (0.0, 0.0, 0.0);
+        for ((&eye, &left), band) in self.eye.iter().zip(transmittance).zip(0..BANDS) {
             let depth = absorbing.iter().fold(grey, |sum, (_, shape, depth)| sum + depth * shape.samples()[band]);
             let opacity = -(-depth).exp_m1();
-            passes += eye * passed;
+            transmitted += eye * left;
             hides += eye * opacity;
-            let each = eye * passed * if depth > 0.0 { opacity / depth } else { 1.0 };
+            let each = eye * left * if depth > 0.0 { opacity / depth } else { 1.0 };
             gain += each;
             for &(index, shape, depth) in &absorbing {
                 self.absorbed[index] += each * depth * shape.samples()[band];
@@ -478,7 +475,7 @@ impl<'a> Profile<'a> {
                 place: DVec3::ZERO,
                 value: 0.0,
                 opacity: 0.0,
-                transmittance: passes,
+                transmittance: transmitted,
                 scattering: vec![0.0; materials],
                 absorption: vec![0.0; materials],
             });

@@ -92,7 +92,7 @@ pub enum About {
     HandOnNode,
     NodePlace(DVec2),
     NodeOn(bool),
-    Situation,
+    DialPreset,
     /// New name of the dial preset.
     Rename(String),
     Forget,
@@ -208,7 +208,12 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
             Command::Named(About::NodePlace(numbers(verb, place)?.into()), name.join(" "))
         }
         "take" | "leave" => Command::Named(About::NodeOn(verb == "take"), name()?),
-        "situation" => Command::Named(About::Situation, name()?),
+        "preset" | "situation" => {
+            if verb == "situation" {
+                tracing::warn!("the command situation is now called preset");
+            }
+            Command::Named(About::DialPreset, name()?)
+        }
         "keep" => edit(Edit::Keep(name()?)),
         "rename" => {
             let (old, new) = text()
@@ -244,10 +249,13 @@ fn command(verb: &str, rest: &[&str]) -> Result<Command, String> {
         }
         "exposure" => edit(Edit::Exposure(numbers::<f64, 1>(verb, rest)?[0])),
         "normalise" => edit(Edit::Normalise(switch(verb, rest)?)),
-        "sees" => {
+        "vision" | "sees" => {
+            if verb == "sees" {
+                tracing::warn!("the command sees is now called vision, and `all` is now called `normal`");
+            }
             let found = Deficiency::ALL.into_iter().find(|one| one.to_string() == text());
-            if found.is_none() && rest != ["all"] {
-                return Err("write sees all, sees protan, sees deutan or sees tritan".to_owned());
+            if found.is_none() && !matches!(rest, ["normal" | "all"]) {
+                return Err("write vision normal, vision protan, vision deutan or vision tritan".to_owned());
             }
             edit(Edit::Deficiency(found))
         }
@@ -398,7 +406,7 @@ impl About {
         };
         let light = || find(state.scene.lights.iter().map(|light| light.name.as_str()).collect());
         let node = || find(state.dial.nodes.iter().map(|node| node.light.as_str()).collect());
-        let situation = || find(state.dial.situations.iter().map(|one| one.name.as_str()).collect());
+        let preset = || find(state.dial.presets.iter().map(|one| one.name.as_str()).collect());
         let material = || find(state.scene.materials.iter().map(|material| material.name.as_str()).collect());
         let labels = || state.scene.labels.iter().flat_map(|labels| &labels.declared);
         let label = || find(labels().map(|entry| entry.name.as_str()).collect());
@@ -409,9 +417,9 @@ impl About {
             Self::HandOnNode => Edit::HandOnNode(node()?),
             Self::NodePlace(place) => Edit::NodePlace(node()?, place),
             Self::NodeOn(on) => Edit::NodeOn(node()?, on),
-            Self::Situation => Edit::Situation(situation()?),
-            Self::Rename(new) => Edit::Rename(situation()?, new),
-            Self::Forget => Edit::Forget(situation()?),
+            Self::DialPreset => Edit::DialPreset(preset()?),
+            Self::Rename(new) => Edit::Rename(preset()?, new),
+            Self::Forget => Edit::Forget(preset()?),
             Self::AddInterval([from, to, ramp, opacity]) => {
                 let interval = Interval { material: material()?, range: [from, to], ramp, opacity, absorption: 0.0 };
                 Edit::AddInterval(interval)

@@ -286,17 +286,17 @@ impl<T: Voxel> Slabs<'_, T> {
         failed: impl Fn(io::Error, u64) -> VolumeError,
     ) -> Result<u64, VolumeError> {
         let mut scratch = vec![0; SLAB_BYTES.min(usize::try_from(bytes).unwrap_or(SLAB_BYTES))];
-        let mut passed = 0;
-        while passed < bytes {
-            let wanted = usize::try_from(bytes - passed).unwrap_or(SLAB_BYTES).min(SLAB_BYTES);
+        let mut bytes_read = 0;
+        while bytes_read < bytes {
+            let wanted = usize::try_from(bytes - bytes_read).unwrap_or(SLAB_BYTES).min(SLAB_BYTES);
             let got = read_fully(stream, &mut scratch[..wanted]).map_err(|source| failed(source, 0))?;
-            passed += count(got);
+            bytes_read += count(got);
             self.report(file)?;
             if got < wanted {
                 break;
             }
         }
-        Ok(passed)
+        Ok(bytes_read)
     }
 
     /// Reserves room for `more` voxels. The capacity doubles as voxels arrive, up to that of all voxels.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use super::{RawLayout, Several};
+use super::{Asked, RawLayout, Several};
 
 /// Error in reading, making or processing a volume.
 #[derive(Debug, thiserror::Error)]
@@ -32,12 +32,14 @@ pub enum VolumeError {
         path: PathBuf,
         /// Description of the file, as far as it is recognised.
         what: String,
+        /// Whether the content is that of a known format without a reader, and so has a header.
+        is_known: bool,
         /// Formats with a reader, with their extensions.
         known: String,
     },
     /// Headerless voxels without a layout.
     #[error(
-        "{}: raw voxels have no header; give dims and type (--dims, --type), or write them into {} (defaults: byte_order little, \
+        "{}: raw voxels have no header; give dims and type, or write them into {} (defaults: byte_order little, \
          header_bytes 0, spacing 1 1 1, origin 0 0 0, direction identity){}",
         path.display(),
         sidecar.display(),
@@ -52,6 +54,12 @@ pub enum VolumeError {
         bytes: u64,
         /// Layout guessed from the name and size of the file.
         guess: Option<Box<RawLayout>>,
+    },
+    /// A layout is given for a file with a header.
+    #[error("{}: the file has a header; dims and type apply only to headerless files", path.display())]
+    HasHeader {
+        /// The file.
+        path: PathBuf,
     },
     /// The layout of headerless voxels is invalid.
     #[error("{source_name}: {problem}")]
@@ -152,7 +160,7 @@ pub enum VolumeError {
         limit: f64,
     },
     /// The file holds several scalar volumes, and none is selected.
-    #[error("{source_name}: {there}; choose with {}", there.flag())]
+    #[error("{source_name}: {there}; choose {}", there.range())]
     Choose {
         /// The file.
         source_name: String,
@@ -164,8 +172,8 @@ pub enum VolumeError {
     NoSuch {
         /// The file.
         source_name: String,
-        /// The selection, as a flag.
-        asked: String,
+        /// The selection.
+        asked: Asked,
         /// Its contents.
         there: String,
     },
@@ -310,6 +318,45 @@ pub enum VolumeError {
     },
 }
 
+impl VolumeError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Open { .. } => "volume-not-openable",
+            Self::Read { .. } => "volume-not-readable",
+            Self::UnknownFormat { .. } => "volume-format-unknown",
+            Self::NoLayout { .. } => "volume-layout-missing",
+            Self::HasHeader { .. } => "volume-has-header",
+            Self::Layout { .. } => "volume-layout-invalid",
+            Self::Sidecar { .. } => "sidecar-invalid",
+            Self::Header { .. } => "volume-header-invalid",
+            Self::MissingKey { .. } => "volume-key-missing",
+            Self::UnknownType { .. } => "voxel-type-unknown",
+            Self::Dims { .. } => "volume-dims-invalid",
+            Self::TooManyAxes { .. } => "volume-axes-too-many",
+            Self::Spacing { .. } => "volume-spacing-invalid",
+            Self::Origin { .. } => "volume-origin-invalid",
+            Self::Direction { .. } => "volume-direction-invalid",
+            Self::Choose { .. } => "volume-choice-missing",
+            Self::NoSuch { .. } => "volume-choice-unknown",
+            Self::Outside { .. } => "volume-data-outside-folder",
+            Self::Short { .. } => "volume-data-short",
+            Self::Incredible { .. } => "volume-compression-impossible",
+            Self::Inflate { .. } => "volume-data-damaged",
+            Self::Text { .. } => "voxel-text-invalid",
+            Self::ShortText { .. } => "voxel-text-short",
+            Self::Vti { .. } => "vti-invalid",
+            Self::VtiArray { .. } => "vti-array-damaged",
+            Self::Memory { .. } => "volume-memory-short",
+            Self::NothingFinite { .. } => "volume-not-finite",
+            Self::Block { .. } => "downsample-block-invalid",
+            Self::UnknownPhantom { .. } => "phantom-unknown",
+            Self::Cancelled { .. } => "cancelled",
+        }
+    }
+}
+
 /// Describes the usable part of damaged data.
 fn sound(decoded: u64) -> String {
     match decoded {
@@ -318,10 +365,10 @@ fn sound(decoded: u64) -> String {
     }
 }
 
-/// Describes the guessed layout as flags.
+/// Describes the guessed layout.
 fn perhaps(guess: Option<&RawLayout>) -> String {
     guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. }| {
-        let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
-        format!("; its name and size suggest --dims {x}x{y}x{z} --type {voxel_type}{before}")
+        let before = if *header_bytes > 0 { format!(", after {header_bytes} bytes") } else { String::new() };
+        format!("; its name and size suggest dims {x}×{y}×{z} and type {voxel_type}{before}")
     })
 }

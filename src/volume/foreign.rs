@@ -65,7 +65,7 @@ pub(super) fn describe(path: &Path, beginning: &[u8]) -> String {
     let named = named
         .map_or(String::new(), |foreign| format!(" (the extension suggests {}, the content does not)", foreign.name));
     let text = if is_text(beginning) { " in a text file" } else { "" };
-    format!("unknown volume format{text}{named}; for headerless voxels, give --dims and --type")
+    format!("unknown volume format{text}{named}")
 }
 
 /// Whether the first bytes of a file identify a known format without a reader.

@@ -57,7 +57,7 @@ fn beginning(path: &Path) -> Result<Vec<u8>, VolumeError> {
 /// [`VolumeError::Cancelled`] if `progress` requests it, and the error of the reader for a defective file.
 pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     if let Some(what) = foreign::describe_folder(path) {
-        return Err(unknown(path, what.to_owned()));
+        return Err(unknown(path, what.to_owned(), true));
     }
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
@@ -66,7 +66,7 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     let beginning = beginning(path)?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
         Some(format) => (format.read)(path, selection, progress),
-        None => Err(unknown(path, foreign::describe(path, &beginning))),
+        None => Err(unknown(path, foreign::describe(path, &beginning), foreign::is_known(&beginning))),
     }
 }
 
@@ -85,10 +85,10 @@ pub fn packed_blocks(
     if vti::recognises(&beginning) { vti::packed(path, selection, progress) } else { Ok(None) }
 }
 
-/// The error for `path`, which `what` describes.
-fn unknown(path: &Path, what: String) -> VolumeError {
+/// The error for `path`, which `what` describes; `is_known` if its format is known.
+fn unknown(path: &Path, what: String, is_known: bool) -> VolumeError {
     let known = FORMATS.map(|format| format!("{} (.{})", format.name, format.extensions.join(", .")));
-    VolumeError::UnknownFormat { path: path.to_owned(), what, known: known.join(", ") }
+    VolumeError::UnknownFormat { path: path.to_owned(), what, is_known, known: known.join(", ") }
 }
 
 /// Whether the extension or the first bytes of a file identify a volume; the extension `.toml` does not count.
@@ -101,7 +101,7 @@ pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
 /// The error of [`open`] for a folder or file whose content identifies a format without a reader; otherwise `None`.
 pub(crate) fn refusal(path: &Path) -> Option<VolumeError> {
     let what = || beginning(path).ok().filter(|it| foreign::is_known(it)).map(|it| foreign::describe(path, &it));
-    foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what))
+    foreign::describe_folder(path).map(str::to_owned).or_else(what).map(|what| unknown(path, what, true))
 }
 
 /// Whether the file `path` has a header that describes its voxels.
@@ -133,7 +133,8 @@ pub fn open_by(
 ///
 /// # Errors
 ///
-/// As [`open`]; [`VolumeError::Layout`] if the layout contradicts itself, or if the file has a header.
+/// As [`open`]; [`VolumeError::Layout`] if the layout contradicts itself, [`VolumeError::HasHeader`] if the file has a
+/// header.
 pub fn open_raw(
     layout: &RawLayout,
     base: &Path,
@@ -141,8 +142,7 @@ pub fn open_raw(
     progress: &dyn Progress,
 ) -> Result<Volume, VolumeError> {
     if let Some(path) = layout.file.as_ref().map(|file| base.join(file)).filter(|path| has_header(path)) {
-        let problem = "the file has a header; dims and type (--dims, --type) apply only to headerless files".to_owned();
-        return Err(VolumeError::Layout { source_name: path.display().to_string(), problem });
+        return Err(VolumeError::HasHeader { path });
     }
     raw::read(layout, base, selection, progress)
 }

@@ -1,20 +1,63 @@
 //! Choice of one scalar volume from a file that holds several.
 
+use std::fmt;
+
 use super::{Several, VolumeError};
 
+/// A choice among the volumes of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// A component of a voxel, from 0.
+    Component(usize),
+    /// A time step, from 0.
+    Time(usize),
+    /// The name of an array.
+    Array(String),
+}
+
+impl fmt::Display for Asked {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Component(index) => write!(formatter, "component {index}"),
+            Self::Time(index) => write!(formatter, "time step {index}"),
+            Self::Array(name) => write!(formatter, "the array {name}"),
+        }
+    }
+}
+
 impl Several {
+    /// Number of alternatives.
+    fn count(&self) -> usize {
+        match self {
+            Self::Components { count, .. } | Self::Times(count) => *count,
+            Self::Arrays(names) => names.len(),
+        }
+    }
+
+    /// The alternatives, for messages.
+    pub(super) fn range(&self) -> String {
+        let last = self.count().saturating_sub(1);
+        match self {
+            Self::Components { .. } => format!("a component from 0 to {last}"),
+            Self::Times(_) => format!("a time step from 0 to {last}"),
+            Self::Arrays(_) => "one of them".to_owned(),
+        }
+    }
+
     /// Returns the index of the alternative `asked`; `source` is the file.
     fn number(self, source: &str, asked: Option<usize>) -> Result<usize, VolumeError> {
-        let (name, count) = self.counted();
+        let count = self.count();
         match asked {
             None if count == 1 => Ok(0),
             None => Err(VolumeError::Choose { source_name: source.to_owned(), there: self }),
             Some(index) if index < count => Ok(index),
-            Some(index) => Err(VolumeError::NoSuch {
-                source_name: source.to_owned(),
-                asked: format!("--{name} {index}"),
-                there: self.to_string(),
-            }),
+            Some(index) => {
+                let asked = match self {
+                    Self::Times(_) => Asked::Time(index),
+                    Self::Components { .. } | Self::Arrays(_) => Asked::Component(index),
+                };
+                Err(VolumeError::NoSuch { source_name: source.to_owned(), asked, there: self.to_string() })
+            }
         }
     }
 }
@@ -61,7 +104,7 @@ impl Selection {
         let Some(asked) = &self.array else { return there.number(source, None) };
         names.iter().position(|name| name == asked).ok_or_else(|| VolumeError::NoSuch {
             source_name: source.to_owned(),
-            asked: format!("--array {asked}"),
+            asked: Asked::Array(asked.clone()),
             there: there.to_string(),
         })
     }
@@ -72,7 +115,7 @@ impl Selection {
             None => Ok(()),
             Some(name) => Err(VolumeError::NoSuch {
                 source_name: source.to_owned(),
-                asked: format!("--array {name}"),
+                asked: Asked::Array(name.clone()),
                 there: "one array without a name".to_owned(),
             }),
         }
@@ -146,16 +189,16 @@ mod tests {
     fn a_choice_is_asked_for_and_held_against_what_there_is() {
         let none = Selection::default();
         let message = none.component("f", 3, "RGB-color").unwrap_err().to_string();
-        assert_eq!(message, "f: 3 components per voxel (RGB-color); choose with --component N, from 0 to 2");
+        assert_eq!(message, "f: 3 components per voxel (RGB-color); choose a component from 0 to 2");
         let message = none.array("f", &["ct", "pet"]).unwrap_err().to_string();
-        assert!(message.contains("ct, pet") && message.contains("--array NAME"), "{message}");
+        assert!(message.contains("ct, pet") && message.contains("choose one of them"), "{message}");
         assert_eq!((none.time("f", 1).unwrap(), none.array("f", &["ct"]).unwrap()), (0, 0));
 
         let chosen = Selection { component: Some(2), time: Some(4), array: Some("pet".to_owned()), asks: false };
         assert_eq!(chosen.component("f", 3, "").unwrap(), 2);
         assert_eq!(chosen.array("f", &["ct", "pet"]).unwrap(), 1);
         let message = chosen.time("f", 4).unwrap_err().to_string();
-        assert!(message.contains("--time 4") && message.contains("4 time steps"), "{message}");
+        assert!(message.contains("time step 4") && message.contains("4 time steps"), "{message}");
         assert!(chosen.only("f").is_err(), "component 2 of one");
         assert!(
             Selection { component: Some(0), time: Some(0), array: None, asks: false }.only("f").is_ok(),

@@ -135,6 +135,29 @@ pub enum VulkanError {
 }
 
 impl VulkanError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoLoader { .. } => "vulkan-loader-missing",
+            Self::NoDriver => "vulkan-driver-missing",
+            Self::NoDevice => "device-missing",
+            Self::NoMatch { .. } => "device-unknown",
+            Self::Unsuitable { .. } => "device-unsuitable",
+            Self::NoValidation => "validation-layer-missing",
+            Self::NoWindow { .. } => "window-unsupported",
+            Self::Panels { .. } => "panels-not-drawn",
+            Self::NoFormat { .. } => "format-unsupported",
+            Self::TooLarge { .. } => "device-limit-exceeded",
+            Self::OutOfMemory { .. } => "device-memory-short",
+            Self::InUse { .. } => "buffer-in-use",
+            Self::Misuse { .. } => "vulkan-misuse",
+            Self::DeviceLost { .. } => "device-lost",
+            Self::Call { .. } => "vulkan-call-failed",
+            Self::Allocator { .. } => "allocator-failed",
+        }
+    }
+
     /// Returns a closure for `map_err` that wraps the error of `call` on `object`.
     pub(crate) fn call(call: &'static str, object: &str) -> impl FnOnce(vk::Result) -> Self {
         move |source| {

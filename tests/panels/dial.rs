@@ -82,7 +82,7 @@ fn nodes_that_a_session_has_left_out_are_brought_back() {
 }
 
 #[test]
-fn the_dial_holds_the_hand_of_every_situation_and_stays_while_nodes_move_within_it() {
+fn the_dial_holds_the_hand_of_every_preset_and_stays_while_nodes_move_within_it() {
     let mut document = document();
     let rect = Rect::from_min_size(Pos2::ZERO, Vec2::new(255.0, 210.0));
     let before = ui::node_places(&document, rect);
@@ -156,7 +156,7 @@ fn a_node_that_is_moved_moves_no_other() {
 fn what_stands_below_the_dial_stays_where_it_is_as_nodes_are_left_out() {
     let mut window = wide(document());
     window.run();
-    let below = |window: &Harness<'_, App>| window.get_by_label("Light situations").rect();
+    let below = |window: &Harness<'_, App>| window.get_by_label("Dial presets").rect();
     let before = below(&window);
     window.state_mut().document.as_mut().unwrap().edit(&Edit::NodeOn(0, false));
     window.run();

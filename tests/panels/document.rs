@@ -54,7 +54,7 @@ fn an_edit_makes_stale_what_it_must() {
         Edit::HandOnNode(0),
         Edit::NodePlace(0, DVec2::splat(0.3)),
         Edit::NodeOn(0, false),
-        Edit::Situation(0),
+        Edit::DialPreset(0),
         offered(&document()),
     ];
     let display = [Edit::Exposure(2.0), Edit::Adapt(true)];
@@ -116,8 +116,8 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     before.edit(&Edit::HandOnNode(1));
     before.edit(&Edit::RemoveTerm(0));
     let scene = before.opened().clone();
-    assert!(before.lies_as(&scene.scene));
-    let after = before.clone().beside(scene.clone(), false);
+    assert!(before.has_grid_of(&scene.scene));
+    let after = before.clone().with_file(scene.clone(), false);
     assert!(after.state().writes_as(before.state()), "also a transfer function that was changed");
     let mut back = after.clone();
     while back.can_undo() {
@@ -132,12 +132,12 @@ fn another_time_step_is_looked_at_as_the_one_before() {
     other.scene.transfer.terms.remove(0);
     let untouched = Document::new(scene.clone());
     for (alike, terms) in [(true, &scene.scene.transfer), (false, &other.scene.transfer)] {
-        let after = untouched.clone().beside(other.clone(), alike);
+        let after = untouched.clone().with_file(other.clone(), alike);
         assert!(after.is_saved() && after.state().scene.transfer == *terms, "{alike}");
     }
     let text = SCENE.replace("dims = [32, 30, 18]", "dims = [16, 15, 9]");
     let smaller = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
-    assert!(!before.lies_as(&smaller.scene), "another grid is another thing");
+    assert!(!before.has_grid_of(&smaller.scene), "another grid is another thing");
 }
 
 #[test]

@@ -77,7 +77,7 @@ fn a_window_over_a_picture_that_was_small_goes_back_to_where_it_was() {
 fn the_transfer_function_comes_right_after_the_lights_and_the_camera_says_which_rays_it_has() {
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.run();
-    let panels = ["Lights", "Light dial", "Light situations", "Transfer function", "Display", "Camera", "Accuracy"];
+    let panels = ["Lights", "Light dial", "Dial presets", "Transfer function", "Display", "Camera", "Accuracy"];
     let tops = panels.map(|panel| window.get_all_by_label(panel).next().unwrap().rect().top());
     assert!(tops.is_sorted(), "{tops:?}");
     let is_parallel = |window: &Harness<'_, App>| {
@@ -85,7 +85,7 @@ fn the_transfer_function_comes_right_after_the_lights_and_the_camera_says_which_
         matches!(document.state().scene.camera.projection, Projection::Orthographic { .. })
     };
     for (choice, parallel) in
-        [("Perspective", false), ("Parallel rays", true), ("Parallel rays", true), ("Perspective", false)]
+        [("Perspective", false), ("Orthographic", true), ("Orthographic", true), ("Perspective", false)]
     {
         window.get_by_label(choice).click();
         window.run();

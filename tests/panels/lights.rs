@@ -46,7 +46,7 @@ fn all_lights_off_is_a_notice_that_turns_them_on_again() {
 fn nothing_of_the_light_is_asked_for_that_marches() {
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.run();
-    for label in ["lamp", "keep brightness", "eye adapts to the light", "10° (1964)", "evening"] {
+    for label in ["lamp", "keep brightness", "white balance", "10° (1964)", "evening"] {
         window.get_all_by_label(label).next().unwrap().click();
         window.run();
     }
@@ -105,9 +105,9 @@ fn who_decides_is_said_in_a_line_and_the_panels_below_stay_where_they_are() {
         assert!(window.query_by_label(line).is_some(), "{line}");
         window.get_by_label("Transfer function").rect().top()
     };
-    let by_sliders = top(document.clone(), "The sliders mix: click the dial to use it.");
+    let by_sliders = top(document.clone(), "Mix by");
     document.edit(&Edit::Hand(DVec2::ZERO));
-    let by_dial = top(document, "The dial mixes: move a slider to take over.");
+    let by_dial = top(document, "Mix by");
     assert!((by_sliders - by_dial).abs() < 0.5, "{by_sliders} and {by_dial}");
 }
 

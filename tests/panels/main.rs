@@ -8,6 +8,7 @@ mod camera;
 mod chooser;
 mod crop;
 mod dial;
+mod dial_presets;
 mod document;
 mod layout;
 mod lights;
@@ -15,7 +16,6 @@ mod notices;
 mod numbers;
 mod palette;
 mod probe;
-mod situations;
 mod spectra;
 #[path = "../support/mod.rs"]
 mod support;

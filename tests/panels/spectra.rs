@@ -66,12 +66,12 @@ fn the_swatch_of_a_material_that_absorbs_is_the_light_seen_through_it() {
             SCENE.replace("[materials.flesh]", shape).replace("material = \"flesh\"", &format!("material = \"{of}\""));
         let opened = document::parse("test", &text, Path::new(""), &SceneOptions::default(), &Quiet).unwrap();
         let material = opened.scene.materials.iter().find(|material| material.name == of).unwrap();
-        let passes = material.absorption.as_ref().unwrap().spectrum().samples().map(|depth| {
+        let transmittance = material.absorption.as_ref().unwrap().spectrum().samples().map(|depth| {
             let is_flat = shape.contains("0.5");
             if is_flat { 1.0 } else { 0.1_f64.powf(depth) }
         });
         let reflects = if of == "clear" { Spectrum::constant(1.0) } else { material.reflectance.spectrum().clone() };
-        let seen = &Spectrum::from_samples(passes) * &reflects;
+        let seen = &Spectrum::from_samples(transmittance) * &reflects;
         let colour: DVec3 = opened
             .scene
             .lights

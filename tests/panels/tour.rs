@@ -85,7 +85,7 @@ fn a_hand_that_lets_go_while_a_tour_is_played_begins_another_step_back() {
         if frame % 20 == 10 {
             document.edit(&Edit::RemoveTerm(0));
         }
-        document.rest_beside_tour();
+        document.rest_during_tour();
     }
     document.rest();
     for left in [terms - 1, terms] {

@@ -69,13 +69,13 @@ impl<F: Fn([f64; 3]) -> (Step<f64>, Difference) + Sync> Samples<f64> for Boundin
             Accumulate::Weights { .. } => self.of_weights(&found, &difference),
             Accumulate::Spectral { dimension, .. } => self.of_spectra(&found, &difference, dimension),
         };
-        let of = |numbers: &[f64], i: usize| numbers[i % plan.passed()];
+        let of = |numbers: &[f64], i: usize| numbers[i % plan.transmittance_numbers()];
         let components = plan.components();
         for (i, bound) in step.source.iter_mut().enumerate() {
             *bound += of(&difference.opacity, i) * self.behind;
         }
-        step.source.extend(&difference.opacity[..plan.passed()]);
-        step.opacity = (0..components).chain(0..plan.passed()).map(|i| of(&found.opacity, i)).collect();
+        step.source.extend(&difference.opacity[..plan.transmittance_numbers()]);
+        step.opacity = (0..components).chain(0..plan.transmittance_numbers()).map(|i| of(&found.opacity, i)).collect();
     }
 }
 
@@ -157,9 +157,9 @@ pub fn bounds<R: Real>(
     sample: impl Fn([f64; 3]) -> (Step<f64>, Difference) + Sync,
 ) -> Film<f64> {
     let (scene, planned, size) = (&rungs.scene, &rungs.planned, &rungs.size);
-    let (components, passed) = (planned.plan.components(), planned.plan.passed());
+    let (components, numbers) = (planned.plan.components(), planned.plan.transmittance_numbers());
     let plan = ScenePlan {
-        accumulate: Accumulate::Spectral { dimension: components + passed, shares: Shares::Equal, exponents: 0 },
+        accumulate: Accumulate::Spectral { dimension: components + numbers, shares: Shares::Equal, exponents: 0 },
         transmittance: Transmittance::Coloured,
         positions: PositionCounts { ambient: 1, ..PositionCounts::default() },
         shading: None,

@@ -35,7 +35,7 @@ pub const DIAL: &str = r#"
 [dial.nodes]
 day = [0, 1]
 lamp = [0, -1]
-[[dial.situations]]
+[[dial.presets]]
 name = "evening"
 hand = "lamp"
 off = ["day"]

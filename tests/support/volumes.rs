@@ -59,8 +59,8 @@ fn check(name: &str, expected: &Value, open: impl Fn(&Selection) -> Result<Volum
     let components = expected["components"].as_u64().and_then(|n| usize::try_from(n).ok()).unwrap_or(1);
     if times * components > 1 {
         let error = open(&Selection::default()).map(|volume| volume.voxels).unwrap_err();
-        let flag = if components > 1 { "--component" } else { "--time" };
-        assert!(error.to_string().contains(flag), "{name}: {error} should say what chooses");
+        let choice = if components > 1 { "choose a component" } else { "choose a time step" };
+        assert!(error.to_string().contains(choice), "{name}: {error} should say what is to be chosen");
     }
     let several = |there: usize, index| (there > 1).then_some(index);
     let part = |time, component| {

@@ -152,7 +152,10 @@ pub(super) struct DialFile {
     #[serde(default)]
     pub(super) nodes: BTreeMap<String, At<[f64; 2]>>,
     #[serde(default)]
-    pub(super) situations: Vec<SituationFile>,
+    pub(super) presets: Vec<PresetFile>,
+    /// Former name of `presets`.
+    #[serde(default)]
+    pub(super) situations: Vec<PresetFile>,
 }
 
 #[derive(Default, Deserialize)]
@@ -175,7 +178,7 @@ pub(super) struct MixFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct SituationFile {
+pub(super) struct PresetFile {
     pub(super) name: String,
     #[serde(default)]
     pub(super) caption: String,

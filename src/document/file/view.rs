@@ -62,8 +62,14 @@ impl Text<'_> {
             dial.node_mut(name.get_ref()).map_err(|message| self.invalid(name, format!("dial.off: {message}")))?.on =
                 false;
         }
-        for stated in &file.situations {
-            let key = format!("dial.situations, {}", stated.name);
+        if let Some(old) = file.situations.first() {
+            if !file.presets.is_empty() {
+                return Err(self.invalid(&old.hand, "dial.situations is now called dial.presets; keep one of the two"));
+            }
+            tracing::warn!("dial.situations is now called dial.presets");
+        }
+        for stated in file.presets.iter().chain(&file.situations) {
+            let key = format!("dial.presets, {}", stated.name);
             let hand = match stated.hand.get_ref() {
                 HandFile::Node(name) => {
                     dial.node_mut(name)
@@ -81,7 +87,7 @@ impl Text<'_> {
             let names = |of: &[At<String>]| of.iter().map(|name| name.get_ref().clone()).collect();
             let (off, on) = (names(&stated.off), names(&stated.on));
             let (name, caption) = (stated.name.clone(), stated.caption.clone());
-            dial.situations.push(Situation { name, caption, hand, off, on });
+            dial.presets.push(DialPreset { name, caption, hand, off, on });
         }
         Ok(dial)
     }

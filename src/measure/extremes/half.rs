@@ -84,7 +84,7 @@ fn opaque() -> Extreme {
     );
     Extreme::shown(Group::Half, "f16: optical depth 1e4, coloured", bound, scene, move |lefts| {
         worst(lefts.iter().map(|left| {
-            let dark = left.sums.transmittance.iter().all(|&passed| passed == 0.0);
+            let dark = left.sums.transmittance.iter().all(|&left| left == 0.0);
             // Denormal numbers have larger relative errors, but are off by at most 2⁻²⁵.
             let [weights, _] = slab.closed_form(left, slab.sampled());
             let error = |(c, expected): (usize, &f64)| {

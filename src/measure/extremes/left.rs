@@ -92,7 +92,7 @@ impl<'a> Left<'a> {
     }
 
     /// Component `c` of pixel `i`'s transmittance.
-    pub(super) fn passed(&self, c: usize, i: usize) -> f64 {
+    pub(super) fn transmittance(&self, c: usize, i: usize) -> f64 {
         self.sums.transmittance.get(c * self.picture.len() + i).copied().unwrap_or(f64::NAN)
     }
 

@@ -177,6 +177,6 @@ fn unlit() -> Extreme {
     let slab = Slab { lights: Vec::new(), ..Slab::default() };
     let scene = move || Ok(vec![slab.picture()?]);
     Extreme::shown(Group::Lights, "no lights", Bound::march(8.0), scene, |lefts| {
-        worst(lefts.iter().map(|left| (left.passed(0, 0) - 0.9_f64.powi(8)).abs()))
+        worst(lefts.iter().map(|left| (left.transmittance(0, 0) - 0.9_f64.powi(8)).abs()))
     })
 }

@@ -93,7 +93,7 @@ fn black() -> Extreme {
     let scene = move || Ok(vec![slab.picture()?]);
     Extreme::shown(Group::Materials, "a black material", Bound::EXACT, scene, |lefts| {
         worst(lefts.iter().map(|left| {
-            let hides = left.passed(0, 0) < 0.5 && left.weight(0, 0) > 0.5;
+            let hides = left.transmittance(0, 0) < 0.5 && left.weight(0, 0) > 0.5;
             let shines = left.picture.first().map_or(DVec3::NAN, |colour| colour.abs()).max_element();
             if hides { shines } else { f64::NAN }
         }))
@@ -113,7 +113,7 @@ fn none() -> Extreme {
         worst(lefts.iter().map(|left| {
             let behind: DVec3 = left.matrices.background.iter().sum();
             let apart = left.picture.first().map_or(DVec3::NAN, |&colour| (colour - behind).abs() / behind);
-            (1.0 - left.passed(0, 0)).abs().max(apart.max_element())
+            (1.0 - left.transmittance(0, 0)).abs().max(apart.max_element())
         }))
     })
 }

@@ -53,7 +53,9 @@ fn by_step(slab: &Slab, left: &Left<'_>) -> f64 {
     let absorbed = shape.spectrum().scaled(depth * slab.step);
     let step = &absorbed + &Spectrum::constant(-slab.step * (-slab.opacity).ln_1p());
     let depths = model.step_depths(&step, Amplification::Held);
-    worst(depths.iter().enumerate().map(|(c, depth)| (left.passed(c, 0) - (-depth * slab.samples()).exp()).abs()))
+    worst(
+        depths.iter().enumerate().map(|(c, depth)| (left.transmittance(c, 0) - (-depth * slab.samples()).exp()).abs()),
+    )
 }
 
 /// The documented exception: sharpened models amplify unless absorption coefficients are clamped at 0. No picture uses
@@ -65,12 +67,12 @@ fn unclamped() -> Extreme {
         let shape = rungs.scene.materials.first().and_then(|material| material.absorption.as_ref());
         let largest = rungs.planned.model.as_ref().zip(shape).map(|(model, shape)| {
             let parts = model.unclamped_absorption_coefficients(shape.spectrum());
-            let passes = parts.iter().map(|part| (-DEPTH * part).exp()).fold(0.0, f64::max);
+            let transmittance = parts.iter().map(|part| (-DEPTH * part).exp()).fold(0.0, f64::max);
             // |Σ P·shape| ≤ Σ|P|, because a shape is at most 1.
             let row = |row: &Spectrum| row.samples().iter().map(|sample| sample.abs()).sum::<f64>();
             let most = (DEPTH * model.projection().iter().map(row).fold(0.0, f64::max)).exp();
             let told = model.amplification(shape.spectrum())?;
-            Some((passes / most, format!("transmittance {passes:.3} at a depth of {DEPTH}: {told}")))
+            Some((transmittance / most, format!("transmittance {transmittance:.3} at a depth of {DEPTH}: {told}")))
         });
         // Without amplification, the extreme tests nothing.
         let (measured, said) = largest.flatten().map_or((f64::NAN, None), |(measured, said)| (measured, Some(said)));

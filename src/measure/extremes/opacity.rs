@@ -109,7 +109,7 @@ fn white_behind_black() -> Extreme {
         |lefts| {
             worst(lefts.iter().map(|left| {
                 // Checks that the ray has ended early; otherwise nothing was tested.
-                if left.passed(0, 0) > 1e-9 { delta_e(left.xyz(0), DVec3::ZERO) } else { f64::NAN }
+                if left.transmittance(0, 0) > 1e-9 { delta_e(left.xyz(0), DVec3::ZERO) } else { f64::NAN }
             }))
         },
     )

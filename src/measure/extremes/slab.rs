@@ -141,8 +141,9 @@ impl Slab {
             ),
         };
         let depth = self.absorption.map_or(0.0, |(_, depth)| depth);
-        let extinction: Vec<f64> =
-            (0..planned.plan.passed()).map(|c| scattering + depth * absorbed.get(c).copied().unwrap_or(0.0)).collect();
+        let extinction: Vec<f64> = (0..planned.plan.transmittance_numbers())
+            .map(|c| scattering + depth * absorbed.get(c).copied().unwrap_or(0.0))
+            .collect();
         let weight = |(c, part): (usize, &f64)| {
             let extinction = extinction[c.min(extinction.len() - 1)];
             if extinction.is_infinite() {
@@ -164,24 +165,25 @@ impl Slab {
 
     /// Returns the same error for pixel `i`, whose samples cover `length`.
     pub(super) fn error_at(&self, left: &Left<'_>, i: usize, length: f64) -> f64 {
-        let [weights, passed] = self.closed_form(left, length);
+        let [weights, transmittance] = self.closed_form(left, length);
         let plan = &left.planned().plan;
-        if [weights.len(), passed.len()] != [plan.components(), plan.passed()] {
+        if [weights.len(), transmittance.len()] != [plan.components(), plan.transmittance_numbers()] {
             return f64::NAN;
         }
         let weights = weights.iter().enumerate().map(|(c, &expected)| relative(left.weight(c, i), expected));
-        let passed = passed.iter().enumerate().map(|(c, &expected)| {
+        let transmittance = transmittance.iter().enumerate().map(|(c, &expected)| {
             let of_step = expected.powf(self.step.min(length) / length);
             let size = if of_step < 0.5 { 1.0 } else { expected.max(f64::from(f32::MIN_POSITIVE).sqrt()) };
-            (left.passed(c, i) - expected).abs() / size
+            (left.transmittance(c, i) - expected).abs() / size
         });
-        worst(weights.chain(passed))
+        worst(weights.chain(transmittance))
     }
 
     /// Returns the error of pixel 0 in linear sRGB against the closed form relit in f64, relative to Σ|terms|.
     pub(super) fn picture_error(&self, left: &Left<'_>) -> f64 {
-        let [weights, passed] = self.closed_form(left, self.sampled());
-        let numbers = weights.iter().zip(&left.matrices.colours).chain(passed.iter().zip(&left.matrices.background));
+        let [weights, transmittance] = self.closed_form(left, self.sampled());
+        let numbers =
+            weights.iter().zip(&left.matrices.colours).chain(transmittance.iter().zip(&left.matrices.background));
         let (mut expected, mut size) = (DVec3::ZERO, DVec3::ZERO);
         for (&number, &colour) in numbers {
             expected += number * colour;

@@ -69,7 +69,8 @@ fn equal_steps(colour: &str, depth: f64, scattered: f64, bound: Bound) -> Extrem
             worst(lefts.iter().map(|left| {
                 let in_one_go = left.rung == Rung::Gpu && left.dispatches < 2;
                 // Without absorption, scattered and transmitted light add up to 1.
-                let whole = if scattered < 1.0 { 0.0 } else { (left.weight(0, 0) + left.passed(0, 0) - 1.0).abs() };
+                let whole =
+                    if scattered < 1.0 { 0.0 } else { (left.weight(0, 0) + left.transmittance(0, 0) - 1.0).abs() };
                 if in_one_go { f64::NAN } else { slab.error(left).max(whole) }
             }))
         },

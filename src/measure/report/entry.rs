@@ -54,7 +54,7 @@ impl Entry<'_> {
     }
 
     /// Tooltip text.
-    pub(super) fn told(&self, trust: Trust) -> String {
+    pub(super) fn described(&self, trust: Trust) -> String {
         let error = &self.row.error.delta_e;
         let ms = trust.ms(self.row.frame_ms);
         let [mean, p95, max] = [error.mean, error.p95, error.max].map(told_error);

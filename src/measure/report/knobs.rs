@@ -200,12 +200,12 @@ fn chart(found: &[Turned<'_>], own: &Measured, trust: Trust) -> Drawing {
     let at = |ms: f64| (right - bars).mul_add(ms / longest, bars);
     for (it, &[x, y]) in found.iter().zip(&points) {
         drawing.small([left - 4.0, y + 4.0], "end", &it.label);
-        drawing.circle([x, y], 4.0, "accent", &it.entry.told(trust));
+        drawing.circle([x, y], 4.0, "accent", &it.entry.described(trust));
         if it.is_own {
             drawing.circle([x, y], 7.5, "own", "");
         }
         let paint = Paint::Class(if trust.is_rough() { "time rough" } else { "time" });
-        drawing.bar([bars, y - 6.0], [at(it.entry.row.frame_ms) - bars, 12.0], paint, &it.entry.told(trust));
+        drawing.bar([bars, y - 6.0], [at(it.entry.row.frame_ms) - bars, 12.0], paint, &it.entry.described(trust));
     }
     if !trust.is_rough() {
         drawing.line([at(own.frame_ms), TOP - 2.0], [at(own.frame_ms), bottom], "level");

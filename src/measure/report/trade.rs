@@ -85,7 +85,7 @@ pub(super) fn trade(entries: &[Entry<'_>], trust: Trust) -> Drawing {
             let [other_x, other_y] = place(other);
             (x - other_x).hypot(y - other_y) <= TOGETHER
         };
-        entries.iter().filter(near).map(|entry| entry.told(trust)).collect::<Vec<_>>().join("\n")
+        entries.iter().filter(near).map(|entry| entry.described(trust)).collect::<Vec<_>>().join("\n")
     };
     for entry in entries.iter().filter(|entry| !trust.is_best(entry.row)).chain(front) {
         let (class, radius) = if trust.is_best(entry.row) { ("accent", 5.0) } else { ("dot", 4.0) };

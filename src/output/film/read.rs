@@ -105,7 +105,7 @@ impl FilmFile {
         if let Some(model) = model {
             this.components = Components::Model(model.stored(parts).map_err(wrong_text)?);
         }
-        this.transmittance = numbers.split_off(numbers.len() - this.passed() * this.width * this.height);
+        this.transmittance = numbers.split_off(numbers.len() - this.transmittance_numbers() * this.width * this.height);
         this.accumulators = numbers;
         Ok(this)
     }

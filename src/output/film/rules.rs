@@ -14,23 +14,23 @@ impl FilmFile {
             self.check_model(stored)?;
         }
         let pixels = self.width * self.height;
-        let passed = self.passed() * pixels;
-        let expected = names.len() * pixels - passed;
+        let transmittances = self.transmittance_numbers() * pixels;
+        let expected = names.len() * pixels - transmittances;
         if self.accumulators.len() != expected {
             return Err(format!(
                 "it needs {expected} numbers in the accumulators, and has {}",
                 self.accumulators.len()
             ));
         }
-        if self.transmittance.len() != passed {
-            return Err(format!("it needs {passed} transmittances, and has {}", self.transmittance.len()));
+        if self.transmittance.len() != transmittances {
+            return Err(format!("it needs {transmittances} transmittances, and has {}", self.transmittance.len()));
         }
         let planes = self.accumulators.chunks_exact(pixels).chain(self.transmittance.chunks_exact(pixels));
         check_planes(&names, planes, self.width, "")
     }
 
     /// Transmittance numbers per pixel.
-    pub(super) fn passed(&self) -> usize {
+    pub(super) fn transmittance_numbers(&self) -> usize {
         if self.is_coloured() { self.components.len() } else { 1 }
     }
 
@@ -87,9 +87,9 @@ impl FilmFile {
                     return Err(format!("the dial has a node {:?}, but no light has this name", node.light));
                 }
             }
-            check_names("preset of the dial", dial.situations.iter().map(|situation| &*situation.name))?;
-            for situation in &dial.situations {
-                check_finite("the dial's preset ", &situation.name, &situation.hand)?;
+            check_names("preset of the dial", dial.presets.iter().map(|preset| &*preset.name))?;
+            for preset in &dial.presets {
+                check_finite("the dial's preset ", &preset.name, &preset.hand)?;
             }
         }
         check_finite("", "background", self.background.as_ref().map_or(&[], |background| background))?;

@@ -59,7 +59,7 @@ struct ModelEntry {
     description: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     nodes_nm: Option<Vec<f64>>,
-    transmittance: Passing,
+    transmittance: TransmittanceKind,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     mixed: bool,
     #[serde(default = "one")]
@@ -69,7 +69,7 @@ struct ModelEntry {
 
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Passing {
+enum TransmittanceKind {
     Grey,
     Coloured,
 }
@@ -170,7 +170,7 @@ impl From<&FilmFile> for Document {
             kind: stored.model.kind(),
             description: Some(stored.model.description()),
             nodes_nm: stored.model.nodes_nm(),
-            transmittance: if stored.coloured { Passing::Coloured } else { Passing::Grey },
+            transmittance: if stored.coloured { TransmittanceKind::Coloured } else { TransmittanceKind::Grey },
             mixed: stored.model.is_mixed() && !stored.model.unseen().spectra.is_empty(),
             tolerance: stored.tolerance,
             projection: stored.model.projection().iter().map(|row| row.samples().to_vec()).collect(),
@@ -339,7 +339,7 @@ fn model_draft(
         Ok(Some((name.clone(), spectrum, LightMatrix { xyz: xyz.clone(), error, unseen: light.unseen })))
     };
     let lights = lights.iter().filter_map(|light| matrix(light).transpose()).collect::<Result<_, String>>()?;
-    let coloured = entry.transmittance == Passing::Coloured;
+    let coloured = entry.transmittance == TransmittanceKind::Coloured;
     Ok(ModelDraft {
         kind: entry.kind,
         observer,

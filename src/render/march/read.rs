@@ -27,7 +27,7 @@ impl Renderer {
         let transmittance = match plan.transmittance {
             Transmittance::Grey => read_layer(&self.device, &film.transmittance, 0)?,
             Transmittance::Coloured | Transmittance::Mixed => {
-                self.read_numbers(&film.transmittance, 0, plan.passed())?
+                self.read_numbers(&film.transmittance, 0, plan.transmittance_numbers())?
             }
         };
         Ok(Film { size, components, accumulators, transmittance })
@@ -40,7 +40,7 @@ impl Renderer {
     /// [`RenderError::Vulkan`].
     pub fn read_pixel(&self, film: &DeviceFilm, pixel: [usize; 2]) -> Result<Film<f32>, RenderError> {
         let plan = &film.planned.plan;
-        let images = [(&film.accumulators, plan.layers()), (&film.transmittance, plan.passed_lanes())];
+        let images = [(&film.accumulators, plan.layers()), (&film.transmittance, plan.transmittance_lanes())];
         let texels =
             || images.iter().flat_map(|&(image, layers)| (0..unsigned(layers)).map(move |layer| (image, layer)));
         let bytes: u64 = texels().map(|(image, _)| u64::from(image.format().texel_bytes())).sum();
@@ -58,7 +58,7 @@ impl Renderer {
         let mut read = vec![0; usize::try_from(bytes).unwrap_or(usize::MAX)];
         buffer.read(0, &mut read)?;
         let accumulators = texels_of(&film.accumulators, plan.layers());
-        let (accumulators, passed) = read.split_at(accumulators);
+        let (accumulators, rest) = read.split_at(accumulators);
         let numbers = |image: &StorageImage, bytes: &[u8]| -> Vec<f32> {
             match image.format() {
                 Format::Rgba16Float => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
@@ -72,8 +72,8 @@ impl Renderer {
         let accumulators = numbers(&film.accumulators, accumulators);
         let accumulators =
             accumulators.chunks_exact(lanes).flat_map(|position| &position[..components]).copied().collect();
-        let mut transmittance = numbers(&film.transmittance, passed);
-        transmittance.truncate(plan.passed());
+        let mut transmittance = numbers(&film.transmittance, rest);
+        transmittance.truncate(plan.transmittance_numbers());
         Ok(Film { size: [1, 1], components, accumulators, transmittance })
     }
 

@@ -82,7 +82,7 @@ pub(super) fn longest_slice(plan: &ScenePlan) -> u32 {
         }
         (_, Accumulate::Weights { .. }) => (0, 0),
     };
-    let through = if plan.transmittance == Transmittance::Mixed { plan.passed() } else { 0 };
+    let through = if plan.transmittance == Transmittance::Mixed { plan.transmittance_numbers() } else { 0 };
     let per_position = 1 + 2 * plan.shading_lanes().max(lanes) + lanes + exponents * (1 + lanes) + through;
     let per_sample = 4 + 2 * parts + coloured + plan.positions.total() * per_position;
     unsigned(ITERATIONS.saturating_sub(2 * plan.layers()) / per_sample).clamp(1, SLICE)
@@ -109,9 +109,9 @@ pub(super) struct Schedule {
     pub(super) taken: f64,
     /// For each dispatch that was long enough to measure: the samples that would have fitted, and its seconds; the
     /// smallest number of samples first. A shorter dispatch only measures the time to start one.
-    told: Vec<[f64; 2]>,
+    timed: Vec<[f64; 2]>,
     /// Samples of the largest dispatch among the shorter ones.
-    untold: f64,
+    untimed: f64,
 }
 
 impl Schedule {
@@ -131,8 +131,8 @@ impl Schedule {
             budget,
             most,
             taken: 0.0,
-            told: Vec::new(),
-            untold: 0.0,
+            timed: Vec::new(),
+            untimed: 0.0,
         }
     }
 
@@ -140,9 +140,9 @@ impl Schedule {
     /// may have another cause.
     fn slow(&self) -> Option<f64> {
         let most = 2.0 * self.dispatch.as_secs_f64();
-        let told = self.told.get(1..)?;
-        let mut left = SLOW * told.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
-        let slow = told.iter().find(|[_, seconds]| {
+        let timed = self.timed.get(1..)?;
+        let mut left = SLOW * timed.iter().map(|[_, seconds]| seconds.min(most)).sum::<f64>();
+        let slow = timed.iter().find(|[_, seconds]| {
             left -= seconds.min(most);
             left <= 0.0
         });
@@ -152,11 +152,11 @@ impl Schedule {
     /// Speed measured so far.
     pub(super) fn speed(&self) -> Speed {
         let dispatch = self.dispatch;
-        let most = match (self.slow(), self.told.first()) {
+        let most = match (self.slow(), self.timed.first()) {
             (Some(slow), _) => BOLDNESS * slow,
             // The only measurement.
             (None, Some([fitting, _])) => BOLDNESS * fitting,
-            (None, None) => self.most.max(BOLDNESS_ELSEWHERE * self.untold),
+            (None, None) => self.most.max(BOLDNESS_ELSEWHERE * self.untimed),
         };
         Speed { dispatch, first: Some(self.budget.min(most)), most }
     }
@@ -205,10 +205,10 @@ impl Schedule {
         let (seconds, aim) = (time.as_secs_f64().max(1e-6), self.dispatch.as_secs_f64());
         let fitting = self.taken * aim / seconds;
         if seconds >= TELLING * aim {
-            let place = self.told.partition_point(|[known, _]| *known < fitting);
-            self.told.insert(place, [fitting, seconds]);
+            let place = self.timed.partition_point(|[known, _]| *known < fitting);
+            self.timed.insert(place, [fitting, seconds]);
         } else {
-            self.untold = self.untold.max(self.taken);
+            self.untimed = self.untimed.max(self.taken);
         }
         let most = self.most.min(self.slow().map_or(f64::INFINITY, |slow| BOLDNESS * slow));
         self.budget = fitting.clamp(self.budget / 8.0, self.budget * 8.0).min(most);

@@ -118,7 +118,7 @@ impl Renderer {
         let device = &self.device;
         self.check_picture(plan, size, uploaded.bytes())?;
         if plan.transmittance == Transmittance::Mixed && plan.components() > LARGEST_MATRIX {
-            return Err(RenderError::Matrix { dimension: plan.components() });
+            return Err(RenderError::Matrix { dimension: plan.components(), largest: LARGEST_MATRIX });
         }
         self.shared.marches.fetch_add(1, Ordering::Relaxed);
         let aspect = count(size[0]) / count(size[1]);
@@ -151,10 +151,10 @@ impl Renderer {
             Interpolation::Nearest | Interpolation::ExactLinear | Interpolation::Cubic => Filter::Nearest,
         };
         let sampler = Sampler::new(device, "volume", filter)?;
-        let [vectors, passed] = formats(plan, StoreAs::Single);
+        let [vectors, format] = formats(plan, StoreAs::Single);
         let accumulators = StorageImage::new(device, "accumulators", vectors, extent, unsigned(plan.layers().max(1)))?;
         let transmittance =
-            StorageImage::new(device, "transmittance", passed, extent, unsigned(plan.passed_lanes().max(1)))?;
+            StorageImage::new(device, "transmittance", format, extent, unsigned(plan.transmittance_lanes().max(1)))?;
 
         let (pipeline, set) = self.bind(source(plan, Dispatching { tables, ..self.dispatching }), |name| {
             Some(match name {

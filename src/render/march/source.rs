@@ -69,7 +69,7 @@ pub(in crate::render) fn common(plan: &ScenePlan) -> Constants {
 /// Constants of the march shader for `plan`.
 fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
     let (specular, parts) = (plan.specular(), plan.parts());
-    let [_, passed] = images(plan, StoreAs::Single, "read_write");
+    let [_, transmittance] = images(plan, StoreAs::Single, "read_write");
     let one_exponent = specular.and_then(|specular| specular.one_exponent);
     let (materials, dimension, shares, exponents) = match plan.accumulate {
         Accumulate::Weights { materials } => (materials, 0, Shares::Own, 0),
@@ -86,9 +86,9 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .u32("EXPONENTS", unsigned(exponents))
         .bool("EQUAL_SHARES", shares == Shares::Equal)
         .bool("COLOURED", plan.transmittance != Transmittance::Grey)
-        .u32("PASSED", unsigned(plan.passed()))
-        .u32("PASSED_LANES", unsigned(plan.passed_lanes()))
-        .alias("TransmittanceImage", &passed)
+        .u32("TRANSMITTANCE_NUMBERS", unsigned(plan.transmittance_numbers()))
+        .u32("TRANSMITTANCE_LANES", unsigned(plan.transmittance_lanes()))
+        .alias("TransmittanceImage", &transmittance)
         .u32("POSITIONS", unsigned(plan.positions.total().max(1)))
         .u32("POSITIONS_USED", unsigned(if plan.layers() == 0 { 0 } else { plan.positions.total() }))
         .u32("AMBIENT", unsigned(plan.positions.ambient))

@@ -197,7 +197,7 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
 
 /// Returns a message if the crop box is thinner than a ray step, and an edit that shows the whole axis. A crop box of
 /// the scene itself is taken as intended.
-pub(super) fn too_thin(document: &Document) -> Option<(String, Edit)> {
+pub(super) fn thin_crop(document: &Document) -> Option<(String, Edit)> {
     /// Fraction of an axis below which the box counts as thin, however few slices the axis has.
     const SLICE: f64 = 0.1;
     let (crop, scene) = (document.state().crop()?, &document.state().scene);

@@ -1,9 +1,9 @@
 //! Light dial: nodes stand for lights, and the hand between them mixes them.
 
-use egui::{Align2, Key, Pos2, Rect, Response, RichText, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
+use egui::{Align2, Key, Pos2, Rect, Response, Sense, Stroke, Ui, Vec2, WidgetInfo, WidgetType, vec2};
 use glam::DVec2;
 
-use super::controls::panel;
+use super::controls::{panel, toggle};
 use super::spectrum::{narrow, paint_swatch, readable_text};
 use crate::document::{Dial, Mixing};
 use crate::document::{Document, Edit, polygon, reset_nodes};
@@ -41,17 +41,28 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             "Drag the hand between the lights: nearer lights are stronger. Click a node for its light alone. \
              Right-click a node to switch it off, drag it with Shift to move it.",
         );
-        // One line in both cases, so that the controls below do not move.
-        let (now, help) = match document.state().light.mixing {
-            Mixing::Sliders => {
-                ("The sliders mix: click the dial to use it.", "The dial has no effect until you click it.")
+        ui.horizontal(|ui| {
+            ui.label("Mix by");
+            let choices = [
+                (
+                    Mixing::Sliders,
+                    "sliders",
+                    "The sliders set the weights of the lights. Moving a slider selects them.",
+                ),
+                (
+                    Mixing::Dial,
+                    "dial",
+                    "The dial sets the weights of the lights, with its own master and keep brightness. It ignores the \
+                     switches of the lights. Moving the hand selects the dial.",
+                ),
+            ];
+            for (mixing, name, help) in choices {
+                let is_used = document.state().light.mixing == mixing;
+                if toggle(ui, is_used, name).on_hover_text(help).clicked() && !is_used {
+                    asked.push(Action::Edit(Edit::Mix(mixing)));
+                }
             }
-            Mixing::Dial => (
-                "The dial mixes: move a slider to take over.",
-                "While the dial mixes, it uses its own master and keep brightness, and ignores the switches of the lights.",
-            ),
-        };
-        ui.label(RichText::new(now).small().weak()).on_hover_text(help);
+        });
         // The row is always shown, so that the controls below do not move under the pointer.
         ui.horizontal(|ui| {
             let moved = reset_nodes(document.opened()) != dial.nodes;
@@ -88,7 +99,7 @@ impl Map {
         let [low, high] = around(&mut nodes());
         // The map also covers the hands, but distant ones are clamped so that the nodes do not shrink too far.
         let far = DVec2::splat((high - low).max_element().max(1e-3));
-        let hands = dial.situations.iter().map(|situation| situation.hand).chain([document.state().light.hand]);
+        let hands = dial.presets.iter().map(|preset| preset.hand).chain([document.state().light.hand]);
         let hands = hands.map(|hand| hand.clamp(low - far, high + far));
         let [low, high] = around(&mut nodes().chain(hands));
         let room = (rect.size().min_elem() - 2.0 * MARGIN).max(10.0);

@@ -23,33 +23,34 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
             }
         });
         let mut adapt = display.adapt;
-        let adapts = ui.checkbox(&mut adapt, "eye adapts to the light");
+        let adapts = ui.checkbox(&mut adapt, "white balance");
         if adapts.on_hover_text("On: white looks white under every light. Off: tungsten light looks orange.").changed()
         {
             asked.push(Action::Edit(Edit::Adapt(adapt)));
         }
         ui.horizontal_wrapped(|ui| {
-            ui.label("Seen by");
-            let mut by = display.deficiency;
-            let named = |by: Option<Deficiency>| match by {
-                None => "all cones",
+            ui.label("Colour vision");
+            let mut vision = display.deficiency;
+            let named = |vision: Option<Deficiency>| match vision {
+                None => "normal",
                 Some(Deficiency::Protan) => "protan (red-blind)",
                 Some(Deficiency::Deutan) => "deutan (green-blind)",
                 Some(Deficiency::Tritan) => "tritan (blue-blind)",
             };
-            ComboBox::from_id_salt("seen by").width(0.0).selected_text(named(by)).show_ui(ui, |ui| {
-                ui.selectable_value(&mut by, None, named(None)).on_hover_text("Normal colour vision.");
+            ComboBox::from_id_salt("colour vision").width(0.0).selected_text(named(vision)).show_ui(ui, |ui| {
+                ui.selectable_value(&mut vision, None, named(None))
+                    .on_hover_text("Vision with all three kinds of cones.");
                 for one in Deficiency::ALL {
                     let help = match one {
                         Deficiency::Protan => "Vision without cones for long wavelengths: red is dark.",
                         Deficiency::Deutan => "Vision without cones for medium wavelengths: red and green look alike.",
                         Deficiency::Tritan => "Vision without cones for short wavelengths: blue and green look alike.",
                     };
-                    ui.selectable_value(&mut by, Some(one), named(Some(one))).on_hover_text(help);
+                    ui.selectable_value(&mut vision, Some(one), named(Some(one))).on_hover_text(help);
                 }
             });
-            if by != display.deficiency {
-                asked.push(Action::Edit(Edit::Deficiency(by)));
+            if vision != display.deficiency {
+                asked.push(Action::Edit(Edit::Deficiency(vision)));
             }
         });
         ui.horizontal_wrapped(|ui| {

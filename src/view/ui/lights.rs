@@ -32,7 +32,7 @@ pub fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
                     switch.on_hover_text("Switches this light on and off.").on_disabled_hover_text(if by_slider {
                         "Another light is on solo: press its solo again for all lights."
                     } else {
-                        "The dial mixes, and ignores the switches: move a slider or press solo to take over."
+                        "The dial mixes the lights and ignores the switches. Move a slider or press solo to mix by sliders."
                     });
                 switch.changed().then_some(Action::Edit(Edit::On(index, on)))
             };

@@ -6,6 +6,7 @@ mod chooser;
 mod controls;
 mod crop;
 mod dial;
+mod dial_presets;
 mod display;
 mod floating;
 mod lights;
@@ -14,7 +15,6 @@ mod palette;
 mod picture;
 mod probe;
 mod reading;
-mod situations;
 mod spectra;
 mod spectrum;
 mod status;
@@ -131,7 +131,7 @@ pub fn show(ui: &mut Ui, shown: &Shown<'_>, asked: &mut Vec<Action>) -> Rect {
             area.scroll_bar_visibility(ScrollBarVisibility::AlwaysVisible).show(ui, |ui| {
                 lights::show(ui, document, asked);
                 dial::show(ui, document, asked);
-                situations::show(ui, document, shown.tour, asked);
+                dial_presets::show(ui, document, shown.tour, asked);
                 transfer::show(ui, document, asked);
                 display::show(ui, document, asked);
                 picture::controls(ui, document, shown.aspect, asked);

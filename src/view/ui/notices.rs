@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use egui::{Align2, Area, Color32, Frame, Id, Order, Rect, Ui, vec2};
 
 use super::Shown;
-use super::crop::{out_of_sight, too_thin};
+use super::crop::{out_of_sight, thin_crop};
 use super::transfer::nothing_shown;
 use crate::document::Mixing;
 use crate::document::{Document, Edit};
@@ -59,7 +59,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
                 out_of_sight(document, shown.aspect, rect).filter(|_| is_large)
             {
                 notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
-            } else if let Some((text, edit)) = too_thin(document) {
+            } else if let Some((text, edit)) = thin_crop(document) {
                 notice(ui, &text, "Show all that way", || asked.push(Action::Edit(edit)));
             }
             if let Some((button, edit)) = nothing_shown(document) {

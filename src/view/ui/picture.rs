@@ -163,7 +163,7 @@ pub(super) fn controls(ui: &mut Ui, document: &Document, aspect: f64, asked: &mu
             let parallel = matches!(document.state().scene.camera.projection, Projection::Orthographic { .. });
             let kinds = [
                 ("Perspective", false, "Distant parts look smaller (key P toggles)."),
-                ("Parallel rays", true, "Orthographic: size does not depend on distance (key P toggles)."),
+                ("Orthographic", true, "The size of a part does not depend on its distance (key P toggles)."),
             ];
             for (name, is_it, help) in kinds {
                 let kind = toggle(ui, parallel == is_it, name).on_hover_text(help);

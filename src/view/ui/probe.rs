@@ -136,8 +136,8 @@ fn contents(ui: &mut Ui, document: &Document, probe: &Probe) {
         Some([]) => {
             ui.label(RichText::new("The ray misses the volume, or its shown part.").small());
         }
-        Some(met) => {
-            ray(ui, document, met, &colours);
+        Some(stretches) => {
+            ray(ui, document, stretches, &colours);
             if let Some(stretch) = probe.brightest() {
                 let (place, value) = (place(document, stretch), brief(stretch.value));
                 let text = format!("Most of the light comes from the value {value}, at {place}.");
@@ -263,23 +263,23 @@ fn shares(ui: &mut Ui, [id, pixel, light]: [&str; 3], shares: &[Share], colour: 
     });
 }
 
-fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
+fn ray(ui: &mut Ui, document: &Document, stretches: &[Stretch], colours: &[Color32]) {
     let (frame, response) = ui.allocate_exact_size(vec2(WIDTH, 64.0), Sense::hover());
     let rect = frame.shrink2(vec2(0.0, 2.0));
     let visuals = ui.visuals().clone();
     let painter = ui.painter_at(frame);
     painter.rect_filled(frame, 2.0, visuals.extreme_bg_color);
-    let length = met.last().map_or(1.0, |last| last.distance).max(f64::MIN_POSITIVE);
-    let [low, high] = document.statistics().map_or_else(|| range(met), |known| [known.min, known.max]);
+    let length = stretches.last().map_or(1.0, |last| last.distance).max(f64::MIN_POSITIVE);
+    let [low, high] = document.statistics().map_or_else(|| range(stretches), |known| [known.min, known.max]);
     let x = |distance: f64| rect.left() + narrow(distance / length).clamp(0.0, 1.0) * rect.width();
     let y = |part: f64| rect.bottom() - narrow(part.clamp(0.0, 1.0)) * rect.height();
-    let width = (rect.width() / narrow(crate::number::count(met.len()))).max(1.0);
-    for stretch in met.iter().filter(|stretch| stretch.opacity > 0.0) {
+    let width = (rect.width() / narrow(crate::number::count(stretches.len()))).max(1.0);
+    for stretch in stretches.iter().filter(|stretch| stretch.opacity > 0.0) {
         let left = x(stretch.distance) - width / 2.0;
         let column = Rect::from_x_y_ranges(left..=left + width + 0.5, y(stretch.opacity.sqrt())..=rect.bottom());
         painter.rect_filled(column, 0.0, mixed(stretch, colours));
     }
-    let line = |part: &dyn Fn(&Stretch) -> f64| met.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
+    let line = |part: &dyn Fn(&Stretch) -> f64| stretches.iter().map(|it| pos2(x(it.distance), y(part(it)))).collect();
     let span = if high > low { high - low } else { 1.0 };
     // With an outline, because the bars have any colour.
     for (width, colour) in [(3.0, visuals.extreme_bg_color), (1.0, visuals.text_color())] {
@@ -289,7 +289,7 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
     if let Some(pointer) = response.hover_pos() {
         let part = f64::from((pointer.x - rect.left()) / rect.width());
         let near = |stretch: &&Stretch| ((stretch.distance / length - part).abs() * 1e9).min(1e18);
-        if let Some(stretch) = met.iter().min_by(|one, two| near(one).total_cmp(&near(two))) {
+        if let Some(stretch) = stretches.iter().min_by(|one, two| near(one).total_cmp(&near(two))) {
             painter.vline(x(stretch.distance), rect.y_range(), Stroke::new(0.5, visuals.weak_text_color()));
             response.on_hover_text(told(document, stretch));
         }
@@ -299,7 +299,7 @@ fn ray(ui: &mut Ui, document: &Document, met: &[Stretch], colours: &[Color32]) {
         let materials = &document.state().scene.materials;
         for (index, (material, &colour)) in materials.iter().zip(colours).enumerate() {
             let depth = |of: &[f64]| of.get(index).is_some_and(|depth| *depth > 0.0);
-            if met.iter().any(|stretch| depth(&stretch.scattering) || depth(&stretch.absorption)) {
+            if stretches.iter().any(|stretch| depth(&stretch.scattering) || depth(&stretch.absorption)) {
                 patch(ui, &code(colour), 9.0);
                 ui.label(RichText::new(&material.name).small());
             }

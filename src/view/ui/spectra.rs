@@ -132,7 +132,7 @@ fn row(
     let standards = |ui: &mut Ui| {
         let kind = if side == Side::Light { Kind::Light } else { Kind::Reflectance };
         let known = standard::name_of(now, kind);
-        let shown = known.unwrap_or("a curve of its own");
+        let shown = known.unwrap_or("custom");
         let combo = ComboBox::from_id_salt((kind == Kind::Light, name))
             .width(116.0)
             .selected_text(RichText::new(shown).small());

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
-use crate::document::presets::Preset;
+use crate::document::transfer_presets::TransferPreset;
 use crate::document::{Document, Edit, State};
 use crate::film::{Components, RelightMatrices};
 use crate::number::{count, whole};
@@ -83,7 +83,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &mut Vec<Action>) {
     let Some(statistics) = statistics else { return };
     let menu = ui.menu_button("Presets", |ui| {
-        for preset in Preset::ALL {
+        for preset in TransferPreset::ALL {
             let intervals = preset.intervals(statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(preset.name()));
             let none = format!("{} These values are not a CT in Hounsfield units.", preset.help());
@@ -118,8 +118,8 @@ fn seen_of(material: &Material) -> Spectrum {
     let Some(shape) = material.absorption.as_ref().map(Absorption::spectrum).filter(|it| !is_constant(it)) else {
         return reflected.clone();
     };
-    let passed = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
-    if *reflected == Spectrum::constant(0.0) { passed } else { &passed * reflected }
+    let transmitted = Spectrum::from_samples(shape.samples().map(|depth| 0.1_f64.powf(depth)));
+    if *reflected == Spectrum::constant(0.0) { transmitted } else { &transmitted * reflected }
 }
 
 /// Colours of the scene's materials under the current light, lit from all its positions.
@@ -210,7 +210,7 @@ fn ends(ui: &mut Ui, statistics: &Statistics) {
             ui.label(end(statistics.max));
             ui.with_layout(egui::Layout::top_down(egui::Align::Center), |ui| {
                 // Not on the histogram, where the tooltip would cover the handles and the numbers below.
-                ui.label(RichText::new("what can be dragged?").small().weak()).on_hover_text(HELP);
+                ui.label(RichText::new("help").small().weak()).on_hover_text(HELP);
             });
         });
     });

@@ -99,7 +99,7 @@ impl Viewer {
         asked.into_iter().for_each(|action| self.ask(action));
         let plays = self.go_on_tour();
         if !self.panels.context.input(|input| input.pointer.any_down()) {
-            self.opened.document.iter_mut().for_each(if plays { Document::rest_beside_tour } else { Document::rest });
+            self.opened.document.iter_mut().for_each(if plays { Document::rest_during_tour } else { Document::rest });
         }
         self.fit(place, output.pixels_per_point);
         let shown = self.engine.as_mut().map_or(Ok(false), Engine::show);

@@ -174,7 +174,7 @@ impl Viewer {
         let but_time = |selection: &Selection| Selection { time: None, ..selection.clone() };
         let alike = but_time(&scene.volume.selection) == but_time(&self.opened.selection);
         match self.opened.document.as_ref().filter(|_| loaded.source.is_another_of(&self.opened.source)) {
-            Some(before) if before.lies_as(scene) => Some(before.clone().beside(loaded.file.clone(), alike)),
+            Some(before) if before.has_grid_of(scene) => Some(before.clone().with_file(loaded.file.clone(), alike)),
             Some(_) if self.losing().changes => None,
             // The lights of a bare volume are a choice, not a mix.
             _ if loaded.source.bare_volume().is_some() => {

@@ -4,6 +4,7 @@ use egui::{Context, TexturesDelta};
 
 use super::Viewer;
 use super::report::keep;
+use crate::view::advice;
 use crate::view::ui::{Chooser, Notice};
 
 /// Largest number of notices kept.
@@ -26,13 +27,8 @@ pub(super) struct Panels {
 }
 
 impl Viewer {
-    pub(super) fn tell(&mut self, error: &dyn std::error::Error) {
-        let mut text = error.to_string();
-        let mut cause = error.source();
-        while let Some(error) = cause {
-            text = format!("{text}: {error}");
-            cause = error.source();
-        }
+    pub(super) fn tell(&mut self, error: &(dyn std::error::Error + 'static)) {
+        let text = advice::line(error);
         keep(&mut self.record.report.failures, text.clone());
         self.note(text);
     }

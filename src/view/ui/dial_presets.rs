@@ -3,8 +3,8 @@
 use egui::{Id, Key, TextEdit, Ui, WidgetInfo};
 
 use super::controls::{panel, remembered, toggle};
+use crate::document::{DialPreset, Mixing};
 use crate::document::{Document, Edit};
-use crate::document::{Mixing, Situation};
 use crate::plan::Stale;
 use crate::view::action::Action;
 use crate::view::tour::{LONGEST, Tour};
@@ -17,36 +17,35 @@ const FRAMES: u16 = 50;
 /// Shows the presets and the controls to save and tour them, if the scene has a dial.
 pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked: &mut Vec<Action>) {
     let state = document.state();
-    let situations = &state.dial.situations;
+    let presets = &state.dial.presets;
     if state.dial.nodes.len() < 2 {
         return;
     }
-    let here = document.situation();
+    let here = document.preset();
     let mut places = state.dial.nodes.iter().zip(&document.opened().dial.nodes);
     let are_moved = places.any(|(node, opened)| node.place != opened.place);
-    panel(ui, "Light situations", Stale::Picture, |ui| {
+    panel(ui, "Dial presets", Stale::Picture, |ui| {
         let mut ask = |edit| asked.push(Action::Edit(edit));
         // An empty row would still take space.
-        if !situations.is_empty() {
+        if !presets.is_empty() {
             ui.horizontal_wrapped(|ui| {
-                for (index, situation) in situations.iter().enumerate() {
-                    let label = toggle(ui, here == Some(index), &situation.name);
-                    let label =
-                        if situation.caption.is_empty() { label } else { label.on_hover_text(&situation.caption) };
+                for (index, preset) in presets.iter().enumerate() {
+                    let label = toggle(ui, here == Some(index), &preset.name);
+                    let label = if preset.caption.is_empty() { label } else { label.on_hover_text(&preset.caption) };
                     if label.clicked() {
-                        ask(Edit::Situation(index));
+                        ask(Edit::DialPreset(index));
                     }
                 }
             });
         }
         let nodes = &state.dial.nodes;
-        let between = |situation: &Situation| !nodes.iter().any(|node| node.lies_at(situation.hand));
-        if are_moved && situations.iter().any(between) {
+        let between = |preset: &DialPreset| !nodes.iter().any(|node| node.lies_at(preset.hand));
+        if are_moved && presets.iter().any(between) {
             let text = "Nodes were moved: presets between nodes now have a different light.";
             let help = "A preset is a position of the hand. A preset on a node moves with it; elsewhere, its light is the mix at this position.";
             ui.label(egui::RichText::new(text).small().weak()).on_hover_text(help);
         }
-        let id = Id::new("name of a situation");
+        let id = Id::new("name of a preset");
         let mut name: String = ui.data(|data| data.get_temp(id)).unwrap_or_default();
         // Wrapped, because a longer word would widen the panels and cause a new march.
         ui.horizontal_wrapped(|ui| {
@@ -55,7 +54,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
             field.on_hover_text("Name for the present light.");
             let given = name.trim().to_owned();
             let can = !given.is_empty() && state.light.mixing == Mixing::Dial;
-            let replaces = situations.iter().any(|situation| situation.name == given);
+            let replaces = presets.iter().any(|preset| preset.name == given);
             let (word, help) = if replaces {
                 ("Replace", "A preset of this name exists: replaces it by the present hand and switched-off nodes.")
             } else {
@@ -83,7 +82,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document, tour: Option<&Tour>, asked:
         ui.data_mut(|data| data.insert_temp(id, name));
         ui.horizontal_wrapped(|ui| {
             let (plays, saves) = (matches!(tour, Some(Tour::Playing { .. })), matches!(tour, Some(Tour::Saving { .. })));
-            let enough = situations.len() > 1 && !saves;
+            let enough = presets.len() > 1 && !saves;
             let none = if saves { "The pictures of a tour are being saved." } else { "A tour needs at least two presets." };
             let play = ui.add_enabled(enough, egui::Button::new(if plays { "Stop" } else { "Tour" }));
             let help = "Moves the hand from each preset to the next; one undo reverts it.";

@@ -6,7 +6,7 @@ use crate::volume::Statistics;
 
 /// A transfer preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
+pub enum TransferPreset {
     /// Bone in CT.
     Bone,
     /// Soft tissue and bone in CT.
@@ -21,7 +21,7 @@ pub enum Preset {
     Layers,
 }
 
-impl Preset {
+impl TransferPreset {
     /// All presets.
     pub const ALL: [Self; 6] = [Self::Bone, Self::SoftTissue, Self::SkinAndBone, Self::Mr, Self::Densest, Self::Layers];
 
@@ -174,14 +174,17 @@ mod tests {
         let even = |_| 1;
         assert_eq!(hounsfield(&statistics(-1024.0, 3071.0, even)), Some(0.0));
         assert_eq!(hounsfield(&statistics(0.0, 4095.0, even)), Some(1024.0));
-        let told = |preset: Preset, min, max| preset.help_for(&statistics(min, max, even)).contains("1024 is water");
+        let told =
+            |preset: TransferPreset, min, max| preset.help_for(&statistics(min, max, even)).contains("1024 is water");
         assert!(
-            told(Preset::Bone, 0.0, 4095.0) && !told(Preset::Bone, -1024.0, 3071.0) && !told(Preset::Mr, 0.0, 4095.0)
+            told(TransferPreset::Bone, 0.0, 4095.0)
+                && !told(TransferPreset::Bone, -1024.0, 3071.0)
+                && !told(TransferPreset::Mr, 0.0, 4095.0)
         );
         for [min, max] in [[0.0, 255.0], [0.0, 1.0], [-1.0, 1.0], [0.0, 65535.0]] {
             let other = statistics(min, max, even);
-            assert_eq!(Preset::Bone.intervals(&other, &[]), None, "{min} to {max}");
-            for preset in [Preset::Mr, Preset::Densest, Preset::Layers] {
+            assert_eq!(TransferPreset::Bone.intervals(&other, &[]), None, "{min} to {max}");
+            for preset in [TransferPreset::Mr, TransferPreset::Densest, TransferPreset::Layers] {
                 let intervals = preset.intervals(&other, &[]).unwrap_or_default();
                 assert!(!intervals.is_empty(), "{preset:?}");
                 for interval in intervals {

@@ -14,16 +14,16 @@ const PLACES: usize = 1 << 16;
 
 /// Samples of `inner` in occupied macrocells, and empty steps elsewhere.
 #[derive(Debug)]
-pub struct Leaping<'a, S> {
+pub struct Skipping<'a, S> {
     inner: S,
     occupancy: &'a Occupancy,
     cells_from_texture: DVec3,
     /// Length of a step's source, padded to whole lanes.
     source: usize,
-    passed: usize,
+    opacity_numbers: usize,
 }
 
-impl<'a, S> Leaping<'a, S> {
+impl<'a, S> Skipping<'a, S> {
     /// Wraps `inner` to skip macrocells whose bit in `occupancy` is 0.
     #[must_use]
     pub fn new(inner: S, occupancy: &'a Occupancy, scene: &Scene, planned: &Planned) -> Self {
@@ -32,7 +32,7 @@ impl<'a, S> Leaping<'a, S> {
             occupancy,
             cells_from_texture: DVec3::from_array(scene.volume.geometry.dims.map(count)) / count(CELL),
             source: planned.plan.parts().lanes * LANE,
-            passed: planned.plan.passed(),
+            opacity_numbers: planned.plan.transmittance_numbers(),
         }
     }
 
@@ -46,13 +46,13 @@ impl<'a, S> Leaping<'a, S> {
     }
 }
 
-impl<S: Samples<f64>> Samples<f64> for Leaping<'_, S> {
+impl<S: Samples<f64>> Samples<f64> for Skipping<'_, S> {
     fn sample(&self, place: [f64; 3], step: &mut Step<f64>) {
         if self.is_empty(place) {
             step.source.clear();
             step.source.resize(self.source, 0.0);
             step.opacity.clear();
-            step.opacity.resize(self.passed, 0.0);
+            step.opacity.resize(self.opacity_numbers, 0.0);
         } else {
             self.inner.sample(place, step);
         }
@@ -82,5 +82,5 @@ fn visible(scene: &Scene, [low, high]: [f64; 2]) -> TransferTable {
         }
     }
     let opacity = active.iter().map(|&active| if active { 1.0 } else { 0.0 }).collect();
-    TransferTable { source: vec![[0.0; LANE]; PLACES], opacity, lanes: 1, passed: 1 }
+    TransferTable { source: vec![[0.0; LANE]; PLACES], opacity, lanes: 1, opacity_numbers: 1 }
 }

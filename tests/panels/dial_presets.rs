@@ -11,14 +11,14 @@ use relume::view::Action;
 use crate::app::{App, document, light_names, reopened};
 
 #[test]
-fn situations_are_kept_renamed_and_forgotten() {
+fn presets_are_kept_renamed_and_forgotten() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
     window.run();
     let names = |window: &Harness<'_, App>| -> Vec<String> {
         let document = window.state().document.as_ref().unwrap();
-        document.state().dial.situations.iter().map(|situation| situation.name.clone()).collect()
+        document.state().dial.presets.iter().map(|preset| preset.name.clone()).collect()
     };
     let type_name = |window: &mut Harness<'_, App>, name: &str| {
         let field = window.get_by_role(Role::TextInput);
@@ -42,30 +42,30 @@ fn situations_are_kept_renamed_and_forgotten() {
 }
 
 #[test]
-fn a_situation_on_a_node_is_that_light_alone_wherever_the_node_goes() {
+fn a_preset_on_a_node_is_that_light_alone_wherever_the_node_goes() {
     let mut document = document();
     let here = document.state().dial.nodes[1].place;
-    assert_eq!(document.state().dial.situations[0].hand, here);
+    assert_eq!(document.state().dial.presets[0].hand, here);
     for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::NodePlace(0, here), Edit::ResetDial] {
         document.edit(&edit);
-        document.edit(&Edit::Situation(0));
+        document.edit(&Edit::DialPreset(0));
         assert_eq!(light_names(&document.state().mix()), ["lamp"], "{edit:?}");
         let now = document.state().dial.nodes[1].place;
-        assert_eq!(document.state().dial.situations[0].hand, now, "{edit:?}");
+        assert_eq!(document.state().dial.presets[0].hand, now, "{edit:?}");
     }
     // A node that is off moves along as well, and the preset stays selected wherever that node is.
     document.edit(&Edit::NodePlace(0, DVec2::new(0.7, 0.1)));
-    assert_eq!(document.situation(), Some(0));
+    assert_eq!(document.preset(), Some(0));
     document.edit(&Edit::NodeOn(1, false));
     for edit in [Edit::NodePlace(1, DVec2::new(0.3, 0.2)), Edit::Polygon, Edit::ResetDial] {
         document.edit(&edit);
         let dial = &document.state().dial;
-        assert_eq!(dial.situations[0].hand, dial.nodes[1].place, "{edit:?}");
+        assert_eq!(dial.presets[0].hand, dial.nodes[1].place, "{edit:?}");
     }
 }
 
 #[test]
-fn enter_keeps_a_situation_and_moved_nodes_are_told_of_where_it_lies_between_them() {
+fn enter_keeps_a_preset_and_moved_nodes_are_told_of_where_it_lies_between_them() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.1, 0.3)));
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document));
@@ -78,7 +78,7 @@ fn enter_keeps_a_situation_and_moved_nodes_are_told_of_where_it_lies_between_the
     window.run();
     let names = |window: &Harness<'_, App>| -> Vec<String> {
         let dial = &window.state().document.as_ref().unwrap().state().dial;
-        dial.situations.iter().map(|situation| situation.name.clone()).collect()
+        dial.presets.iter().map(|preset| preset.name.clone()).collect()
     };
     assert_eq!(names(&window), ["evening", "noon"]);
     assert!(window.query_by_label_contains("Nodes were moved").is_none());
@@ -100,41 +100,41 @@ fn a_name_that_is_taken_is_said_to_be_replaced() {
     window.get_by_label("Replace").click();
     window.run();
     let document = window.state().document.as_ref().unwrap();
-    let situations = &document.state().dial.situations;
-    assert_eq!((situations.len(), situations[0].hand), (1, DVec2::new(0.2, 0.1)));
+    let presets = &document.state().dial.presets;
+    assert_eq!((presets.len(), presets[0].hand), (1, DVec2::new(0.2, 0.1)));
 }
 
 #[test]
-fn after_a_tour_the_situation_that_the_hand_stands_on_is_the_one_that_is_shown() {
+fn after_a_tour_the_preset_that_the_hand_stands_on_is_the_one_that_is_shown() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.2, 0.1)));
     document.edit(&Edit::Keep("dusk".to_owned()));
     document.edit(&Edit::Tour(3, 8));
-    assert_eq!(document.state().light.situation, None, "on its way");
+    assert_eq!(document.state().light.preset, None, "on its way");
     document.edit(&Edit::Tour(8, 8));
-    assert_eq!(document.state().light.situation, Some(1), "at its end");
+    assert_eq!(document.state().light.preset, Some(1), "at its end");
 }
 
 #[test]
-fn the_names_of_situations_stand_in_their_own_section() {
+fn the_names_of_presets_stand_in_their_own_section() {
     let mut window = App::open(Vec2::new(1280.0, 3000.0), Some(document()));
     window.run();
     let top = |label: &str| window.get_by_label(label).rect().top();
-    assert!(top("Light situations") < top("evening") && top("evening") < top("Transfer function"));
+    assert!(top("Dial presets") < top("evening") && top("evening") < top("Transfer function"));
 }
 
 #[test]
-fn a_situation_that_looks_as_what_is_seen_is_shown_as_the_one_that_is() {
+fn a_preset_that_looks_as_what_is_seen_is_shown_as_the_one_that_is() {
     let mut document = document();
     document.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
     document.edit(&Edit::Keep("evening".to_owned()));
-    let index = document.situation();
+    let index = document.preset();
     assert!(index.is_some());
     // A session stores the position of the hand, but not the name of its preset.
     let mut again = Document::new(reopened(&document));
-    assert_eq!(again.situation(), None, "sliders mix");
+    assert_eq!(again.preset(), None, "sliders mix");
     again.edit(&Edit::Hand(DVec2::new(0.3, 0.2)));
-    assert_eq!(again.situation(), index);
+    assert_eq!(again.preset(), index);
     again.edit(&Edit::NodeOn(0, false));
-    assert_eq!(again.situation(), None, "another mix");
+    assert_eq!(again.preset(), None, "another mix");
 }

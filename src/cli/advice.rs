@@ -1,0 +1,202 @@
+//! Flags that help against an error.
+
+use std::error::Error;
+
+use relume::document::SceneError;
+use relume::measure::{ChoiceError, Goal, LadderError, ModelTableError, NeedError, SurveyError};
+use relume::model::{ModelError, ModelKind};
+use relume::render::RenderError;
+use relume::volume::{Asked, RawLayout, Several, VolumeError};
+
+use super::CliError;
+
+/// Returns the sentence of `error` alone, without its causes, with the flags that help.
+pub(super) fn sentence(error: &(dyn Error + 'static)) -> String {
+    if let Some(SceneError::LightRequest { .. }) = scene(error) {
+        return format!("--light {error}");
+    }
+    format!("{error}{}", flags(error).unwrap_or_default())
+}
+
+/// The error of a scene in `error`.
+fn scene<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a SceneError> {
+    match error.downcast_ref() {
+        Some(CliError::Scene(error)) => Some(error),
+        _ => error.downcast_ref(),
+    }
+}
+
+/// Flags that help against `error`, as the end of its sentence. A transparent error passes on those of its cause.
+fn flags(error: &(dyn Error + 'static)) -> Option<String> {
+    if let Some(error) = error.downcast_ref() {
+        return match error {
+            CliError::Scene(error) => flags(error),
+            CliError::Volume(error) => flags(error),
+            CliError::Render(error) => flags(error),
+            CliError::Plan(error) => flags(error),
+            CliError::Model(error) => flags(error),
+            CliError::Need(error) => flags(error),
+            CliError::Survey(error) => flags(error),
+            CliError::Choice(error) => flags(error),
+            CliError::Check(error) => flags(error),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref() {
+        return match error {
+            ModelTableError::Model(error) => flags(error),
+            ModelTableError::Scene(error) => flags(error),
+            ModelTableError::Volume(error) => flags(error),
+            ModelTableError::Plan(error) => flags(error),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref() {
+        return match error {
+            NeedError::Volume(error) => flags(error),
+            NeedError::Render(error) => flags(error),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref() {
+        return match error {
+            SurveyError::Plan(error) => flags(error),
+            SurveyError::Ladder(error) => flags(error),
+            SurveyError::Render(error) => flags(error),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref() {
+        return match error {
+            ChoiceError::None { goal: Goal::MaxError(_), .. } => {
+                Some("; allow a larger error, or use --reference".into())
+            }
+            ChoiceError::None { goal: Goal::Budget(_), .. } => {
+                Some("; allow more time, or fewer pixels with --size".into())
+            }
+            ChoiceError::Plan(error) => flags(error),
+            ChoiceError::Ladder(error) => flags(error),
+            ChoiceError::Render(error) => flags(error),
+            _ => None,
+        };
+    }
+    if let Some(LadderError::Volume(error)) = error.downcast_ref() {
+        return flags(error);
+    }
+    let of_scene = error.downcast_ref().and_then(of_scene);
+    let of_volume = error.downcast_ref().and_then(of_volume);
+    let of_render = error.downcast_ref().and_then(of_render);
+    let of_model = error.downcast_ref().and_then(of_model);
+    of_scene.or(of_volume).or(of_render).or(of_model)
+}
+
+fn of_scene(error: &SceneError) -> Option<String> {
+    match error {
+        SceneError::IsVolume { path } => Some(format!(": use --volume {}", path.display())),
+        SceneError::TooLong { .. } | SceneError::NoText { .. } => Some("; if it is a volume, use --volume".to_owned()),
+        SceneError::NoVolume { .. } => Some(", or give one with --volume FILE".to_owned()),
+        SceneError::NoScene(error) => of_volume(error),
+        _ => None,
+    }
+}
+
+fn of_volume(error: &VolumeError) -> Option<String> {
+    match error {
+        VolumeError::UnknownFormat { is_known: false, .. } => {
+            Some("; for headerless voxels, give --dims and --type".to_owned())
+        }
+        VolumeError::NoLayout { guess: Some(guess), .. } => {
+            let RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. } = &**guess;
+            let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
+            Some(format!(": --dims {x}x{y}x{z} --type {voxel_type}{before}"))
+        }
+        VolumeError::NoLayout { guess: None, .. } => Some("; --dims and --type give them".to_owned()),
+        VolumeError::HasHeader { .. } => Some(": omit --dims and --type".to_owned()),
+        VolumeError::Choose { there, .. } => Some(match there {
+            Several::Components { .. } => " with --component N".to_owned(),
+            Several::Times(_) => " with --time N".to_owned(),
+            _ => " with --array NAME".to_owned(),
+        }),
+        VolumeError::NoSuch { asked, .. } => Some(format!(" ({})", chosen(asked))),
+        _ => None,
+    }
+}
+
+/// The flag of a choice, as given.
+fn chosen(asked: &Asked) -> String {
+    match asked {
+        Asked::Component(index) => format!("--component {index}"),
+        Asked::Time(index) => format!("--time {index}"),
+        Asked::Array(name) => format!("--array {name}"),
+    }
+}
+
+fn of_render(error: &RenderError) -> Option<String> {
+    match error {
+        RenderError::Volume(error) => of_volume(error),
+        RenderError::Matrix { largest, .. } => Some(format!(": take --k {largest} or less, or --reference")),
+        RenderError::TooLarge { .. } => Some(": take --downsample to average blocks of voxels".to_owned()),
+        RenderError::Memory { format, .. } => {
+            let shading = if format.has_gradient() { ", or shading = \"none\", which stores no gradients" } else { "" };
+            Some(format!(": take --downsample{shading}"))
+        }
+        RenderError::PictureSize { .. } => {
+            Some(": take a smaller --size, fewer light positions, or --reference".to_owned())
+        }
+        RenderError::PictureMemory { .. } => {
+            Some(": take a smaller --size, fewer light positions, or --downsample".to_owned())
+        }
+        _ => None,
+    }
+}
+
+fn of_model(error: &ModelError) -> Option<String> {
+    let ModelError::Tolerance { kind, dimension, kept, .. } = error else { return None };
+    let otherwise = match kind {
+        ModelKind::Nodes => "--reference renders all bands, slowly but without this error",
+        _ => "--model nodes may keep your tolerance",
+    };
+    Some(format!("; to accept it, add --k {dimension} or --tolerance {kept:.3}; {otherwise}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use relume::tables::VolumeFormat;
+
+    use super::*;
+
+    fn memory(format: VolumeFormat) -> RenderError {
+        RenderError::Memory { needed_mb: 9, format, device: "d".to_owned(), heap_mb: 8 }
+    }
+
+    #[test]
+    fn to_store_no_gradients_is_advised_where_there_are_any() {
+        for format in
+            [VolumeFormat::R16Unorm, VolumeFormat::R32Float, VolumeFormat::Rgba16Snorm, VolumeFormat::Rgba32Float]
+        {
+            let message = sentence(&CliError::from(memory(format)));
+            assert!(message.starts_with("the volume needs 9 MB") && message.contains("--downsample"), "{message}");
+            assert_eq!(message.contains("shading = \"none\""), format.has_gradient(), "{message}");
+        }
+    }
+
+    #[test]
+    fn an_error_has_the_same_flags_as_itself_and_as_a_transparent_cause() {
+        let message = ": take --downsample";
+        let alone = memory(VolumeFormat::R16Unorm);
+        assert_eq!(flags(&alone).as_deref(), Some(message));
+        let surveyed = CliError::from(SurveyError::from(alone));
+        assert_eq!(flags(&surveyed).as_deref(), Some(message));
+        assert_eq!(flags(&CliError::Usage("--k".to_owned())), None);
+    }
+
+    #[test]
+    fn the_guessed_layout_of_raw_voxels_can_be_typed() {
+        let guess = RawLayout { header_bytes: 3, ..RawLayout::new([4, 2, 1], relume::volume::VoxelType::U8) };
+        let guess = Some(Box::new(guess));
+        let path = std::path::PathBuf::from("v.raw");
+        let error = VolumeError::NoLayout { sidecar: path.clone(), path, bytes: 11, guess };
+        let message = sentence(&error);
+        assert!(message.ends_with(": --dims 4x2x1 --type uint8 --header-bytes 3"), "{message}");
+    }
+}
