@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use relume::document::SceneError;
-use relume::measure::{ChoiceError, Goal, LadderError, ModelTableError, NeedError, SurveyError};
+use relume::measure::{ChoiceError, Goal, LadderError, SurveyError};
 use relume::model::{ModelError, ModelKind};
 use relume::render::RenderError;
 use relume::volume::{Asked, RawLayout, Several, VolumeError};
@@ -34,27 +34,9 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
             CliError::Volume(error) => flags(error),
             CliError::Render(error) => flags(error),
             CliError::Plan(error) => flags(error),
-            CliError::Model(error) => flags(error),
-            CliError::Need(error) => flags(error),
             CliError::Survey(error) => flags(error),
             CliError::Choice(error) => flags(error),
             CliError::Check(error) => flags(error),
-            _ => None,
-        };
-    }
-    if let Some(error) = error.downcast_ref() {
-        return match error {
-            ModelTableError::Model(error) => flags(error),
-            ModelTableError::Scene(error) => flags(error),
-            ModelTableError::Volume(error) => flags(error),
-            ModelTableError::Plan(error) => flags(error),
-            _ => None,
-        };
-    }
-    if let Some(error) = error.downcast_ref() {
-        return match error {
-            NeedError::Volume(error) => flags(error),
-            NeedError::Render(error) => flags(error),
             _ => None,
         };
     }

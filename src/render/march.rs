@@ -15,7 +15,6 @@ pub use setup::MarchUniform;
 
 pub(super) use dispatching::SLICE;
 pub(super) use read::read_layer;
-pub(super) use setup::LARGEST_MATRIX;
 pub(super) use source::{common, images, source};
 
 use super::{RenderError, Renderer, Uploaded};

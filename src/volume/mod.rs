@@ -29,8 +29,8 @@ pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
 pub use layout::{ByteOrder, RawLayout};
-pub use select::{Asked, Selection};
-pub use several::Several;
+pub use select::Selection;
+pub use several::{Asked, Several};
 pub use statistics::{BINS, Statistics};
 pub use voxel_type::VoxelType;
 pub(crate) use voxels::with_voxels;

@@ -1,49 +1,8 @@
 //! Choice of one scalar volume from a file that holds several.
 
-use std::fmt;
-
-use super::{Several, VolumeError};
-
-/// A choice among the volumes of a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Asked {
-    /// A component of a voxel, from 0.
-    Component(usize),
-    /// A time step, from 0.
-    Time(usize),
-    /// The name of an array.
-    Array(String),
-}
-
-impl fmt::Display for Asked {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Component(index) => write!(formatter, "component {index}"),
-            Self::Time(index) => write!(formatter, "time step {index}"),
-            Self::Array(name) => write!(formatter, "the array {name}"),
-        }
-    }
-}
+use super::{Asked, Several, VolumeError};
 
 impl Several {
-    /// Number of alternatives.
-    fn count(&self) -> usize {
-        match self {
-            Self::Components { count, .. } | Self::Times(count) => *count,
-            Self::Arrays(names) => names.len(),
-        }
-    }
-
-    /// The alternatives, for messages.
-    pub(super) fn range(&self) -> String {
-        let last = self.count().saturating_sub(1);
-        match self {
-            Self::Components { .. } => format!("a component from 0 to {last}"),
-            Self::Times(_) => format!("a time step from 0 to {last}"),
-            Self::Arrays(_) => "one of them".to_owned(),
-        }
-    }
-
     /// Returns the index of the alternative `asked`; `source` is the file.
     fn number(self, source: &str, asked: Option<usize>) -> Result<usize, VolumeError> {
         let count = self.count();

@@ -34,20 +34,42 @@ impl fmt::Display for Several {
 }
 
 impl Several {
-    /// Name of the flag that chooses one, and the number of alternatives.
-    pub(super) fn counted(&self) -> (&'static str, usize) {
+    /// Number of alternatives.
+    pub(super) fn count(&self) -> usize {
         match self {
-            Self::Components { count, .. } => ("component", *count),
-            Self::Times(count) => ("time", *count),
-            Self::Arrays(names) => ("array", names.len()),
+            Self::Components { count, .. } | Self::Times(count) => *count,
+            Self::Arrays(names) => names.len(),
         }
     }
 
-    /// The flag that chooses one, with its range, for messages.
-    pub(super) fn flag(&self) -> String {
-        match (self, self.counted()) {
-            (Self::Arrays(_), _) => "--array NAME".to_owned(),
-            (_, (name, count)) => format!("--{name} N, from 0 to {}", count.saturating_sub(1)),
+    /// The alternatives, for messages.
+    pub(super) fn range(&self) -> String {
+        let last = self.count().saturating_sub(1);
+        match self {
+            Self::Components { .. } => format!("a component from 0 to {last}"),
+            Self::Times(_) => format!("a time step from 0 to {last}"),
+            Self::Arrays(_) => "one of them".to_owned(),
+        }
+    }
+}
+
+/// A choice among the volumes of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// A component of a voxel, from 0.
+    Component(usize),
+    /// A time step, from 0.
+    Time(usize),
+    /// The name of an array.
+    Array(String),
+}
+
+impl fmt::Display for Asked {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Component(index) => write!(formatter, "component {index}"),
+            Self::Time(index) => write!(formatter, "time step {index}"),
+            Self::Array(name) => write!(formatter, "the array {name}"),
         }
     }
 }

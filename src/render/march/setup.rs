@@ -17,7 +17,7 @@ use crate::tables::{PositionTable, RayTable, ShadingTable, TransferTable};
 use crate::vulkan::{Buffer, Filter, HostUse, Resource, Sampler, StorageImage};
 
 /// Dimension of the largest matrices that are marched; larger ones would not stay in registers.
-pub(crate) const LARGEST_MATRIX: usize = 8;
+const LARGEST_MATRIX: usize = 8;
 
 /// Uniform of a frame, in the layout of `shaders/march.wgsl`.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
