@@ -315,7 +315,7 @@ impl ScenePlan {
 pub enum PlanError {
     /// Weights are requested, but are not exact.
     #[error(
-        "weights of materials are not exact here, because {materials} absorb some wavelengths more than others; take accumulate = \"spectral\" or \"auto\""
+        "accumulate = \"weights\" is not possible: the absorption of {materials} is coloured; use \"spectral\" or \"auto\""
     )]
     NotGrey {
         /// The materials with coloured absorption.
@@ -323,7 +323,7 @@ pub enum PlanError {
     },
     /// Storing accumulators in 16 bits would exceed the tolerance.
     #[error(
-        "storing accumulators in 16 bits may change a colour by ΔE00 {error:.2}, over the tolerance of {tolerance}; take storage = \"f32\", or a tolerance of {kept}"
+        "storage = \"f16\" may change a colour by ΔE00 {error:.2}, and the tolerance is {tolerance}; use storage = \"f32\", or tolerance = {kept}"
     )]
     HalfPrecision {
         /// The largest change of a colour, in ΔE00.
@@ -334,7 +334,9 @@ pub enum PlanError {
         kept: f64,
     },
     /// Accumulators are too large for 16 bits.
-    #[error("a pixel of this scene may hold numbers above 65504, the largest of 16 bits; take storage = \"f32\"")]
+    #[error(
+        "storage = \"f16\" is not possible: a pixel may hold numbers above 65504, the largest 16-bit float; use storage = \"f32\""
+    )]
     HalfRange,
     /// The effect of 16-bit storage on matrices is not known.
     #[error("the model peercy keeps a transmittance matrix, which is not stored in 16 bits; take storage = \"f32\"")]

@@ -761,11 +761,11 @@ fn values_that_no_texture_holds_are_shown_and_the_loss_is_said() {
     let scene = ODD.replace("range = [50, 150]", "range = [-2e300, 2e300]");
     let (pixel, said) = odd_pixel(&scene, "1 1 4", "MET_DOUBLE", &doubles, &[]);
     assert_opacity(pixel, 1.0 - 0.5_f64.powi(3), 3);
-    assert!(said.is_empty() || said.starts_with("warning: values are stored as"), "{said}");
+    assert!(said.is_empty() || said.starts_with("warning: the device stores the values as"), "{said}");
 
     let integers: Vec<u8> = [i32::MIN, i32::MAX, 7, 7].iter().flat_map(|value| value.to_le_bytes()).collect();
     let scene = ODD.replace("range = [50, 150]", "range = [-3e9, 3e9]");
     let (pixel, said) = odd_pixel(&scene, "1 1 4", "MET_INT", &integers, &[]);
     assert_opacity(pixel, 1.0 - 0.5_f64.powi(3), 3);
-    assert!(said.starts_with("warning: values are stored as"), "7 in a range of 2³² is moved: {said}");
+    assert!(said.starts_with("warning: the device stores the values as"), "7 in a range of 2³² is moved: {said}");
 }

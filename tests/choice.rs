@@ -296,7 +296,7 @@ fn render_says_what_it_chose_and_what_came_of_it() {
     assert!(choice["measured"]["difference"]["p95"].as_f64().unwrap() <= 4.0, "{choice}");
     let second = run(&["--max-error", "4"]);
     assert!(second.out.contains("asked 4, measured "), "{}", second.out);
-    assert!(second.out.contains("is the fastest of the tried settings within ΔE00 4"), "{}", second.out);
+    assert!(second.out.contains("is the fastest tried setting within ΔE00 4"), "{}", second.out);
     assert_eq!(run(&["--max-error", "4", "--json"]).json()["choice"]["from_cache"], true);
     let preset = run(&["--preset", "balanced", "--json"]);
     assert_eq!(preset.json()["choice"]["asked_error"], 1.0);

@@ -50,7 +50,7 @@ fn a_disk_that_fills_up_keeps_the_old_file_and_no_part_of_the_new_one() {
     let mount = "mount -t tmpfs -o size=16k none disk";
     let lent = Command::new("unshare").args(["-rm", "sh", "-c", mount]).current_dir(folder.path(".")).output();
     let lent = lent.is_ok_and(|output| output.status.success());
-    let (limit, words) = if lent { (mount, "the disk is full") } else { ("ulimit -f 8", "the size limit of a file") };
+    let (limit, words) = if lent { (mount, "the disk is full") } else { ("ulimit -f 8", "limits files to") };
     let program = env!("CARGO_BIN_EXE_relume");
     for arguments in
         ["-o disk/old.png --bits 16", "-o disk/old.exr", "--spectral disk/old.exr", "--accumulators disk/old.exr"]

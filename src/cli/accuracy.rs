@@ -12,14 +12,13 @@ const COLOUR: &str = "Colour accuracy (overrides [accuracy] of the scene)";
 /// What pixels store of a spectrum.
 #[derive(Debug, Args)]
 pub(crate) struct AccuracyArgs {
-    /// Allow the colour model to add at most this ΔE00 (1 is just visible) to the tested colours, with as few numbers
-    /// per pixel as possible.
+    /// Choose the smallest k for which the colour model adds at most this ΔE00 (1 is just visible) to the tested colours.
     #[arg(long, help_heading = COLOUR, value_name = "DE", conflicts_with = "k", allow_negative_numbers = true)]
     tolerance: Option<f64>,
     /// Set the dimension of the colour model, 1 to 31, regardless of the ΔE00 it adds.
     #[arg(long, help_heading = COLOUR, value_name = "N", allow_negative_numbers = true)]
     k: Option<i64>,
-    /// Colour model where pixels do not store material weights. All but nodes are for comparison.
+    /// Colour model, if pixels do not store material weights. All models except nodes are for comparison.
     #[arg(long, help_heading = COLOUR, value_parser = PossibleValuesParser::new(ModelKind::ALL.map(ModelKind::name)))]
     model: Option<String>,
     /// Store material weights (exact where all absorption is grey), or the coefficients of a colour model.

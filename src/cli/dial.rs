@@ -18,9 +18,7 @@ const DIAL: &str = "Light dial (one node per light, at the positions of [dial] i
 #[derive(Debug, Args)]
 #[group(id = "hand")]
 pub(crate) struct DialArgs {
-    /// Mix the lights with the hand of the dial at this position: each weighs 1/distance to its node, one alone on its
-    /// node. Without [dial] the nodes are the corners of a regular polygon, 1 from 0,0, the first at 0,1, then
-    /// clockwise.
+    /// Put the hand of the dial at this position. The weight of a light is 1/distance from the hand to its node; on a node, only its light is on. Without [dial] the nodes are the corners of a regular polygon of radius 1 around 0,0, clockwise from 0,1.
     #[arg(long, help_heading = DIAL, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["lights", "sweep", "closed"])]
     dial: Option<DVec2>,

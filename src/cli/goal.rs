@@ -20,18 +20,16 @@ const CHOICE: &str = "Accuracy against time: measures settings of this scene on 
 #[derive(Debug, Args)]
 #[group(id = "goal", multiple = false)]
 pub(crate) struct GoalArgs {
-    /// Take the fastest setting within this ΔE00 of the truth in 95 of 100 pixels, and report the error reached.
+    /// Use the fastest setting within this ΔE00 of the truth in 95 % of the pixels, and report the measured error.
     ///
-    /// The limit is for the total error: samples, colour model, tables, rounding and device (--tolerance is the colour
-    /// model's alone). Chosen are the step, the dimension of the colour model and the number of marched pixels: a
-    /// smaller picture is enlarged, and its errors are measured at full size. Measurements are kept in the user's cache
+    /// The limit applies to the total error of samples, colour model, tables, rounding and device; --tolerance limits only the colour model. Relume chooses the step, the dimension of the colour model and the number of marched pixels. It enlarges a smaller picture and measures its error at full size. Measurements are kept in the user's cache
     /// folder.
     #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     max_error: Option<f64>,
-    /// Take the setting closest to the truth whose frames (march, relight and enlarging) take at most this long.
+    /// Use the most accurate setting whose frames (march, relight and enlargement) take at most this many milliseconds.
     #[arg(long, help_heading = CHOICE, value_name = "MS", value_parser = milliseconds, allow_negative_numbers = true)]
     budget: Option<f64>,
-    /// interactive: 50 ms a frame; balanced: within ΔE00 1; reference: within 0.25.
+    /// Use a predefined goal. interactive: --budget 50; balanced: --max-error 1; reference: --max-error 0.25.
     #[arg(long, help_heading = CHOICE, value_enum)]
     preset: Option<PresetName>,
 }

@@ -40,7 +40,7 @@ medians; a frame is a march and a relight. * marks settings on the Pareto front:
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Settings to measure besides the scene's own (repeatable): every knob with every value of the others.
+    /// Settings to measure in addition to the scene's own (repeatable). Several knobs are combined: each value of one with each value of the others.
     ///
     /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, volume, gradients, entries,
     /// lookup, skipping or scale (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole
@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// Pixels across and down of the pictures that are timed.
     #[arg(long, value_name = "WxH", default_value = "400x400", value_parser = size)]
     size: [usize; 2],
-    /// Largest number of their pixels whose error is measured.
+    /// Number of pixels in which the error is measured, at most.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
     pixels: u32,
     /// Timed runs, after two for warming up.

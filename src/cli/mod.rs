@@ -66,13 +66,13 @@ Exit codes: 0 done, 1 failed, 2 wrong usage, 3 no usable Vulkan device, 130 inte
 enum Command {
     /// March a scene and write pictures, its film or spectra.
     Render(render::Args),
-    /// Explore a scene or a volume by its light, in a window.
+    /// Open a scene or a volume in a window and change its lights.
     View(view::Args),
     /// Relight a saved film: no volume, no march, no GPU.
     Relight(relight::Args),
     /// Solve a palette for spectra with its target colours, and report conflicts.
     Design(design::Args),
-    /// Render the paper's figures: what designed lights and materials show and hide.
+    /// Render the figures of the paper.
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),

@@ -14,7 +14,7 @@ pub(crate) fn warn_of_plan(planned: &Planned) {
             PlanWarning::Unused { .. } => {
                 "; accumulate = \"spectral\" (--accumulate spectral) keeps the coefficients of a colour model instead"
             }
-            PlanWarning::Observer { .. } => "; take a smaller tolerance, or a larger k",
+            PlanWarning::Observer { .. } => "; use a smaller tolerance or a larger k",
             _ => "",
         };
         tracing::warn!("{warning}{help}");
@@ -36,8 +36,7 @@ pub(crate) fn learn(model: &mut ColourModel, mix: &Mix, tolerance: f64, way_out:
         let ErrorSummary { mean, max, .. } = matrix.worst();
         if max > tolerance {
             tracing::warn!(
-                "the light {name} is not in the plan of the colour model: its colours may be off by ΔE00 {max:.2} \
-                 ({mean:.2} on average), and the tolerance is {tolerance}; {way_out}"
+                "the colour model was planned without the light {name}: colours under it may be off by ΔE00 {max:.2} ({mean:.2} on average), above the tolerance of {tolerance}; {way_out}"
             );
         }
     }

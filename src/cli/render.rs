@@ -45,19 +45,19 @@ pub(crate) struct Args {
     /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
-    /// Include the lights of --light in the plan of the colour model, if there is one.
+    /// Fit the colour model (if the plan has one) to the lights of --light as well.
     #[arg(long)]
     replan: bool,
-    /// Pixels across and down.
+    /// Width and height of the picture in pixels.
     #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = size)]
     size: [usize; 2],
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
-    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
-    /// Render on the CPU with all 81 bands in f64: slow, but the truth.
+    /// Render on the CPU with all 81 bands in f64: slow, but without errors of colour model, tables and rounding.
     #[arg(long, conflicts_with_all = ["device", "goal"])]
     reference: bool,
     #[command(flatten)]
@@ -122,7 +122,9 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut outputs: Vec<&PathBuf> = args.output.iter().collect();
     outputs.extend(args.accumulators.iter().chain(&args.spectral));
     if outputs.is_empty() {
-        return Err(CliError::Usage("nothing to write: name a picture with -o FILE.png or -o FILE.exr".into()));
+        return Err(CliError::Usage(
+            "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
+        ));
     }
     let inputs = [&args.scene.scene, &args.scene.volume, &args.scene.labels];
     let inputs: Vec<&Path> = inputs.into_iter().flatten().map(PathBuf::as_path).collect();
@@ -285,7 +287,7 @@ fn check_memory(args: &Args) -> Result<(), CliError> {
     let bytes = width.saturating_mul(height).saturating_mul(pixel_bytes);
     match memory::available_bytes() {
         Some(available) if u64::try_from(bytes).is_ok_and(|bytes| bytes > available) => Err(CliError::Failed(format!(
-            "a picture of {width}×{height} needs {bytes} bytes, and {available} are free; set a smaller --size"
+            "a picture of {width}×{height} pixels needs {bytes} bytes of memory, and {available} are free; use a smaller --size"
         ))),
         _ => Ok(()),
     }
@@ -299,7 +301,7 @@ fn warn_of_storage(storage: &Storage, whole: bool) {
     let limit = if whole { visible.min(0.25) } else { visible };
     if storage.loss > limit {
         tracing::warn!(
-            "values are stored as {:?} over {} to {}, with an error of up to {:.1e}",
+            "the device stores the values as {:?}, for {} to {}; rounding changes a value by up to {:.1e}",
             storage.format,
             readable(storage.domain[0]),
             readable(storage.domain[1]),
@@ -321,14 +323,17 @@ fn warn_of_undeclared(labels: Option<&LabelMap>) {
             0 => {}
             more => listed.push(format!("and {more} more")),
         }
-        tracing::warn!("undeclared labels, rendered by the transfer function: {}", listed.join(", "));
+        tracing::warn!(
+            "the scene does not declare these labels, so their voxels follow the transfer function: {}",
+            listed.join(", ")
+        );
     }
 }
 
 /// Warns of the causes of a black picture; `occupied` is the number of occupied macrocells, if known.
 fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option<usize>) {
     if planned.materials.is_empty() && !(0..scene.materials.len()).any(|material| scene.absorbs(material)) {
-        tracing::warn!("the scene shows no material; add intervals with an opacity above 0 to its transfer function");
+        tracing::warn!("no material is visible; add an interval with an opacity above 0 to the transfer function");
     } else if occupied == Some(0) {
         tracing::warn!(
             "nothing in {} is visible: the transfer function is 0 over all its values (`relume info` of the scene prints their range)",

@@ -17,9 +17,9 @@ use super::accuracy::AccuracyArgs;
 /// A scene and its changes.
 #[derive(Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the embedded scene.
+    /// Scene file (TOML; its keys are in docs/SCENE.md). Default: the built-in scene.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or a .toml sidecar
+    /// Render this volume instead of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or a .toml sidecar
     /// of a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
@@ -122,10 +122,7 @@ impl RawArgs {
 pub(crate) struct LightArgs {
     /// Light the scene with NAME in place of its own lights (repeatable: lights add up).
     ///
-    /// NAME is a light of the scene, else a standard (D65, D50, A, E, FL2, FL7, FL11, LED-B1 to LED-V2, "blackbody
-    /// 3000"), else a file of two columns, nm and power. A light of the scene shines from its own position. Any other
-    /// light shines from every light position that `relume info` lists (positions with equal shading are one), and adds
-    /// up, unless POSITION names one. WEIGHT is a factor. If a name contains @ or =, the whole text is taken as the
+    /// NAME is a light of the scene, or a standard (D65, …), or a file with two columns, nm and power, in this order of precedence. A light of the scene shines from its own position. Any other light shines from all light positions that `relume info` lists, or only from POSITION. WEIGHT is a factor. If a name contains @ or =, the whole text is taken as the
     /// name of a light or file if there is one.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,

@@ -73,7 +73,9 @@ impl Terminal {
         let has_rows = Arc::new(AtomicBool::new(false));
         let heard = end_soon(&interrupted, &has_rows).and_then(|()| register(SIGINT, Arc::clone(&interrupted)));
         if let Err(error) = heard {
-            tracing::warn!("cannot handle Ctrl-C, which will end the program at once: {error}");
+            tracing::warn!(
+                "cannot handle Ctrl-C ({error}); it will end the program at once and may leave temporary files"
+            );
         }
         // Handled so that the signal does not kill the program: the write beyond `ulimit -f` then fails and is
         // reported.

@@ -20,7 +20,7 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Pixels of the window, across and down.
+    /// Width and height of the window in pixels.
     #[arg(long, value_name = "WxH", value_parser = super::scene::size)]
     size: Option<[usize; 2]>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.

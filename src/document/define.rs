@@ -43,7 +43,7 @@ pub(super) fn define(table: &mut Table, definition: &str) -> Result<(), String> 
                     _ => format!("there is no {key:?} in this list, whose indices are 0 to {}", length - 1),
                 })?
             }
-            _ => return Err(format!("a plain value has no key {key:?}")),
+            _ => return Err(format!("there is no key {key:?}: the value before it is neither a table nor a list")),
         };
     }
     *place = value;

@@ -159,7 +159,7 @@ struct Text<'a> {
 const DEPTH: RangeInclusive<f64> = 0.0..=OPAQUE_DEPTH;
 
 fn descends(last: f64, next: f64) -> String {
-    format!("the value {} comes after {}; values ascend", readable(next), readable(last))
+    format!("the value {} follows {}; the values of a curve must ascend", readable(next), readable(last))
 }
 
 /// Message for an absorption of a material without an absorption spectrum.
@@ -185,7 +185,10 @@ fn warn_above_one(key: &str, reflectance: &Reflectance) {
     // A reflectance of 1 that is computed from a colour may exceed 1 by rounding.
     if most > 1.0 + 1e-6 {
         let percent = if most > PERCENT { "; if it is in percent, divide by 100" } else { "" };
-        tracing::warn!("{key} is up to {}, but surfaces reflect at most 1{percent}", brief(most));
+        tracing::warn!(
+            "{key} reaches {}; a real surface reflects at most 1{percent}. It is used unchanged",
+            brief(most)
+        );
     }
 }
 
@@ -386,7 +389,7 @@ impl Text<'_> {
         progress: &dyn Progress,
     ) -> Result<SceneFile, SceneError> {
         if *file.version.get_ref() != 1 {
-            let message = format!("version = {}; this program reads version 1", file.version.get_ref());
+            let message = format!("version = {}; this version of Relume reads scene version 1", file.version.get_ref());
             return Err(self.invalid(&file.version, message));
         }
         let base = &file.base.as_ref().map_or_else(|| base.to_owned(), |stated| base.join(stated));

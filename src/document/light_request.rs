@@ -50,7 +50,9 @@ pub fn requested(
             })?;
             warn_below_zero(&format!("the light {}", request.name), &spectrum);
             if positions.is_empty() {
-                return Err(fail("the scene has no lights, and so no light position for this one".into()));
+                return Err(fail(
+                    "the scene has no lights, so there is no light position from which this light could shine".into(),
+                ));
             }
             for position in named.map_or(0..positions.len(), |position| position..position + 1) {
                 let name = request.name.to_owned();
@@ -68,7 +70,7 @@ pub fn requested(
 /// Warns of a light with negative samples.
 pub(super) fn warn_below_zero(key: &str, light: &Light) {
     if light.spectrum().samples().iter().any(|&sample| sample < 0.0) {
-        tracing::warn!("{key} is negative at some wavelengths; light is never negative");
+        tracing::warn!("{key} is negative at some wavelengths; no real light is. It is used unchanged");
     }
 }
 

@@ -47,7 +47,7 @@ pub enum SessionError {
     #[error("a downsampled phantom cannot be saved as a session; write its smaller dims into the scene")]
     Downsampled,
     /// The transfer function has more curves than a scene can state.
-    #[error("the transfer function has {0} curves, and a scene file at most one; remove the others")]
+    #[error("the transfer function has {0} curves, but a scene file can have only one; remove the others")]
     Curves(usize),
     /// A key has a value that is not a table.
     #[error("`{name}` of the scene is not a table")]

@@ -341,13 +341,13 @@ impl<'a> Curve<'a> {
         let Kept { setting, point, broken, .. } = best;
         let beyond = broken.map_or_else(String::new, |(beyond, broken)| {
             format!(
-                "; with {beyond} it is {}, and up to {} in unmeasured pixels",
+                "; {beyond} has ΔE00 {}, and up to {} including unmeasured pixels",
                 short(broken.error.p95),
                 short(broken.at_most)
             )
         });
         let why = format!(
-            "{setting} is the fastest of the tried settings within ΔE00 {asked} in 95 of 100 pixels, with a margin: ΔE00 {} in {} ms{beyond}",
+            "{setting} is the fastest tried setting within ΔE00 {asked} in 95 % of the pixels: ΔE00 {} in {} ms per frame{beyond}",
             short(point.error.p95),
             short(point.frame_ms)
         );
@@ -469,7 +469,7 @@ impl<'a> Curve<'a> {
         let closest = self.tried.iter().filter(fits).min_by(|one, two| one.1.error.p95.total_cmp(&two.1.error.p95));
         if let Some((setting, point)) = closest.cloned() {
             let why = format!(
-                "{setting} is the most accurate of the tried settings within {asked} ms a frame, with a margin: ΔE00 {} in 95 of 100 pixels, in {} ms",
+                "{setting} is the most accurate of the tried settings within {asked} ms a frame, with a margin: ΔE00 {} in 95 % of the pixels, in {} ms",
                 short(point.error.p95),
                 short(point.frame_ms)
             );

@@ -106,7 +106,7 @@ impl NodesBesideRgb {
             _ => "the nodes have no error".to_owned(),
         };
         format!(
-            "k = 8 nodes have a mean ΔE00 of {}, the best RGB ({best}, of {}) has {}: {times}.",
+            "Eight nodes have a mean ΔE00 of {}; the best of the RGB models ({best}, out of {}) has {}: {times}.",
             short(*nodes),
             tried.join(", "),
             short(*rgb)

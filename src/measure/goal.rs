@@ -88,7 +88,7 @@ pub enum ChoiceError {
 /// A goal in words.
 fn described(goal: Goal) -> String {
     match goal {
-        Goal::MaxError(error) => format!("ΔE00 {error} in 95 of 100 pixels"),
+        Goal::MaxError(error) => format!("ΔE00 {error} in 95 % of the pixels"),
         Goal::Budget(ms) => format!("{ms} ms a frame"),
     }
 }

@@ -112,7 +112,10 @@ impl Checked {
         let error = &self.difference.delta_e;
         let asked = asked.map_or_else(String::new, |asked| format!("asked {asked}, "));
         let pixels = self.pixels;
-        format!("{asked}measured {:.2}: p95 of ΔE00 over {pixels} random pixels; at most {:.2}", error.p95, error.max)
+        format!(
+            "{asked}measured ΔE00 {:.2} (95th percentile of {pixels} random pixels; maximum {:.2})",
+            error.p95, error.max
+        )
     }
 }
 

@@ -83,7 +83,7 @@ pub enum OutputError {
     Matrix,
     /// The extension is of no kind of picture.
     #[error(
-        "{}: unknown kind of picture; end its name in .png (sRGB) or .exr (linear float)",
+        "{}: the name of a picture must end in .png (sRGB) or .exr (linear float)",
         path.display()
     )]
     Kind {
@@ -91,7 +91,7 @@ pub enum OutputError {
         path: PathBuf,
     },
     /// The file must be OpenEXR, and its extension differs.
-    #[error("{}: this file is OpenEXR; end its name in .exr", path.display())]
+    #[error("{}: the name of this file must end in .exr, because its format is OpenEXR", path.display())]
     NoExr {
         /// The file.
         path: PathBuf,
@@ -131,7 +131,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// The file would exceed the size limit (`ulimit -f`, or that of the file system).
-    #[error("cannot write {}: the size limit of a file is {written} bytes here; raise it, or write elsewhere", path.display())]
+    #[error("cannot write {}: the system limits files to {written} bytes (`ulimit -f`); raise the limit, or write elsewhere", path.display())]
     FileLimit {
         /// Requested file.
         path: PathBuf,

@@ -53,12 +53,15 @@ impl fmt::Display for PlanWarning {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Unused { setting } => {
-                write!(formatter, "{setting} is not used: pixels keep weights of the materials, which are exact here")
+                write!(
+                    formatter,
+                    "{setting} has no effect: pixels keep material weights, which are exact for this scene"
+                )
             }
             Self::Amplified { sentences } => formatter.write_str(sentences.join(" ").trim_end_matches('.')),
             Self::FewerAreBetter { stated: (k, error), fewer: (fewer, smaller) } => write!(
                 formatter,
-                "k = {fewer} is better here than k = {k}: colours differ by at most ΔE00 {smaller:.3}, not {error:.3}"
+                "k = {fewer} has a smaller error here than k = {k}: at most ΔE00 {smaller:.3} instead of {error:.3}"
             ),
             Self::Observer { observer, error, tolerance } => write!(
                 formatter,

@@ -26,7 +26,9 @@ pub enum ReferenceError {
         step_length: f64,
     },
     /// The camera has no view direction.
-    #[error("the camera has no view direction: its target is its position, or its up vector is parallel to its view")]
+    #[error(
+        "the camera has no line of sight: its target is its position, or its up direction is parallel to the line of sight"
+    )]
     Camera,
 }
 

@@ -65,7 +65,7 @@ pub enum RenderError {
     )]
     Camera,
     /// A ray has too many samples.
-    #[error("a ray has more than 8388608 samples of length {}; take a longer step", readable(*step_length))]
+    #[error("a ray has more than 8388608 samples at a step of {}; use a longer accuracy.step", readable(*step_length))]
     TooManySamples {
         /// Step length in world units.
         step_length: f64,
@@ -122,7 +122,7 @@ pub enum RenderError {
     },
     /// The device does not filter the volume's format.
     #[error(
-        "{device} does not interpolate {format:?} textures, which these data need; take accuracy.interpolation = \"nearest\", or another device"
+        "{device} cannot interpolate {format:?} textures, which this volume needs; use accuracy.interpolation = \"exact_linear\" or \"nearest\", or another device"
     )]
     Filter {
         /// Format of the texture.

@@ -76,7 +76,9 @@ impl Light {
             return Self(unit);
         }
         let luminance = OBSERVER[1].dot(&spectrum);
-        tracing::warn!("a light has luminance {luminance} and cannot be scaled to luminance 1; it is used unscaled");
+        tracing::warn!(
+            "a light spectrum has luminance {luminance}, which is not positive, so it is not scaled to luminance 1"
+        );
         Self(spectrum)
     }
 

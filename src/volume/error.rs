@@ -127,7 +127,7 @@ pub enum VolumeError {
     },
     /// A spacing is not a positive number.
     #[error(
-        "{source_name}: spacing {} {} {}: each must be a positive number (mirror an axis with the direction)",
+        "{source_name}: the spacing is {} {} {}; each number must be positive (to mirror an axis, change the direction)",
         spacing[0], spacing[1], spacing[2]
     )]
     Spacing {
@@ -146,8 +146,7 @@ pub enum VolumeError {
     },
     /// The axes are not of unit length, or not orthogonal.
     #[error(
-        "{source_name}: the axes {axes:?} are not orthonormal: |DᵀD − I| is {deviation}, and the limit is {limit}; \
-         put lengths into the spacing, and resample sheared volumes"
+        "{source_name}: the axes {axes:?} are not orthonormal (|DᵀD − I| is {deviation}, the limit is {limit}); move lengths to the spacing; a sheared volume must be resampled"
     )]
     Direction {
         /// The file or phantom.
@@ -179,8 +178,7 @@ pub enum VolumeError {
     },
     /// A header names a file outside its folder.
     #[error(
-        "{}: the header names {name:?}, a file outside its own folder, and reading it could disclose private files; \
-         open the data file directly, or move it into the header's folder",
+        "{}: the header refers to {name:?}, outside the folder of the header; Relume does not read it, because the header may be untrusted. Open the data file directly, or move it into that folder",
         header.display()
     )]
     Outside {

@@ -324,7 +324,7 @@ fn nothing_is_offered_to_be_saved_while_nothing_is_open() {
     window.run();
     window.get_by_label("File").click();
     window.run();
-    for line in ["Save session as", "Save picture as", "Save accumulators"] {
+    for line in ["Save session as", "Save picture as", "Save film"] {
         assert!(window.get_by_label_contains(line).accesskit_node().is_disabled(), "{line}");
     }
 }

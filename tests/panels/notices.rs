@@ -18,22 +18,22 @@ fn a_picture_that_nothing_of_the_volume_is_seen_in_says_why_and_what_to_do() {
     thin.edit(&Edit::Crop(Some([DVec3::new(0.0, 0.0, 0.5), DVec3::new(1.0, 1.0, 0.501)])));
     let mut window = wide(thin);
     window.run();
-    assert!(window.query_by_label_contains("a thin sheet, seen from its edge").is_some());
+    assert!(window.query_by_label_contains("a thin sheet, seen edge-on").is_some());
     window.get_by_label("Look at its face").click();
     window.run();
     window.run();
     assert!(window.query_by_label_contains("seen from its edge").is_none(), "{:?}", window.state().asked);
-    assert!(window.query_by_label_contains("thinner than a step of the rays").is_some());
-    window.get_by_label("Show all that way").click();
+    assert!(window.query_by_label_contains("thinner than one step").is_some());
+    window.get_by_label("Show the whole axis").click();
     window.run();
-    assert!(window.query_by_label_contains("thinner than a step").is_none(), "{:?}", window.state().asked);
+    assert!(window.query_by_label_contains("thinner than one step").is_none(), "{:?}", window.state().asked);
     // A thin slab that rays still hit.
     let mut slab = document();
     slab.edit(&Edit::Accuracy(Accuracy { step_length: 0.02, ..slab.state().scene.accuracy.clone() }));
     slab.edit(&Edit::Crop(Some([DVec3::new(0.0, 0.0, 0.5), DVec3::new(1.0, 1.0, 0.52)])));
     let mut window = wide(slab);
     window.run();
-    assert!(window.query_by_label_contains("thinner than a step").is_none());
+    assert!(window.query_by_label_contains("thinner than one step").is_none());
     let mut beside = document();
     beside.edit(&Edit::Camera(Move::Pan { right: 50.0, up: 0.0 }, 1.5));
     let mut window = wide(beside);

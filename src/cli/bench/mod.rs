@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// What to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
-    /// The real frog for the workloads `peer…`, in place of its phantom, and the volume that `load` reads.
+    /// Volume for the workloads `peer…` (the real frog, instead of its phantom) and `load`.
     #[arg(long, value_name = "FILE")]
     volume: Option<PathBuf>,
     #[command(flatten)]
@@ -65,7 +65,7 @@ pub(crate) struct Args {
     frames: u32,
     #[command(flatten)]
     define: DefineArgs,
-    /// Only this shading.
+    /// Measure only with this shading.
     #[arg(long, value_enum)]
     shading: Option<BenchShading>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them.

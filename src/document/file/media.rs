@@ -15,7 +15,7 @@ impl Text<'_> {
                 for (key, value) in [("emission", &file.emission), ("fluorescence", &file.fluorescence)] {
                     if let Some(value) = value {
                         let message = format!(
-                            "materials.{name}.{key}: emission and fluorescence are not supported, because their light is not the incident light times a reflectance, so a picture could not be relit; use `reflectance`"
+                            "materials.{name}.{key} is not supported: a picture with emission or fluorescence cannot be relit; use `reflectance`"
                         );
                         return Err(self.invalid(value, message));
                     }
@@ -83,7 +83,7 @@ impl Text<'_> {
         let opacity = self.number(key, value, &UNIT)?;
         if material.xray && opacity >= 1.0 {
             let message = format!(
-                "{key} = 1 for the X-ray material {}, which adds light without occlusion, so that 1 would be infinite light; it must be a number from 0 to less than 1",
+                "{key} = 1; the opacity of the X-ray material {} must be at least 0 and less than 1, because 1 would scatter infinite light",
                 material.name
             );
             return Err(self.invalid(value, message));
@@ -140,7 +140,9 @@ impl Text<'_> {
         }
         if let Some(point) = points.iter().find(|point| !(point.0.is_finite() && range.contains(&point.1))) {
             let [value, height, most] = [point.0, point.1, *range.end()].map(readable);
-            let message = format!("the point [{value}, {height}] must be a finite value and {what} from 0 to {most}");
+            let message = format!(
+                "the point [{value}, {height}] is invalid: the value must be finite, and {what} from 0 to {most}"
+            );
             return Err(self.invalid(stated, message));
         }
         match points.windows(2).find(|pair| pair[1].0 < pair[0].0) {
@@ -166,9 +168,10 @@ impl Text<'_> {
         for (value, name) in material.get_ref() {
             let index = self.material_named(name, materials).map_err(|message| self.invalid(material, message))?;
             if materials[index].xray && points.iter().any(|point| point.1 >= 1.0) {
-                return Err(
-                    self.invalid(opacity, format!("opacity 1 for the X-ray material {name}; it must be less than 1"))
-                );
+                return Err(self.invalid(
+                    opacity,
+                    format!("transfer.opacity = 1; the opacity of the X-ray material {name} must be less than 1"),
+                ));
             }
             curve.push((*value, index));
         }

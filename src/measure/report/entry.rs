@@ -74,8 +74,8 @@ pub(super) fn seen(error: &ErrorSummary) -> String {
     match error.p95 {
         // Compares the rounded text: an error printed as 0.50 is not below 0.5.
         _ if error.max < INVISIBLE - 0.005 => "invisible".to_owned(),
-        p95 if p95 < INVISIBLE => format!("not visible in 95 of 100 pixels{}", worst()),
-        p95 if p95 < 1.0 => format!("hardly visible in 95 of 100 pixels{}", worst()),
+        p95 if p95 < INVISIBLE => format!("not visible in 95 % of the pixels{}", worst()),
+        p95 if p95 < 1.0 => format!("hardly visible in 95 % of the pixels{}", worst()),
         p95 if p95 < 2.0 => "visible side by side".to_owned(),
         p95 if p95 < 4.0 => "visible at a glance".to_owned(),
         _ => "visible at once".to_owned(),

@@ -31,7 +31,7 @@ pub(super) fn verdict(scene: &Scene, findings: &Findings<'_>, carried: &Carried<
     let ms = trust.ms(own.frame_ms);
     let [mean, p95, max] = [error.mean, error.p95, error.max].map(short);
     let now = format!(
-        "A frame takes {ms} ms. The error is ΔE00 {mean} on average, below {p95} in 95 of 100 pixels, and {max} in the worst compared pixel: {}.",
+        "A frame takes {ms} ms. The error is ΔE00 {mean} on average, below {p95} in 95 % of the pixels, and {max} in the worst compared pixel: {}.",
         seen(error)
     );
     let answers = [
@@ -138,7 +138,7 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     let Some(fits) = cheapest(rows, SEEN) else {
         let best = closest(rows).unwrap_or(own);
         return format!(
-            "No measured setting is within ΔE00 {SEEN} in 95 of 100 pixels; the closest on average is {} (p95 {}). relume render \
+            "No measured setting is within ΔE00 {SEEN} in 95 % of the pixels; the closest on average is {} (p95 {}). relume render \
              --max-error {SEEN} changes several knobs together, and tries more settings.",
             super::entry::name(&best.setting),
             short(best.error.delta_e.p95)
@@ -166,7 +166,7 @@ fn advice(rows: &[Measured], own: &Measured, trust: Trust) -> String {
     }
     let exact = if own.error.delta_e.p95 <= INVISIBLE { " The scene's own is accurate enough, too." } else { "" };
     format!(
-        "Within ΔE00 {SEEN}, use {}: {ms} ms instead of {own_ms}, and 95 of 100 pixels are below ΔE00 {p95} (worst {}).{exact}",
+        "Within ΔE00 {SEEN}, use {}: {ms} ms instead of {own_ms}, and 95 % of the pixels are below ΔE00 {p95} (worst {}).{exact}",
         super::entry::name(&fastest.setting),
         short(fastest.error.delta_e.max)
     )
@@ -185,7 +185,7 @@ fn bought(carried: &Carried<'_>, trust: Trust) -> Option<String> {
     };
     let of = if number > 1 { format!(", the best of {number} kinds by p95") } else { String::new() };
     Some(format!(
-        "95 of 100 pixels are below ΔE00 {p95} instead of {rgb_p95} with RGB ({kind}{of}), for {time}{} bytes per pixel instead of {}. \
+        "95 % of the pixels are below ΔE00 {p95} instead of {rgb_p95} with RGB ({kind}{of}), for {time}{} bytes per pixel instead of {}. \
          The model alone adds {} on average instead of {}.",
         eight.pixel_bytes,
         rgb.pixel_bytes,

@@ -30,8 +30,8 @@ pub struct Effort<'a> {
 /// Presets, with their goals.
 const PRESETS: [(&str, Preset, &str); 3] = [
     ("interactive", Preset::Interactive, "At most 50 ms per frame: fast enough for interactive rotation."),
-    ("balanced", Preset::Balanced, "Within ΔE00 1 of the truth in 95 of 100 pixels: hardly visible differences."),
-    ("reference", Preset::Reference, "Within ΔE00 0.25 of the truth in 95 of 100 pixels: no visible difference."),
+    ("balanced", Preset::Balanced, "Within ΔE00 1 of the truth in 95 % of the pixels: hardly visible differences."),
+    ("reference", Preset::Reference, "Within ΔE00 0.25 of the truth in 95 % of the pixels: no visible difference."),
 ];
 
 /// Shows the accuracy panel.
@@ -144,7 +144,7 @@ fn choose(ui: &mut Ui, asked: &mut Vec<Action>) {
         "error at most",
         1.0,
         " ΔE",
-        "The fastest setting within this ΔE00 of the truth in 95 of 100 pixels.",
+        "The fastest setting within this ΔE00 of the truth in 95 % of the pixels.",
         Goal::MaxError,
     );
     row(
@@ -212,7 +212,7 @@ fn plot(ui: &mut Ui, now: &Accuracy, curve: &Curve, asked: &mut Vec<Action>) {
         }
         let error = it.point.error;
         let help = format!(
-            "{}: {:.1} ms per frame; ΔE00 {:.2} on average, within {:.2} in 95 of 100 pixels, {:.2} at most.{} Click to apply it.",
+            "{}: {:.1} ms per frame; ΔE00 {:.2} on average, within {:.2} in 95 % of the pixels, {:.2} at most.{} Click to apply it.",
             it.name,
             it.point.frame_ms,
             error.mean,

@@ -23,7 +23,7 @@ impl File {
             Self::Opened => "Open a scene or a volume",
             Self::Picture => "Save the picture as PNG",
             Self::LinearPicture => "Save the picture as linear OpenEXR",
-            Self::Accumulators => "Save the accumulators",
+            Self::Accumulators => "Save the film",
             Self::Session => "Save the session",
         }
     }
@@ -52,7 +52,7 @@ impl File {
             Self::Opened => None,
             Self::Picture => Some(("PNG pictures", "png")),
             Self::LinearPicture => Some(("OpenEXR pictures", "exr")),
-            Self::Accumulators => Some(("Accumulators", "exr")),
+            Self::Accumulators => Some(("Films", "exr")),
             Self::Session => Some(("Scenes and sessions", "toml")),
         }
     }

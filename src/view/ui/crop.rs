@@ -191,7 +191,7 @@ pub(super) fn out_of_sight(document: &Document, aspect: f64, rect: Rect) -> Opti
     let outward = geometry.direction.col(thin);
     let face =
         Side::ALL.into_iter().max_by(|one, other| outward.dot(one.outward()).total_cmp(&outward.dot(other.outward())));
-    let told = ("The shown part is a thin sheet, seen from its edge.", "Look at its face", Move::Axis(face?));
+    let told = ("The visible part is a thin sheet, seen edge-on.", "Look at its face", Move::Axis(face?));
     (thickness < THINNEST_SEEN).then_some(told)
 }
 
@@ -210,7 +210,7 @@ pub(super) fn thin_crop(document: &Document) -> Option<(String, Edit)> {
     let is_thin =
         |axis: &usize| geometry.dims[*axis] > 1 && parts[*axis] < SLICE && lengths[*axis] < scene.accuracy.step_length;
     let axis = (0..3).find(is_thin)?;
-    let text = format!("Along {}, the crop box is thinner than a step of the rays, so little is visible.", AXES[axis]);
+    let text = format!("Along {}, the crop box is thinner than one step, so little is visible.", AXES[axis]);
     let mut whole = crop;
     (whole[0][axis], whole[1][axis]) = (0.0, 1.0);
     Some((text, Edit::Crop(Some(whole))))

@@ -60,7 +60,7 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
             {
                 notice(ui, text, button, || asked.push(Action::Edit(Edit::Camera(step, shown.aspect))));
             } else if let Some((text, edit)) = thin_crop(document) {
-                notice(ui, &text, "Show all that way", || asked.push(Action::Edit(edit)));
+                notice(ui, &text, "Show the whole axis", || asked.push(Action::Edit(edit)));
             }
             if let Some((button, edit)) = nothing_shown(document) {
                 let text = "Nothing of the volume is visible: the opacity of all its values is 0.";
@@ -69,13 +69,12 @@ pub(super) fn show(ui: &mut Ui, shown: &Shown<'_>, rect: Rect, asked: &mut Vec<A
         }
         if let Some(Tour::Saving { frames, saved, .. }) = shown.tour {
             let text = format!(
-                "The tour is being saved: {saved} of {frames} pictures. The picture shows the tour, and afterwards the light of the \
-                 panels again."
+                "Saving the tour: {saved} of {frames} pictures. Until then the picture shows the tour instead of the light of the panels."
             );
             notice(ui, &text, "Cancel", || asked.push(Action::Tour(None)));
         }
         if shown.stopped {
-            let text = "The device was lost again before the first picture. This scene may take it too long.";
+            let text = "The device was lost again before the first picture. The scene may be too slow for this device.";
             notice(ui, text, "Start the device again", || asked.push(Action::Restart));
         }
         for (index, Notice { text, .. }) in shown.notices.iter().enumerate() {

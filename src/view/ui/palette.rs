@@ -110,7 +110,7 @@ fn choose(ui: &Ui, what: Chosen) {
 fn matrix(ui: &mut Ui, state: &State, palette: &Palette, asked: &mut Vec<Action>) {
     let scene = &state.scene;
     Grid::new("palette matrix").spacing([6.0, 6.0]).show(ui, |ui| {
-        ui.label(RichText::new("asked | now, ΔE00").small().weak()).on_hover_text(
+        ui.label(RichText::new("target | now, ΔE00").small().weak()).on_hover_text(
             "A cell is a material under a light. Left: the target, with = for the colour of another cell. Right: the present colour and \
              its difference from the target in ΔE00 (1 is just visible).",
         );
@@ -380,7 +380,7 @@ fn solve(ui: &mut Ui, palette: &Palette, design: Design<'_>, asked: &mut Vec<Act
             asked.push(Action::Solve(None));
         }
         if ui
-            .small_button("Offer anew")
+            .small_button("New default palette")
             .on_hover_text("Replaces this palette by the default one of the visible materials: under the second of two lights they all look alike, under the first they keep their hues as far as possible.")
             .clicked()
         {

@@ -165,7 +165,7 @@ fn absorbers(ui: &mut Ui, document: &Document, probe: &Probe, colours: &[Color32
             bar(ui, taken, colour);
             ui.label(&material.name);
             ui.label(percent(taken));
-            ui.label(RichText::new("taken").small().weak());
+            ui.label(RichText::new("absorbed").small().weak());
         });
     }
 }

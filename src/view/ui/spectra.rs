@@ -138,7 +138,7 @@ fn row(
             .selected_text(RichText::new(shown).small());
         let mut chosen = None;
         combo.show_ui(ui, |ui| {
-            if ui.selectable_label(now == then, "as the scene has it").clicked() {
+            if ui.selectable_label(now == then, "as in the scene").clicked() {
                 chosen = Some(Spectra::of_scene(opened, side, name));
             }
             for &standard in standard::names(kind) {

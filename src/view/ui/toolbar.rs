@@ -81,7 +81,7 @@ const FILES: [Item; 10] = [
         saves: true,
     },
     Item {
-        text: "Save accumulators as…",
+        text: "Save film as…",
         help: "Saves the film: relume relight makes pictures of it under any light.",
         action: || Action::Choose(File::Accumulators),
         shortcut: None,

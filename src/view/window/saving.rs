@@ -144,7 +144,7 @@ impl Viewer {
                 self.opened.title = Source::of(path).title(&self.opened.selection);
                 let ([width, height], path) = (self.record.report.size, whole_path(path));
                 self.tell_done(format!(
-                    "Saved the session as {path}; relume render with --size {width}x{height} makes this picture."
+                    "Saved the session as {path}. `relume render` with --size {width}x{height} renders the same picture."
                 ));
             }
         }
