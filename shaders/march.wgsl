@@ -369,7 +369,7 @@ fn march_samples(
     sums: ptr<function, array<vec4f, LAYERS>>,
 ) -> Transmittance {
     var transmittance = before;
-    if (SEEKING) {
+    if (SKIP_INVISIBLE) {
         var n = first;
         loop {
             // Advances to the next sample that can be visible, in a loop of its own: some devices branch only at the

@@ -50,7 +50,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     // Loop bounds instead of branches: a software device skips a loop of no iterations.
     var found = vec4u();
     var shown = 1u;
-    if (SPARES) {
+    if (SKIP_EMPTY) {
         if (relight.again != 0u) {
             shown = min(textureLoad(nonzero, id.xy, 0).x, 1u);
         }
@@ -64,7 +64,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
         for (var once = 0u; once < shown; once += 1u) {
             for (var layer = 0u; layer < LAYERS_USED; layer += 1u) {
                 let weights = textureLoad(accumulators, pixel, layer);
-                if (SPARES) {
+                if (SKIP_EMPTY) {
                     found |= bitcast<vec4u>(weights);
                 }
                 var shine: array<vec4f, 3>;
@@ -93,7 +93,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
             textureStore(linear, pixel, 0, vec4f(colour, 1.0 - total));
         }
     }
-    if (SPARES) {
+    if (SKIP_EMPTY) {
         if (relight.again == 0u) {
             textureStore(nonzero, id.xy, 0, vec4u(found.x | found.y | found.z | found.w));
         }

@@ -224,7 +224,24 @@ fn ctrl_c_ends_designing_at_once() {
 
 #[test]
 fn ctrl_c_ends_fitting_at_once() {
-    ends_at_once(&Folder::new(), &["bench", "model", "--scenes", "1000"], after(300));
+    // No dimension keeps the tolerance for this many dyes and lights, so all are fitted, for seconds.
+    let mut scene = "version = 1\n[volume]\nphantom = \"slab\"\ndims = [3, 3, 3]\n".to_owned();
+    let mut intervals = String::new();
+    for dye in 0..64 {
+        let (centre, low, high) = (400 + 5 * dye, 10 * dye, 10 * dye + 5);
+        scene += &format!(
+            "[materials.m{dye}]\nreflectance = 0.5\n\
+             absorption = {{ gaussian = [{{ centre = {centre}, sigma = 20, height = 1 }}] }}\n"
+        );
+        intervals +=
+            &format!("{{ material = \"m{dye}\", range = [{low}, {high}], opacity = 0.1, absorption = 0.1 }},\n");
+    }
+    scene += &format!("[transfer]\nintervals = [\n{intervals}]\n");
+    for light in ["FL2", "FL7", "FL11", "LED-B3", "LED-RGB1", "D65", "A", "E"] {
+        scene += &format!("[lights.{light}]\nspectrum = \"{light}\"\n");
+    }
+    let folder = Folder::new().with("dyes.toml", scene);
+    ends_at_once(&folder, &["info", "dyes.toml", "--tolerance", "0.001"], after(300));
 }
 
 #[test]

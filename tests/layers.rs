@@ -563,9 +563,10 @@ fn a_circle_of_siblings_is_caught() {
     let deep = [("src/view/ui/mod.rs", "use super::window::Options;"), ("src/view/window.rs", "use super::ui::Shown;")];
     assert_eq!(found(&deep), ["view: ui window"]);
     let inner = [
+        ("src/view/mod.rs", ""),
+        ("src/view/ui/mod.rs", ""),
         ("src/view/ui/dial.rs", "use crate::view::{tour::Tour};"),
         ("src/view/tour.rs", "use super::ui;"),
-        ("src/view/ui/mod.rs", ""),
     ];
     assert_eq!(found(&inner), ["view: tour ui"]);
 }

@@ -9,7 +9,7 @@ use super::goal::ChoiceError;
 use super::ladder::{FINER, Ladder};
 use super::sample::{Drawn, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
-use super::survey::{looked_up, picture};
+use super::shown::{looked_up, picture};
 use crate::model::ErrorSummary;
 use crate::plan::{Planned, plan};
 use crate::progress::Progress;

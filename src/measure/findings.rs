@@ -4,8 +4,8 @@ use serde::Serialize;
 
 use super::digits::short;
 use super::ladder::Cause;
+use super::measured::Measured;
 use super::setting::Knob;
-use super::survey::Measured;
 use crate::model::{ErrorSummary, ModelKind};
 
 /// Ratio within which times and errors count as equal; repeated measurements differ by as much.
@@ -166,8 +166,8 @@ pub(super) fn spread(rows: &[Measured]) -> f64 {
 mod tests {
     use super::super::clock::Summary;
     use super::super::difference::Difference;
+    use super::super::measured::{Cost, Times};
     use super::super::setting::Setting;
-    use super::super::survey::{Cost, Times};
     use super::*;
 
     /// A setting with frame times from `fastest` to `slowest`, median `frame_ms`, and errors `mean` and `p95`.

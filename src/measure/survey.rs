@@ -1,21 +1,21 @@
 //! Measurement of settings of a scene on a device: cost, error, and causes of the error.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use glam::DVec3;
-use serde::Serialize;
 
-use super::clock::{Stopwatch, Summary, Timing, summary};
+use super::climb::{Climb, order};
+use super::clock::Stopwatch;
 use super::difference::{Difference, delta_e};
 use super::enlarge::Enlargement;
 use super::ladder::{Cause, Ladder, LadderError, Lattice};
+use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
+use super::shown::{looked_up, picture};
 use crate::plan::{PlanError, Planned, ScenePlan, plan};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
-use crate::spectrum::colour::XYZ_FROM_LINEAR_SRGB;
 use crate::tables::TransferTable;
 use crate::vulkan::DeviceKind;
 
@@ -34,91 +34,6 @@ pub struct SurveyOptions {
     /// Timed runs, after two warm-up runs. The first three runs of a setting are consecutive; [`Survey::time_in_turn`]
     /// makes the others.
     pub runs: usize,
-}
-
-/// Time of repeated work.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Cost {
-    /// Wall time, in ms.
-    pub wall_ms: Summary,
-    /// CPU time of all threads of this process, in ms.
-    pub cpu_ms: Summary,
-    /// Time by the device's own clock, in ms; `None` if it has none or the work consists of no device commands.
-    pub device_ms: Option<Summary>,
-}
-
-/// Times of a run: on the host, and by the device's own clock.
-type Run = (Timing, Option<Duration>);
-
-impl Cost {
-    /// Summarises `runs`; zeros if there are none.
-    fn of(runs: &[Run]) -> Self {
-        let over = |times: Vec<f64>| summary(&times);
-        let nothing = Summary { median: 0.0, min: 0.0, max: 0.0 };
-        let device: Option<Vec<f64>> = runs.iter().map(|(_, took)| Some(took.as_ref()?.as_secs_f64() * 1e3)).collect();
-        Self {
-            wall_ms: over(runs.iter().map(|(time, _)| time.wall_ms).collect()).unwrap_or(nothing),
-            cpu_ms: over(runs.iter().map(|(time, _)| time.cpu_ms).collect()).unwrap_or(nothing),
-            device_ms: device.and_then(over),
-        }
-    }
-}
-
-/// Times of a setting.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Times {
-    /// Number of timed frames.
-    pub runs: usize,
-    /// Upload of the volume to the device; done once.
-    pub upload: Cost,
-    /// Tables and march of a frame.
-    pub march: Cost,
-    /// Relight from accumulators to 8-bit sRGB.
-    pub relight: Cost,
-    /// Read-back of the 8-bit picture from the device.
-    pub read_back: Cost,
-    /// Enlargement of the picture to the displayed size, on the CPU; `None` if all pixels are marched.
-    pub enlarge: Option<Cost>,
-}
-
-/// Measurements of a setting.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Measured {
-    /// The setting.
-    pub setting: Setting,
-    /// Representation of spectra, in words.
-    pub carrier: String,
-    /// Components per pixel and light position.
-    pub components: usize,
-    /// Times.
-    pub times: Times,
-    /// Wall time of a frame in ms: sum of the medians of march, relight and enlargement.
-    pub frame_ms: f64,
-    /// Dispatches of a march.
-    pub dispatches: usize,
-    /// Bytes of a finished pixel.
-    pub pixel_bytes: u64,
-    /// Bytes of the volume on the device.
-    pub volume_bytes: u64,
-    /// Bytes of the volume, the tables and the picture during a march.
-    pub total_bytes: u64,
-    /// Difference from the truth.
-    pub error: Difference,
-    /// Differences between rungs, by cause. Their ΔE00 need not add up to that of [`Self::error`].
-    pub causes: Vec<(Cause, Difference)>,
-    /// p in error ∝ Δsᵖ, from the mean ΔE00 of full spectra at Δs and Δs/2; `None` if there is no error.
-    pub order: Option<f64>,
-    /// Whether the setting is Pareto-optimal among the measured ones ([`super::mark_pareto`]).
-    pub pareto: bool,
-    /// ΔE00 between rungs in the pixel of the largest error.
-    #[serde(skip)]
-    pub worst_by: Vec<(Cause, f64)>,
-    /// ΔE00 of each pixel of [`Survey::pixels`].
-    #[serde(skip)]
-    pub differences: Vec<f64>,
-    /// XYZ of each of these pixels on the device.
-    #[serde(skip)]
-    pub colours: Vec<DVec3>,
 }
 
 /// Why a setting could not be measured.
@@ -146,23 +61,6 @@ pub enum SurveyError {
 
 /// Pixels across and down of a close-up.
 const CLOSE_UP: usize = 17;
-
-/// A square part of a picture, row by row.
-#[derive(Clone, Debug)]
-pub struct CloseUp {
-    /// Pixels across and down.
-    pub side: usize,
-    /// Its first pixel in the picture, x and y from the top left.
-    pub first: [usize; 2],
-    /// True XYZ.
-    pub truth: Vec<DVec3>,
-    /// XYZ on the device.
-    pub shown: Vec<DVec3>,
-    /// ΔE00 between the two.
-    pub differences: Vec<f64>,
-    /// XYZ of the whole picture on the device.
-    pub whole: Vec<DVec3>,
-}
 
 /// A form of storage of the volume on the device, and the times of its uploads.
 struct Upload {
@@ -535,89 +433,6 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// Timed frames of a setting.
-#[derive(Default)]
-struct Frames {
-    marches: Vec<Run>,
-    relights: Vec<Run>,
-    read_backs: Vec<Run>,
-    /// Empty if all pixels are marched.
-    enlarges: Vec<Run>,
-    dispatches: usize,
-}
-
-impl Frames {
-    /// Summarises the times, together with those of `upload`.
-    fn times(&self, upload: Cost) -> Times {
-        let [march, relight, read_back] = [&self.marches, &self.relights, &self.read_backs].map(|runs| Cost::of(runs));
-        let enlarge = (!self.enlarges.is_empty()).then(|| Cost::of(&self.enlarges));
-        Times { runs: self.marches.len(), upload, march, relight, read_back, enlarge }
-    }
-}
-
-impl Times {
-    /// Median wall time of a frame: march, relight and enlargement.
-    fn frame_ms(&self) -> f64 {
-        [Some(self.march), Some(self.relight), self.enlarge].into_iter().flatten().map(|cost| cost.wall_ms.median).sum()
-    }
-}
-
-/// Linear RGBA of every pixel, marched and relit on the device.
-pub(super) fn picture(
-    ladder: &Ladder<'_>,
-    on_device: &SceneRenderer,
-    size: [usize; 2],
-    progress: &dyn Progress,
-) -> Result<Vec<[f32; 4]>, RenderError> {
-    let accumulators = on_device.march(size, progress)?;
-    let relight = on_device.renderer().relight_linear(&accumulators)?;
-    relight.run(&ladder.shown(on_device.scene(), on_device.planned()))?;
-    relight.read()
-}
-
-/// XYZ of `pixels` of a picture of `size`.
-pub(super) fn looked_up(picture: &[[f32; 4]], size: [usize; 2], pixels: &[[usize; 2]]) -> Vec<DVec3> {
-    let of_pixel = |[x, y]: &[usize; 2]| {
-        let [red, green, blue, _] = picture.get(x + size[0] * y).copied().unwrap_or([f32::NAN; 4]);
-        *XYZ_FROM_LINEAR_SRGB * DVec3::new(red.into(), green.into(), blue.into())
-    };
-    pixels.iter().map(of_pixel).collect()
-}
-
-/// Differences from rung to rung, starting at the truth.
-struct Climb {
-    pixels: Vec<[usize; 2]>,
-    last: Vec<DVec3>,
-    causes: Vec<(Cause, Difference)>,
-    /// ΔE00 of each pixel, per cause.
-    moved: Vec<Vec<f64>>,
-}
-
-impl Climb {
-    fn from(last: Vec<DVec3>, pixels: Vec<[usize; 2]>) -> Self {
-        Self { pixels, last, causes: Vec::new(), moved: Vec::new() }
-    }
-
-    fn to(&mut self, cause: Cause, next: Vec<DVec3>) {
-        self.causes.push((cause, Difference::between(&next, &self.last, &self.pixels)));
-        self.moved.push(delta_e(&next, &self.last));
-        self.last = next;
-    }
-
-    /// ΔE00 from rung to rung in `pixel`.
-    fn at(&self, pixel: [usize; 2]) -> Vec<(Cause, f64)> {
-        let Some(index) = self.pixels.iter().position(|known| *known == pixel) else { return Vec::new() };
-        let moved = self.moved.iter().filter_map(|moved| moved.get(index));
-        self.causes.iter().map(|(cause, _)| *cause).zip(moved.copied()).collect()
-    }
-}
-
-/// p in error ∝ Δsᵖ, from errors at Δs and Δs/2.
-fn order(at_step: &[f64], at_half: &[f64]) -> Option<f64> {
-    let [whole, half] = [at_step, at_half].map(|errors| errors.iter().sum::<f64>());
-    (whole > 0.0 && half > 0.0 && whole.is_finite() && half.is_finite()).then(|| (whole / half).log2())
-}
-
 /// Forwards cancellation but no reports; progress is reported per setting.
 struct Unreported<'a>(&'a dyn Progress);
 
@@ -626,16 +441,5 @@ impl Progress for Unreported<'_> {
 
     fn cancelled(&self) -> bool {
         self.0.cancelled()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn errors_that_quarter_when_the_step_halves_are_of_second_order() {
-        assert_eq!(order(&[4.0, 8.0], &[1.0, 2.0]), Some(2.0));
-        assert_eq!(order(&[0.0], &[0.0]), None);
     }
 }

@@ -3,8 +3,8 @@
 use super::digits::{megabytes, short};
 use super::findings::main_cause;
 use super::ladder::Cause;
+use super::measured::{Cost, Measured};
 use super::setting::Knob;
-use super::survey::{Cost, Measured};
 
 /// Column heads for text and Markdown; all columns but the first hold numbers or single words.
 const HEADS: [&str; 12] = [

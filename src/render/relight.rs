@@ -59,7 +59,7 @@ pub(super) fn source(plan: &ScenePlan, target: Target) -> Source {
         .u32("TRANSMITTANCE_LANES", unsigned(plan.transmittance_lanes()))
         .alias("AccumulatorImage", &accumulators)
         .alias("TransmittanceImage", &transmittance)
-        .bool("SPARES", is_lit_again(target))
+        .bool("SKIP_EMPTY", is_lit_again(target))
         .bool("DISPLAY", target == Target::Display)
         .bool("FEW_LAYERS", plan.layers() <= FEW_LAYERS)
         .u32("ROWS", ROWS)

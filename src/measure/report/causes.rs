@@ -4,8 +4,8 @@ use super::drawing::{Drawing, Logarithmic, PARTS, Paint, escaped, tick};
 use super::entry::{Entry, LEAST, name, told_error};
 use crate::measure::findings::by_cause;
 use crate::measure::ladder::Cause;
+use crate::measure::measured::Measured;
 use crate::measure::setting::Setting;
-use crate::measure::survey::Measured;
 use crate::number::count;
 
 /// Largest number of lines.

@@ -6,7 +6,8 @@ use super::drawing::escaped;
 use super::entry::{Entry, seen};
 use super::trust::Trust;
 use crate::measure::digits::short;
-use crate::measure::survey::{Measured, Survey};
+use crate::measure::measured::Measured;
+use crate::measure::survey::Survey;
 use crate::number::readable;
 
 /// Purposes of pictures, each with its limit on p95 (ΔE00).

@@ -3,8 +3,8 @@
 use super::trust::Trust;
 use crate::measure::digits::short;
 use crate::measure::findings::span;
+use crate::measure::measured::Measured;
 use crate::measure::setting::Setting;
-use crate::measure::survey::Measured;
 use crate::model::ErrorSummary;
 
 /// Name of the scene's own setting.

@@ -20,8 +20,9 @@ mod words;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use super::measured::{CloseUp, Measured};
 use super::setting::Setting;
-use super::survey::{CloseUp, Measured, Survey};
+use super::survey::Survey;
 use crate::output::OutputError;
 pub use costs::{CostCurve, CostTable, costs_html};
 use drawing::escaped;

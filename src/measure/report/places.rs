@@ -8,7 +8,8 @@ use super::drawing::{Drawing, Paint, escaped, middles, tick};
 use super::entry::INVISIBLE;
 use super::pictures::{Picture, Scale};
 use crate::measure::digits::short;
-use crate::measure::survey::{CloseUp, Measured, Survey};
+use crate::measure::measured::{CloseUp, Measured};
+use crate::measure::survey::Survey;
 use crate::number::{count, whole};
 use crate::output::OutputError;
 

@@ -2,7 +2,7 @@
 
 use crate::measure::digits::short;
 use crate::measure::findings::{ALIKE, cheapest_for_sure, closest, is_faster, scatter, span};
-use crate::measure::survey::Measured;
+use crate::measure::measured::Measured;
 
 /// Ratio between times of the same work above which times are rough.
 const SCATTERED: f64 = 1.4;

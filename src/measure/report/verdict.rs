@@ -9,8 +9,8 @@ use super::trust::Trust;
 use crate::measure::digits::short;
 use crate::measure::findings::{by_cause, cheapest, closest};
 use crate::measure::ladder::Cause;
+use crate::measure::measured::Measured;
 use crate::measure::setting::{Knob, Value};
-use crate::measure::survey::Measured;
 use crate::number::{capital, readable};
 use crate::scene::Scene;
 

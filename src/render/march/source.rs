@@ -110,7 +110,7 @@ fn constants(plan: &ScenePlan, group: [u32; 2]) -> Constants {
         .bool("CUBIC", plan.interpolation == Interpolation::Cubic)
         .bool("NEAREST_LOOKUP", plan.lookup == Lookup::Nearest)
         .bool("SKIPPING", plan.skipping)
-        .bool("SEEKING", plan.seeks())
+        .bool("SKIP_INVISIBLE", plan.skips_invisible())
         .u32("GROUP_WIDTH", group[0])
         .u32("GROUP_HEIGHT", group[1])
         .u32("UNIFORM_VECTORS", UNIFORM_BYTES / VECTOR_BYTES)
