@@ -2,31 +2,18 @@
 #![expect(clippy::print_stdout, reason = "an example prints its result")]
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use relume::document::{SceneOptions, parse};
 use relume::film::RelightMatrices;
 use relume::output::{Alpha, Depth, Picture, write_png};
 use relume::plan::{plan, plan_full_spectrum};
 use relume::progress::Quiet;
 use relume::reference::{self, Exact};
-use relume::scene::Mix;
+use relume::scene::{Material, Mix, Scene, SceneLight, Term};
+use relume::spectrum::standard;
 use relume::tables::Storage;
 use relume::volume::{Geometry, Volume, Voxels};
-
-/// The phantom is a placeholder for the voxels.
-const SCENE: &str = r##"
-version = 1
-[volume]
-phantom = "slab"
-[materials.shell]
-reflectance = { srgb = "#d09060" }
-[transfer]
-intervals = [{ material = "shell", range = [90, 110], ramp = 10, opacity = 0.6 }]
-[lights.day]
-spectrum = "D65"
-"##;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args_os().nth(1).unwrap_or_else(|| ".".into()));
@@ -41,8 +28,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     let geometry = Geometry::unit("ball", [side.into(); 3])?;
-    let mut scene = parse("example", SCENE, Path::new(""), &SceneOptions::default(), &Quiet)?.scene;
-    scene.volume = Arc::new(Volume::new("ball", Voxels::F64(values), geometry)?);
+    let volume = Arc::new(Volume::new("ball", Voxels::F64(values), geometry)?);
+
+    // Its shell, from 90 to 110 with ramps of 10, in daylight.
+    let mut scene = Scene::new("example", volume);
+    scene.materials.push(Material::new("shell", standard::reflectance("orange")?));
+    scene.transfer.terms.push(Term::interval(0, [90.0, 110.0], [10.0; 2], 0.6, 0.0));
+    scene.lights.push(SceneLight::new("day", standard::light("D65")?));
 
     // Full-spectrum reference: all 81 bands in f64.
     let planned = plan_full_spectrum(&scene);

@@ -10,9 +10,9 @@ use relume::document;
 use relume::document::{Definition, SceneOptions};
 use relume::plan::{Accumulate, Shares, Transmittance, plan};
 use relume::progress::Quiet;
-use relume::scene::{AccumulateAs, Scene, positions};
-use relume::spectrum::Spectrum;
+use relume::scene::{AccumulateAs, Material, Scene, SceneLight, Term, positions};
 use relume::spectrum::colour::{Lab, Xyz, ciede2000, d65_white, lab_from_xyz, xyz_of};
+use relume::spectrum::{Spectrum, standard};
 use relume::tables::TransferTable;
 use relume::volume::phantom::Phantom;
 
@@ -59,6 +59,29 @@ fn check(scene: &Scene) {
         .map(|material| &scene.materials[material].name)
         .collect();
     assert_eq!(unused, [""; 0], "{}", scene.name);
+}
+
+#[test]
+fn a_scene_in_code_has_the_defaults_of_a_scene_file() {
+    let text = r#"
+        version = 1
+        [volume]
+        phantom = "slab"
+        dims = [3, 4, 5]
+        spacing = [2, 3, 4]
+        [materials.shell]
+        reflectance = "orange"
+        [transfer]
+        intervals = [{ material = "shell", range = [90, 110], ramp = 10, opacity = 0.6 }]
+        [lights.day]
+        spectrum = "D65"
+    "#;
+    let filed = support::scenes::parsed(text);
+    let mut scene = Scene::new(&filed.name, filed.volume.clone());
+    scene.materials.push(Material::new("shell", standard::reflectance("orange").unwrap()));
+    scene.transfer.terms.push(Term::interval(0, [90.0, 110.0], [10.0; 2], 0.6, 0.0));
+    scene.lights.push(SceneLight::new("day", standard::light("D65").unwrap()));
+    assert_eq!(format!("{scene:?}"), format!("{filed:?}"));
 }
 
 #[test]

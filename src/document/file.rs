@@ -409,9 +409,12 @@ impl Text<'_> {
         let light = self.mix(&file.mix, &lights, &dark)?;
         let camera = self.camera(file.camera.as_ref().map_or(&CameraFile::default(), At::get_ref))?;
         let declared = self.label_entries(&file.labels, &materials)?;
+        let usual = Accuracy::new(1.0);
         let step = file.accuracy.step.as_ref().map(|step| self.number("step", step, &POSITIVE)).transpose()?;
-        let termination = self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), 1e-4)?;
-        let tolerance = self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), 1.0)?;
+        let termination =
+            self.optional("termination", file.accuracy.termination.as_ref(), &(0.0..=0.5), usual.termination)?;
+        let tolerance =
+            self.optional("tolerance", file.accuracy.tolerance.as_ref(), &(1e-3..=100.0), usual.tolerance)?;
         let dimension = match file.accuracy.k.as_ref().map(|k| (k, k.get_ref())) {
             None | Some((_, DimensionFile::Planned(Auto::Auto))) => None,
             Some((at, DimensionFile::Stated(k))) => {
@@ -420,7 +423,8 @@ impl Text<'_> {
                 Some(dimension.ok_or_else(|| self.invalid(at, message))?)
             }
         };
-        let exposure = self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), 1.0)?;
+        let exposure =
+            self.optional("exposure", file.display.exposure.as_ref(), &(0.0..=1e9), Display::default().exposure)?;
         let opacity_length = file
             .transfer
             .opacity_length
@@ -436,7 +440,7 @@ impl Text<'_> {
         let accuracy = Accuracy {
             step_length: step.unwrap_or(smallest),
             termination,
-            skipping: file.accuracy.skipping.unwrap_or(true),
+            skipping: file.accuracy.skipping.unwrap_or(usual.skipping),
             interpolation: file.accuracy.interpolation,
             volume: file.accuracy.volume,
             gradients: file.accuracy.gradients,

@@ -56,6 +56,17 @@ pub enum Aim {
     },
 }
 
+impl Default for Camera {
+    /// A perspective camera with a field of view of 30°, slightly from the side and from above.
+    fn default() -> Self {
+        Self {
+            projection: Projection::Perspective { fov_degrees: 30.0 },
+            aim: Aim::Orbit { azimuth: -20.0, elevation: 15.0, fill: 0.95, front: DVec3::NEG_Z },
+            up: DVec3::NEG_Y,
+        }
+    }
+}
+
 /// A camera resolved for one volume and one picture: an orthonormal frame in the world, in f64.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {

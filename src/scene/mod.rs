@@ -49,6 +49,27 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// A scene of `volume` without materials and lights. The step and the opacity length are the smallest spacing; all
+    /// other settings are those of a scene file that states none.
+    #[must_use]
+    pub fn new(name: &str, volume: Arc<Volume>) -> Self {
+        let spacing = volume.geometry.spacing.min_element();
+        Self {
+            name: name.to_owned(),
+            volume,
+            labels: None,
+            materials: Vec::new(),
+            transfer: Transfer { opacity_length: spacing, lookup: Lookup::default(), entries: None, terms: Vec::new() },
+            lights: Vec::new(),
+            shading: Shading::default(),
+            background: None,
+            camera: Camera::default(),
+            crop: None,
+            accuracy: Accuracy::new(spacing),
+            display: Display::default(),
+        }
+    }
+
     /// Whether the material `index` is visible, through a value of the transfer function or a label.
     #[must_use]
     pub fn shows(&self, index: usize) -> bool {
@@ -101,6 +122,21 @@ pub struct Material {
 }
 
 impl Material {
+    /// A diffuse material of this `reflectance`: ambient 0.2, diffuse 0.8, without highlights and absorption.
+    #[must_use]
+    pub fn new(name: &str, reflectance: Reflectance) -> Self {
+        Self {
+            name: name.to_owned(),
+            reflectance,
+            absorption: None,
+            ambient: 0.2,
+            diffuse: 0.8,
+            specular: 0.0,
+            exponent: 20,
+            xray: false,
+        }
+    }
+
     /// `opacity` clamped to the range of this material; an X-ray material never has opacity 1.
     #[must_use]
     pub fn allowed_opacity(&self, opacity: f64) -> f64 {
@@ -144,6 +180,14 @@ pub struct SceneLight {
     pub intensity: f64,
     /// Origin of the light.
     pub placement: Placement,
+}
+
+impl SceneLight {
+    /// A headlight of this `spectrum` and intensity 1.
+    #[must_use]
+    pub fn new(name: &str, spectrum: Light) -> Self {
+        Self { name: name.to_owned(), spectrum, intensity: 1.0, placement: Placement::Headlight }
+    }
 }
 
 /// Shading of the picture.
@@ -200,6 +244,26 @@ pub struct Accuracy {
     /// Storage of finished accumulators: 16 bits halve the memory and change colours by at most
     /// [`Planned::half_precision_error`](crate::plan::Planned::half_precision_error).
     pub storage: StoreAs,
+}
+
+impl Accuracy {
+    /// The default settings with this step length, in world units.
+    #[must_use]
+    pub fn new(step_length: f64) -> Self {
+        Self {
+            step_length,
+            termination: 1e-4,
+            skipping: true,
+            interpolation: Interpolation::default(),
+            volume: VolumeAs::default(),
+            gradients: Gradients::default(),
+            accumulate: AccumulateAs::default(),
+            model: ModelKind::default(),
+            tolerance: 1.0,
+            dimension: None,
+            storage: StoreAs::default(),
+        }
+    }
 }
 
 /// Storage of voxels on a device.
@@ -265,4 +329,10 @@ pub struct Display {
     pub observer: Observer,
     /// Colour vision deficiency to preview; `None` is normal colour vision.
     pub deficiency: Option<Deficiency>,
+}
+
+impl Default for Display {
+    fn default() -> Self {
+        Self { exposure: 1.0, adapt: false, observer: Observer::default(), deficiency: None }
+    }
 }

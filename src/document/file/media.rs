@@ -23,17 +23,16 @@ impl Text<'_> {
                 let share = |key: &str, value: Option<&At<f64>>, otherwise| {
                     self.optional(&format!("materials.{name}.{key}"), value, &UNIT, otherwise)
                 };
-                let exponent = match &file.exponent {
-                    None => 20,
-                    Some(value) => unsigned(self.whole(&format!("materials.{name}.exponent"), value, 1..=1024)?),
-                };
                 let key = format!("materials.{name}.reflectance");
                 let source = self.stated("reflectance", stated, file.reflectance.as_ref())?;
                 let reflectance = self.spectrum(key.clone(), source, |source| source.reflectance(base))?;
                 warn_above_one(&key, &reflectance);
+                let plain = Material::new(name, reflectance);
+                let exponent = match &file.exponent {
+                    None => plain.exponent,
+                    Some(value) => unsigned(self.whole(&format!("materials.{name}.exponent"), value, 1..=1024)?),
+                };
                 Ok(Material {
-                    name: name.clone(),
-                    reflectance,
                     absorption: file
                         .absorption
                         .as_ref()
@@ -42,11 +41,12 @@ impl Text<'_> {
                             self.spectrum(key, stated, |source| source.absorption(base))
                         })
                         .transpose()?,
-                    ambient: share("ambient", file.ambient.as_ref(), 0.2)?,
-                    diffuse: share("diffuse", file.diffuse.as_ref(), 0.8)?,
-                    specular: share("specular", file.specular.as_ref(), 0.0)?,
+                    ambient: share("ambient", file.ambient.as_ref(), plain.ambient)?,
+                    diffuse: share("diffuse", file.diffuse.as_ref(), plain.diffuse)?,
+                    specular: share("specular", file.specular.as_ref(), plain.specular)?,
                     exponent,
                     xray: file.xray,
+                    ..plain
                 })
             })
             .collect()
