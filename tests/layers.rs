@@ -292,7 +292,10 @@ fn exported(modules: &BTreeMap<Vec<String>, String>) -> BTreeMap<Vec<String>, BT
             for mut path in listed(&code[at + "use ".len()..]) {
                 path.retain(|part| part != "self");
                 let name = path.pop().unwrap_or_default();
-                if path.first().is_some_and(|first| modules.contains_key(&[&module[..], &[first.clone()]].concat())) {
+                if path
+                    .first()
+                    .is_some_and(|first| modules.contains_key(&[&module[..], std::slice::from_ref(first)].concat()))
+                {
                     found.entry(module.clone()).or_default().insert(name, path);
                 }
             }
@@ -318,8 +321,8 @@ fn uses_of_siblings(sources: &[Source]) -> Uses {
                             "crate" => place.clear(),
                             "super" => drop(place.pop()),
                             "self" => (),
-                            _ if modules.contains_key(&[&place[..], &[part.clone()]].concat()) => {
-                                place.push(part.clone())
+                            _ if modules.contains_key(&[&place[..], std::slice::from_ref(part)].concat()) => {
+                                place.push(part.clone());
                             }
                             _ => {
                                 let from = exported.get(&place).and_then(|names| names.get(part));

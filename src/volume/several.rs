@@ -1,4 +1,4 @@
-//! The volumes of a file that holds several.
+//! The volumes of a file that holds several, and a choice among them.
 
 use std::fmt;
 
