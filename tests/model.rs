@@ -1,6 +1,6 @@
 //! Colour models: errors on spectra outside the fit, exact cases, and failures.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stdout, reason = "the measured errors, for whoever asks with --nocapture")]
+#![expect(clippy::print_stdout, reason = "the measured errors, shown with --nocapture")]
 
 #[path = "../benches/instruments/consistency.rs"]
 #[allow(dead_code, reason = "the tests use a part of the instrument")]
