@@ -290,7 +290,7 @@ fn residual(solution: &Solution) -> f64 {
 fn hard_palettes_come_near_their_best_known_residuals() {
     for hard in hard_palettes() {
         let reached = residual(&solved(&hard.palette));
-        assert!(reached <= 1.4 * hard.best_known, "{}: {reached} for {}", hard.name, hard.best_known);
+        assert!(reached <= 1.15 * hard.best_known, "{}: {reached} for {}", hard.name, hard.best_known);
     }
 }
 
@@ -869,11 +869,46 @@ fn the_program_designs_saves_and_draws() {
     assert_eq!(closed["lights"][1]["open"], false);
 }
 
+/// A red that D65 does not show comes from the end of the range alone. Broad spectra lean on nothing.
+#[test]
+fn design_tells_what_leans_on_the_edge_of_the_visible_range() {
+    let leaning = r##"version = 1
+        [lights.day]
+        spectrum = "D65"
+        [lights.reveals]
+        [materials.hidden]
+        [cells.hidden]
+        day = "black"
+        reveals = { lab = [50, 60, 40] }"##;
+    let plain = r##"version = 1
+        [lights.day]
+        spectrum = "D65"
+        [materials.grey]
+        [cells.grey]
+        day = "#808080""##;
+    let folder = Folder::new().with("leaning.toml", leaning).with("plain.toml", plain);
+    let done = folder.done(&["design", "leaning.toml"]);
+    for words in ["hidden under reveals leans on the edge", "smoothness = 0.001: largest ΔE00", "smoothness = 0.1"] {
+        assert!(done.out.contains(words), "no {words:?} in {}", done.out);
+    }
+    let json = folder.done(&["design", "leaning.toml", "--json"]).json();
+    let worst = |value: &serde_json::Value| value["worst"].as_f64().unwrap();
+    assert!(json["edges"][0]["above_690_nm"].as_f64().unwrap() > 0.25, "{json}");
+    assert!(worst(&json["smoother"][2]) > worst(&json), "smoothness costs nothing: {json}");
+    let json = folder.done(&["design", "plain.toml", "--json"]).json();
+    assert_eq!((json["edges"].as_array().unwrap().len(), json["smoother"].as_array().unwrap().len()), (0, 0));
+}
+
 #[test]
 fn the_program_measures_its_palettes() {
     let json = Folder::new().done(&["bench", "palette", "--frames", "1", "--json"]).json();
     let rows = json["palettes"].as_array().unwrap();
-    for row in rows {
+    let (hard, others): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row["best_known"].is_number());
+    assert_eq!(hard.len(), hard_palettes().len());
+    for row in hard {
+        assert!(row["residual"].as_f64().unwrap() <= 1.15 * row["best_known"].as_f64().unwrap(), "{row}");
+    }
+    for row in others {
         assert!(row["worst"].as_f64().unwrap() <= 0.7, "{row}");
         assert!(row["solve"]["cpu_ms"]["median"].as_f64().unwrap() > 0.0, "{row}");
         // docs/theory/palettes.md: a floor that open lights change little.

@@ -236,7 +236,8 @@ impl<'a> Search<'a> {
     /// Returns the spectra with the smallest maximum ΔE00 of all starts.
     fn best(&self) -> Result<Found, PaletteError> {
         let first = self.searched(starts(self.palette).into_iter().map(Start::Rough).collect(), &FIRST)?;
-        if first.worst <= INVISIBLE || self.lights.is_empty() {
+        // The relaxation knows no model, and with one every start is followed to its end.
+        if first.worst <= INVISIBLE || self.lights.is_empty() || self.model.is_some() {
             return Ok(first);
         }
         let relaxed = bound::relaxed(self.palette, &first.spectra, self.progress)?;
@@ -246,9 +247,8 @@ impl<'a> Search<'a> {
         let rough = further_starts(self.palette, &relaxed.lights);
         let mut further: Vec<Start> = rough.into_iter().map(Start::Rough).collect();
         further.push(Start::Solved(first.clone()));
-        let model = self.model.as_ref().map(|(_, (model, _))| *model);
         let narrow =
-            narrower(self.palette).map(|narrower| Search::new(&narrower, model, self.progress).best()).transpose()?;
+            narrower(self.palette).map(|narrower| Search::new(&narrower, None, self.progress).best()).transpose()?;
         further.extend(narrow.clone().map(Start::Solved));
         let found = self.searched(further, &FURTHER)?;
         let further =

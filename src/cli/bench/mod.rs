@@ -5,6 +5,7 @@ mod cases;
 mod costs;
 mod frames;
 mod goals;
+mod hard_palettes;
 mod load;
 mod model;
 mod needs;
