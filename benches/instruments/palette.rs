@@ -1,12 +1,18 @@
 //! Errors and times of palette design.
 
+#[path = "hard_palettes.rs"]
+pub(crate) mod hard_palettes;
+
 use std::path::Path;
 
 use serde::Serialize;
 
 use relume::measure::{Stopwatch, Summary, Timing, summary};
-use relume::palette::{self, PaletteError};
+use relume::palette::{self, PaletteError, Solution};
 use relume::progress::Progress;
+use relume::spectrum::standard;
+
+use hard_palettes::{Hard, nearly_black};
 
 /// Palette files, and scenes with a palette.
 const PALETTES: [(&str, &str); 15] = [
@@ -44,7 +50,7 @@ impl Times {
 /// Measurement of one palette.
 #[derive(Debug, Serialize)]
 pub(crate) struct PaletteRow {
-    pub(crate) palette: &'static str,
+    pub(crate) palette: String,
     pub(crate) materials: usize,
     pub(crate) lights: usize,
     /// Largest ΔE00 of a cell.
@@ -52,7 +58,24 @@ pub(crate) struct PaletteRow {
     /// In a conflict: lower limit of the root mean square ΔE00, and its actual value.
     pub(crate) least: Option<f64>,
     pub(crate) reached: Option<f64>,
+    /// Root mean square ΔE00 of the cells with a target.
+    pub(crate) residual: f64,
+    /// Least residual known, of a seeded palette.
+    pub(crate) best_known: Option<f64>,
     pub(crate) solve: Times,
+}
+
+/// The seeded palettes.
+pub(crate) fn hard_palettes() -> Vec<Hard> {
+    nearly_black(|name| Some(standard::light(name).ok()?.spectrum().clone()))
+}
+
+/// Root mean square ΔE00 of the cells with a target; 0 without targets.
+pub(crate) fn residual(solution: &Solution) -> f64 {
+    let differences = solution.cells.iter().filter_map(|cell| cell.difference);
+    let (squares, count) =
+        differences.fold((0.0, 0.0_f64), |(squares, count), one| (one.mul_add(one, squares), count + 1.0));
+    (squares / count.max(1.0)).sqrt()
 }
 
 /// Designs each palette `times` times.
@@ -62,8 +85,12 @@ pub(crate) struct PaletteRow {
 /// [`PaletteError`] when a palette cannot be solved or `progress` asks to stop.
 pub(crate) fn palette_rows(times: u32, progress: &dyn Progress) -> Result<Vec<PaletteRow>, PaletteError> {
     let mut rows = Vec::new();
+    let mut palettes = Vec::new();
     for (name, text) in PALETTES {
-        let palette = palette::parse(name, text, Path::new(""))?;
+        palettes.push((name.to_owned(), palette::parse(name, text, Path::new(""))?, None));
+    }
+    palettes.extend(hard_palettes().into_iter().map(|hard| (hard.name, hard.palette, Some(hard.best_known))));
+    for (name, palette, best_known) in palettes {
         let mut solutions = Vec::new();
         for _ in 0..times {
             let clock = Stopwatch::start();
@@ -80,6 +107,8 @@ pub(crate) fn palette_rows(times: u32, progress: &dyn Progress) -> Result<Vec<Pa
             worst: solution.worst(),
             least: conflict.map(|conflict| conflict.least),
             reached: conflict.map(|conflict| conflict.reached),
+            residual: residual(&solution),
+            best_known,
             solve: Times::of(&taken),
         });
     }

@@ -89,16 +89,96 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
             )?,
         }
     }
+    let smoother = smoother(&solution, progress)?;
     let written: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
     let mut text = text(&solution);
+    text.push_str(&edge_text(&solution, &smoother));
     text.push_str(&format!("solved in {:.2} s\n", times.wall_ms / 1e3));
     if !written.is_empty() {
         text.push_str(&format!("wrote {}\n", written.join(", ")));
     }
     let mut json = json(&solution);
     json["outputs"] = json!(written);
+    let palette = &solution.palette;
+    json["edges"] = solution
+        .edges()
+        .iter()
+        .map(|edge| {
+            json!({
+                "material": palette.materials[edge.material].name,
+                "light": palette.lights[edge.light].name,
+                "below_410_nm": edge.shares[0],
+                "above_690_nm": edge.shares[1],
+            })
+        })
+        .collect();
+    json["smoother"] = smoother
+        .iter()
+        .map(|one| {
+            json!({
+                "smoothness": one.smoothness, "worst": one.worst, "edge": one.edge,
+            })
+        })
+        .collect();
     json["times"] = json!({ "solve": times });
     Ok(Report { text, json })
+}
+
+/// Result of a palette with a larger smoothness.
+struct Smoother {
+    smoothness: f64,
+    /// Largest ΔE00.
+    worst: f64,
+    /// Largest share of a colour from the ends of the visible range; 0 below the share that is reported.
+    edge: f64,
+}
+
+/// Largest share of a colour from the ends of the visible range.
+fn largest_edge(solution: &Solution) -> f64 {
+    solution.edges().iter().map(|edge| edge.shares[0] + edge.shares[1]).fold(0.0, f64::max)
+}
+
+/// Solves the palette with larger smoothness, if its colours lean on the ends of the visible range.
+fn smoother(solution: &Solution, progress: &dyn Progress) -> Result<Vec<Smoother>, CliError> {
+    const SMOOTHNESSES: [f64; 3] = [1e-3, 1e-2, 1e-1];
+    if solution.edges().is_empty() {
+        return Ok(Vec::new());
+    }
+    let solved = |smoothness: f64| {
+        let mut palette = solution.palette.clone();
+        for member in palette.materials.iter_mut().chain(&mut palette.lights) {
+            member.smoothness = member.smoothness.max(smoothness);
+        }
+        let solution = palette::solve(&palette, progress)?;
+        Ok(Smoother { smoothness, worst: solution.worst(), edge: largest_edge(&solution) })
+    };
+    SMOOTHNESSES.into_iter().map(solved).collect()
+}
+
+/// Says which colours lean on the ends of the visible range, and what smoother spectra cost.
+fn edge_text(solution: &Solution, smoother: &[Smoother]) -> String {
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let mut text = String::new();
+    for edge in solution.edges() {
+        text.push_str(&format!(
+            "{} under {} leans on the edge of the visible range: {} of its colour comes from below 410 nm, {} from above 690 nm.\n",
+            solution.palette.materials[edge.material].name,
+            solution.palette.lights[edge.light].name,
+            percent(edge.shares[0]),
+            percent(edge.shares[1])
+        ));
+    }
+    if !smoother.is_empty() {
+        text.push_str("Smoother spectra, with this `smoothness` for every open one:\n");
+    }
+    for one in smoother {
+        let edge = if one.edge > 0.0 { format!("up to {}", percent(one.edge)) } else { "below 25 %".to_owned() };
+        text.push_str(&format!(
+            "  smoothness = {}: largest ΔE00 {:.3}; from the edge {edge}\n",
+            one.smoothness, one.worst
+        ));
+    }
+    text
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), CliError> {

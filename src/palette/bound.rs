@@ -10,7 +10,7 @@ use std::fmt;
 use glam::DVec3;
 
 use super::program::Program;
-use super::step::{Seen, Spectra, alike, connected, equal_energy, form, light, reflectance};
+use super::step::{Seen, Spectra, alike, connected, equal_energy, form, light, of_unit_luminance, reflectance};
 use super::{Cell, LAMP, Member, Palette, PaletteError, Place, Target};
 use crate::number::readable;
 use crate::progress::Progress;
@@ -96,6 +96,35 @@ pub(super) fn conflicts(
     Ok(conflicts)
 }
 
+/// Solution of the relaxation of some cells.
+pub(super) struct Relaxation {
+    /// Lower bound of the sum of the squared ΔE00, linearised at the targets and weighted.
+    pub(super) squares: f64,
+    /// Sum of the squared weights of the cells.
+    weights: f64,
+    /// Relaxed light of each open column, of luminance 1.
+    pub(super) lights: Vec<Option<Spectrum>>,
+}
+
+/// Relaxes the whole palette; `spectra` fix the metric of relations.
+pub(super) fn relaxed(
+    palette: &Palette,
+    spectra: &Spectra,
+    progress: &dyn Progress,
+) -> Result<Relaxation, PaletteError> {
+    let relaxed = Relaxed { spectra, progress };
+    let mut whole = Relaxation { squares: 0.0, weights: 0.0, lights: vec![None; palette.lights.len()] };
+    for part in parts(palette) {
+        let part = relaxed.part(palette, &part)?;
+        whole.squares += part.squares;
+        whole.weights += part.weights;
+        for (light, found) in whole.lights.iter_mut().zip(part.lights) {
+            *light = found.or_else(|| light.take());
+        }
+    }
+    Ok(whole)
+}
+
 /// Groups the cells by the unknown spectra that couple them. Leaves out cells whose spectra are all given: their ΔE00
 /// is fixed.
 fn parts(palette: &Palette) -> Vec<Vec<Cell>> {
@@ -140,6 +169,12 @@ struct Relaxed<'a> {
 impl Relaxed<'_> {
     /// Returns a lower bound of the root mean square ΔE00 of `cells`.
     fn least(&self, palette: &Palette, cells: &[Cell]) -> Result<f64, PaletteError> {
+        let Relaxation { squares, weights, .. } = self.part(palette, cells)?;
+        Ok(if weights > 0.0 { (squares / weights).sqrt() } else { 0.0 })
+    }
+
+    /// Solves the relaxation of `cells`.
+    fn part(&self, palette: &Palette, cells: &[Cell]) -> Result<Relaxation, PaletteError> {
         if self.progress.cancelled() {
             return Err(PaletteError::Cancelled);
         }
@@ -193,8 +228,16 @@ impl Relaxed<'_> {
                 _ => alike(&mut program, form, one, &two),
             }
         }
-        let least = fixed + program.solve().map_or(0.0, |answer| answer.least);
-        Ok(if weights > 0.0 { (least / weights).sqrt() } else { 0.0 })
+        let answer = program.solve();
+        let light = |(member, first): (&Member, Option<usize>)| {
+            let unknowns = answer.as_ref()?.unknowns.get(first?..)?.first_chunk()?;
+            of_unit_luminance(*unknowns, member.bounds[0])
+        };
+        Ok(Relaxation {
+            squares: fixed + answer.as_ref().map_or(0.0, |answer| answer.least),
+            weights,
+            lights: palette.lights.iter().zip(columns).map(light).collect(),
+        })
     }
 
     fn is_possible(&self, palette: &Palette, cells: &[Cell]) -> Result<bool, PaletteError> {

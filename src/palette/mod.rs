@@ -6,6 +6,7 @@
 mod bound;
 mod contrast;
 mod drawing;
+mod edge;
 mod error;
 mod file;
 mod program;
@@ -19,6 +20,7 @@ use std::path::PathBuf;
 
 pub use bound::{Conflict, WayOut};
 pub use contrast::Contrast;
+pub use edge::Edge;
 pub use error::PaletteError;
 pub(crate) use file::{Misplaced, PaletteFile};
 pub use file::{load, of_scene, parse};

@@ -6,39 +6,65 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::solution::difference;
-use super::start::starts;
+use super::start::{further_starts, starts};
 use super::step::{Shown, Side, Spectra, form, groups, of_unit_luminance, solved};
-use super::{Cell, Member, ModelTerm, Palette, PaletteError, Place, Solution, Target, bound};
+use super::{Cell, LAMP, Member, ModelTerm, NATURAL, Palette, PaletteError, Place, Solution, Target, bound};
 use crate::model::{self, ColourModel, Ingredients, ModelKind, Reconstruction};
 use crate::progress::Progress;
 use crate::spectrum::colour::Xyz;
 use crate::spectrum::{Kind, Light, Spectrum, standard};
 
-/// Largest number of alternations between rows and columns.
-const ALTERNATIONS: u64 = 60;
-/// Number of alternations before the starts are compared and only the best continue.
-const TRIAL: u64 = 8;
-/// Number of starts that continue.
-const FINALISTS: usize = 2;
-/// Smallest relative gain of the objective for which a start continues.
-const LEAST_GAIN: f64 = 1e-4;
+/// How far a set of starts is followed.
+struct Effort {
+    /// Progress stage.
+    stage: &'static str,
+    /// Alternations of each start in a round, and the number of starts that continue after it.
+    rounds: &'static [(u64, usize)],
+    /// Smallest relative gain of the objective for which a start continues.
+    least_gain: f64,
+    /// Whether an extrapolation that went too far is shortened before it is given up.
+    shortens: bool,
+}
+
+/// Effort for the starts that every palette has.
+const FIRST: Effort =
+    Effort { stage: "designing spectra", rounds: &[(8, 2), (52, 2)], least_gain: 1e-4, shortens: false };
+/// Effort for the further starts of a palette that misses its targets. Near-black cells gain little with each
+/// alternation, for a long time.
+const FURTHER: Effort = Effort {
+    stage: "designing spectra from further starts",
+    rounds: &[(3, 5), (5, 3), (100, 3)],
+    least_gain: 1e-5,
+    shortens: true,
+};
 /// ΔE00 below which no cell needs better spectra.
 const EXACT: f64 = 1e-3;
 /// ΔE00 of the worst cell at which later starts are abandoned.
 const GOOD: f64 = 0.02;
+/// ΔE00 of the worst cell up to which the first starts suffice: a tenth of a just noticeable difference.
+const INVISIBLE: f64 = 0.1;
+/// Largest ΔE00 of the further starts, relative to that of the first starts, that counts as an improvement. Smaller gains
+/// would change solved palettes without a visible effect.
+const IMPROVED: f64 = 0.98;
+/// Share of the objective that its proven lower bound has when the first starts suffice: root mean squares within 10 %.
+const PROVEN: f64 = 0.81;
 /// Initial extrapolation of the lights beyond an alternation, relative to their change.
 const STRIDE: f64 = 0.5;
 /// Growth factor of the extrapolation after each improving alternation.
 const LENGTHENED: f64 = 1.6;
+/// Bounds of a light in the narrowest search, in multiples of its mean.
+const BROAD: [f64; 2] = [0.0, 3.0];
+/// Factor of an extrapolation that went too far.
+const SHORTENED: f64 = 0.25;
 /// Largest number of alternations of a start without improvement.
 const SETBACKS: u64 = 8;
-const STAGE: &str = "designing spectra";
 
 /// Finds the open spectra of a palette, and reports the differences from the target colours.
 ///
 /// Rows and columns alternate: with fixed lights, the reflectances are the solution of a convex quadratic program in
-/// ΔE00, and vice versa. Of several starts, the one with the smallest maximum ΔE00 is kept. Equal palettes have equal
-/// solutions, for any number of threads and any order of rows and columns.
+/// ΔE00, and vice versa. Of several starts, the one with the smallest maximum ΔE00 is kept. A palette that misses its
+/// targets has further starts (docs/theory/palettes.md). Equal palettes have equal solutions, for any number of threads
+/// and any order of rows and columns.
 ///
 /// # Errors
 ///
@@ -50,16 +76,8 @@ pub fn solve(palette: &Palette, progress: &dyn Progress) -> Result<Solution, Pal
     let order = ByName::new(palette);
     let sorted = order.sorted(palette);
     let model = sorted.model.as_ref().map(|term| fitted(&sorted, term, progress)).transpose()?;
-    let search = Search {
-        palette: &sorted,
-        model: sorted.model.zip(model.as_ref().map(|model| (model, model.reconstruction()))),
-        materials: groups(&sorted, Side::Materials),
-        lights: groups(&sorted, Side::Lights),
-        settled: AtomicUsize::new(usize::MAX),
-        done: AtomicU64::new(0),
-        progress,
-    };
-    let spectra = search.best()?;
+    let search = Search::new(&sorted, model.as_ref(), progress);
+    let spectra = search.best()?.spectra;
     let shown = search.shown(&spectra);
     let shown = |place: Place| {
         let place = order.place(place);
@@ -139,6 +157,24 @@ impl ByName {
     }
 }
 
+/// Returns the palette with narrower bounds of its open spectra, whose solution is a start for the palette: the default
+/// bounds if some exceed them, else the bounds of a broad light. `None` if all bounds are narrow already.
+fn narrower(palette: &Palette) -> Option<Palette> {
+    let within = |natural: [f64; 2], lamp: [f64; 2]| {
+        let mut narrower = palette.clone();
+        for (members, [least, most]) in [(&mut narrower.materials, natural), (&mut narrower.lights, lamp)] {
+            for member in members.iter_mut().filter(|member| member.spectrum.is_none()) {
+                let bounds = [member.bounds[0].max(least), member.bounds[1].min(most)];
+                if bounds[0] < bounds[1] {
+                    member.bounds = bounds;
+                }
+            }
+        }
+        (narrower != *palette).then_some(narrower)
+    };
+    within(NATURAL, LAMP).or_else(|| within(NATURAL, BROAD))
+}
+
 /// Spectra with the errors of their colours.
 #[derive(Clone)]
 struct Found {
@@ -154,6 +190,8 @@ struct Run {
     /// Index among all starts, from 0.
     index: usize,
     best: Found,
+    /// The best spectra before those.
+    before: Spectra,
     /// Input of the next alternation: the best spectra, or an extrapolation beyond them.
     next: Spectra,
     stride: f64,
@@ -174,27 +212,77 @@ struct Search<'a> {
     progress: &'a dyn Progress,
 }
 
-impl Search<'_> {
+/// Start of the search.
+enum Start {
+    /// Spectra to alternate from.
+    Rough(Spectra),
+    /// Solution of another search, which a result must not be worse than.
+    Solved(Found),
+}
+
+impl<'a> Search<'a> {
+    fn new(palette: &'a Palette, model: Option<&'a ColourModel>, progress: &'a dyn Progress) -> Self {
+        Self {
+            palette,
+            model: palette.model.zip(model.map(|model| (model, model.reconstruction()))),
+            materials: groups(palette, Side::Materials),
+            lights: groups(palette, Side::Lights),
+            settled: AtomicUsize::new(usize::MAX),
+            done: AtomicU64::new(0),
+            progress,
+        }
+    }
+
     /// Returns the spectra with the smallest maximum ΔE00 of all starts.
-    fn best(&self) -> Result<Spectra, PaletteError> {
-        let mut runs: Vec<Run> = starts(self.palette)
-            .into_iter()
-            .enumerate()
-            .map(|(index, start)| Run {
-                index,
-                best: Found { spectra: start.clone(), squares: f64::INFINITY, worst: f64::INFINITY },
-                next: start,
-                stride: 0.0,
-                setbacks: 0,
-                ended: false,
-            })
-            .collect();
-        let finalists = if self.model.is_some() { runs.len() } else { runs.len().min(FINALISTS) };
-        let finalists = u64::try_from(finalists).unwrap_or(1);
-        let trials = TRIAL * u64::try_from(runs.len()).unwrap_or(1);
-        let total = trials + (ALTERNATIONS - TRIAL) * finalists;
-        for alternations in [TRIAL, ALTERNATIONS - TRIAL] {
-            let going = runs.into_par_iter().map(|run| self.advanced(run, alternations, total));
+    fn best(&self) -> Result<Found, PaletteError> {
+        let first = self.searched(starts(self.palette).into_iter().map(Start::Rough).collect(), &FIRST)?;
+        // The relaxation knows no model, and with one every start is followed to its end.
+        if first.worst <= INVISIBLE || self.lights.is_empty() || self.model.is_some() {
+            return Ok(first);
+        }
+        let relaxed = bound::relaxed(self.palette, &first.spectra, self.progress)?;
+        if relaxed.squares >= PROVEN * first.squares {
+            return Ok(first);
+        }
+        let rough = further_starts(self.palette, &relaxed.lights);
+        let mut further: Vec<Start> = rough.into_iter().map(Start::Rough).collect();
+        further.push(Start::Solved(first.clone()));
+        let narrow =
+            narrower(self.palette).map(|narrower| Search::new(&narrower, None, self.progress).best()).transpose()?;
+        further.extend(narrow.clone().map(Start::Solved));
+        let found = self.searched(further, &FURTHER)?;
+        let further =
+            narrow.into_iter().fold(found, |best, narrow| if narrow.worst < best.worst { narrow } else { best });
+        Ok(if further.worst <= IMPROVED * first.worst { further } else { first })
+    }
+
+    /// Returns the result with the smallest maximum ΔE00 of `starts`.
+    fn searched(&self, starts: Vec<Start>, effort: &Effort) -> Result<Found, PaletteError> {
+        self.settled.store(usize::MAX, Ordering::Relaxed);
+        self.done.store(0, Ordering::Relaxed);
+        let run = |(index, start)| {
+            let (next, best) = match start {
+                Start::Rough(spectra) => {
+                    let best = Found { spectra: spectra.clone(), squares: f64::INFINITY, worst: f64::INFINITY };
+                    (spectra, best)
+                }
+                Start::Solved(found) => (found.spectra.clone(), found),
+            };
+            Run { index, before: best.spectra.clone(), best, next, stride: 0.0, setbacks: 0, ended: false }
+        };
+        let mut runs: Vec<Run> = starts.into_iter().enumerate().map(run).collect();
+        // With a model, the early order of the starts says little about their final order.
+        let left = |most: usize| if self.model.is_some() { most.max(runs.len()) } else { most };
+        let mut going = runs.len();
+        let mut total = 0;
+        for &(alternations, most) in effort.rounds {
+            total += alternations * u64::try_from(going).unwrap_or(1);
+            going = going.min(left(most));
+        }
+        let rounds: Vec<(u64, usize)> =
+            effort.rounds.iter().map(|&(alternations, most)| (alternations, left(most))).collect();
+        for (alternations, most) in rounds {
+            let going = runs.into_par_iter().map(|run| self.advanced(run, alternations, total, effort));
             runs = going.collect::<Result<_, _>>()?;
             // The state of a later start depends on when it was stopped, and thus on the threads.
             let settled = self.settled.load(Ordering::Relaxed);
@@ -203,16 +291,15 @@ impl Search<'_> {
                 runs.retain(|run| run.best.worst <= GOOD);
             }
             runs.sort_by(|one, two| one.best.squares.total_cmp(&two.best.squares));
-            // With a model, the early order of the starts says little about their final order.
-            runs.truncate(if self.model.is_some() { runs.len() } else { FINALISTS });
+            runs.truncate(most);
         }
-        self.progress.report(STAGE, total, total);
+        self.progress.report(effort.stage, total, total);
         let best = runs.into_iter().min_by(|one, two| one.best.worst.total_cmp(&two.best.worst));
-        best.map(|run| run.best.spectra).ok_or(PaletteError::Cancelled)
+        best.map(|run| run.best).ok_or(PaletteError::Cancelled)
     }
 
     /// Runs up to `alternations` more alternations.
-    fn advanced(&self, mut run: Run, alternations: u64, total: u64) -> Result<Run, PaletteError> {
+    fn advanced(&self, mut run: Run, alternations: u64, total: u64, effort: &Effort) -> Result<Run, PaletteError> {
         for _ in 0..alternations {
             if self.progress.cancelled() {
                 return Err(PaletteError::Cancelled);
@@ -221,16 +308,20 @@ impl Search<'_> {
                 break;
             }
             let found = self.alternated(&run.next);
-            self.progress.report(STAGE, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
+            self.progress.report(effort.stage, self.done.fetch_add(1, Ordering::Relaxed) + 1, total);
             // Without open lights nothing alternates: the reflectances only settle.
             let settles = self.lights.is_empty();
             let is_first = run.best.squares.is_infinite();
             let gain = run.best.squares - found.squares;
             if settles || gain > 0.0 {
-                run.ended = found.worst <= EXACT || !is_first && gain.abs() <= LEAST_GAIN * run.best.squares;
+                run.ended = found.worst <= EXACT || !is_first && gain.abs() <= effort.least_gain * run.best.squares;
                 run.stride = if is_first || settles { 0.0 } else { f64::max(STRIDE, LENGTHENED * run.stride) };
                 run.next = self.beyond(&run.best.spectra, &found.spectra, run.stride);
+                run.before = run.best.spectra;
                 run.best = found;
+            } else if effort.shortens && run.stride > 1.0 {
+                run.stride *= SHORTENED;
+                run.next = self.beyond(&run.before, &run.best.spectra, run.stride);
             } else if run.stride > 0.0 {
                 // The extrapolation went too far.
                 run.stride = 0.0;
@@ -277,11 +368,16 @@ impl Search<'_> {
         beyond
     }
 
-    /// Returns the objective over all cells, and the largest weighted ΔE00.
+    /// Returns the objective, and the largest weighted ΔE00, over the cells with an open spectrum. Other cells are fixed:
+    /// a target missed there must not hide the others.
     fn differences(&self, spectra: &Spectra, shown: Option<&Shown>) -> (f64, f64) {
         let colour = |place: Place| Xyz(spectra.xyz(place).to_array());
         let (mut squares, mut worst) = (0.0, 0.0);
-        for cell in &self.palette.cells {
+        let is_open = |place: Place| {
+            self.palette.materials[place.material].spectrum.is_none()
+                || self.palette.lights[place.light].spectrum.is_none()
+        };
+        for cell in self.palette.cells.iter().filter(|cell| Place::both(cell).any(is_open)) {
             let place = Place::of(cell);
             let seen = colour(place);
             let form = form(cell, |place| spectra.xyz(place));

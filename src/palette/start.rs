@@ -15,6 +15,14 @@ const WIDTHS: [f64; 3] = [8.0, 10.0, 13.0];
 const GREY: f64 = 0.3;
 /// Range of the comb teeth in nm.
 const TEETH: [f64; 2] = [425.0, 655.0];
+/// Wavelengths in nm below and above which the observer sees little.
+const ENDS: [f64; 2] = [400.0, 720.0];
+/// Luminance of a peaked start at the short end: about the share of blue in white.
+const VIOLET: f64 = 0.005;
+/// Luminance of a peaked start at the long end.
+const RED: f64 = 0.15;
+/// Peaks of the peaked starts in nm.
+const PEAKS: [f64; 12] = [440.0, 460.0, 480.0, 500.0, 520.0, 540.0, 560.0, 580.0, 600.0, 620.0, 640.0, 660.0];
 /// Relative singular value below which the pseudo-inverse drops a direction.
 const WEAKEST: f64 = 1e-4;
 
@@ -46,6 +54,44 @@ pub(super) fn starts(palette: &Palette) -> Vec<Spectra> {
     let shuffled: Vec<Spectrum> = open.iter().map(|_| random_comb(&mut random)).collect();
     starts.push(with(&|light| shuffled[light].clone()));
     starts
+}
+
+/// Returns starts for a palette that misses its targets: the lights of its convex relaxation, and lights that combine the
+/// ends of the visible range with one peak.
+///
+/// A surface is nearly black under a given light if it reflects only the ends of the range and one narrow band. Its
+/// colour under an open light then needs a light of great power there, which the combs do not have.
+pub(super) fn further_starts(palette: &Palette, relaxed: &[Option<Spectrum>]) -> Vec<Spectra> {
+    let materials: Vec<Spectrum> =
+        palette.materials.iter().map(|row| row.spectrum.clone().unwrap_or(Spectrum::constant(GREY))).collect();
+    let open = palette.lights.iter().filter(|light| light.spectrum.is_none()).count();
+    let with = |open_light: &dyn Fn(usize, usize) -> Spectrum| {
+        let mut position = 0;
+        let lights = palette.lights.iter().enumerate().map(|(light, member)| {
+            member.spectrum.clone().unwrap_or_else(|| {
+                position += 1;
+                open_light(light, position - 1)
+            })
+        });
+        Spectra { lights: lights.collect(), materials: materials.clone() }
+    };
+    // The peaks of several open lights are spread over the range.
+    let peaked = |start: usize| {
+        with(&|_, position| ends_and_peak(PEAKS[(start + position * PEAKS.len() / open.max(1)) % PEAKS.len()]))
+    };
+    let relaxed_light = |light: usize| relaxed.get(light).cloned().flatten();
+    let mut starts =
+        vec![with(&|light, position| relaxed_light(light).unwrap_or_else(|| comb(position, open, WIDTHS[0])))];
+    starts.extend((0..PEAKS.len()).map(peaked));
+    starts
+}
+
+/// Light of luminance 1 at the ends of the visible range and around `peak`, in nm.
+fn ends_and_peak(peak: f64) -> Spectrum {
+    let share = |spectrum: Spectrum, share: f64| spectrum.scaled(share / OBSERVER[1].dot(&spectrum));
+    let violet = share(Spectrum::from_fn(|nm| if nm <= ENDS[0] { 1.0 } else { 0.0 }), VIOLET);
+    let red = share(Spectrum::from_fn(|nm| if nm >= ENDS[1] { 1.0 } else { 0.0 }), RED);
+    &(&violet + &red) + &bells(&[peak], WIDTHS[0]).scaled(1.0 - VIOLET - RED)
 }
 
 /// Comb of three of 3·`of` bell curves over the visible range: every `of`-th from number `tooth`. Gives each of `of`
