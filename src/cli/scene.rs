@@ -58,7 +58,7 @@ impl DefineArgs {
 }
 
 /// Heading in `--help`.
-const SEVERAL: &str = "Volumes with several components, time steps or arrays";
+const SEVERAL: &str = "Volumes with several components, time steps or arrays, or with leaning axes";
 
 /// Choice of one volume from a file with several.
 #[derive(Debug, Args)]
@@ -72,11 +72,21 @@ pub(crate) struct SelectionArgs {
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
     array: Option<String>,
+    /// Resample a volume whose axes are not orthogonal to a straight grid: trilinear, labels by the nearest voxel.
+    /// Without this, such a volume is refused.
+    #[arg(long, help_heading = SEVERAL)]
+    resample: bool,
 }
 
 impl SelectionArgs {
     pub(crate) fn selection(&self) -> Selection {
-        Selection { component: self.component, time: self.time, array: self.array.clone(), asks: false }
+        Selection {
+            component: self.component,
+            time: self.time,
+            array: self.array.clone(),
+            asks: false,
+            resample: self.resample,
+        }
     }
 }
 

@@ -562,7 +562,7 @@ impl Viewer {
             stopped: self.lost.stopped,
             chooses: self.chooser.is_open(),
             closes: std::mem::take(&mut self.to_close),
-            several: self.selection != Selection::default(),
+            several: Selection { resample: false, ..self.selection.clone() } != Selection::default(),
             tour: self.tour.as_ref(),
             panels: self.panels.unwrap_or(wide),
             effort,

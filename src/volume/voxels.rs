@@ -103,6 +103,9 @@ pub trait Voxel: bytemuck::Pod + PartialOrd + Send + Sync + fmt::Debug {
     /// The exact value of an integer type; `None` for float types.
     fn to_whole(self) -> Option<i128>;
 
+    /// The stored number nearest to `value`; integers round half up, and saturate.
+    fn nearest(value: f64) -> Self;
+
     /// The value with its bytes reversed.
     #[must_use]
     fn with_bytes_swapped(self) -> Self;
@@ -129,6 +132,11 @@ macro_rules! integer_voxel {
 
             fn to_whole(self) -> Option<i128> {
                 Some(i128::from(self))
+            }
+
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, as documented")]
+            fn nearest(value: f64) -> Self {
+                (value + 0.5).floor() as Self
             }
 
             fn with_bytes_swapped(self) -> Self {
@@ -181,6 +189,11 @@ macro_rules! float_voxel {
 
             fn to_whole(self) -> Option<i128> {
                 None
+            }
+
+            #[allow(clippy::cast_possible_truncation, trivial_numeric_casts, reason = "rounds to the stored type")]
+            fn nearest(value: f64) -> Self {
+                value as Self
             }
 
             fn with_bytes_swapped(self) -> Self {

@@ -188,7 +188,7 @@ impl Place {
     /// Returns the number of voxel bytes.
     fn volume(&self) -> Option<usize> {
         let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
-        let first = Selection { component: Some(0), time: Some(0), array: None, asks: false };
+        let first = Selection { component: Some(0), time: Some(0), array: None, asks: false, resample: false };
         let opened = match open(&Selection::default()) {
             Err(VolumeError::Choose { .. }) => open(&first),
             opened => opened,
