@@ -291,7 +291,7 @@ impl<'a> Header<'a> {
             }
         };
         let byte_order = if big { ByteOrder::Big } else { ByteOrder::Little };
-        Ok(Data { files: self.files(file, local, &all)?, start, encoding, voxel_type, byte_order, picks })
+        Ok(Data { files: self.files(file, local, &all)?, start, encoding, voxel_type, byte_order, picks, alone: true })
     }
 
     /// Returns the files of voxels that `ElementDataFile` names. The first of `all_axes` is the components.

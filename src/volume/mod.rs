@@ -1,13 +1,16 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
+mod binary;
 mod data;
 mod error;
 mod fields;
 mod foreign;
 mod geometry;
 mod metaimage;
+mod mrc;
 mod nifti;
 mod nrrd;
+mod numpy;
 mod open;
 mod pattern;
 pub mod phantom;
@@ -20,6 +23,7 @@ mod statistics;
 mod stream;
 mod voxels;
 mod vti;
+mod vtk;
 
 pub use error::VolumeError;
 pub use geometry::{Geometry, Unit};

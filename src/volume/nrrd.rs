@@ -446,7 +446,7 @@ impl<'a> Header<'a> {
             Some(field) => self.files(field, lengths)?,
         };
         let start = Start { at: self.fields.find(&key::FILE).map_or(self.bytes, |_| 0), lines, skip };
-        Ok(Data { files, start, encoding, voxel_type, byte_order, picks })
+        Ok(Data { files, start, encoding, voxel_type, byte_order, picks, alone: true })
     }
 
     /// Returns the files that `data file` names: one file, `LIST [axes]`, or `pattern first last step [axes]`.

@@ -4,7 +4,8 @@ use std::io::Read;
 use std::path::Path;
 
 use super::{
-    PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nifti, nrrd, raw, stream, vti,
+    PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, mrc, nifti, nrrd, numpy, raw, stream,
+    vti, vtk,
 };
 use crate::progress::Progress;
 
@@ -29,7 +30,7 @@ impl Format {
 }
 
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 6] = [
+const FORMATS: [Format; 10] = [
     Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
     Format {
         name: "NIfTI and Analyze",
@@ -38,6 +39,20 @@ const FORMATS: [Format; 6] = [
         read: nifti::read,
     },
     Format { name: "NRRD", extensions: &["nrrd", "nhdr"], recognises: nrrd::recognises, read: nrrd::read },
+    Format {
+        name: "MRC and CCP4",
+        extensions: &["mrc", "mrc.gz", "ccp4", "ccp4.gz", "map", "map.gz", "rec"],
+        recognises: mrc::recognises,
+        read: mrc::read,
+    },
+    Format { name: "NumPy array", extensions: &["npy"], recognises: numpy::recognises, read: numpy::read },
+    Format {
+        name: "NumPy archive",
+        extensions: &["npz"],
+        recognises: numpy::recognises_archive,
+        read: numpy::read_archive,
+    },
+    Format { name: "VTK legacy", extensions: &["vtk"], recognises: vtk::recognises, read: vtk::read },
     Format { name: "VTK XML image data", extensions: &["vti"], recognises: vti::recognises, read: vti::read },
     Format {
         name: "raw with a sidecar",

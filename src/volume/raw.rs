@@ -247,6 +247,7 @@ pub(super) fn read(
         voxel_type: layout.voxel_type,
         byte_order: layout.byte_order,
         picks: Vec::new(),
+        alone: true,
     };
     let mut notes = Vec::new();
     let voxels = data.read(progress, &mut notes)?;

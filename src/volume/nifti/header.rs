@@ -1,6 +1,7 @@
 //! The fixed header of NIfTI-1, NIfTI-2 and Analyze 7.5: numbers as stored.
 
 use crate::volume::ByteOrder;
+use crate::volume::binary::Numbers;
 
 /// Bytes of the header of NIfTI-1 and Analyze, and of NIfTI-2.
 pub(super) const SIZES: [usize; 2] = [348, 540];
@@ -97,7 +98,7 @@ impl Header {
             quaternion: [0.0; 3],
             offset: [0.0; 3],
             rows: [[0.0; 4]; 3],
-            texts: numbers.texts(&[("descrip", 148, 80), ("aux_file", 228, 24), ("vox_units", 56, 4)]),
+            texts: texts(numbers, &[("descrip", 148, 80), ("aux_file", 228, 24), ("vox_units", 56, 4)]),
         }
     }
 
@@ -112,7 +113,7 @@ impl Header {
             quaternion: std::array::from_fn(|i| numbers.f32(256 + 4 * i)),
             offset: std::array::from_fn(|i| numbers.f32(268 + 4 * i)),
             rows: std::array::from_fn(|row| std::array::from_fn(|i| numbers.f32(280 + 16 * row + 4 * i))),
-            texts: numbers.texts(&[("descrip", 148, 80), ("aux_file", 228, 24), ("intent_name", 328, 16)]),
+            texts: texts(numbers, &[("descrip", 148, 80), ("aux_file", 228, 24), ("intent_name", 328, 16)]),
             ..Self::analyze(kind, numbers)
         }
     }
@@ -138,59 +139,12 @@ impl Header {
             quaternion: std::array::from_fn(|i| numbers.f64(352 + 8 * i)),
             offset: std::array::from_fn(|i| numbers.f64(376 + 8 * i)),
             rows: std::array::from_fn(|row| std::array::from_fn(|i| numbers.f64(400 + 32 * row + 8 * i))),
-            texts: numbers.texts(&[("descrip", 240, 80), ("aux_file", 320, 24), ("intent_name", 508, 16)]),
+            texts: texts(numbers, &[("descrip", 240, 80), ("aux_file", 320, 24), ("intent_name", 508, 16)]),
         }
     }
 }
 
-/// Numbers at byte offsets; beyond the end they are 0.
-struct Numbers<'a> {
-    bytes: &'a [u8],
-    byte_order: ByteOrder,
-}
-
-impl Numbers<'_> {
-    /// `N` bytes from offset `at` on, in little-endian order.
-    fn little<const N: usize>(&self, at: usize) -> [u8; N] {
-        let mut bytes = std::array::from_fn(|i| self.bytes.get(at + i).copied().unwrap_or(0));
-        if self.byte_order == ByteOrder::Big {
-            bytes.reverse();
-        }
-        bytes
-    }
-
-    fn u8(&self, at: usize) -> u8 {
-        u8::from_le_bytes(self.little(at))
-    }
-
-    fn i16(&self, at: usize) -> i16 {
-        i16::from_le_bytes(self.little(at))
-    }
-
-    fn i32(&self, at: usize) -> i32 {
-        i32::from_le_bytes(self.little(at))
-    }
-
-    fn i64(&self, at: usize) -> i64 {
-        i64::from_le_bytes(self.little(at))
-    }
-
-    fn f32(&self, at: usize) -> f64 {
-        f32::from_le_bytes(self.little(at)).into()
-    }
-
-    fn f64(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.little(at))
-    }
-
-    /// Texts of name, offset and length, as far as they are not empty.
-    fn texts(&self, places: &[(&str, usize, usize)]) -> Vec<(String, String)> {
-        let text = |&(name, at, length): &(&str, usize, usize)| {
-            let bytes = self.bytes.get(at..at + length)?;
-            let end = bytes.iter().position(|&byte| byte == 0).unwrap_or(length);
-            let text = String::from_utf8_lossy(&bytes[..end]).trim().to_owned();
-            (!text.is_empty()).then(|| (name.to_owned(), text))
-        };
-        places.iter().filter_map(text).collect()
-    }
+/// Texts of name, offset and length, as far as they are not empty.
+fn texts(numbers: &Numbers<'_>, places: &[(&str, usize, usize)]) -> Vec<(String, String)> {
+    places.iter().filter_map(|&(name, at, length)| Some((name.to_owned(), numbers.text(at, length)?))).collect()
 }

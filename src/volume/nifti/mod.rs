@@ -7,9 +7,9 @@ mod header;
 
 use std::path::{Path, PathBuf};
 
-use flate2::bufread::MultiGzDecoder;
 use glam::{DMat3, DVec3};
 
+use super::binary;
 use super::data::{self, Data, DataFile};
 use super::geometry::{Lattice, Unit};
 use super::resample::Grid;
@@ -19,22 +19,9 @@ use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign, open};
 use crate::progress::Progress;
 use header::{Header, Kind, SIZES, Version};
 
-/// Unwanted bytes before the voxels that are inflated at most; extensions are not longer.
-const LONGEST_EXTENSIONS: u64 = 64 << 20;
-
-/// The first bytes of gzip.
-const GZIP: [u8; 2] = [0x1f, 0x8b];
-
 /// Whether the first bytes of a file, perhaps compressed by gzip, identify a NIfTI or Analyze header.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
-    if !beginning.starts_with(&GZIP) {
-        return Kind::of(beginning).is_some();
-    }
-    let mut inside = vec![0; SIZES[1]];
-    let mut stream = MultiGzDecoder::new(beginning);
-    // The compressed stream is cut, so a later error means nothing.
-    let length = stream::read_fully(&mut stream, &mut inside).unwrap_or(0);
-    Kind::of(&inside[..length]).is_some()
+    Kind::of(&binary::inside(beginning, SIZES[1])).is_some()
 }
 
 /// Reads a NIfTI or Analyze file, or the pair of which `path` is one file.
@@ -45,7 +32,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         ("img", Some(header)) => header,
         _ => path.to_owned(),
     };
-    let (bytes, encoding) = beginning(&header_path)?;
+    let (bytes, encoding) = binary::beginning(&header_path, SIZES[1])?;
     let Some(header) = Header::of(&bytes) else {
         if ending(path) != "nii" || foreign::is_known(&bytes) {
             return open::by_content(path, selection, progress);
@@ -60,21 +47,6 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     };
     let encoding = if header.kind.is_pair { encoding_of_image(&image)? } else { encoding };
     Reading { header, path: &header_path, image, encoding }.volume(selection, progress)
-}
-
-/// First bytes of a header, decompressed, and their encoding.
-fn beginning(path: &Path) -> Result<(Vec<u8>, Encoding), VolumeError> {
-    let mut mark = [0; 2];
-    stream::read_fully(&mut stream::open(path)?, &mut mark).map_err(|source| stream::failed(path, source))?;
-    let encoding = if mark == GZIP { Encoding::Gzip } else { Encoding::Raw };
-    let mut bytes = vec![0; SIZES[1]];
-    let mut stream = stream::decoded(path, 0, encoding)?;
-    let length = stream::read_fully(&mut stream, &mut bytes).map_err(|source| match encoding.name() {
-        Some(encoding) => VolumeError::Inflate { path: path.to_owned(), encoding, decoded: 0, source },
-        None => stream::failed(path, source),
-    })?;
-    bytes.truncate(length);
-    Ok((bytes, encoding))
 }
 
 /// The encoding of the image of a pair. Voxels may begin with any bytes, so the name decides.
@@ -187,7 +159,7 @@ impl Reading<'_> {
         let start = self.start(count(numbers).saturating_mul(count(voxel_type.bytes())))?;
         let files = vec![DataFile { path: self.image.clone(), numbers }];
         let byte_order = header.kind.byte_order;
-        let data = Data { files, start, encoding: self.encoding, voxel_type, byte_order, picks };
+        let data = Data { files, start, encoding: self.encoding, voxel_type, byte_order, picks, alone: true };
         let voxels = data.read(progress, &mut notes)?;
         let mut volume = grid.volume(&source_name, voxels, header.intent_code == LABELS)?;
         volume.files = data.paths();
@@ -305,7 +277,7 @@ impl Reading<'_> {
                 let problem = format!("the voxels begin at byte {offset}, but the file has only {length} bytes");
                 return Err(self.wrong("vox_offset", problem));
             }
-        } else if offset > bytes.saturating_add(LONGEST_EXTENSIONS) {
+        } else if offset > bytes.saturating_add(data::MOST_SKIPPED) {
             let problem =
                 format!("{offset} bytes before {bytes} bytes of voxels are more than are skipped in a compressed file");
             return Err(self.wrong("vox_offset", problem));
