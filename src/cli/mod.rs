@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bench;
+mod convert;
 mod design;
 mod dial;
 mod extremes;
@@ -75,6 +76,8 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
+    /// Write a volume of any format as NRRD, MetaImage or NIfTI.
+    Convert(convert::Args),
     /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
     Measure(measure::Args),
     /// Measure marching, relighting, reading, colour models and palettes, as a table or as JSON.
@@ -166,6 +169,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
+        Command::Convert(args) => convert::run(args, &terminal),
         Command::Measure(args) => {
             terminal.wait_for_rows();
             measure::run(args, &terminal)

@@ -18,8 +18,8 @@ use super::accuracy::AccuracyArgs;
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md). Without one, the embedded scene.
     pub(crate) scene: Option<PathBuf>,
-    /// Show this volume in place of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or a .toml sidecar
-    /// of a .raw.
+    /// Show this volume in place of the scene's: any format that is read (docs/FORMATS.md), .raw (see below), or a .toml
+    /// sidecar of a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
     /// Label map on the volume's grid, in place of the scene's. The scene's [labels] define the appearance of labels.
