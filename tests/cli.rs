@@ -109,7 +109,7 @@ fn info_of_a_volume_has_the_promised_keys() {
     let json = folder.done(&["info", "ramp.mhd", "--json", "--voxel", "1,0,0", "--voxel", "3,1,1"]).json();
     let expected = serde_json::json!({
         "dims": [4, 2, 2], "type": "int16", "spacing": [1.0, 2.0, 3.0], "origin": [5.0, 6.0, 7.0], "components": 1,
-        "min": 0.0, "max": 15.0, "mean": 7.5,
+        "min": 0.0, "max": 15.0, "mean": 7.5, "unit": null, "has_labels": false, "windows": [], "labels": [],
         "voxels": [{"index": [1, 0, 0], "value": 1.0}, {"index": [3, 1, 1], "value": 15.0}],
     });
     for (key, value) in expected.as_object().unwrap() {

@@ -38,22 +38,15 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
 fn every_known_format_is_named_by_how_it_begins() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("file");
-    let nifti = [&348_i32.to_le_bytes()[..], &[0; 340], b"n+1\0", &[0; 4]].concat();
-    let files: [(&[u8], &str); 24] = [
+    let files: [(&[u8], &str); 18] = [
         (&at(128, b"DICM\x02\0\0\0UL"), "a DICOM file"),
         (b"\x08\0\x05\0CS\x0a\0ISO_IR 100", "a DICOM file"),
-        (&nifti, "a NIfTI file"),
-        (&gzip(&nifti), "a NIfTI file, compressed by gzip"),
-        (&[&[0, 0, 0x02, 0x1c], &b"n+2\0\r\n\x1a\n"[..]].concat(), "a NIfTI file"),
-        (&at(0, &348_i32.to_be_bytes()), "an Analyze header"),
+        (&gzip(&at(128, b"DICM\x02\0\0\0UL")), "a DICOM file, compressed by gzip"),
         (b"II*\0\x08\0\0\0", "a TIFF file"),
         (b"MM\0*\0\0\0\x08", "a TIFF file"),
         (b"II+\0\x08\0\0\0", "a TIFF file"),
-        (b"# vtk DataFile Version 3.0\n", "a VTK legacy file"),
         (b"\x89HDF\r\n\x1a\n", "an HDF5 file"),
         (b"CDF\x01", "a NetCDF file"),
-        (&at(208, b"MAP "), "an MRC file"),
-        (b"\x93NUMPY\x01\0", "a NumPy array"),
         (b"raw_image_stack_by_hpengL", "a Vaa3D raw file"),
         (b"v/1\x01\x02\0\0\0", "an OpenEXR picture"),
         (b"\x89PNG\r\n\x1a\n", "a PNG picture"),
@@ -78,15 +71,15 @@ fn every_known_format_is_named_by_how_it_begins() {
 #[test]
 fn a_name_that_promises_what_is_not_there_is_no_proof() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("file.nii");
+    let path = folder.path().join("file.dcm");
     for bytes in [&[][..], &[0; 400], b"words", &[0x1f, 0x8b, 8]] {
         std::fs::write(&path, bytes).unwrap();
         let said = refusal(&path);
-        assert!(!said.contains("this is a NIfTI"), "{said}");
+        assert!(!said.contains("this is a DICOM"), "{said}");
     }
     std::fs::write(&path, b"words").unwrap();
     let said = refusal(&path);
-    assert!(said.contains("unknown volume format") && said.contains("a NIfTI file"), "{said}");
+    assert!(said.contains("unknown volume format") && said.contains("a DICOM file"), "{said}");
     assert!(said.contains("text file"), "{said}");
     // Cut within a character, as the inspected start of a long file may be.
     std::fs::write(&path, "Übung".repeat(1000).as_bytes()).unwrap();
@@ -124,16 +117,14 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
         ("dcm", "a DICOM file"),
         ("tif", "a TIFF file"),
         ("tiff", "a TIFF file"),
-        ("vtk", "a VTK legacy file"),
-        ("nii", "NIfTI"),
+        ("nii", "sizeof_hdr"),
         ("json", "a JSON file"),
         ("zarr", "Zarr"),
         ("zraw", "zlib data"),
         ("plist", "an XML file"),
         ("v3draw", "Vaa3D"),
-        ("hdr", "a NIfTI file"),
         ("gz", "gzip"),
-        ("img", "DICOM"),
+        ("img", ""),
         ("nrrd", ""),
         ("nhdr", ""),
         ("mha", ""),
@@ -143,7 +134,11 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
     for path in below(&folder) {
         let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
         match volume::open(&path, &Selection::default(), &Quiet) {
-            Ok(_) => assert!(["nrrd", "nhdr", "mha", "mhd", "vti"].contains(&extension.as_str()), "{}", path.display()),
+            Ok(_) => {
+                let read =
+                    ["nrrd", "nhdr", "mha", "mhd", "vti", "nii", "hdr", "img", "gz", "vtk", "npy", "npz", "mrc", "map"];
+                assert!(read.contains(&extension.as_str()), "{}", path.display());
+            }
             Err(error) => {
                 let said = volumes::whole_message(&error);
                 assert!(!said.contains('\n'), "{said}");

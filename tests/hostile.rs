@@ -148,6 +148,31 @@ fn vtk_xml_of_anything_is_read_or_refused() {
 }
 
 #[test]
+fn a_nifti_file_of_anything_is_read_or_refused() {
+    withstands(Reader::Nifti, &seeds("hostile/nifti"), 8000);
+}
+
+#[test]
+fn an_mrc_file_of_anything_is_read_or_refused() {
+    withstands(Reader::Mrc, &seeds("hostile/mrc"), 8000);
+}
+
+#[test]
+fn a_numpy_array_of_anything_is_read_or_refused() {
+    withstands(Reader::Numpy, &seeds("hostile/numpy"), 8000);
+}
+
+#[test]
+fn a_numpy_archive_of_anything_is_read_or_refused() {
+    withstands(Reader::Archive, &seeds("hostile/archive"), 8000);
+}
+
+#[test]
+fn a_legacy_vtk_file_of_anything_is_read_or_refused() {
+    withstands(Reader::Vtk, &seeds("hostile/vtk"), 8000);
+}
+
+#[test]
 fn a_sidecar_of_anything_is_read_or_refused() {
     withstands(Reader::Sidecar, &seeds("hostile/sidecar"), 8000);
 }
@@ -260,6 +285,7 @@ fn long_files_of_many_small_things_take_little_memory_and_time() {
     let nrrd = "NRRD0004\ntype: uchar\ndimension: 2\nsizes: 1 900000\nencoding: raw\n";
     let vti =
         "<VTKFile type=\"ImageData\"><ImageData WholeExtent=\"0 1 0 1 0 1\"><Piece Extent=\"0 1 0 1 0 1\"><PointData>";
+    let vtk = "# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 2\n";
     let values = "version = 1\n[transfer]\nopacity = [";
     let (mega, mut failed) = (1 << 20, Vec::new());
     for (reader, text) in [
@@ -275,6 +301,11 @@ fn long_files_of_many_small_things_take_little_memory_and_time() {
         (Reader::Vti, long(vti, "<DataArray/>", 17 * mega)),
         (Reader::Vti, long(vti, "<DataArray type=\"Int8\" Name=\"a\" format=\"ascii\">1</DataArray>", 17 * mega)),
         (Reader::Vti, long(vti, "<a>", 17 * mega)),
+        (Reader::Vtk, long(&format!("{vtk}FIELD f 4000\n"), "a 1 0 int\n", 40 * mega)),
+        (Reader::Vtk, long(&format!("{vtk}POINT_DATA 8\n"), "VECTORS a word\n", 4 * mega)),
+        (Reader::Vtk, long(vtk, "\n", 40 * mega)),
+        (Reader::Vtk, long(vtk, "METADATA\n\n", 40 * mega)),
+        (Reader::Vtk, long(vtk, "a", 40 * mega)),
         (Reader::Sidecar, long("a = [", "0,", mega)),
         (Reader::Sidecar, long("a = ", "[", mega)),
         (Reader::Scene, long(values, "[0,0],", 3 * mega / 8 - 64)),

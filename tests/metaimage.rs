@@ -54,7 +54,11 @@ impl Files {
 
 fn select(lines: &[&str], data: &[u8], component: Option<usize>, time: Option<usize>) -> Result<Volume, VolumeError> {
     let files = Files::new(&header(lines), data);
-    volume::open(&files.0.path().join("v.mhd"), &Selection { component, time, array: None, asks: false }, &Quiet)
+    volume::open(
+        &files.0.path().join("v.mhd"),
+        &Selection { component, time, array: None, asks: false, resample: false },
+        &Quiet,
+    )
 }
 
 fn open(lines: &[&str], data: &[u8]) -> Result<Volume, VolumeError> {

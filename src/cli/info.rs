@@ -16,7 +16,7 @@ use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;
 use relume::scene::{Placement, Scene};
 use relume::tables::Storage;
-use relume::volume::{self, Volume};
+use relume::volume::{self, LabelPreset, Volume, Window};
 use relume::vulkan::{DeviceInfo, devices};
 
 use super::model::{Learnt, warn_of_plan};
@@ -30,7 +30,7 @@ Examples:
   relume info ct.raw --dims 512x512x200 --type int16 --json
   relume info scene.toml                        the contents of a scene, and the cost of a picture";
 
-const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .vti, .raw). \
+const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, .mha, .nrrd, .nhdr, .nii, .mrc, .npy, .vti, .vtk, .raw). \
                         Without one, the Vulkan devices";
 
 /// Arguments of `relume info`.
@@ -180,6 +180,13 @@ fn sampled(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Vec<Sampled>, CliEr
     voxels.iter().map(sample).collect()
 }
 
+/// Hexadecimal sRGB code of a label's colour.
+fn hex(label: &LabelPreset) -> Option<String> {
+    let code = |part: f64| format!("{:.0}", part * 255.0).parse::<u8>().map(|code| format!("{code:02x}"));
+    let codes: Result<Vec<String>, _> = label.colour?.into_iter().map(code).collect();
+    Some(format!("#{}", codes.ok()?.concat()))
+}
+
 fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError> {
     let statistics = volume.statistics()?;
     super::scene::warn_of_odd_values(&statistics);
@@ -197,7 +204,8 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     if volume.components > 1 {
         line("components", &format!("{}, one of which is read", volume.components));
     }
-    line("spacing", &by(&geometry.spacing.to_array().map(brief)));
+    let unit = volume.unit.map_or_else(String::new, |unit| format!(" {unit}"));
+    line("spacing", &format!("{}{unit}", by(&geometry.spacing.to_array().map(brief))));
     line("origin", &list(geometry.origin));
     line("axes", &[direction.x_axis, direction.y_axis, direction.z_axis].map(list).join("  "));
     if volume.anatomical {
@@ -214,6 +222,18 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             bars(&statistics.histogram)
         ),
     );
+    for Window { name, low, high } in &volume.presets.windows {
+        line("window", &format!("{} to {}: {name}", brief(*low), brief(*high)));
+    }
+    if volume.has_labels {
+        line("labels", "the voxels are labels: numbers of classes");
+    }
+    for label in &volume.presets.labels {
+        line(
+            "label",
+            &format!("{} {}{}", label.value, label.name, hex(label).map_or_else(String::new, |it| format!(" {it}"))),
+        );
+    }
     for voxel in &sampled {
         line("voxel", &voxel.text());
     }
@@ -222,6 +242,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
     }
     let metadata: serde_json::Map<String, Value> =
         volume.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
+    let windows = volume.presets.windows.iter();
+    let windows = windows.map(|Window { name, low, high }| json!({"name": name, "low": low, "high": high}));
+    let labels = volume.presets.labels.iter();
+    let labels = labels.map(|label| json!({"value": label.value, "name": label.name, "colour": hex(label)}));
     Ok(Report {
         text,
         json: json!({
@@ -233,6 +257,10 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             // Row by row, as ITK prints it: column i is axis i.
             "direction": direction.transpose().to_cols_array(),
             "anatomical": volume.anatomical,
+            "unit": volume.unit.map(|unit| unit.to_string()),
+            "has_labels": volume.has_labels,
+            "windows": windows.collect::<Vec<_>>(),
+            "labels": labels.collect::<Vec<_>>(),
             "components": volume.components,
             "min": statistics.min,
             "max": statistics.max,

@@ -3,6 +3,7 @@
 mod accuracy;
 mod advice;
 mod bench;
+mod convert;
 mod design;
 mod dial;
 mod extremes;
@@ -76,6 +77,8 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
+    /// Write a volume of any format as NRRD, MetaImage or NIfTI.
+    Convert(convert::Args),
     /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
     Measure(measure::Args),
     /// Measure marching, relighting and reading, as a table or as JSON.
@@ -177,6 +180,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Design(args) => design::run(args, &terminal),
         Command::Figures(args) => figures::run(args, &terminal),
         Command::Info(args) => info::run(args, &terminal),
+        Command::Convert(args) => convert::run(args, &terminal),
         Command::Measure(args) => {
             terminal.wait_for_rows();
             measure::run(args, &terminal)

@@ -19,8 +19,8 @@ use super::accuracy::AccuracyArgs;
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md). Default: the built-in scene.
     pub(crate) scene: Option<PathBuf>,
-    /// Render this volume instead of the scene's: .mhd, .mha, .nrrd, .nhdr, .vti, .raw (see below), or a .toml sidecar
-    /// of a .raw.
+    /// Render this volume instead of the scene's: any format of docs/FORMATS.md, .raw (see below), or a .toml sidecar of
+    /// a .raw.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
     /// Label map on the volume's grid, in place of the scene's. The scene's [labels] define the appearance of labels.
@@ -59,7 +59,7 @@ impl DefineArgs {
 }
 
 /// Heading in `--help`.
-const SEVERAL: &str = "Volumes with several components, time steps or arrays";
+const SEVERAL: &str = "Volumes with several components, time steps or arrays, or with leaning axes";
 
 /// Choice of one volume from a file with several.
 #[derive(Debug, Args)]
@@ -73,11 +73,21 @@ pub(crate) struct SelectionArgs {
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
     array: Option<String>,
+    /// Resample a volume whose axes are not orthogonal to a straight grid: trilinear, labels by the nearest voxel.
+    /// Without this, such a volume is refused.
+    #[arg(long, help_heading = SEVERAL)]
+    resample: bool,
 }
 
 impl SelectionArgs {
     pub(crate) fn selection(&self) -> Selection {
-        Selection { component: self.component, time: self.time, array: self.array.clone(), asks: false }
+        Selection {
+            component: self.component,
+            time: self.time,
+            array: self.array.clone(),
+            asks: false,
+            resample: self.resample,
+        }
     }
 }
 

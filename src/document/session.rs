@@ -201,7 +201,7 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
         }
     }
     if volume.is_some() || options.selection.asks {
-        for key in ["component", "time", "array"] {
+        for key in ["component", "time", "array", "resample"] {
             table.remove(key);
         }
     }
@@ -212,6 +212,9 @@ fn volume(document: &mut DocumentMut, source: &Source) -> Result<(), SessionErro
     }
     if let Some(array) = &options.selection.array {
         table.insert("array", value(array));
+    }
+    if options.selection.resample {
+        table.insert("resample", value(true));
     }
     if let Some(labels) = &options.labels {
         table.insert("labels", value(utf8(&place(labels)?)?));

@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::moves::{Move, Side, moved};
+use super::presets::{OPACITIES, of_window};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
 use crate::number::count;
 use crate::progress::{Progress, Quiet};
-use crate::scene::Term;
+use crate::scene::{Interval, Term};
 use crate::volume::{self, Geometry, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 
 /// The scene around a volume without a scene.
@@ -168,7 +169,8 @@ impl Source {
         self.path.as_deref().filter(|path| is_volume(path, &[]) || has_header(path))
     }
 
-    /// Reads the scene. A volume without a scene gets a transfer function from its histogram.
+    /// Reads the scene. A volume without a scene gets a transfer function from the first window of its file, or else from
+    /// its histogram.
     ///
     /// # Errors
     ///
@@ -190,7 +192,12 @@ impl Source {
         let scene = &mut file.scene;
         let statistics = scene.volume.statistics()?;
         if without_scene.is_some() {
-            scene.transfer.terms = terms(&statistics, scene.materials.len());
+            let window = scene.volume.presets.windows.first();
+            let layers = window.and_then(|window| of_window(window, &statistics, &scene.materials));
+            scene.transfer.terms = match layers {
+                Some(layers) => layers.iter().map(term).collect(),
+                None => terms(&statistics, scene.materials.len()),
+            };
             scene.transfer.opacity_length *= thickness(&scene.volume.geometry);
             // Patients stand upright and face the viewer.
             let patient = scene.volume.anatomical.then_some(Side::Front);
@@ -213,9 +220,6 @@ fn no_scene(path: &Path, error: SceneError) -> OpenError {
     }
 }
 
-/// Opacities of the materials of a volume without a scene, in ascending order of voxel values.
-const OPACITIES: [f64; 3] = [0.01, 0.06, 0.4];
-
 /// Depth in voxels of an object for which [`OPACITIES`] are suitable.
 const DEPTH: f64 = 100.0;
 /// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
@@ -233,6 +237,12 @@ fn flat_side(geometry: &Geometry) -> Option<Side> {
     let thin = extent.min_position();
     let normal = geometry.direction.col(thin).abs().max_position();
     (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
+}
+
+/// The term of an interval.
+fn term(interval: &Interval) -> Term {
+    let Interval { material, range, ramp, opacity, absorption } = *interval;
+    Term::interval(material, range, [ramp; 2], opacity, absorption)
 }
 
 /// Initial transfer function. Omits the surroundings, and cuts the other values into ranges of about equal weight; the

@@ -1,8 +1,8 @@
-//! Transfer presets: for CT in Hounsfield units, for other data by the histogram.
+//! Transfer presets: for CT in Hounsfield units, for other data by the histogram, and by the windows of a file.
 
 use crate::number::count;
 use crate::scene::{Interval, Material};
-use crate::volume::Statistics;
+use crate::volume::{Statistics, Window};
 
 /// A transfer preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,6 +114,32 @@ impl TransferPreset {
     }
 }
 
+/// Opacities of the thirds of a window, in ascending order of values.
+pub(super) const OPACITIES: [f64; 3] = [0.01, 0.06, 0.4];
+
+/// Intervals for a window of a file: nothing up to its low end, three layers of equal width inside, and the values above
+/// it as the highest; `None` if no value lies above its low end.
+#[must_use]
+pub fn of_window(window: &Window, statistics: &Statistics, materials: &[Material]) -> Option<Vec<Interval>> {
+    let Window { low, high, .. } = *window;
+    if low >= statistics.max {
+        return None;
+    }
+    let third = (high - low) / 3.0;
+    let ramp = third / 4.0;
+    let words: [&[&str]; 3] =
+        [&["skin", "faint", "flesh"], &["muscle", "flesh", "tissue", "middle"], &["bone", "skelet", "solid"]];
+    let layer = |index: usize| {
+        let (at, is_last) = (count(index), index == 2);
+        // Neighbours cross in the middle of their ramps; below the window there is nothing.
+        let first = low + at * third + if index == 0 { ramp } else { ramp / 2.0 };
+        let last = if is_last { high.max(statistics.max) } else { low + (at + 1.0) * third - ramp / 2.0 };
+        let material = of(materials, words[index], at / 2.0);
+        Interval { material, range: [first, last], ramp, opacity: OPACITIES[index], absorption: 0.0 }
+    };
+    Some((0..OPACITIES.len()).map(layer).collect())
+}
+
 /// The first material with one of `words` in its name, otherwise the material at the fraction `part` of the list.
 fn of(materials: &[Material], words: &[&str], part: f64) -> usize {
     let named = |word: &&str| materials.iter().position(|material| material.name.to_lowercase().contains(word));
@@ -193,5 +219,25 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_window_shows_nothing_below_and_all_above_it() {
+        let even = |_| 1;
+        let values = statistics(-1000.0, 2000.0, even);
+        let window = Window { name: String::new(), low: -160.0, high: 240.0 };
+        let layers = of_window(&window, &values, &[]).unwrap_or_default();
+        assert_eq!(layers.len(), 3);
+        let foot = layers[0].range[0] - layers[0].ramp;
+        assert!((foot + 160.0).abs() < 1e-9, "the first value is black: {foot}");
+        assert!((layers[2].range[1] - 2000.0).abs() < 1e-9, "what is white stays so up to the largest value");
+        for pair in layers.windows(2) {
+            let middle = f64::midpoint(pair[0].range[1], pair[1].range[0]);
+            let (down, up) = (pair[0].range[1] + pair[0].ramp, pair[1].range[0] - pair[1].ramp);
+            assert!((f64::midpoint(down, up) - middle).abs() < 1e-9, "they cross halfway: {pair:?}");
+            assert!(pair[0].opacity < pair[1].opacity, "brighter is more solid");
+        }
+        let above = Window { low: 2000.0, high: 3000.0, ..window };
+        assert_eq!(of_window(&above, &values, &[]), None, "it would show nothing");
     }
 }

@@ -1,4 +1,4 @@
-//! File output of pictures and films.
+//! File output of pictures, films and volumes.
 
 mod atomic;
 mod channels;
@@ -8,6 +8,7 @@ pub mod film;
 mod picture;
 mod png;
 mod spectral;
+mod volume;
 
 pub use self::exr::write_exr;
 pub use self::png::{Alpha, Depth, ready_png, write_png, write_ready_png};
@@ -16,6 +17,7 @@ pub use drawing::write_drawing;
 pub use film::FilmFile;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
+pub use volume::{VolumeKind, write_volume};
 
 use std::path::{Path, PathBuf};
 
@@ -87,6 +89,21 @@ pub enum OutputError {
         path.display()
     )]
     Kind {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The extension is of no kind of volume that is written.
+    #[error(
+        "{}: unknown kind of volume; end its name in .nrrd, .mha, .nii or .nii.gz",
+        path.display()
+    )]
+    VolumeKind {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The progress listener cancelled the writing; the previous file at `path` is unchanged.
+    #[error("writing {} was cancelled", path.display())]
+    Cancelled {
         /// The file.
         path: PathBuf,
     },

@@ -10,6 +10,9 @@ use super::voxels::with_type;
 use super::{VolumeError, Voxel, VoxelType, Voxels};
 use crate::progress::Progress;
 
+/// Unwanted bytes before the numbers that are inflated at most.
+pub(super) const MOST_SKIPPED: u64 = 64 << 20;
+
 /// Bytes decoded between two progress reports.
 pub(super) const SLAB_BYTES: usize = 1 << 22;
 
@@ -62,6 +65,8 @@ pub(super) struct Data {
     pub(super) byte_order: ByteOrder,
     /// Positions on disjoint axes that select the voxels among the numbers; if empty, all numbers are voxels.
     pub(super) picks: Vec<Pick>,
+    /// Whether a file ends with the numbers; otherwise more bytes behind them are not an oddity.
+    pub(super) alone: bool,
 }
 
 impl Data {
@@ -115,7 +120,7 @@ impl Data {
             let mut stream = stream::at(path, start)?;
             let whole = slabs.parse(file, &mut stream)?;
             let mut more = || stream::next_word(&mut stream, &mut Vec::new()).map(|word| word.is_some());
-            if whole && more().map_err(|source| stream::failed(path, source))? {
+            if whole && self.alone && more().map_err(|source| stream::failed(path, source))? {
                 notes.push(format!(
                     "{}: more than the {} numbers that the header requires; the rest is ignored",
                     path.display(),
@@ -154,6 +159,11 @@ impl Data {
                 "{}: decompresses to more than the {expected} bytes that the header requires; the rest is ignored",
                 path.display()
             ));
+        } else if let (Encoding::Deflate { crc }, Some(found)) = (self.encoding, stream.checksum())
+            && crc != found
+        {
+            let source = io::Error::other(format!("the checksum is {found:08x}, but should be {crc:08x}"));
+            return Err(damaged(source, expected));
         } else if let (Encoding::Zlib { said: Some(said) }, Some(read)) = (self.encoding, stream.read_in())
             && said != read
         {
@@ -180,7 +190,7 @@ impl Data {
         let found = length - start;
         match (self.encoding, self.encoding.packing()) {
             (Encoding::Raw, _) if found < expected => Err(VolumeError::Short { path: path.clone(), found, expected }),
-            (Encoding::Raw, _) if found > expected => {
+            (Encoding::Raw, _) if found > expected && self.alone => {
                 notes.push(format!(
                     "{}: {found} bytes of voxels, but the header requires only {expected}; the rest is ignored",
                     path.display()

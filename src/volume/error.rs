@@ -89,6 +89,16 @@ pub enum VolumeError {
         /// Description of the error.
         problem: String,
     },
+    /// A field of a binary header, or another place of a file, is invalid.
+    #[error("{}, {place}: {problem}", path.display())]
+    Field {
+        /// The file.
+        path: PathBuf,
+        /// The field or the place.
+        place: String,
+        /// Description of the error, with the numbers.
+        problem: String,
+    },
     /// A required key is missing.
     #[error("{}: the key {key} is missing", path.display())]
     MissingKey {
@@ -157,6 +167,18 @@ pub enum VolumeError {
         deviation: f64,
         /// Largest permitted entry.
         limit: f64,
+    },
+    /// The axes of a grid are not orthogonal.
+    #[error(
+        "{source_name}: the axes lean: {:.3}° between x and y, {:.3}° between x and z, {:.3}° between y and z, where a \
+         grid needs 90°; resampling lays the voxels into a straight grid unless an angle is below 6°",
+        angles[0], angles[1], angles[2]
+    )]
+    Lean {
+        /// The file.
+        source_name: String,
+        /// Angles in degrees between x and y, x and z, y and z.
+        angles: [f64; 3],
     },
     /// The file holds several scalar volumes, and none is selected.
     #[error("{source_name}: {there}; choose {}", there.range())]

@@ -15,16 +15,11 @@ struct Foreign {
 }
 
 /// Known formats; the first that recognises a file names it.
-const FOREIGN: [Foreign; 19] = [
+const FOREIGN: [Foreign; 14] = [
     Foreign { name: "a DICOM file", extensions: &["dcm", "dicom"], recognises: is_dicom },
-    Foreign { name: "a NIfTI file", extensions: &["nii"], recognises: is_nifti },
-    Foreign { name: "an Analyze header", extensions: &["hdr"], recognises: is_analyze },
     Foreign { name: "a TIFF file", extensions: &["tif", "tiff"], recognises: is_tiff },
-    Foreign { name: "a VTK legacy file", extensions: &["vtk"], recognises: |b| b.starts_with(b"# vtk DataFile") },
     Foreign { name: "an HDF5 file", extensions: &["h5", "hdf5", "mnc"], recognises: |b| b.starts_with(b"\x89HDF\r\n") },
     Foreign { name: "a NetCDF file", extensions: &["nc"], recognises: |b| b.starts_with(b"CDF") },
-    Foreign { name: "an MRC file", extensions: &["mrc", "ccp4"], recognises: is_mrc },
-    Foreign { name: "a NumPy array", extensions: &["npy"], recognises: |b| b.starts_with(b"\x93NUMPY") },
     Foreign {
         name: "a Vaa3D raw file",
         extensions: &["v3draw"],
@@ -93,21 +88,6 @@ pub(super) fn describe_folder(path: &Path) -> Option<&'static str> {
 fn is_dicom(beginning: &[u8]) -> bool {
     beginning.get(128..132) == Some(b"DICM")
         || matches!(beginning, [0x08, 0x00, 0x00 | 0x01 | 0x05 | 0x08 | 0x16, 0x00, v, r, ..] if v.is_ascii_uppercase() && r.is_ascii_uppercase())
-}
-
-/// The magic words of versions 1 and 2 (`nifti1.h`, `nifti2.h`).
-fn is_nifti(beginning: &[u8]) -> bool {
-    matches!(beginning.get(344..348), Some(b"n+1\0" | b"ni1\0")) || matches!(beginning.get(4..7), Some(b"n+2" | b"ni2"))
-}
-
-/// The word `MAP` in the header of a file that is not text.
-fn is_mrc(beginning: &[u8]) -> bool {
-    beginning.get(208..211) == Some(b"MAP") && !is_text(beginning)
-}
-
-/// The header length, 348 bytes, in either byte order. The successor, `NIfTI`, has a magic word in addition.
-fn is_analyze(beginning: &[u8]) -> bool {
-    matches!(beginning, [0x5c, 0x01, 0, 0, ..] | [0, 0, 0x01, 0x5c, ..])
 }
 
 /// UTF-8 without control characters other than white space; the last character may be truncated.

@@ -1,5 +1,7 @@
 //! Position of a volume's voxels in the world.
 
+use std::fmt;
+
 use glam::{DMat3, DVec3};
 
 use super::VolumeError;
@@ -7,6 +9,45 @@ use crate::number::count;
 
 /// Largest deviation of an entry of `DᵀD` from the identity, for a direction matrix D: headers have few digits.
 const ORTHONORMALITY: f64 = 1e-3;
+
+/// Unit of length of the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// 1e-3 m
+    Millimetre,
+    /// 1e-6 m
+    Micrometre,
+    /// 1e-9 m
+    Nanometre,
+    /// 1e-10 m
+    Angstrom,
+}
+
+impl Unit {
+    /// The unit that a file calls `name`; `None` for an unknown one.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        Some(match name.trim().to_lowercase().as_str() {
+            "mm" | "millimeter" | "millimetre" | "millimeters" | "millimetres" => Self::Millimetre,
+            "µm" | "μm" | "um" | "micron" | "microns" | "micrometer" | "micrometre" => Self::Micrometre,
+            "nm" | "nanometer" | "nanometre" => Self::Nanometre,
+            // The letter, and the sign of the unit.
+            "å" | "\u{212b}" | "angstrom" | "angstroms" => Self::Angstrom,
+            _ => return None,
+        })
+    }
+}
+
+impl fmt::Display for Unit {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Millimetre => "mm",
+            Self::Micrometre => "µm",
+            Self::Nanometre => "nm",
+            Self::Angstrom => "Å",
+        })
+    }
+}
 
 /// Grid of a volume. Voxels are points: voxel (0, 0, 0) lies on `origin`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,5 +154,89 @@ impl Geometry {
     #[must_use]
     pub fn world_from_index(&self, index: DVec3) -> DVec3 {
         self.origin + self.direction * (self.spacing * index)
+    }
+}
+
+/// Grid whose axes may lean: voxel `i` lies at `origin + steps · i`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lattice {
+    pub(super) dims: [usize; 3],
+    pub(super) origin: DVec3,
+    /// Column `i` is the step from voxel to voxel on axis `i`.
+    pub(super) steps: DMat3,
+}
+
+/// Smallest sine of an angle between axes that can be resampled: about 6°.
+const FLATTEST: f64 = 0.1;
+
+/// Largest number of voxels of a straight grid per voxel of the leaning one.
+const MOST_GROWTH: usize = 16;
+
+impl Lattice {
+    /// The grid, if its axes are orthogonal.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Lean`] if the axes are not orthogonal, otherwise as [`Geometry::new`].
+    pub(super) fn geometry(&self, source: &str) -> Result<Geometry, VolumeError> {
+        let spacing = self.lengths();
+        let steps = self.steps;
+        let direction = DMat3::from_cols(steps.x_axis / spacing.x, steps.y_axis / spacing.y, steps.z_axis / spacing.z);
+        match Geometry::new(source, self.dims, spacing, self.origin, direction) {
+            Err(VolumeError::Direction { .. }) => {
+                Err(VolumeError::Lean { source_name: source.to_owned(), angles: self.angles() })
+            }
+            made => made,
+        }
+    }
+
+    fn lengths(&self) -> DVec3 {
+        DVec3::from_array([0, 1, 2].map(|axis| self.steps.col(axis).length()))
+    }
+
+    /// Angles in degrees between the axes x and y, x and z, y and z.
+    fn angles(&self) -> [f64; 3] {
+        [(0, 1), (0, 2), (1, 2)].map(|(a, b)| self.steps.col(a).angle_between(self.steps.col(b)).to_degrees())
+    }
+
+    /// World position of a (fractional) voxel index.
+    pub(super) fn world_from_index(&self, index: DVec3) -> DVec3 {
+        self.origin + self.steps * index
+    }
+
+    /// The smallest straight grid around all voxels. Its x axis is that of the lattice, its y axis lies in the plane
+    /// of the lattice's x and y, and its spacings are the distances between the lattice's neighbouring voxels along the
+    /// new axes: a leaning stack of slices keeps the voxels of each slice.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Lean`] if the axes are within 6° of a plane or a line, or if the grid would have more than 16
+    /// times as many voxels.
+    pub(super) fn straightened(&self, source: &str) -> Result<Geometry, VolumeError> {
+        let lean = || VolumeError::Lean { source_name: source.to_owned(), angles: self.angles() };
+        let [x, y, z] = [0, 1, 2].map(|axis| self.steps.col(axis));
+        let lengths = self.lengths();
+        let first = x / lengths.x;
+        let second = (y - first * first.dot(y)).normalize_or_zero();
+        let third = first.cross(second) * first.cross(second).dot(z).signum();
+        let spacing = DVec3::new(lengths.x, second.dot(y), third.dot(z));
+        if !spacing.cmpge(lengths * FLATTEST).all() {
+            return Err(lean());
+        }
+        let axes = DMat3::from_cols(first, second, third);
+        let mut ends = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        for corner in 0..8 {
+            let index = [0, 1, 2].map(|axis| if corner >> axis & 1 == 1 { count(self.dims[axis] - 1) } else { 0.0 });
+            let place = axes.transpose() * (self.steps * DVec3::from_array(index)) / spacing;
+            ends = [ends[0].min(place), ends[1].max(place)];
+        }
+        // Rounding must not add a voxel.
+        let sides = (ends[1] - ends[0] - 1e-6).ceil().max(DVec3::ZERO) + 1.0;
+        let most = count(self.dims.iter().product::<usize>()) * count(MOST_GROWTH);
+        if sides.element_product() > most {
+            return Err(lean());
+        }
+        let origin = self.origin + axes * (ends[0] * spacing);
+        Geometry::new(source, sides.to_array().map(crate::number::whole), spacing, origin, axes)
     }
 }

@@ -10,9 +10,10 @@ use super::data::{self, Data, DataFile};
 use super::fields::{Field, Fields, Lines};
 use super::layout::ByteOrder;
 use super::pattern::{self, Pattern};
+use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{Encoding, Start};
-use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
+use super::{Geometry, Selection, Unit, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
 /// Whether the first bytes of a file identify a `MetaImage`.
@@ -30,20 +31,23 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let header = Header::read(path)?;
     let mut notes = Vec::new();
     let axes = header.axes()?;
-    let geometry = header.geometry(&axes, &mut notes)?;
+    let grid = header.grid(&axes, selection.resample, &mut notes)?;
     let components = header.components()?;
     let data = header.data(&axes, components, selection)?;
     let (slope, intercept) = header.scale()?;
     let voxels = data.read(progress, &mut notes)?;
-    let mut volume = Volume::new(&path.display().to_string(), voxels, geometry)?;
+    let mut volume = grid.volume(&path.display().to_string(), voxels, false)?;
     (volume.slope, volume.intercept) = (slope, intercept);
     volume.files = data.paths();
     volume.files.push(path.to_owned());
     volume.components = components;
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     let orientation = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("AnatomicalOrientation"));
+    let unit = volume.metadata.iter().find(|(key, _)| key.eq_ignore_ascii_case("DistanceUnits"));
+    volume.unit = unit.and_then(|(_, name)| Unit::named(name));
     volume.anatomical = orientation.is_some_and(|(_, letters)| is_anatomical(letters, &volume.geometry));
     notes.extend(header.fields.repeated());
+    notes.append(&mut volume.notes);
     volume.notes = notes;
     Ok(volume)
 }
@@ -176,7 +180,7 @@ impl<'a> Header<'a> {
         Ok(Some(numbers))
     }
 
-    fn geometry(&self, axes: &[usize], notes: &mut Vec<String>) -> Result<Geometry, VolumeError> {
+    fn grid(&self, axes: &[usize], resample: bool, notes: &mut Vec<String>) -> Result<Grid, VolumeError> {
         let n = axes.len();
         // Missing axes have one voxel, spacing 1, and the direction of the world's axis.
         let vector = |numbers: Option<Vec<f64>>, default: f64| {
@@ -195,7 +199,7 @@ impl<'a> Header<'a> {
                 }
             }
         }
-        Geometry::new(&self.fields.path.display().to_string(), dims, spacing, origin, direction)
+        Grid::placed(&self.fields.path.display().to_string(), (dims, spacing), (origin, direction), resample)
     }
 
     fn scale(&self) -> Result<(f64, f64), VolumeError> {
@@ -287,7 +291,7 @@ impl<'a> Header<'a> {
             }
         };
         let byte_order = if big { ByteOrder::Big } else { ByteOrder::Little };
-        Ok(Data { files: self.files(file, local, &all)?, start, encoding, voxel_type, byte_order, picks })
+        Ok(Data { files: self.files(file, local, &all)?, start, encoding, voxel_type, byte_order, picks, alone: true })
     }
 
     /// Returns the files of voxels that `ElementDataFile` names. The first of `all_axes` is the components.

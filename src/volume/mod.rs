@@ -1,5 +1,6 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
+mod binary;
 mod data;
 mod error;
 mod fields;
@@ -7,11 +8,15 @@ mod foreign;
 mod geometry;
 mod layout;
 mod metaimage;
+mod mrc;
+mod nifti;
 mod nrrd;
+mod numpy;
 mod open;
 mod pattern;
 pub mod phantom;
 
+mod presets;
 mod raw;
 mod resample;
 mod select;
@@ -21,14 +26,16 @@ mod stream;
 mod voxel_type;
 mod voxels;
 mod vti;
+mod vtk;
 
 pub use error::VolumeError;
-pub use geometry::Geometry;
+pub use geometry::{Geometry, Unit};
 pub use open::{extensions, open, open_by, open_raw, packed_blocks};
 pub(crate) use open::{has_header, is_volume, refusal};
 pub use phantom::Phantom;
 
 pub use layout::{ByteOrder, RawLayout};
+pub use presets::{LabelPreset, Presets, Window};
 pub use select::Selection;
 pub use several::{Asked, Several};
 pub use statistics::{BINS, Statistics};
@@ -49,12 +56,18 @@ pub struct Volume {
     /// Whether the file declares its axes as anatomical. The world is then left-posterior-superior, as in DICOM: x
     /// points to a patient's left, y to the back, z to the head.
     pub anatomical: bool,
+    /// Unit of the spacing and the origin, if the file states it.
+    pub unit: Option<Unit>,
     /// Slope of the voxel value `slope · stored + intercept`.
     pub slope: f64,
     /// Intercept of the voxel value; see `slope`.
     pub intercept: f64,
     /// Components per voxel in the file; one of them was read.
     pub components: usize,
+    /// Whether the file declares its voxels as labels: numbers of classes, which have no mean.
+    pub has_labels: bool,
+    /// What the file says about the display of its values.
+    pub presets: Presets,
     /// Choice among the volumes of the file.
     pub selection: Selection,
     /// Size of the block of file voxels whose mean is one voxel, along each axis.
@@ -84,9 +97,12 @@ impl Volume {
             voxels,
             geometry,
             anatomical: false,
+            unit: None,
             slope: 1.0,
             intercept: 0.0,
             components: 1,
+            has_labels: false,
+            presets: Presets::default(),
             selection: Selection::default(),
             blocks: [1; 3],
             source: source.to_owned(),

@@ -8,6 +8,7 @@
 //! Only `axis mins` are edges of samples: they lie half a spacing before the first centre, unless the centering is
 //! `node`.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
@@ -16,9 +17,10 @@ use super::data::{self, Data, DataFile};
 use super::fields::{Field, Fields, Lines};
 use super::layout::ByteOrder;
 use super::pattern::{self, Pattern};
+use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{Encoding, Skip, Start};
-use super::{Geometry, Selection, Volume, VolumeError, VoxelType};
+use super::{LabelPreset, Selection, Unit, Volume, VolumeError, VoxelType};
 use crate::progress::Progress;
 
 /// Whether the first bytes of a file identify an NRRD.
@@ -32,7 +34,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let source_name = path.display().to_string();
     let lengths = header.fields.axes(&key::DIMENSION, &key::SIZES)?;
     let axes = header.axes(&lengths)?;
-    let geometry = header.geometry(&axes)?;
+    let grid = header.grid(&axes, selection.resample)?;
     data::check_size(&source_name, &lengths)?;
     selection.no_array(&source_name)?;
     // A missing axis has length 1, and an axis of length 1 needs no selection.
@@ -52,16 +54,20 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let mut notes = Vec::new();
     let data = header.data(&lengths, picks)?;
     let voxels = data.read(progress, &mut notes)?;
-    let mut volume = Volume::new(&source_name, voxels, geometry)?;
+    let labels = segments(&header.pairs);
+    let mut volume = grid.volume(&source_name, voxels, !labels.is_empty())?;
     volume.files = data.paths();
     volume.files.push(path.to_owned());
     volume.components = length(component);
     // A spatial axis without a direction is not anatomical.
     let directed = axes.iter().all(|axis| axis.role != Role::Space || axis.direction.is_some());
     volume.anatomical = directed && header.space()?.1.is_some();
+    volume.presets.labels = labels;
+    volume.unit = header.unit();
     volume.metadata = header.fields.uninterpreted(&key::ALL);
     volume.metadata.extend(header.pairs);
     notes.extend(header.fields.repeated());
+    notes.append(&mut volume.notes);
     volume.notes = notes;
     Ok(volume)
 }
@@ -329,7 +335,15 @@ impl<'a> Header<'a> {
         Ok(axes)
     }
 
-    fn geometry(&self, axes: &[Axis]) -> Result<Geometry, VolumeError> {
+    /// The unit of the world, if all axes have the same.
+    fn unit(&self) -> Option<Unit> {
+        let field = self.fields.find(&["space units", "spaceunits"])?;
+        let mut units = field.value.split('"').filter(|word| !word.trim().is_empty()).map(Unit::named);
+        let first = units.next()??;
+        units.all(|unit| unit == Some(first)).then_some(first)
+    }
+
+    fn grid(&self, axes: &[Axis], resample: bool) -> Result<Grid, VolumeError> {
         let spatial: Vec<usize> = (0..axes.len()).filter(|&axis| axes[axis].role == Role::Space).collect();
         let turn = self.space()?.1.unwrap_or(DVec3::ONE);
         let mut dims = [1; 3];
@@ -377,7 +391,7 @@ impl<'a> Header<'a> {
                 }
             }
         }
-        Geometry::new(&self.source(), dims, spacing, origin, direction)
+        Grid::placed(&self.source(), (dims, spacing), (origin, direction), resample)
     }
 
     fn voxel_type(&self) -> Result<VoxelType, VolumeError> {
@@ -432,7 +446,7 @@ impl<'a> Header<'a> {
             Some(field) => self.files(field, lengths)?,
         };
         let start = Start { at: self.fields.find(&key::FILE).map_or(self.bytes, |_| 0), lines, skip };
-        Ok(Data { files, start, encoding, voxel_type, byte_order, picks })
+        Ok(Data { files, start, encoding, voxel_type, byte_order, picks, alone: true })
     }
 
     /// Returns the files that `data file` names: one file, `LIST [axes]`, or `pattern first last step [axes]`.
@@ -485,6 +499,24 @@ impl<'a> Header<'a> {
         let should = if axes < all { format!("{wanted}") } else { format!("a divisor of {wanted}") };
         Err(self.fields.wrong(field, format!("{files} files, but sizes requires {should}")))
     }
+}
+
+/// Largest number of segments; more pairs are not looked for.
+const MOST_SEGMENTS: usize = 1 << 12;
+
+/// The segments of 3D Slicer's `.seg.nrrd`, which are pairs `SegmentN_LabelValue`, `SegmentN_Name` and
+/// `SegmentN_Color`.
+fn segments(pairs: &[(String, String)]) -> Vec<LabelPreset> {
+    let pairs: HashMap<&str, &str> = pairs.iter().map(|(key, value)| (key.as_str(), value.trim())).collect();
+    let segment = |index: usize| {
+        let find = |name: &str| pairs.get(format!("Segment{index}_{name}").as_str());
+        let value = find("LabelValue")?.parse().ok()?;
+        let colour = find("Color").map(|text| text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>());
+        let colour = colour.and_then(|numbers| <[f64; 3]>::try_from(numbers.ok()?).ok());
+        let colour = colour.filter(|colour| colour.iter().all(|code| (0.0..=1.0).contains(code)));
+        Some(LabelPreset { value, name: find("Name").map_or_else(String::new, ToString::to_string), colour })
+    };
+    (0..pairs.len().min(MOST_SEGMENTS)).map_while(segment).collect()
 }
 
 /// The first three entries of a vector, padded with 0.

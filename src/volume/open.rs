@@ -3,23 +3,56 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::{PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, nrrd, raw, stream, vti};
+use super::{
+    PackedBlocks, RawLayout, Selection, Volume, VolumeError, foreign, metaimage, mrc, nifti, nrrd, numpy, raw, stream,
+    vti, vtk,
+};
 use crate::progress::Progress;
 
 /// A format with a reader.
 struct Format {
     name: &'static str,
-    /// File extensions, in lower case.
+    /// File extensions, in lower case; `nii.gz` is one.
     extensions: &'static [&'static str],
     /// Whether the first bytes of a file identify the format; used if the extension does not.
     recognises: fn(&[u8]) -> bool,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
 }
 
+impl Format {
+    /// Whether `path` has an extension of the format.
+    fn names(&self, path: &Path) -> bool {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        let ends =
+            |extension: &&str| name.strip_suffix(extension).is_some_and(|stem| stem.len() > 1 && stem.ends_with('.'));
+        self.extensions.iter().any(|extension| ends(&extension))
+    }
+}
+
 /// All formats; a new reader is a new line.
-const FORMATS: [Format; 5] = [
+const FORMATS: [Format; 10] = [
     Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
+    Format {
+        name: "NIfTI and Analyze",
+        extensions: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
+        recognises: nifti::recognises,
+        read: nifti::read,
+    },
     Format { name: "NRRD", extensions: &["nrrd", "nhdr"], recognises: nrrd::recognises, read: nrrd::read },
+    Format {
+        name: "MRC and CCP4",
+        extensions: &["mrc", "mrc.gz", "ccp4", "ccp4.gz", "map", "map.gz", "rec"],
+        recognises: mrc::recognises,
+        read: mrc::read,
+    },
+    Format { name: "NumPy array", extensions: &["npy"], recognises: numpy::recognises, read: numpy::read },
+    Format {
+        name: "NumPy archive",
+        extensions: &["npz"],
+        recognises: numpy::recognises_archive,
+        read: numpy::read_archive,
+    },
+    Format { name: "VTK legacy", extensions: &["vtk"], recognises: vtk::recognises, read: vtk::read },
     Format { name: "VTK XML image data", extensions: &["vti"], recognises: vti::recognises, read: vti::read },
     Format {
         name: "raw with a sidecar",
@@ -59,10 +92,14 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     if let Some(what) = foreign::describe_folder(path) {
         return Err(unknown(path, what.to_owned(), true));
     }
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    if let Some(format) = FORMATS.iter().find(|format| format.extensions.contains(&extension.as_str())) {
+    if let Some(format) = FORMATS.iter().find(|format| format.names(path)) {
         return (format.read)(path, selection, progress);
     }
+    by_content(path, selection, progress)
+}
+
+/// Reads the volume in a file by the format that its first bytes identify; its name is ignored.
+pub(super) fn by_content(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let beginning = beginning(path)?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
         Some(format) => (format.read)(path, selection, progress),
@@ -93,8 +130,7 @@ fn unknown(path: &Path, what: String, is_known: bool) -> VolumeError {
 
 /// Whether the extension or the first bytes of a file identify a volume; the extension `.toml` does not count.
 pub(crate) fn is_volume(path: &Path, beginning: &[u8]) -> bool {
-    let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    let named = |format: &Format| extension != "toml" && format.extensions.contains(&extension.as_str());
+    let named = |format: &Format| !format.extensions.contains(&"toml") && format.names(path);
     FORMATS.iter().any(|format| named(format) || (format.recognises)(beginning))
 }
 

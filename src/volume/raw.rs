@@ -59,7 +59,7 @@ pub(super) fn read(
     };
     let source_name = base.join(file).display().to_string();
     let wrong = |problem| VolumeError::Layout { source_name: source_name.clone(), problem };
-    let stated = Selection { component: layout.component, time: layout.time, array: None, asks: false };
+    let stated = Selection { component: layout.component, time: layout.time, array: None, ..Selection::default() };
     selection.or(&stated).only(&source_name)?;
     let geometry = Geometry::new(
         &source_name,
@@ -94,6 +94,7 @@ pub(super) fn read(
         voxel_type: layout.voxel_type,
         byte_order: layout.byte_order,
         picks: Vec::new(),
+        alone: true,
     };
     let mut notes = Vec::new();
     let voxels = data.read(progress, &mut notes)?;

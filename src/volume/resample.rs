@@ -1,9 +1,11 @@
-//! Downsampling.
+//! Downsampling, and the resampling of leaning grids.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
+use super::geometry::Lattice;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
+use crate::number::{count, whole};
 
 impl Volume {
     /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋).
@@ -59,10 +61,11 @@ impl Volume {
                 self.source
             ));
         }
-        let Self { source, files, metadata, .. } = self;
-        let (source, files, metadata) = (source.clone(), files.clone(), metadata.clone());
+        let Self { source, files, metadata, presets, .. } = self;
+        let (source, files, metadata, presets) = (source.clone(), files.clone(), metadata.clone(), presets.clone());
         let blocks = std::array::from_fn(|axis| self.blocks[axis] * block[axis]);
-        Self { voxels, geometry, selection: self.selection.clone(), blocks, source, files, metadata, notes, ..*self }
+        let selection = self.selection.clone();
+        Self { voxels, geometry, selection, presets, blocks, source, files, metadata, notes, ..*self }
     }
 }
 
@@ -101,4 +104,111 @@ fn most_frequent<T: Voxel>(values: &mut [T]) -> Option<T> {
     let runs = values.chunk_by(|a, b| a == b);
     // `max_by_key` returns the last of equal maxima; in reverse order, this is the smallest value.
     runs.rev().max_by_key(|run| run.len()).map(|run| run[0])
+}
+
+/// Grid of a volume about to be read.
+pub(super) enum Grid {
+    /// The grid of the file.
+    Own(Geometry),
+    /// A straight grid, in which the voxels of a leaning one are resampled.
+    Straightened(Lattice, Geometry),
+}
+
+impl Grid {
+    /// The grid of `lattice`; with `resample`, a straight one if it leans.
+    ///
+    /// # Errors
+    ///
+    /// [`VolumeError::Lean`] if the axes are not orthogonal and `resample` is false, or if they are too flat.
+    pub(super) fn of(lattice: Lattice, source: &str, resample: bool) -> Result<Self, VolumeError> {
+        match lattice.geometry(source) {
+            Err(VolumeError::Lean { .. }) if resample => Ok(Self::Straightened(lattice, lattice.straightened(source)?)),
+            made => made.map(Self::Own),
+        }
+    }
+
+    /// The grid of a file that states spacing and directions apart; otherwise as [`Self::of`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Geometry::new`]; [`VolumeError::Lean`] if the axes are too flat to be resampled.
+    pub(super) fn placed(
+        source: &str,
+        (dims, spacing): ([usize; 3], DVec3),
+        (origin, direction): (DVec3, DMat3),
+        resample: bool,
+    ) -> Result<Self, VolumeError> {
+        match Geometry::new(source, dims, spacing, origin, direction) {
+            Err(VolumeError::Direction { .. }) if resample && direction.is_finite() => {
+                let steps = direction * DMat3::from_diagonal(spacing);
+                Self::of(Lattice { dims, origin, steps }, source, resample)
+            }
+            made => made.map(Self::Own),
+        }
+    }
+
+    /// The volume of `voxels` in this grid. Resampling is trilinear, rounded to the stored type; `has_labels` selects
+    /// the nearest voxel instead. A voxel outside the leaning grid is the smallest stored value.
+    pub(super) fn volume(self, source: &str, voxels: Voxels, has_labels: bool) -> Result<Volume, VolumeError> {
+        let (lattice, straight) = match self {
+            Self::Own(geometry) => {
+                return Ok(Volume { has_labels, ..Volume::new(source, voxels, geometry)? });
+            }
+            Self::Straightened(lattice, straight) => (lattice, straight),
+        };
+        let voxels = with_voxels!(&voxels, stored => straightened(stored, &lattice, &straight, has_labels));
+        let mut volume = Volume { has_labels, ..Volume::new(source, voxels, straight)? };
+        let ([x, y, z], [a, b, c]) = (lattice.dims, straight.dims);
+        volume.notes.push(format!(
+            "{source}: its axes lean; {x}×{y}×{z} voxels are resampled to a straight grid of {a}×{b}×{c}"
+        ));
+        Ok(volume)
+    }
+}
+
+/// Voxels of the grid `straight`, interpolated between the voxels `stored` of `lattice`.
+fn straightened<T: Voxel>(stored: &[T], lattice: &Lattice, straight: &Geometry, nearest: bool) -> Voxels {
+    let [nx, ny, nz] = lattice.dims;
+    let last = DVec3::from_array(lattice.dims.map(|n| count(n - 1)));
+    let outside = stored.iter().copied().fold(None, |least: Option<T>, voxel| match least {
+        // NaN is not below anything.
+        Some(least) if !(voxel < least) => Some(least),
+        _ => Some(voxel),
+    });
+    let outside = outside.unwrap_or(T::zeroed());
+    let index_from_world = lattice.steps.inverse();
+    let at = |[x, y, z]: [usize; 3]| stored[x.min(nx - 1) + nx * (y.min(ny - 1) + ny * z.min(nz - 1))];
+    let sample = |world: DVec3| {
+        let index = index_from_world * (world - lattice.origin);
+        // A voxel at the end of an axis is inside, whatever the rounding.
+        let margin = if nearest { 0.5 } else { 1e-6 };
+        if !(index.cmpge(DVec3::splat(-margin)).all() && index.cmple(last + margin).all()) {
+            return outside;
+        }
+        let index = index.clamp(DVec3::ZERO, last);
+        if nearest {
+            return at(index.round().to_array().map(whole));
+        }
+        let (low, part) = (index.floor().to_array().map(whole), index - index.floor());
+        let mut sum = 0.0;
+        for corner in 0..8_usize {
+            let bits = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let weights = [0, 1, 2].map(|axis| if bits[axis] == 1 { part[axis] } else { 1.0 - part[axis] });
+            let weight: f64 = weights.iter().product();
+            // A weight of 0 excludes NaN as well.
+            if weight > 0.0 {
+                sum += weight * at([0, 1, 2].map(|axis| low[axis] + bits[axis])).to_f64();
+            }
+        }
+        T::nearest(sum)
+    };
+    let [width, height, _] = straight.dims;
+    let mut voxels = vec![T::zeroed(); straight.voxels()];
+    voxels.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
+        for (x, voxel) in out.iter_mut().enumerate() {
+            let index = [x, row % height, row / height].map(count);
+            *voxel = sample(straight.world_from_index(DVec3::from_array(index)));
+        }
+    });
+    T::into_voxels(voxels)
 }

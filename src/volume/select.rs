@@ -33,6 +33,8 @@ pub struct Selection {
     /// Whether an unspecified choice among several is an error, even if the file marks a default array or the scene
     /// states a choice.
     pub asks: bool,
+    /// Whether a volume whose axes lean is resampled to a straight grid; otherwise it is refused.
+    pub resample: bool,
 }
 
 impl Selection {
@@ -44,6 +46,7 @@ impl Selection {
             time: self.time.or(otherwise.time),
             array: self.array.clone().or_else(|| otherwise.array.clone()),
             asks: self.asks || otherwise.asks,
+            resample: self.resample || otherwise.resample,
         }
     }
 
@@ -153,14 +156,22 @@ mod tests {
         assert!(message.contains("ct, pet") && message.contains("choose one of them"), "{message}");
         assert_eq!((none.time("f", 1).unwrap(), none.array("f", &["ct"]).unwrap()), (0, 0));
 
-        let chosen = Selection { component: Some(2), time: Some(4), array: Some("pet".to_owned()), asks: false };
+        let chosen = Selection {
+            component: Some(2),
+            time: Some(4),
+            array: Some("pet".to_owned()),
+            asks: false,
+            resample: false,
+        };
         assert_eq!(chosen.component("f", 3, "").unwrap(), 2);
         assert_eq!(chosen.array("f", &["ct", "pet"]).unwrap(), 1);
         let message = chosen.time("f", 4).unwrap_err().to_string();
         assert!(message.contains("time step 4") && message.contains("4 time steps"), "{message}");
         assert!(chosen.only("f").is_err(), "component 2 of one");
         assert!(
-            Selection { component: Some(0), time: Some(0), array: None, asks: false }.only("f").is_ok(),
+            Selection { component: Some(0), time: Some(0), array: None, asks: false, resample: false }
+                .only("f")
+                .is_ok(),
             "all there is"
         );
     }

@@ -6,7 +6,8 @@ use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use bzip2::bufread::MultiBzDecoder;
-use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
+use flate2::CrcReader;
+use flate2::bufread::{DeflateDecoder, MultiGzDecoder, ZlibDecoder};
 
 use super::VolumeError;
 use crate::input;
@@ -54,6 +55,8 @@ pub(super) enum Encoding {
     Raw,
     /// Binary, in one zlib stream; `said` is the number of compressed bytes stated in the header.
     Zlib { said: Option<u64> },
+    /// Binary, in one deflate stream without a header; `crc` is the checksum of the decoded bytes.
+    Deflate { crc: u32 },
     /// Binary, compressed with gzip.
     Gzip,
     /// Binary, compressed with bzip2.
@@ -69,7 +72,7 @@ impl Encoding {
     pub(super) fn packing(self) -> Option<u64> {
         match self {
             Self::Raw | Self::Hex | Self::Text => None,
-            Self::Zlib { .. } | Self::Gzip => Some(DEFLATE_LIMIT),
+            Self::Zlib { .. } | Self::Deflate { .. } | Self::Gzip => Some(DEFLATE_LIMIT),
             Self::Bzip2 => Some(BZIP2_LIMIT),
         }
     }
@@ -79,6 +82,7 @@ impl Encoding {
         match self {
             Self::Raw | Self::Text => None,
             Self::Zlib { .. } => Some("zlib"),
+            Self::Deflate { .. } => Some("deflate"),
             Self::Gzip => Some("gzip"),
             Self::Bzip2 => Some("bzip2"),
             Self::Hex => Some("hex"),
@@ -90,6 +94,7 @@ impl Encoding {
 pub(super) enum Decoded {
     Raw(BufReader<File>),
     Zlib(ZlibDecoder<BufReader<File>>),
+    Deflate(CrcReader<DeflateDecoder<BufReader<File>>>),
     Gzip(MultiGzDecoder<BufReader<File>>),
     Bzip2(MultiBzDecoder<BufReader<File>>),
     Hex(BufReader<File>),
@@ -103,6 +108,14 @@ impl Decoded {
             _ => None,
         }
     }
+
+    /// Checksum of the bytes decoded so far; `None` except for deflate.
+    pub(super) fn checksum(&self) -> Option<u32> {
+        match self {
+            Self::Deflate(stream) => Some(stream.crc().sum()),
+            _ => None,
+        }
+    }
 }
 
 impl Read for Decoded {
@@ -110,6 +123,7 @@ impl Read for Decoded {
         match self {
             Self::Raw(stream) => stream.read(bytes),
             Self::Zlib(stream) => stream.read(bytes),
+            Self::Deflate(stream) => stream.read(bytes),
             Self::Gzip(stream) => stream.read(bytes),
             Self::Bzip2(stream) => stream.read(bytes),
             Self::Hex(stream) => read_hex(stream, bytes),
@@ -123,6 +137,7 @@ pub(super) fn decoded(path: &Path, start: u64, encoding: Encoding) -> Result<Dec
     Ok(match encoding {
         Encoding::Raw | Encoding::Text => Decoded::Raw(stream),
         Encoding::Zlib { .. } => Decoded::Zlib(ZlibDecoder::new(stream)),
+        Encoding::Deflate { .. } => Decoded::Deflate(CrcReader::new(DeflateDecoder::new(stream))),
         Encoding::Gzip => Decoded::Gzip(MultiGzDecoder::new(stream)),
         Encoding::Bzip2 => Decoded::Bzip2(MultiBzDecoder::new(stream)),
         Encoding::Hex => Decoded::Hex(stream),

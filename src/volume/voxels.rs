@@ -38,6 +38,9 @@ pub trait Voxel: bytemuck::Pod + PartialOrd + Send + Sync + fmt::Debug {
     /// The exact value of an integer type; `None` for float types.
     fn to_whole(self) -> Option<i128>;
 
+    /// The stored number nearest to `value`; integers round half up, and saturate.
+    fn nearest(value: f64) -> Self;
+
     /// The value with its bytes reversed.
     #[must_use]
     fn with_bytes_swapped(self) -> Self;
@@ -64,6 +67,11 @@ macro_rules! integer_voxel {
 
             fn to_whole(self) -> Option<i128> {
                 Some(i128::from(self))
+            }
+
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates, as documented")]
+            fn nearest(value: f64) -> Self {
+                (value + 0.5).floor() as Self
             }
 
             fn with_bytes_swapped(self) -> Self {
@@ -116,6 +124,11 @@ macro_rules! float_voxel {
 
             fn to_whole(self) -> Option<i128> {
                 None
+            }
+
+            #[allow(clippy::cast_possible_truncation, trivial_numeric_casts, reason = "rounds to the stored type")]
+            fn nearest(value: f64) -> Self {
+                value as Self
             }
 
             fn with_bytes_swapped(self) -> Self {
@@ -250,6 +263,21 @@ impl Voxels {
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         with_voxels!(self, stored => bytemuck::cast_slice(stored))
+    }
+}
+
+/// Floats of 16 bits, as whole numbers of their bits.
+pub(super) struct Halves(pub(super) Voxels);
+
+impl Halves {
+    /// The values as floats of 32 bits, which hold all of them; `source` is the file.
+    pub(super) fn to_floats(&self, source: &str) -> Result<Voxels, VolumeError> {
+        let Voxels::U16(bits) = &self.0 else { return Ok(self.0.clone()) };
+        let mut values = super::data::zeroed::<f32>(std::path::Path::new(source), bits.len())?;
+        for (value, &bits) in values.iter_mut().zip(bits) {
+            *value = half::f16::from_bits(bits).to_f32();
+        }
+        Ok(Voxels::F32(values))
     }
 }
 

@@ -80,6 +80,11 @@ pub enum Reader {
     MetaImage,
     Nrrd,
     Vti,
+    Nifti,
+    Mrc,
+    Numpy,
+    Archive,
+    Vtk,
     Sidecar,
     Scene,
     Palette,
@@ -94,6 +99,11 @@ impl Reader {
             Self::MetaImage => "v.mha",
             Self::Nrrd => "v.nrrd",
             Self::Vti => "v.vti",
+            Self::Nifti => "v.nii",
+            Self::Mrc => "v.mrc",
+            Self::Numpy => "v.npy",
+            Self::Archive => "v.npz",
+            Self::Vtk => "v.vtk",
             Self::Sidecar => "v.raw.toml",
             Self::Scene => "scene.toml",
             Self::Palette => "palette.toml",
@@ -164,7 +174,15 @@ impl Place {
             self.file.set_len(length).expect("a file");
         }
         let (size, most) = most_held(|| match self.reader {
-            Reader::MetaImage | Reader::Nrrd | Reader::Vti | Reader::Sidecar => self.volume(),
+            Reader::MetaImage
+            | Reader::Nrrd
+            | Reader::Vti
+            | Reader::Nifti
+            | Reader::Mrc
+            | Reader::Numpy
+            | Reader::Archive
+            | Reader::Vtk
+            | Reader::Sidecar => self.volume(),
             Reader::Scene => self.scene(bytes),
             Reader::Palette => self.palette(bytes),
             Reader::Spectrum => self.spectrum(),
@@ -188,9 +206,9 @@ impl Place {
     /// Returns the number of voxel bytes.
     fn volume(&self) -> Option<usize> {
         let open = |selection: &Selection| volume::open(&self.path, selection, &Quiet);
-        let first = Selection { component: Some(0), time: Some(0), array: None, asks: false };
+        let first = Selection { component: Some(0), time: Some(0), resample: true, ..Selection::default() };
         let opened = match open(&Selection::default()) {
-            Err(VolumeError::Choose { .. }) => open(&first),
+            Err(VolumeError::Choose { .. } | VolumeError::Lean { .. } | VolumeError::Direction { .. }) => open(&first),
             opened => opened,
         };
         opened.ok().map(|volume| volume.voxels.bytes().len())

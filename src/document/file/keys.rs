@@ -71,6 +71,8 @@ pub(super) struct VolumeFile {
     pub(super) component: Option<usize>,
     pub(super) time: Option<usize>,
     pub(super) array: Option<String>,
+    #[serde(default)]
+    pub(super) resample: bool,
 }
 
 #[derive(Default, Deserialize)]

@@ -148,7 +148,13 @@ impl VolumeFile {
 
     /// Choice of a volume from a file of several.
     pub(super) fn selection(&self, options: &SceneOptions) -> Selection {
-        let stated = Selection { component: self.component, time: self.time, array: self.array.clone(), asks: false };
+        let stated = Selection {
+            component: self.component,
+            time: self.time,
+            array: self.array.clone(),
+            asks: false,
+            resample: self.resample,
+        };
         if options.volume.is_some() || options.selection.asks {
             options.selection.clone()
         } else {

@@ -312,6 +312,6 @@ fn unsaved(context: &Context, leaving: &Leaving, losing: Losing) -> Option<Optio
 
 /// Whether the extension of `path` is that of a scene or a volume.
 fn is_known(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    volume::extensions().any(|known| known == ending)
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    volume::extensions().any(|known| name.ends_with(&format!(".{known}")))
 }

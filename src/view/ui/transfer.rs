@@ -10,10 +10,10 @@ use glam::DVec3;
 
 use super::controls::{number, panel, say_beside, sides, text};
 use super::spectrum::{code, narrow};
-use crate::document::transfer_presets::TransferPreset;
+use crate::document::transfer_presets::{TransferPreset, of_window};
 use crate::document::{Document, Edit, State};
 use crate::film::{Components, RelightMatrices};
-use crate::number::{count, whole};
+use crate::number::{brief, count, whole};
 use crate::plan::Stale;
 use crate::plan::is_constant;
 use crate::scene::{Interval, Material, Mix, OPAQUE_DEPTH, Scene, Term, positions};
@@ -83,6 +83,17 @@ pub(super) fn show(ui: &mut Ui, document: &Document, asked: &mut Vec<Action>) {
 fn presets(ui: &mut Ui, state: &State, statistics: Option<&Statistics>, asked: &mut Vec<Action>) {
     let Some(statistics) = statistics else { return };
     let menu = ui.menu_button("Presets", |ui| {
+        for window in &state.scene.volume.presets.windows {
+            let intervals = of_window(window, statistics, &state.scene.materials);
+            let button = ui.add_enabled(intervals.is_some(), egui::Button::new(&window.name));
+            let help =
+                format!("Shows the values from {} to {}, as the file asks for.", brief(window.low), brief(window.high));
+            let clicked = button.on_hover_text(help).on_disabled_hover_text("No value lies in this window.").clicked();
+            if let (true, Some(intervals)) = (clicked, intervals) {
+                asked.push(Action::Edit(Edit::Intervals(intervals)));
+                ui.close();
+            }
+        }
         for preset in TransferPreset::ALL {
             let intervals = preset.intervals(statistics, &state.scene.materials);
             let button = ui.add_enabled(intervals.is_some(), egui::Button::new(preset.name()));

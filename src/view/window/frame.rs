@@ -72,7 +72,7 @@ impl Viewer {
             stopped: self.lost.stopped,
             chooses: self.panels.chooser.is_open(),
             closes: std::mem::take(&mut self.ending.asked),
-            several: self.opened.selection != Selection::default(),
+            several: Selection { resample: false, ..self.opened.selection.clone() } != Selection::default(),
             tour: self.tour.as_ref(),
             panels: self.panels.shown.unwrap_or(wide),
             effort,

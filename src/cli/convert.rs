@@ -1,0 +1,56 @@
+//! `relume convert`: a volume of any format as NRRD, `MetaImage` or NIfTI.
+
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use relume::output::{OutputError, VolumeKind, check_writable, write_volume};
+use relume::progress::Progress;
+use relume::volume;
+
+use super::scene::{RawArgs, SelectionArgs, three};
+use super::{CliError, Report};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume convert head.nii.gz head.nrrd
+  relume convert map.mrc map.nii.gz --downsample 2x2x2
+  relume convert beat.nrrd --time 3 beat-3.mha";
+
+/// Arguments of `relume convert`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// Volume of any format that is read.
+    input: PathBuf,
+    /// File to write: .nrrd (gzip), .mha, .nii or .nii.gz.
+    output: PathBuf,
+    /// Average blocks of A×B×C voxels after loading.
+    #[arg(long, value_name = "AxBxC", value_parser = three)]
+    downsample: Option<[usize; 3]>,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    raw: RawArgs,
+}
+
+pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
+    VolumeKind::of(&args.output)?;
+    check_writable(&args.output)?;
+    let selection = args.selection.selection();
+    let mut volume = volume::open_by(&args.input, args.raw.layout().as_ref(), &selection, progress)?;
+    if let Some(blocks) = args.downsample {
+        volume = if volume.has_labels { volume.downsample_labels(blocks)? } else { volume.downsample(blocks)? };
+    }
+    for note in &volume.notes {
+        tracing::warn!("{note}");
+    }
+    write_volume(&args.output, &volume, progress).map_err(|error| match error {
+        OutputError::Cancelled { .. } => CliError::Cancelled,
+        error => error.into(),
+    })?;
+    let [x, y, z] = volume.geometry.dims;
+    let (path, type_name) = (args.output.display().to_string(), volume.voxels.type_name());
+    let json = json!({"source": volume.source, "output": path, "dims": [x, y, z], "type": type_name});
+    Ok(Report { text: format!("{path}: {x}×{y}×{z} voxels of {type_name}\n"), json })
+}

@@ -1,0 +1,132 @@
+//! Volume files: NRRD, `MetaImage` and NIfTI, by the extension.
+
+mod headers;
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use super::{OutputError, write_atomically};
+use crate::progress::Progress;
+use crate::volume::{ByteOrder, Volume, Voxel, with_voxels};
+
+/// Bytes between two progress reports.
+const CHUNK: usize = 1 << 20;
+
+/// Kind of a volume file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VolumeKind {
+    /// NRRD with attached voxels, compressed by gzip.
+    Nrrd,
+    /// `MetaImage` with local voxels.
+    MetaImage,
+    /// NIfTI in one file.
+    Nifti,
+    /// NIfTI in one file, compressed by gzip.
+    NiftiGzip,
+}
+
+impl VolumeKind {
+    /// Returns the kind by the extension of `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`OutputError::VolumeKind`] for an unknown extension.
+    pub fn of(path: &Path) -> Result<Self, OutputError> {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        let kinds =
+            [(".nrrd", Self::Nrrd), (".mha", Self::MetaImage), (".nii", Self::Nifti), (".nii.gz", Self::NiftiGzip)];
+        let found = kinds.into_iter().find(|(ending, _)| name.ends_with(ending));
+        found.map(|(_, kind)| kind).ok_or_else(|| OutputError::VolumeKind { path: path.to_owned() })
+    }
+}
+
+/// Writes the voxels, the geometry and the scaling of `volume`; the extension of `path` determines the format.
+///
+/// The stored numbers and their type are kept. NRRD has no slope and intercept: with others than 1 and 0, its numbers
+/// are the values as 64-bit floats. NIfTI is right-anterior-superior, in millimetres or micrometres, and its version 1
+/// has floats of 32 bits for the geometry; version 2 is written where an axis is longer than 32767 voxels, or where 32
+/// bits do not hold slope and intercept. The first window of the presets and the mark of labels go into NIfTI only.
+///
+/// # Errors
+///
+/// [`OutputError::VolumeKind`] for an unknown extension, [`OutputError::Cancelled`] if `progress` requests it, otherwise
+/// as [`write_atomically`].
+pub fn write_volume(path: &Path, volume: &Volume, progress: &dyn Progress) -> Result<(), OutputError> {
+    let kind = VolumeKind::of(path)?;
+    let is_scaled = (volume.slope, volume.intercept) != (1.0, 0.0);
+    let as_values = kind == VolumeKind::Nrrd && is_scaled;
+    let header = match kind {
+        VolumeKind::Nrrd => headers::nrrd(volume, as_values),
+        VolumeKind::MetaImage => headers::metaimage(volume),
+        VolumeKind::Nifti | VolumeKind::NiftiGzip => headers::nifti(volume),
+    };
+    let report = |done: u64, all: u64| {
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        progress.report(&format!("writing {name}"), done, all);
+        if progress.cancelled() { Err(io::Error::from(io::ErrorKind::Interrupted)) } else { Ok(()) }
+    };
+    let written = write_atomically(path, |sink| match kind {
+        VolumeKind::MetaImage | VolumeKind::Nifti => {
+            sink.write_all(&header)?;
+            write_voxels(sink, volume, as_values, &report)
+        }
+        VolumeKind::NiftiGzip => {
+            let mut packed = GzEncoder::new(sink, Compression::default());
+            packed.write_all(&header)?;
+            write_voxels(&mut packed, volume, as_values, &report)?;
+            packed.finish().map(drop)
+        }
+        VolumeKind::Nrrd => {
+            sink.write_all(&header)?;
+            let mut packed = GzEncoder::new(sink, Compression::default());
+            write_voxels(&mut packed, volume, as_values, &report)?;
+            packed.finish().map(drop)
+        }
+    });
+    match written {
+        Err(_) if progress.cancelled() => Err(OutputError::Cancelled { path: path.to_owned() }),
+        written => written,
+    }
+}
+
+/// Writes all voxels in little-endian order, as stored or as values of 64 bits.
+fn write_voxels(
+    sink: &mut dyn Write,
+    volume: &Volume,
+    as_values: bool,
+    report: &dyn Fn(u64, u64) -> io::Result<()>,
+) -> io::Result<()> {
+    let scale = as_values.then_some((volume.slope, volume.intercept));
+    with_voxels!(&volume.voxels, stored => match scale {
+        None => write_numbers(sink, stored, |voxel| voxel, report),
+        Some((slope, intercept)) => {
+            write_numbers(sink, stored, |voxel| voxel.to_f64().mul_add(slope, intercept), report)
+        }
+    })
+}
+
+/// Writes `number` of every voxel in little-endian order.
+fn write_numbers<T: Voxel, N: Voxel>(
+    sink: &mut dyn Write,
+    stored: &[T],
+    number: impl Fn(T) -> N,
+    report: &dyn Fn(u64, u64) -> io::Result<()>,
+) -> io::Result<()> {
+    let count = |n: usize| u64::try_from(n).unwrap_or(u64::MAX);
+    let mut done = 0;
+    report(0, count(stored.len()))?;
+    for chunk in stored.chunks(CHUNK / size_of::<N>()) {
+        let little = |voxel: &T| match ByteOrder::NATIVE {
+            ByteOrder::Little => number(*voxel),
+            ByteOrder::Big => number(*voxel).with_bytes_swapped(),
+        };
+        let numbers: Vec<N> = chunk.iter().map(little).collect();
+        sink.write_all(bytemuck::cast_slice(&numbers))?;
+        done += chunk.len();
+        report(count(done), count(stored.len()))?;
+    }
+    Ok(())
+}

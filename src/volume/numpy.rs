@@ -1,0 +1,330 @@
+//! NumPy arrays: `.npy`, and archives of them, `.npz`.
+//!
+//! The header is described in "NEP 1 — A simple file format for NumPy arrays". Nothing in it is executed: arrays of
+//! objects are refused.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+use zip::{CompressionMethod, ZipArchive};
+
+use super::data::{self, Data, DataFile};
+use super::stream::{self, Encoding, Skip, Start, count};
+use super::voxels::Halves;
+use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, with_voxels};
+use crate::progress::Progress;
+
+/// Longest header in bytes.
+const LONGEST: usize = 1 << 16;
+
+/// Bytes before the header's text: the magic word, the version, and its length in 2 or 4 bytes.
+const BEGINNING: usize = 12;
+
+/// Whether the first bytes of a file identify an array.
+pub(super) fn recognises(beginning: &[u8]) -> bool {
+    beginning.starts_with(b"\x93NUMPY")
+}
+
+/// Whether the first bytes of a file identify an archive whose first member is an array.
+pub(super) fn recognises_archive(beginning: &[u8]) -> bool {
+    let name = beginning.get(26..28).map_or(0, |length| usize::from(u16::from_le_bytes([length[0], length[1]])));
+    beginning.starts_with(b"PK\x03\x04") && beginning.get(30..30 + name).is_some_and(|name| name.ends_with(b".npy"))
+}
+
+/// Reads an array.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    selection.no_array(&path.display().to_string())?;
+    let length = stream::after_lines(path, Start::at(0))?.1;
+    let place = Place { path, member: "", at: 0, bytes: length, encoding: Encoding::Raw, alone: true };
+    place.volume(selection, progress)
+}
+
+/// Reads an array of an archive.
+pub(super) fn read_archive(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let source_name = path.display().to_string();
+    let wrong =
+        |member: &str, problem: String| VolumeError::Field { path: path.to_owned(), place: member.to_owned(), problem };
+    let broken = |error: zip::result::ZipError| wrong("archive", format!("not a ZIP archive that is read: {error}"));
+    let mut archive = ZipArchive::new(stream::at(path, 0)?).map_err(broken)?;
+    let file_names = archive.file_names().filter_map(Result::ok);
+    let names: Vec<String> = file_names.filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
+    if names.is_empty() {
+        return Err(wrong("archive", format!("none of its {} files is an array (.npy)", archive.len())));
+    }
+    let index = selection.array(&source_name, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
+    let name = &names[index];
+    let index = archive.index_for_name(&format!("{name}.npy")).unwrap_or(0);
+    let member = archive.by_index_raw(index).map_err(broken)?;
+    if member.encrypted() {
+        return Err(wrong(name, "the array is encrypted".to_owned()));
+    }
+    let encoding = match member.compression() {
+        CompressionMethod::Stored => Encoding::Raw,
+        CompressionMethod::DEFLATE => Encoding::Deflate { crc: member.crc32() },
+        other => return Err(wrong(name, format!("compression {other:?} is not read; stored and deflated arrays are"))),
+    };
+    let Some(at) = member.data_start() else {
+        return Err(wrong(name, "the archive does not say where the array begins".to_owned()));
+    };
+    let place = Place { path, member: name, at, bytes: member.size(), encoding, alone: false };
+    let mut volume = place.volume(selection, progress)?;
+    volume.selection.array = (names.len() > 1).then(|| name.clone());
+    Ok(volume)
+}
+
+/// Where an array is stored.
+struct Place<'a> {
+    path: &'a Path,
+    /// Name in an archive, or nothing.
+    member: &'a str,
+    at: u64,
+    /// Length of header and values, decompressed.
+    bytes: u64,
+    encoding: Encoding,
+    /// Whether the file ends with the array.
+    alone: bool,
+}
+
+impl Place<'_> {
+    fn wrong(&self, problem: String) -> VolumeError {
+        let place = if self.member.is_empty() { "header".to_owned() } else { format!("header of {}", self.member) };
+        VolumeError::Field { path: self.path.to_owned(), place, problem }
+    }
+
+    fn volume(&self, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+        let source_name = self.path.display().to_string();
+        let header = self.header()?;
+        selection.component(&source_name, 1, "")?;
+        selection.time(&source_name, 1)?;
+        let dims = self.dims(&header)?;
+        data::check_size(&source_name, &dims)?;
+        let geometry = Geometry::unit(&source_name, dims)?;
+        let numbers = geometry.voxels();
+        let expected = count(numbers).saturating_mul(count(header.voxel_type.bytes()));
+        let found = self.bytes.saturating_sub(header.length);
+        if found < expected {
+            return Err(VolumeError::Short { path: self.path.to_owned(), found, expected });
+        }
+        let (at, skip) = match self.encoding {
+            Encoding::Raw => (self.at + header.length, 0),
+            _ => (self.at, header.length),
+        };
+        let data = Data {
+            files: vec![DataFile { path: self.path.to_owned(), numbers }],
+            start: Start { at, lines: 0, skip: Skip::Bytes(skip) },
+            encoding: self.encoding,
+            voxel_type: header.voxel_type,
+            byte_order: header.byte_order,
+            picks: Vec::new(),
+            alone: self.alone,
+        };
+        let mut notes = Vec::new();
+        let mut voxels = data.read(progress, &mut notes)?;
+        if header.is_fortran {
+            voxels = with_voxels!(&voxels, stored => transposed(&source_name, stored, dims)?);
+        }
+        if header.is_half {
+            voxels = Halves(voxels).to_floats(&source_name)?;
+        }
+        let mut volume = Volume::new(&source_name, voxels, geometry)?;
+        volume.has_labels = header.is_boolean;
+        volume.files = data.paths();
+        notes.push(format!("{source_name}: an array has no spacing; 1 1 1 is used"));
+        volume.notes = notes;
+        Ok(volume)
+    }
+
+    /// Reads the header: at most [`LONGEST`] bytes.
+    fn header(&self) -> Result<Header, VolumeError> {
+        let mut stream = stream::decoded(self.path, self.at, self.encoding)?;
+        let mut read = |bytes: &mut [u8]| {
+            stream::read_fully(&mut stream, bytes).map_err(|source| match self.encoding.name() {
+                Some(encoding) => VolumeError::Inflate { path: self.path.to_owned(), encoding, decoded: 0, source },
+                None => stream::failed(self.path, source),
+            })
+        };
+        let mut beginning = [0; BEGINNING];
+        let there = read(&mut beginning)?;
+        if there < BEGINNING || !recognises(&beginning) {
+            return Err(
+                self.wrong(format!("the first {there} bytes are not the magic word NUMPY, a version and a length"))
+            );
+        }
+        // Version 1 has a length of two bytes, so that two bytes of text are read already.
+        let [_, _, _, _, _, _, version, _, a, b, c, d] = beginning;
+        let (length, before) = match version {
+            1 => (usize::from(u16::from_le_bytes([a, b])), 10),
+            2 | 3 => (usize::try_from(u32::from_le_bytes([a, b, c, d])).unwrap_or(usize::MAX), BEGINNING),
+            _ => return Err(self.wrong(format!("version {version} is not one of 1, 2, 3"))),
+        };
+        if length > LONGEST {
+            return Err(self.wrong(format!("{length} bytes long, where {LONGEST} are read")));
+        }
+        let mut text = beginning[before..].to_vec();
+        let already = text.len();
+        text.resize(length.max(already), 0);
+        let there = already + read(&mut text[already..])?;
+        if there < length {
+            return Err(self.wrong(format!("{there} bytes of text, but its length is {length}")));
+        }
+        text.truncate(length);
+        self.parse(&String::from_utf8_lossy(&text), count(before + length))
+    }
+
+    fn parse(&self, text: &str, length: u64) -> Result<Header, VolumeError> {
+        let fields = fields(text).ok_or_else(|| {
+            let start: String = text.trim().chars().take(60).collect();
+            self.wrong(format!("{start:?} is not a dictionary of descr, fortran_order and shape"))
+        })?;
+        let find = |key: &str| {
+            let found = fields.iter().rev().find(|(name, _)| *name == key).map(|(_, value)| *value);
+            found.ok_or_else(|| self.wrong(format!("the key {key} is missing")))
+        };
+        let descr = find("descr")?;
+        let is_fortran = match find("fortran_order")? {
+            "True" => true,
+            "False" => false,
+            other => return Err(self.wrong(format!("fortran_order is {other}, not True or False"))),
+        };
+        let shape = find("shape")?;
+        let inside = shape.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+        let sides: Option<Result<Vec<usize>, _>> = inside.map(|inside| {
+            let words = inside.split(',').map(str::trim).filter(|word| !word.is_empty());
+            words.map(|word| word.trim_end_matches('L').parse()).collect()
+        });
+        let Some(Ok(shape)) = sides else {
+            return Err(self.wrong(format!("shape is {shape}, not a tuple of whole numbers")));
+        };
+        let (voxel_type, byte_order, kind) = self.stored(descr)?;
+        let (is_half, is_boolean) = (kind == Kind::Half, kind == Kind::Boolean);
+        Ok(Header { voxel_type, byte_order, is_half, is_boolean, is_fortran, shape, length })
+    }
+
+    /// Type of the stored numbers.
+    fn stored(&self, descr: &str) -> Result<(VoxelType, ByteOrder, Kind), VolumeError> {
+        let name = descr.trim_matches(['\'', '"']);
+        let (order, code) = match name.split_at_checked(1) {
+            Some(("<" | "|", code)) => (ByteOrder::Little, code),
+            Some((">", code)) => (ByteOrder::Big, code),
+            Some(("=", code)) => (ByteOrder::NATIVE, code),
+            _ => (ByteOrder::Little, name),
+        };
+        let (voxel_type, kind) = match code {
+            "b1" => (VoxelType::U8, Kind::Boolean),
+            "u1" => (VoxelType::U8, Kind::Number),
+            "i1" => (VoxelType::I8, Kind::Number),
+            "u2" => (VoxelType::U16, Kind::Number),
+            "i2" => (VoxelType::I16, Kind::Number),
+            "u4" => (VoxelType::U32, Kind::Number),
+            "i4" => (VoxelType::I32, Kind::Number),
+            "u8" => (VoxelType::U64, Kind::Number),
+            "i8" => (VoxelType::I64, Kind::Number),
+            "f2" => (VoxelType::U16, Kind::Half),
+            "f4" => (VoxelType::F32, Kind::Number),
+            "f8" => (VoxelType::F64, Kind::Number),
+            _ => {
+                let what = match code.chars().next() {
+                    Some('O') => "objects, which only running their code would read",
+                    Some('S' | 'U' | 'a') => "strings",
+                    Some('V' | '[') => "structures",
+                    Some('c') => "complex numbers",
+                    Some('M' | 'm') => "times",
+                    Some('f') => "floats of another size than 2, 4 or 8 bytes",
+                    _ => "not a number type",
+                };
+                let what = if descr.starts_with(['[', '(']) { "structures" } else { what };
+                let start: String = descr.chars().take(40).collect();
+                return Err(
+                    self.wrong(format!("descr is {start}: {what}; booleans, whole numbers and floats are read"))
+                );
+            }
+        };
+        Ok((voxel_type, order, kind))
+    }
+
+    /// Voxels along x, y and z. The shape is slowest first; axes of one voxel may be anywhere.
+    fn dims(&self, header: &Header) -> Result<[usize; 3], VolumeError> {
+        let shape = &header.shape;
+        let text = || shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        if shape.contains(&0) || shape.is_empty() {
+            return Err(self.wrong(format!("shape is ({}); every axis needs at least one voxel", text())));
+        }
+        let long: Vec<usize> = shape.iter().copied().filter(|&side| side > 1).collect();
+        let sides = if shape.len() <= 3 { shape } else { &long };
+        let mut dims = [1; 3];
+        match sides.len() {
+            0..=3 => {
+                dims.iter_mut().zip(sides.iter().rev()).for_each(|(dim, &side)| *dim = side);
+                Ok(dims)
+            }
+            axes => Err(self.wrong(format!(
+                "shape is ({}): {axes} axes longer than 1, and the file does not say which of them are z, y and x; save one volume of at most 3 axes",
+                text()
+            ))),
+        }
+    }
+}
+
+/// Kind of a number beside its type.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Number,
+    Half,
+    Boolean,
+}
+
+/// What a header says.
+struct Header {
+    voxel_type: VoxelType,
+    byte_order: ByteOrder,
+    is_half: bool,
+    is_boolean: bool,
+    /// Whether the first axis varies fastest.
+    is_fortran: bool,
+    /// Lengths of the axes in the order of their indices.
+    shape: Vec<usize>,
+    /// Bytes before the values.
+    length: u64,
+}
+
+/// Keys and values of the dictionary that a header is; values are as written. `None` if it is none.
+fn fields(text: &str) -> Option<Vec<(&str, &str)>> {
+    let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
+    let mut fields = Vec::new();
+    while !rest.is_empty() {
+        let quote = rest.chars().next().filter(|letter| matches!(letter, '\'' | '"'))?;
+        let (key, after) = rest[1..].split_once(quote)?;
+        let after = after.trim_start().strip_prefix(':')?.trim_start();
+        // A value ends at a comma outside brackets and quotes.
+        let (mut depth, mut quoted, mut end) = (0_usize, None, after.len());
+        for (at, letter) in after.char_indices() {
+            match (quoted, letter) {
+                (Some(quote), letter) if letter == quote => quoted = None,
+                (Some(_), _) => {}
+                (None, '\'' | '"') => quoted = Some(letter),
+                (None, '(' | '[' | '{') => depth += 1,
+                (None, ')' | ']' | '}') => depth = depth.checked_sub(1)?,
+                (None, ',') if depth == 0 => {
+                    end = at;
+                    break;
+                }
+                _ => {}
+            }
+        }
+        fields.push((key, after[..end].trim_end()));
+        rest = after[end..].trim_start_matches(',').trim_start();
+    }
+    Some(fields)
+}
+
+/// Voxels with x fastest, from voxels with z fastest.
+fn transposed<T: Voxel>(source: &str, stored: &[T], [nx, ny, nz]: [usize; 3]) -> Result<Voxels, VolumeError> {
+    let mut voxels = data::zeroed::<T>(Path::new(source), stored.len())?;
+    voxels.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+        let (y, z) = (row % ny, row / ny);
+        for (x, voxel) in out.iter_mut().enumerate() {
+            *voxel = stored[z + nz * (y + ny * x)];
+        }
+    });
+    Ok(T::into_voxels(voxels))
+}
