@@ -5,6 +5,7 @@ pub mod design;
 mod dial;
 mod error;
 mod file;
+pub mod first_look;
 mod history;
 mod light_request;
 mod mixing;
@@ -23,6 +24,7 @@ pub(crate) use dial::along;
 pub use dial::{Dial, DialNode, Situation};
 pub use error::SceneError;
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
+pub use first_look::{Look, Wish};
 pub use history::Document;
 pub use light_request::{LightRequest, requested};
 pub use mixing::{LightState, Mixing, Slider};
@@ -47,6 +49,8 @@ pub struct SceneFile {
     pub base: PathBuf,
     /// Files that it names: volume, labels, palette and spectra.
     pub inputs: Vec<PathBuf>,
+    /// Sentences about a scene that was made from its volume: what was guessed, and how to change it.
+    pub told: Vec<String>,
 }
 
 impl SceneFile {

@@ -5,6 +5,7 @@ mod error;
 mod fields;
 mod foreign;
 mod geometry;
+mod hint;
 mod metaimage;
 mod nrrd;
 mod open;
