@@ -10,7 +10,7 @@ use relume::film::{Components, Film, RelightMatrices};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
-use relume::output::{FilmFile, PictureKind, write_ready_png};
+use relume::output::{Alpha, FilmFile, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
@@ -21,7 +21,7 @@ use relume::tables::{LabelMap, Storage};
 use relume::volume::{Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::files::{self, Bits, picture_kind};
+use super::files::{self, Backdrop, Bits, backdrop, picture_kind};
 use super::goal::GoalArgs;
 use super::model::Learnt;
 use super::scene::{LightArgs, LookArgs, SceneArgs, size};
@@ -59,6 +59,10 @@ pub(crate) struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
+    /// Put a colour behind the picture, or make it transparent (alpha in PNG; EXR files always keep opacity). No light
+    /// changes the colour; `background` of a scene is a surface that is lit.
+    #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
+    background: Option<Backdrop>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -201,7 +205,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let mut loaded = read;
     loaded += clock.read();
 
-    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
+    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none() && args.background.is_none();
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
@@ -219,13 +223,21 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
+    let mut shown = marched.linear.clone().filter(|_| args.background.is_some());
+    if let (Some(shown), Some(backdrop)) = (&mut shown, args.background) {
+        backdrop.behind(shown);
+    }
+    let alpha = if args.background == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
     for path in &pictures {
         match (&marched.display, &marched.linear) {
             (Some(display), _) if ready(&picture_kind(path)?) => {
                 let rgb: Vec<u8> = display.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
                 write_ready_png(path, args.size[0], args.size[1], &rgb)?;
             }
-            (_, Some(linear)) => files::write_linear(path, args.size, linear, args.bits)?,
+            (_, Some(linear)) => {
+                let shown = shown.as_ref().unwrap_or(linear);
+                files::write_linear_as(path, args.size, shown, args.bits, alpha)?;
+            }
             _ => {}
         }
     }
@@ -388,9 +400,11 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
 /// Warns of a volume of one value that no light reaches: it has no gradient, and so no diffuse and specular parts.
 fn warn_of_homogeneous(scene: &Scene, statistics: &Statistics) {
     let dark = |index: usize| scene.materials.get(index).is_some_and(|material| material.ambient <= 0.0);
-    let mut shown = (0..scene.materials.len()).filter(|&index| scene.shows(index)).peekable();
+    let medium = scene.transfer.medium(statistics.min, scene.materials.len());
+    let mut shown = (0..scene.materials.len()).filter(|&index| medium.scattering[index] > 0.0).peekable();
     let is_lit = scene.lights.iter().any(|light| light.placement == Placement::Ambient);
-    let is_homogeneous = statistics.min >= statistics.max && scene.shading == Shading::Gradient && scene.labels.is_none();
+    let is_homogeneous =
+        statistics.min >= statistics.max && scene.shading == Shading::Gradient && scene.labels.is_none();
     if is_homogeneous && !is_lit && shown.peek().is_some() && shown.all(dark) {
         tracing::warn!(
             "all voxels have the value {}, so there is no gradient to shade, and the materials have ambient = 0: the \

@@ -230,7 +230,10 @@ fn camera(camera: &Camera) -> Table {
             table.insert("fill", value(fill));
             table.insert("front", value(numbers(front.to_array())));
             if let Some(around) = around {
-                table.insert("around", value(around.map(|corner| numbers(corner.to_array())).into_iter().collect::<Array>()));
+                table.insert(
+                    "around",
+                    value(around.map(|corner| numbers(corner.to_array())).into_iter().collect::<Array>()),
+                );
             }
         }
     }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::file::parse_around;
 use super::first_look::first_look;
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
+use crate::input;
 use crate::number::count;
 use crate::progress::{Progress, Quiet};
 use crate::volume::{self, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
@@ -155,7 +156,9 @@ impl Source {
     pub fn bare_volume(&self) -> Option<&Path> {
         // A layout describes a volume, unless the file is a scene.
         let is_toml = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-        let is_laid_out = |path: &Path| self.options.raw.is_some() && !is_toml(path);
+        let is_laid_out = |path: &Path| {
+            if is_toml(path) { is_sidecar(path) } else { self.options.raw.is_some() }
+        };
         self.path.as_deref().filter(|path| is_volume(path, &[]) || is_laid_out(path) || has_header(path))
     }
 
@@ -193,6 +196,17 @@ impl Source {
         })?;
         Ok((SceneFile { told: look.told, ..file }, statistics))
     }
+}
+
+/// Longest sidecar, in bytes.
+const LONGEST_TOML: u64 = 1 << 16;
+
+/// Whether a TOML file describes voxels and not a scene: by `dims` or `type` at the top level, or by a lone `[volume]`.
+#[must_use]
+pub fn is_sidecar(path: &Path) -> bool {
+    let text = || String::from_utf8(input::read(path, LONGEST_TOML).ok()?).ok();
+    let table = text().and_then(|text| text.parse::<toml::Table>().ok());
+    table.is_some_and(|it| it.contains_key("dims") || it.contains_key("type") || it.keys().eq(["volume"]))
 }
 
 /// Error for the file `path`, which is not readable as a scene. A file that is not text, or too long for a scene, is

@@ -291,7 +291,11 @@ pub(super) fn read_beside_sidecar(
         let file = stream::open(path)?;
         let bytes = file.metadata().map_err(|source| stream::failed(path, source))?.len();
         let [sidecar, _] = sidecars;
-        let guess = RawLayout::guessed(&name.to_string_lossy(), bytes).or_else(|| guessed_by_content(path, bytes));
+        let by_name = RawLayout::guessed(&name.to_string_lossy(), bytes);
+        // A cube may be a guess by the size alone.
+        let is_named = by_name.as_ref().is_some_and(|RawLayout { dims: [x, y, z], .. }| x != y || y != z);
+        let by_content = || guessed_by_content(path, bytes);
+        let guess = if is_named { by_name } else { by_content().or(by_name) };
         let guess = guess.map(Box::new);
         return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar, bytes, guess });
     };

@@ -1,65 +1,73 @@
 //! The camera that shows the visible voxels upright, and as large as fits.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::sample::Thinned;
 use crate::number::count;
 use crate::scene::{Aim, Camera, Projection};
-use crate::volume::Geometry;
+use crate::volume::{Geometry, Volume};
 
 /// Fraction of a square picture that the visible voxels span in their larger direction.
 pub(super) const FILL: f64 = 0.9;
 /// Vertical field of view, in degrees.
 const FOV_DEGREES: f64 = 30.0;
 /// Rounds of the fit, each of which corrects centre and distance.
-const ROUNDS: usize = 30;
+const ROUNDS: usize = 16;
 
-/// Marks the visible voxels of `thinned`, without specks.
-pub(super) fn visible(thinned: &Thinned, shows: impl Fn(f32) -> bool) -> Vec<bool> {
-    /// Visible neighbours of a voxel that is no speck.
-    const ENOUGH: usize = 3;
-    let all: Vec<bool> = thinned.values.iter().map(|&value| shows(value)).collect();
-    let enough = if thinned.dims.iter().any(|&side| side < 8) { 0 } else { ENOUGH };
-    let is_kept = |place: usize| all[place] && thinned.neighbours(place).filter(|&it| all[it]).count() >= enough;
-    let kept: Vec<bool> = (0..all.len()).map(is_kept).collect();
-    if kept.contains(&true) { kept } else { all }
+/// World positions around the first and the last visible voxel of every n-th row: their hull is that of all visible
+/// voxels, up to n − 1 voxels. A single visible voxel in a row is a speck.
+pub(super) fn outline(
+    volume: &Volume,
+    stride: [usize; 3],
+    crop: Option<[[usize; 3]; 2]>,
+    shows: impl Fn(f64) -> bool + Sync,
+) -> Vec<DVec3> {
+    let [nx, ny, nz] = volume.geometry.dims;
+    let [low, high] = crop.unwrap_or([[0; 3], [nx - 1, ny - 1, nz - 1]]);
+    let lines = |axis: usize| (low[axis]..=high[axis]).step_by(stride[axis]);
+    let rows: Vec<[usize; 2]> = lines(2).flat_map(|z| lines(1).map(move |y| [y, z])).collect();
+    let least = if nx < 8 { 1 } else { 2 };
+    let ends = |&[y, z]: &[usize; 2]| {
+        let first = nx * (y + ny * z);
+        let seen = |x: usize| {
+            volume.voxels.value(first + x).is_some_and(|it| shows(it.mul_add(volume.slope, volume.intercept)))
+        };
+        let is_body = |x: &usize| (*x..x + least).all(|x| x <= high[0] && seen(x));
+        let left = (low[0]..=high[0]).find(is_body)?;
+        let is_end = |x: &usize| (x + 1 - least..=*x).all(|x| x >= low[0] && seen(x));
+        let right = (left + least - 1..=high[0]).rev().find(is_end)?;
+        Some([(left, y, z), (right, y, z)])
+    };
+    let found: Vec<[(usize, usize, usize); 2]> = rows.par_iter().filter_map(ends).collect();
+    let corners = |(x, y, z): (usize, usize, usize)| {
+        let index = DVec3::new(count(x), count(y), count(z));
+        [[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]].map(|[y, z]| index + DVec3::new(0.0, y, z))
+    };
+    let around = |[left, right]: [(usize, usize, usize); 2]| {
+        let left = corners(left).map(|index| index - DVec3::X / 2.0);
+        left.into_iter().chain(corners(right).map(|index| index + DVec3::X / 2.0))
+    };
+    found.into_iter().flat_map(around).map(|index| volume.geometry.world_from_index(index)).collect()
 }
 
-/// World positions of the first and the last visible voxel of each row: their hull is that of all visible voxels.
-fn outline(thinned: &Thinned, visible: &[bool], geometry: &Geometry) -> Vec<DVec3> {
-    let nx = thinned.dims[0];
-    let world = |place: usize, end: f64| {
-        let index = DVec3::from_array(std::array::from_fn(|axis| {
-            count(thinned.position(place)[axis] * thinned.stride[axis])
-        }));
-        geometry.world_from_index(index + DVec3::X * end)
-    };
-    let ends = |(row, voxels): (usize, &[bool])| {
-        let first = voxels.iter().position(|&seen| seen)?;
-        let last = voxels.iter().rposition(|&seen| seen)?;
-        Some([world(row * nx + first, -0.5), world(row * nx + last, 0.5)])
-    };
-    visible.chunks(nx).enumerate().filter_map(ends).flatten().collect()
-}
-
-/// The camera of the directions of `camera` that shows `visible` in the middle of the picture; `camera` itself if
-/// nothing is visible.
-pub(super) fn fitted(camera: &Camera, thinned: &Thinned, visible: &[bool], geometry: &Geometry) -> Camera {
-    let points = outline(thinned, visible, geometry);
+/// The camera of the directions of `camera` that shows `points` in the middle of the picture; `camera` itself if there
+/// are none.
+pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> Camera {
     let (Aim::Orbit { azimuth, elevation, front, .. }, Some(view)) = (camera.aim, camera.view(geometry, 1.0)) else {
         return camera.clone();
     };
-    let (Some(low), Some(high)) = (points.iter().copied().reduce(DVec3::min), points.iter().copied().reduce(DVec3::max))
+    let (Some(low), Some(high)) =
+        (points.iter().copied().reduce(DVec3::min), points.iter().copied().reduce(DVec3::max))
     else {
         return camera.clone();
     };
-    // A single row of voxels has a thickness too.
-    let half = ((high - low) / 2.0).max(DVec3::splat(geometry.spacing.min_element() / 2.0));
+    let half = (high - low) / 2.0;
     let tangent = (FOV_DEGREES / 2.0).to_radians().tan();
     let (mut centre, mut distance) = ((low + high) / 2.0, 2.0 * half.length() / tangent);
     for _ in 0..ROUNDS {
         let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for point in &points {
+        for point in points {
             let from_centre = *point - centre;
             let depth = (distance + from_centre.dot(view.forward)).max(1e-3 * distance);
             for (bounds, along) in bounds.iter_mut().zip([view.right, view.up]) {

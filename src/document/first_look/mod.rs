@@ -13,7 +13,7 @@ pub use values::{Kind, Peak, Values};
 
 use self::sample::Thinned;
 use super::moves::Side;
-use crate::number::{brief, count};
+use crate::number::{brief, count, rounded};
 use crate::scene::{Aim, Camera, Projection};
 use crate::volume::{Geometry, Statistics, Volume};
 
@@ -106,7 +106,10 @@ enum Colour {
 enum Shape {
     Layers(Vec<Layer>),
     /// One material whose opacity rises over `range`.
-    Ramp { layer: Layer, shines: bool },
+    Ramp {
+        layer: Layer,
+        shines: bool,
+    },
 }
 
 /// Colours of labels that can be told apart (after Kelly 1965), in an order in which neighbours differ most.
@@ -145,13 +148,18 @@ fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
 
 /// Layers by the peaks of the histogram, or by equal shares.
 fn layers(values: &Values) -> Vec<Layer> {
-    /// Peaks with less than this share of the voxels are noise.
-    const SHARE: f64 = 2e-4;
+    /// Peaks with less than this share of the objects' voxels are noise, or values that a converter has cut off.
+    const SHARE: f64 = 0.015;
     let from = values.objects_from;
+    let objects = values.share([from, f64::MAX]);
     let upper = values.most.max(from);
     let span = values.percentile(0.9995) - values.percentile(0.0005);
-    let peaks: Vec<Peak> =
-        values.peaks.iter().copied().filter(|peak| peak.value > from + 0.02 * span && peak.share > SHARE).collect();
+    let peaks: Vec<Peak> = values
+        .peaks
+        .iter()
+        .copied()
+        .filter(|peak| peak.value > from + 0.02 * span && peak.share > SHARE * objects)
+        .collect();
     let mut cuts: Vec<f64> = vec![from];
     cuts.extend(peaks.iter().skip(1).map(|peak| peak.interval[0]).filter(|&cut| cut > from + 0.02 * span));
     // Of many peaks, the highest two valleys.
@@ -267,15 +275,38 @@ fn flat_side(geometry: &Geometry) -> Option<Side> {
     (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
 }
 
-/// Direction of the camera: sheets face on, patients from the front, and all else a little from the side, z up.
-fn directions(volume: &Volume) -> Camera {
+/// Whether the body of a CT is cut off at the upper end of z and lies in air at the lower end, as a head whose slices
+/// begin at the top.
+fn is_upside_down(volume: &Volume, values: &Values) -> bool {
+    /// Fraction of a slice that the cut body covers at least.
+    const CUT: f64 = 0.03;
+    let Kind::Ct { water } = values.kind else { return false };
+    let thinned = &values.thinned;
+    let [nx, ny, nz] = thinned.dims;
+    let slice = nx * ny;
+    let body = |z: usize| {
+        let slice = thinned.values.get(z * slice..(z + 1) * slice).unwrap_or_default();
+        count(slice.iter().filter(|&&value| f64::from(value) > water - 100.0).count()) / count(slice.len().max(1))
+    };
+    let [first, last] = [body(0), body(nz - 1)];
+    let [low, high] = if volume.geometry.direction.z_axis.z < 0.0 { [last, first] } else { [first, last] };
+    high > CUT && low < high / 3.0
+}
+
+/// Direction of the camera: sheets face on, patients from the front, and all else a little from the side, z up. Heads
+/// whose neck is cut off by the upper end of z are turned over.
+fn directions(volume: &Volume, values: &Values) -> Camera {
     let (side, azimuth, elevation) = match flat_side(&volume.geometry) {
         Some(side) => (side, 0.0, 0.0),
         None if volume.anatomical => (Side::Front, 0.0, 0.0),
         None => (Side::Front, -25.0, 20.0),
     };
     let front = side.outward();
-    let up = if front.z == 0.0 { DVec3::Z } else { DVec3::NEG_Y };
+    let up = match side {
+        Side::Top | Side::Bottom => DVec3::NEG_Y,
+        _ if !volume.anatomical && is_upside_down(volume, values) => DVec3::NEG_Z,
+        _ => DVec3::Z,
+    };
     let projection = Projection::Perspective { fov_degrees: 30.0 };
     Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: 1.0, front, around: None }, up }
 }
@@ -284,9 +315,18 @@ fn directions(volume: &Volume) -> Camera {
 pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> FirstLook {
     let values = Values::of(volume, statistics);
     let geometry = &volume.geometry;
-    let camera = directions(volume);
+    let camera = directions(volume, &values);
     let forward = camera.view(geometry, 1.0).map_or(DVec3::Y, |view| view.forward);
     let axis = (geometry.direction.transpose() * forward).abs().max_position();
+    let wish = match wish {
+        // A single slice is an image.
+        Wish { look: None, window: None }
+            if flat_side(geometry).is_some() && !matches!(values.kind, Kind::Labels(_)) =>
+        {
+            Wish { look: Some(Look::Grey), window: None }
+        }
+        wish => wish,
+    };
     let (shape, guess) = shape(&values, wish, axis);
     let thickness = |layers: &[Layer]| -> Vec<f64> {
         let smallest = geometry.spacing.min_element();
@@ -299,26 +339,19 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         Shape::Ramp { layer, .. } => vec![[0.7 * layer.range[0] + 0.3 * layer.range[1], f64::MAX]],
     };
     let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
-    let mut seen = fit::visible(&values.thinned, shows);
     let crop = match values.kind {
         Kind::Ct { water } => {
-            let body: Vec<bool> =
-                values.thinned.values.iter().map(|&value| f64::from(value) > water - 300.0).collect();
+            let body: Vec<bool> = values.thinned.values.iter().map(|&value| f64::from(value) > water - 300.0).collect();
             fit::largest_part(&values.thinned, &body, geometry.dims)
         }
         _ => None,
     };
-    if let Some([low, high]) = crop {
-        for (place, seen) in seen.iter_mut().enumerate() {
-            let position = values.thinned.position(place);
-            let inside = |axis: usize| (low[axis]..=high[axis]).contains(&(position[axis] * values.thinned.stride[axis]));
-            *seen &= (0..3).all(inside);
-        }
-    }
-    let camera = fit::fitted(&camera, &values.thinned, &seen, geometry);
-    let how = "Change it with --look tissue, bone, vessel, grey or fluorescence, with --window and --level, or edit the \
+    let outline = fit::outline(volume, values.thinned.stride, crop, |value| shows(rounded(value)));
+    let camera = fit::fitted(&camera, &outline, geometry);
+    let how =
+        "Change it with --look tissue, bone, vessel, grey or fluorescence, with --window and --level, or edit the \
                scene that --save-scene FILE writes."
-        .to_owned();
+            .to_owned();
     let told = vec![format!("{name} has no scene, so one was made: {guess}."), how];
     let text = text(name, &told[0], &shape, thickness, &camera, crop, geometry);
     FirstLook { text, told }
@@ -367,7 +400,9 @@ fn shape(values: &Values, wish: Wish, axis: usize) -> (Shape, String) {
         (_, None | Some(Look::Tissue)) => layers(values),
         (_, look) => {
             let part = if look == Some(Look::Vessel) { 0.97 } else { 0.75 };
-            let from = values.percentile_of_objects(part);
+            // Interpolation hardly ever reaches the largest value itself.
+            let most = values.most - 0.1 * (values.most - values.objects_from);
+            let from = values.percentile_of_objects(part).min(most);
             let role = if look == Some(Look::Vessel) { 0 } else { 2 };
             let name = look.map_or("solid", Look::name);
             vec![alone(name, Colour::Designed(role), [from, values.most.max(from)], 8.0)]
@@ -378,7 +413,8 @@ fn shape(values: &Values, wish: Wish, axis: usize) -> (Shape, String) {
         .take(4)
         .map(|layer| format!("{} from {} to {}", layer.name, brief_of(layer.range[0]), brief_of(layer.range[1])))
         .collect();
-    let more = if layers.len() > shown.len() { format!(" and {} more", layers.len() - shown.len()) } else { String::new() };
+    let more =
+        if layers.len() > shown.len() { format!(" and {} more", layers.len() - shown.len()) } else { String::new() };
     let guess = format!("{kind}, shown as {}{more}", shown.join(", "));
     (Shape::Layers(layers), guess)
 }
@@ -411,7 +447,9 @@ fn text(
     let mut line = |words: &str| {
         let _ = writeln!(text, "{words}");
     };
-    line("\n# Opacity is the fraction of light lost over the opacity length: one voxel. Ranges are values of the volume.");
+    line(
+        "\n# Opacity is the fraction of light lost over the opacity length: one voxel. Ranges are values of the volume.",
+    );
     line("[transfer]");
     line(&format!("opacity_length = {:?}", geometry.spacing.min_element()));
     match shape {
@@ -454,7 +492,7 @@ fn text(
                 Colour::Code(code) => code,
                 Colour::Designed(_) => LABEL_COLOURS[index % LABEL_COLOURS.len()],
             };
-            line(&format!("\n[materials.{}]\nreflectance = \"{colour}\"", layer.name));
+            line(&format!("\n[materials.{}]\nreflectance = {{ srgb = \"{colour}\" }}", layer.name));
             if shines {
                 line("ambient = 1\ndiffuse = 0\nxray = true");
             }
@@ -480,6 +518,7 @@ fn text(
         line("\n# The largest connected part: the table is left out.\n[crop]");
         line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
     }
+    line("\n[display]\nexposure = 1.4");
     if matches!(shape, Shape::Layers(layers) if layers.iter().any(|it| matches!(it.colour, Colour::Code(_)))) {
         line("\n# Labels do not mix.\n[accuracy]\ninterpolation = \"nearest\"");
     }

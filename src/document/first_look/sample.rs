@@ -6,7 +6,7 @@ use crate::number::{count, rounded, whole};
 use crate::volume::{Volume, with_voxels};
 
 /// Most voxels of a thinned copy.
-const MOST: f64 = 3e6;
+const MOST: f64 = 1.2e6;
 
 /// Every n-th voxel of a volume along each axis.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::sample::Thinned;
-use crate::number::{count, whole};
+use crate::number::{brief, count, whole};
 use crate::volume::{Statistics, Volume, VoxelType};
 
 /// Bins of the histogram between the 0.05th and the 99.95th percentile.
@@ -26,6 +26,39 @@ pub enum Kind {
     /// Anything else.
     Other,
 }
+
+impl Kind {
+    /// Name for programs.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Ct { .. } => "ct",
+            Self::Labels(_) => "labels",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// A range of values with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Named {
+    /// Name of the tissue.
+    pub name: &'static str,
+    /// Its values.
+    pub interval: [f64; 2],
+    /// Fraction of all voxels in the interval.
+    pub share: f64,
+}
+
+/// Tissues in Hounsfield units (Hounsfield 1980; docs/theory/first_look.md).
+const TISSUES: [(&str, [f64; 2]); 6] = [
+    ("air", [-1100.0, -900.0]),
+    ("lung", [-900.0, -400.0]),
+    ("fat", [-130.0, -60.0]),
+    ("muscle and organs", [20.0, 90.0]),
+    ("vessels with contrast agent", [150.0, 420.0]),
+    ("bone", [250.0, 3000.0]),
+];
 
 /// A peak of the histogram.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -77,6 +110,49 @@ impl Values {
         self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value.into())
     }
 
+    /// Ranges of values that have names in this kind of data; empty except for CT.
+    #[must_use]
+    pub fn named(&self) -> Vec<Named> {
+        let Kind::Ct { water } = self.kind else { return Vec::new() };
+        let named = |(name, [low, high]): (&'static str, [f64; 2])| {
+            let interval = [water + low, water + high];
+            Named { name, interval, share: self.share(interval) }
+        };
+        TISSUES.into_iter().map(named).filter(|named| named.share > 0.0).collect()
+    }
+
+    /// Suggested intervals in sentences: by name for a CT, by peaks of the histogram otherwise.
+    #[must_use]
+    pub fn sentences(&self) -> Vec<String> {
+        let percent = |share: f64| format!("{:.1} % of the voxels", 100.0 * share);
+        let range = |[low, high]: [f64; 2]| format!("{} to {}", brief(low.round()), brief(high.round()));
+        match &self.kind {
+            Kind::Ct { water } => {
+                let unit = if *water == 0.0 {
+                    "a CT in Hounsfield units: air is -1000, water 0".to_owned()
+                } else {
+                    format!("a CT with an offset: {} is water, {} air", brief(*water), brief(water - 1000.0))
+                };
+                let named = self.named().into_iter();
+                let named = named.map(|it| format!("{} {}: {}", it.name, range(it.interval), percent(it.share)));
+                std::iter::once(unit).chain(named).collect()
+            }
+            Kind::Labels(labels) => {
+                let listed: Vec<String> = labels.iter().map(|&label| brief(label)).collect();
+                vec![format!("a segmentation with the labels {}", listed.join(", "))]
+            }
+            Kind::Other => {
+                let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
+                let peak = |peak: &Peak| {
+                    let [low, high] = peak.interval.map(digits);
+                    let side = if peak.value < self.objects_from { ", surroundings" } else { "" };
+                    format!("a peak at {}: interval {low} to {high}, {}{side}", digits(peak.value), percent(peak.share))
+                };
+                self.peaks.iter().map(peak).collect()
+            }
+        }
+    }
+
     /// Value below which the fraction `part` of the voxels from [`Self::objects_from`] on lies.
     pub(super) fn percentile_of_objects(&self, part: f64) -> f64 {
         let first = self.sorted.partition_point(|&value| f64::from(value) < self.objects_from);
@@ -87,8 +163,9 @@ impl Values {
 
     /// Fraction of the voxels with values in a range.
     pub(super) fn share(&self, [low, high]: [f64; 2]) -> f64 {
-        let below = |limit: f64| self.sorted.partition_point(|&value| f64::from(value) < limit);
-        count(below(high).saturating_sub(below(low))) / count(self.sorted.len().max(1))
+        let below = self.sorted.partition_point(|&value| f64::from(value) < low);
+        let within = self.sorted.partition_point(|&value| f64::from(value) <= high);
+        count(within.saturating_sub(below)) / count(self.sorted.len().max(1))
     }
 
     /// Value between the surroundings and the objects: where the voxels with large gradients, which lie on boundaries,
@@ -96,7 +173,8 @@ impl Values {
     fn boundary(&self, histogram: &Histogram) -> f64 {
         let mut border = self.thinned.border();
         border.sort_unstable_by(f32::total_cmp);
-        let at = |part: f64| border.get(whole(part * count(border.len()))).map_or(self.least, |&value| f64::from(value));
+        let at =
+            |part: f64| border.get(whole(part * count(border.len()))).map_or(self.least, |&value| f64::from(value));
         let [middle, high] = [at(0.5), at(0.9)];
         let [low_end, high_end] = histogram.range;
         let span = high_end - low_end;
@@ -248,7 +326,10 @@ fn labels(thinned: &Thinned, sorted: &[f32]) -> Option<Vec<f64>> {
         if thinned.values[place] > background {
             objects += 1;
             let own = thinned.values[place];
-            alike += usize::from(thinned.neighbours(place).filter(|&it| thinned.values[it] < own || thinned.values[it] > own).count() <= 3);
+            alike += usize::from(
+                thinned.neighbours(place).filter(|&it| thinned.values[it] < own || thinned.values[it] > own).count()
+                    <= 3,
+            );
         }
     }
     let found: Vec<f64> = distinct.iter().skip(1).map(|&value| value.into()).collect();
