@@ -154,12 +154,11 @@ fn layers(values: &Values) -> Vec<Layer> {
     let objects = values.share([from, f64::MAX]);
     let upper = values.most.max(from);
     let span = values.percentile(0.9995) - values.percentile(0.0005);
-    let peaks: Vec<Peak> = values
-        .peaks
-        .iter()
-        .copied()
-        .filter(|peak| peak.value > from + 0.02 * span && peak.share > SHARE * objects)
-        .collect();
+    // Values that a converter has cut off pile up at the upper end.
+    let clipped = values.percentile(0.9995) - 0.03 * span;
+    let is_material =
+        |peak: &Peak| peak.value > from + 0.02 * span && peak.value < clipped && peak.share > SHARE * objects;
+    let peaks: Vec<Peak> = values.peaks.iter().copied().filter(is_material).collect();
     let mut cuts: Vec<f64> = vec![from];
     cuts.extend(peaks.iter().skip(1).map(|peak| peak.interval[0]).filter(|&cut| cut > from + 0.02 * span));
     // Of many peaks, the highest two valleys.

@@ -50,7 +50,7 @@ pub struct Named {
     pub share: f64,
 }
 
-/// Tissues in Hounsfield units (Hounsfield 1980; docs/theory/first_look.md).
+/// Tissues in Hounsfield units (Hounsfield 1980; docs/theory/first-look.md).
 const TISSUES: [(&str, [f64; 2]); 6] = [
     ("air", [-1100.0, -900.0]),
     ("lung", [-900.0, -400.0]),
@@ -169,7 +169,7 @@ impl Values {
     }
 
     /// Value between the surroundings and the objects: where the voxels with large gradients, which lie on boundaries,
-    /// fall apart into two classes (docs/theory/first_look.md).
+    /// fall apart into two classes (docs/theory/first-look.md).
     fn boundary(&self, histogram: &Histogram) -> f64 {
         let mut border = self.thinned.border();
         border.sort_unstable_by(f32::total_cmp);
@@ -296,12 +296,12 @@ fn otsu(bins: &[f64]) -> usize {
 }
 
 fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
-    let whole_numbers = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
-    if whole_numbers && let Some(labels) = labels(thinned, sorted) {
-        return Kind::Labels(labels);
+    if let Some(water) = water(sorted, statistics) {
+        return Kind::Ct { water };
     }
-    match water(sorted, statistics) {
-        Some(water) => Kind::Ct { water },
+    let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
+    match labels(thinned, sorted).filter(|_| are_whole) {
+        Some(labels) => Kind::Labels(labels),
         None => Kind::Other,
     }
 }
@@ -327,8 +327,7 @@ fn labels(thinned: &Thinned, sorted: &[f32]) -> Option<Vec<f64>> {
             objects += 1;
             let own = thinned.values[place];
             alike += usize::from(
-                thinned.neighbours(place).filter(|&it| thinned.values[it] < own || thinned.values[it] > own).count()
-                    <= 3,
+                thinned.neighbours(place).filter(|&it| (thinned.values[it] - own).abs() > 0.0).count() <= 3,
             );
         }
     }
