@@ -439,9 +439,11 @@ fn text(
     crop: Option<[[usize; 3]; 2]>,
     geometry: &Geometry,
 ) -> String {
+    // A single slice has no gradient across it to shade.
+    let shading = if flat_side(geometry).is_some() { "shading = \"none\"\n" } else { "" };
     let mut text = format!(
         "# First look at {name}: a scene that Relume made from its values. The keys are in docs/SCENE.md.\n# {guess}\n\
-         version = 1\n\n[volume]\n"
+         version = 1\n{shading}\n[volume]\n"
     );
     let mut line = |words: &str| {
         let _ = writeln!(text, "{words}");
