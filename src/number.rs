@@ -71,6 +71,10 @@ pub(crate) fn capital(text: &str) -> String {
     letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
+/// The end of serde's message about a text in place of three numbers, as in `spacing = "0.9 mm"`, and its replacement.
+const WITH_UNIT: [&str; 2] =
+    ["\", expected an array of length 3", "\", expected three numbers in brackets without a unit, such as [1, 1, 2]"];
+
 /// A message of serde with its names of Rust's numbers in words.
 #[must_use]
 pub(crate) fn in_words(message: &str) -> String {
@@ -82,7 +86,7 @@ pub(crate) fn in_words(message: &str) -> String {
         ("f64", "a number"),
     ]
     .into_iter()
-    .fold(message.to_owned(), |text, (name, words)| {
+    .fold(message.replace(WITH_UNIT[0], WITH_UNIT[1]), |text, (name, words)| {
         text.replace(&format!("expected {name}"), &format!("expected {words}"))
     })
 }

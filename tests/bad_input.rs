@@ -350,9 +350,12 @@ fn volumes_that_no_memory_holds_are_refused_with_their_bytes() {
 fn files_that_are_given_as_what_they_are_not_are_recognised() {
     let folder = Folder::new().with("v.mhd", HEADER).with("v.raw", [0; 64]).with("header", HEADER);
     let folder = folder.with("n.nrrd", "NRRD0004\n").with("x.vti", "<?xml version=\"1.0\"?>\n<VTKFile type=");
-    for name in ["v.mhd", "v.raw", "header", "n.nrrd", "x.vti"] {
-        let hint = format!("use --volume {name}");
-        folder.refused(1, &["render", name, "-o", "p.png"], &["this is a volume", &hint]);
+    // A volume is rendered; one that cannot be read is no scene either.
+    for name in ["v.mhd", "header"] {
+        folder.done(&["render", name, "-o", "p.png", "--size", "4x4"]);
+    }
+    for (name, words) in [("v.raw", "v.raw: raw voxels have no header"), ("n.nrrd", "n.nrrd"), ("x.vti", "x.vti")] {
+        folder.refused(1, &["render", name, "-o", "q.png"], &[words]);
     }
     for name in ["v.mhd", "header", "n.nrrd", "x.vti"] {
         let layout = ["--dims", "4x4x4", "--type", "uint8"];

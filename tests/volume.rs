@@ -171,7 +171,7 @@ fn bad_raw_files_are_refused_with_the_numbers() {
 
     let error = refused("dims = [3, 1, 1]\ntype = 'uint16'");
     assert!(matches!(error, VolumeError::Short { found: 5, expected: 6, .. }), "{error}");
-    assert!(whole_message(&error).contains("5 bytes of voxels, but the header requires 6"), "{error}");
+    assert!(whole_message(&error).contains("5 bytes of voxels, but the stated dims and type require 6"), "{error}");
 
     let error = refused("dims = [5, 1, 1]\ntype = 'uint8'\nheader_bytes = 7");
     assert!(matches!(error, VolumeError::Short { found: 0, expected: 5, .. }), "{error}");

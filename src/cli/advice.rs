@@ -6,7 +6,7 @@ use relume::document::SceneError;
 use relume::measure::{ChoiceError, Goal, LadderError, SurveyError};
 use relume::model::{ModelError, ModelKind};
 use relume::render::RenderError;
-use relume::volume::{Asked, RawLayout, Several, VolumeError};
+use relume::volume::{Asked, ByteOrder, RawLayout, Several, VolumeError};
 
 use super::CliError;
 
@@ -88,9 +88,10 @@ fn of_volume(error: &VolumeError) -> Option<String> {
             Some("; for headerless voxels, give --dims and --type".to_owned())
         }
         VolumeError::NoLayout { guess: Some(guess), .. } => {
-            let RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. } = &**guess;
+            let RawLayout { dims: [x, y, z], voxel_type, byte_order, header_bytes, .. } = &**guess;
             let before = if *header_bytes > 0 { format!(" --header-bytes {header_bytes}") } else { String::new() };
-            Some(format!(": --dims {x}x{y}x{z} --type {voxel_type}{before}"))
+            let order = if *byte_order == ByteOrder::Big { " --big-endian" } else { "" };
+            Some(format!(": --dims {x}x{y}x{z} --type {voxel_type}{order}{before}"))
         }
         VolumeError::NoLayout { guess: None, .. } => Some("; --dims and --type give them".to_owned()),
         VolumeError::HasHeader { .. } => Some(": omit --dims and --type".to_owned()),

@@ -25,7 +25,8 @@ pub(crate) struct DialArgs {
     /// Mix the lights as in this dial preset; `relume info` lists the presets.
     #[arg(long, alias = "situation", help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "closed"])]
     dial_preset: Option<String>,
-    /// Move the hand straight from the node of light A to that of light B: one picture per frame.
+    /// Move the hand straight from the node of light A to that of light B: one picture per frame. Only these two
+    /// lights shine, unless [dial] of the scene places the nodes.
     #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "closed"])]
     #[arg(group = "moves")]
     sweep: Option<String>,
@@ -84,8 +85,11 @@ impl DialArgs {
                     .ok_or_else(|| CliError::Usage(format!("--sweep {ends}: write A..B, the names of two lights")))?;
                 let unknown = |message| CliError::Usage(format!("--sweep {message}"));
                 let from = dial.node_mut(from).map_err(unknown)?.clone();
-                let to = dial.node_mut(to).map_err(unknown)?;
-                Dial::sweep(&from, to, frames)
+                let to = dial.node_mut(to).map_err(unknown)?.clone();
+                if dial.is_regular() {
+                    dial.leave_alone(&[&from.light, &to.light]);
+                }
+                Dial::sweep(&from, &to, frames)
             }
             (None, _) if self.closed => dial.closed_path(frames),
             (None, Some(hand)) => vec![hand],

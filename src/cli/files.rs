@@ -16,6 +16,7 @@ use relume::output::film::{
 use relume::output::{Alpha, Depth, FilmFile as File, Picture, PictureKind, check_writable, write_exr, write_png};
 use relume::plan::Transmittance;
 use relume::scene::{Display, Mix, MixLight};
+use relume::spectrum::colour::decode_srgb;
 use relume::spectrum::{BANDS, Light, Reflectance, Spectrum};
 use relume::tables::Reflected;
 
@@ -36,14 +37,59 @@ pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
 }
 
+/// What is behind a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Backdrop {
+    /// Nothing: PNG files get an alpha channel.
+    Transparent,
+    /// A colour of the screen in linear sRGB, which no light changes.
+    Colour([f64; 3]),
+}
+
+/// Parses `transparent` or `#rrggbb`.
+pub(crate) fn backdrop(text: &str) -> Result<Backdrop, String> {
+    let code = |at: usize| u8::from_str_radix(text.get(at..at + 2)?, 16).ok().map(|code| f64::from(code) / 255.0);
+    match (text, text.strip_prefix('#').map(str::len), [1, 3, 5].map(code)) {
+        ("transparent", ..) => Ok(Backdrop::Transparent),
+        (_, Some(6), [Some(red), Some(green), Some(blue)]) => Ok(Backdrop::Colour([red, green, blue].map(decode_srgb))),
+        _ => Err("write transparent, or a colour such as #ffffff".to_owned()),
+    }
+}
+
+impl Backdrop {
+    /// The picture of linear RGBA over this backdrop.
+    #[expect(clippy::cast_possible_truncation, reason = "pictures are stored in f32")]
+    pub(crate) fn behind(self, rgba: &mut [f32]) {
+        let Self::Colour(colour) = self else { return };
+        for pixel in rgba.as_chunks_mut::<4>().0 {
+            let clear = 1.0 - f64::from(pixel[3]);
+            for (channel, behind) in pixel.iter_mut().zip(colour) {
+                *channel = (f64::from(*channel) + clear * behind) as f32;
+            }
+            pixel[3] = 1.0;
+        }
+    }
+}
+
 /// Writes linear RGBA to `path`.
 pub(crate) fn write_linear(path: &Path, size: [usize; 2], rgba: &[f32], bits: Bits) -> Result<(), CliError> {
+    write_linear_as(path, size, rgba, bits, Alpha::OverBlack)
+}
+
+/// Writes linear RGBA to `path`; PNG files treat opacity by `alpha`.
+pub(crate) fn write_linear_as(
+    path: &Path,
+    size: [usize; 2],
+    rgba: &[f32],
+    bits: Bits,
+    alpha: Alpha,
+) -> Result<(), CliError> {
     let picture = Picture::new(size[0], size[1], rgba)?;
     match picture_kind(path)? {
         PictureKind::Exr => write_exr(path, &picture)?,
         PictureKind::Png => {
             let depth = if bits == Bits::Sixteen { Depth::Sixteen } else { Depth::Eight };
-            write_png(path, &picture, depth, Alpha::OverBlack)?;
+            write_png(path, &picture, depth, alpha)?;
         }
     }
     Ok(())

@@ -114,5 +114,10 @@ pub(crate) fn checked(
         },
         "measured": found,
     });
-    Ok((format!("{}\n{measured}\n", choice.why), json))
+    let kept = match cache_folder() {
+        _ if choice.from_cache => "; measured in an earlier run".to_owned(),
+        Some(folder) => format!("; the measurements are kept in {} for the next run", folder.display()),
+        None => String::new(),
+    };
+    Ok((format!("{}{kept}\n{measured}\n", choice.why), json))
 }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use relume::document::SceneFile;
-use relume::input;
+use relume::document::first_look::Values;
+use relume::document::{SceneFile, is_sidecar};
 use relume::model::ColourModel;
 use relume::number::{brief, readable};
 use relume::output::film::{Components, FilmFile, Light, Stored};
@@ -109,17 +109,9 @@ impl Args {
     }
 }
 
-/// Longest sidecar, in bytes.
-const LONGEST_TOML: u64 = 1 << 16;
-
-/// Whether a file describes a scene: TOML does, unless it describes voxels, by `dims` or `type` at the top level or by
-/// a lone `[volume]`.
+/// Whether a file describes a scene: TOML does, unless it describes voxels.
 fn is_scene(path: &Path) -> bool {
-    let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-    let table = || String::from_utf8(input::read(path, LONGEST_TOML).ok()?).ok()?.parse::<toml::Table>().ok();
-    let of_voxels =
-        |table: toml::Table| table.contains_key("dims") || table.contains_key("type") || table.keys().eq(["volume"]);
-    toml && !table().is_some_and(of_voxels)
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) && !is_sidecar(path)
 }
 
 /// Whether the slider of a light is on when the scene opens.
@@ -215,13 +207,15 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
         "values",
         &format!("{} to {}, mean {}", readable(statistics.min), readable(statistics.max), brief(statistics.mean)),
     );
-    line(
-        "histogram",
-        &format!(
-            "{}  (64 bins from the smallest value to the largest; heights are logarithmic)",
-            bars(&statistics.histogram)
-        ),
-    );
+    let known = Values::of(volume, &statistics);
+    let percentiles = [1, 5, 25, 50, 75, 95, 99].map(|part| (part, known.percentile(f64::from(part) / 100.0)));
+    let listed = percentiles.map(|(part, value)| format!("{part} %: {}", brief(value))).join(", ");
+    line("percentile", &listed);
+    line("histogram", &format!("{}  (64 bins; heights are logarithmic)", bars(&statistics.histogram)));
+    line("", &ends(statistics.min, statistics.max));
+    for sentence in known.sentences() {
+        line("suggested", &sentence);
+    }
     for Window { name, low, high } in &volume.presets.windows {
         line("window", &format!("{} to {}: {name}", brief(*low), brief(*high)));
     }
@@ -266,6 +260,13 @@ fn of_volume(volume: &Volume, voxels: &[[usize; 3]]) -> Result<Report, CliError>
             "max": statistics.max,
             "mean": statistics.mean,
             "histogram": statistics.histogram.to_vec(),
+            "percentiles": percentiles
+                .iter()
+                .map(|(part, value)| json!({"percent": part, "value": value}))
+                .collect::<Vec<_>>(),
+            "kind": known.kind.name(),
+            "peaks": known.peaks,
+            "named": known.named(),
             "voxels": sampled,
             "not_a_number": statistics.not_a_number,
             "infinite": statistics.infinite,
@@ -437,6 +438,13 @@ fn list(vector: glam::DVec3) -> String {
         if rounded == "-0" { "0".to_owned() } else { rounded.to_owned() }
     };
     format!("({})", vector.to_array().map(short).join(", "))
+}
+
+/// The two ends of a histogram, under its first and its last bar.
+fn ends(least: f64, most: f64) -> String {
+    let [least, most] = [least, most].map(brief);
+    let width = volume::BINS.saturating_sub(least.chars().count());
+    format!("{least}{most:>width$}")
 }
 
 /// Draws a bar per bin, as high as the logarithm of its count; a blank for an empty bin.

@@ -24,7 +24,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use relume::document::SceneError;
+use relume::document::{OpenError, SceneError};
 use relume::measure::{ChoiceError, LadderError, SurveyError};
 use relume::model::ModelError;
 use relume::output::OutputError;
@@ -46,7 +46,7 @@ struct Cli {
     /// Print results as JSON on standard output.
     #[arg(long, global = true)]
     json: bool,
-    /// Show no progress bars and no warnings.
+    /// Show no progress bars, no warnings and no list of written files.
     #[arg(long, short, global = true)]
     quiet: bool,
 }
@@ -130,6 +130,16 @@ pub(crate) enum CliError {
     Failed(String),
 }
 
+impl From<OpenError> for CliError {
+    fn from(error: OpenError) -> Self {
+        match error {
+            OpenError::Scene(error) => Self::Scene(error),
+            OpenError::Volume(error) => Self::Volume(error),
+            error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
 /// Returns the exit code of an error other than an interruption: 1 failed, 2 wrong usage, 3 no usable device.
 fn exit_code(error: &CliError) -> u8 {
     let of_device = |error: &VulkanError| match error {
@@ -200,7 +210,13 @@ pub(crate) fn main() -> ExitCode {
             // A result may be partial after Ctrl-C.
             let interrupted = report.json["interrupted"] == true;
             let missed = report.json["holds"] == false;
-            terminal::print(&if cli.json { report.json_text() } else { report.text });
+            // The result of these commands is files.
+            let writes = matches!(cli.command, Command::Render(_) | Command::Relight(_) | Command::Figures(_));
+            if cli.json {
+                terminal::print(&report.json_text());
+            } else if !(cli.quiet && writes) {
+                terminal::print(&report.text);
+            }
             ExitCode::from(if interrupted { INTERRUPTED } else { missed.into() })
         }
         Err(error) => {

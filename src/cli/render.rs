@@ -5,25 +5,26 @@ use std::sync::Arc;
 
 use serde_json::json;
 
+use relume::document::{State, session};
 use relume::film::{Components, Film, RelightMatrices};
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
 use relume::memory;
 use relume::number::readable;
-use relume::output::{FilmFile, PictureKind, write_ready_png};
+use relume::output::{Alpha, FilmFile, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;
 use relume::reference::{self, Exact};
 use relume::render::{Renderer, SceneRenderer};
-use relume::scene::{Mix, Scene, positions};
+use relume::scene::{Mix, Placement, Scene, Shading, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{LabelMap, Storage};
 use relume::volume::{Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
-use super::files::{self, Bits, picture_kind};
+use super::files::{self, Backdrop, Bits, backdrop, picture_kind};
 use super::goal::GoalArgs;
 use super::model::Learnt;
-use super::scene::{LightArgs, SceneArgs, size, warn_of_odd_values};
+use super::scene::{LightArgs, LookArgs, SceneArgs, size, warn_of_odd_values};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -41,8 +42,12 @@ pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
+    look: LookArgs,
+    #[command(flatten)]
     lights: LightArgs,
-    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity.
+    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity. For a
+    /// volume without a scene, the default is the name of the volume with .png; existing files are kept, and a number
+    /// is added.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
     /// Fit the colour model (if the plan has one) to the lights of --light as well.
@@ -54,6 +59,10 @@ pub(crate) struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
+    /// Put a colour behind the picture, or make it transparent (alpha in PNG; EXR files always keep opacity). No light
+    /// changes the colour; `background` of a scene is a surface that is lit.
+    #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
+    background: Option<Backdrop>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
@@ -68,6 +77,18 @@ pub(crate) struct Args {
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
+    /// Save the scene of the picture, also one that was made for a volume, as a scene file to edit.
+    #[arg(long, value_name = "FILE.toml")]
+    save_scene: Option<PathBuf>,
+}
+
+/// The first of `scan.png`, `scan-2.png`, `scan-3.png` … in the working directory that does not exist, for `scan.nrrd`.
+fn free_name(volume: &Path) -> Option<PathBuf> {
+    const MOST: usize = 10_000;
+    let stem = volume.file_stem()?.to_string_lossy().into_owned();
+    let names = std::iter::once(format!("{stem}.png")).chain((2..MOST).map(|n| format!("{stem}-{n}.png")));
+    // A link to nothing is a name in use.
+    names.map(PathBuf::from).find(|name| name.symlink_metadata().is_err())
 }
 
 fn renderer_for(args: &Args) -> Result<Renderer, CliError> {
@@ -113,14 +134,18 @@ impl Marched {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
-    let kinds: Vec<PictureKind> = args.output.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
+    let source = args.scene.source(args.look.wish());
+    let is_writing = !args.output.is_empty() || args.accumulators.is_some() || args.spectral.is_some();
+    let default = source.bare_volume().filter(|_| !is_writing && args.save_scene.is_none()).and_then(free_name);
+    let pictures: Vec<PathBuf> = args.output.iter().cloned().chain(default).collect();
+    let kinds: Vec<PictureKind> = pictures.iter().map(|path| picture_kind(path)).collect::<Result<_, _>>()?;
     for (flag, path) in [("--accumulators", &args.accumulators), ("--spectral", &args.spectral)] {
         if let Some(Err(error)) = path.as_deref().map(PictureKind::require_exr) {
             return Err(CliError::Usage(format!("{flag} {error}")));
         }
     }
-    let mut outputs: Vec<&PathBuf> = args.output.iter().collect();
-    outputs.extend(args.accumulators.iter().chain(&args.spectral));
+    let mut outputs: Vec<&PathBuf> = pictures.iter().collect();
+    outputs.extend(args.accumulators.iter().chain(&args.spectral).chain(&args.save_scene));
     if outputs.is_empty() {
         return Err(CliError::Usage(
             "no output: add -o FILE.png or -o FILE.exr, --accumulators FILE.exr or --spectral FILE.exr".into(),
@@ -137,22 +162,26 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
-    let file = args.scene.load(progress)?;
+    let (file, statistics) = args.scene.load_as(args.look.wish(), progress)?;
     let scene = file.scene.clone();
     let lights = args.lights.files();
     let inputs: Vec<&Path> = file.inputs.iter().chain(&lights).map(PathBuf::as_path).collect();
     files::check_outputs(&outputs, &inputs)?;
-    let statistics = relume::volume::Volume::statistics(&scene.volume)?;
     warn_of_odd_values(&statistics);
+    warn_of_homogeneous(&scene, &statistics);
     let positions: Vec<String> = positions(&scene).into_iter().map(|position| position.name).collect();
     let mix = match args.lights.lights[..] {
         [] => file.opening_mix(),
         _ => args.lights.mix(Mix::of_scene(&scene), &positions)?,
     };
+    let read = clock.read();
+    let clock = Stopwatch::start();
     let choice = match args.goal.goal() {
         Some(goal) => Some(super::goal::chosen(&renderer_for(args)?, &scene, &mix, args.size, goal, progress)?),
         None => None,
     };
+    let searched = clock.read();
+    let clock = Stopwatch::start();
     let marched_size = choice.as_ref().map_or(args.size, |choice| choice.setting.marched_size(args.size));
     let enlargement = Enlargement::new(marched_size, args.size);
     let scene = choice.as_ref().map_or(scene.clone(), |choice| choice.setting.applied(&scene));
@@ -175,9 +204,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
         let header = film_file(pixels).map_err(|error| refused(error.to_string()))?;
         header.check_header().map_err(|error| refused(format!("{error}; rename a light or a material")))?;
     }
-    let loaded = clock.read();
+    let mut loaded = read;
+    loaded += clock.read();
 
-    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none();
+    let encoded = args.bits == Bits::Eight && !args.reference && enlargement.is_none() && args.background.is_none();
     let ready = |kind: &PictureKind| *kind == PictureKind::Png && encoded;
     let wanted = Wanted {
         linear: kinds.iter().any(|kind| !ready(kind)) || args.spectral.is_some() || choice.is_some(),
@@ -195,13 +225,21 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
 
     let clock = Stopwatch::start();
-    for path in &args.output {
+    let mut shown = marched.linear.clone().filter(|_| args.background.is_some());
+    if let (Some(shown), Some(backdrop)) = (&mut shown, args.background) {
+        backdrop.behind(shown);
+    }
+    let alpha = if args.background == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
+    for path in &pictures {
         match (&marched.display, &marched.linear) {
             (Some(display), _) if ready(&picture_kind(path)?) => {
                 let rgb: Vec<u8> = display.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
                 write_ready_png(path, args.size[0], args.size[1], &rgb)?;
             }
-            (_, Some(linear)) => files::write_linear(path, args.size, linear, args.bits)?,
+            (_, Some(linear)) => {
+                let shown = shown.as_ref().unwrap_or(linear);
+                files::write_linear_as(path, args.size, shown, args.bits, alpha)?;
+            }
             _ => {}
         }
     }
@@ -218,6 +256,10 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     if let (Some(path), Some(accumulation)) = (&args.accumulators, marched.accumulation) {
         film_file(accumulation)?.write(path)?;
     }
+    if let Some(path) = &args.save_scene {
+        let saved = session::save(path, &source, &file, &State::new(&file));
+        saved.map_err(|error| CliError::Failed(format!("--save-scene {}: {error}", path.display())))?;
+    }
     let written = clock.read();
     let checked = match (&choice, &marched.linear) {
         (Some(choice), Some(linear)) => {
@@ -227,6 +269,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     };
 
     let mut times = vec![("load", loaded)];
+    times.extend(choice.as_ref().map(|_| ("search", searched)));
     times.extend(marched.times);
     times.push(("write", written));
     let listed: Vec<String> = outputs.iter().map(|path| path.display().to_string()).collect();
@@ -342,6 +385,23 @@ fn warn_of_nothing(scene: &Scene, planned: &Planned, mix: &Mix, occupied: Option
     }
     if mix.0.iter().all(|light| light.weight <= 0.0) {
         tracing::warn!("no light shines: the picture is black");
+    }
+}
+
+/// Warns of a volume of one value that no light reaches: it has no gradient, and so no diffuse and specular parts.
+fn warn_of_homogeneous(scene: &Scene, statistics: &Statistics) {
+    let dark = |index: usize| scene.materials.get(index).is_some_and(|material| material.ambient <= 0.0);
+    let medium = scene.transfer.medium(statistics.min, scene.materials.len());
+    let mut shown = (0..scene.materials.len()).filter(|&index| medium.scattering[index] > 0.0).peekable();
+    let is_lit = scene.lights.iter().any(|light| light.placement == Placement::Ambient);
+    let is_homogeneous =
+        statistics.min >= statistics.max && scene.shading == Shading::Gradient && scene.labels.is_none();
+    if is_homogeneous && !is_lit && shown.peek().is_some() && shown.all(dark) {
+        tracing::warn!(
+            "all voxels have the value {}, so there is no gradient to shade, and the materials have ambient = 0: the \
+             body is black; set an ambient above 0, or shading = \"none\"",
+            readable(statistics.min)
+        );
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use relume::document;
-use relume::document::{Definition, LightRequest, SceneFile, SceneOptions};
+use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, Source, Wish};
 use relume::number::readable;
 use relume::progress::Progress;
 use relume::scene::Mix;
@@ -127,6 +127,41 @@ impl RawArgs {
     }
 }
 
+/// Heading in `--help`.
+const LOOK: &str = "Look of a volume without a scene";
+
+/// The picture of a volume without a scene.
+#[derive(Debug, Args)]
+pub(crate) struct LookArgs {
+    /// Kind of picture: tissue (layers, the densest solid), bone, vessel, grey or fluorescence.
+    #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = look)]
+    look: Option<Look>,
+    /// Show this range of values in grey, from transparent to most opaque, centred on --level.
+    #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, requires = "level")]
+    window: Option<f64>,
+    /// Centre of the range of --window.
+    #[arg(long, help_heading = LOOK, value_name = "CENTRE", allow_negative_numbers = true, requires = "window")]
+    level: Option<f64>,
+}
+
+impl LookArgs {
+    pub(crate) fn wish(&self) -> Wish {
+        Wish { look: self.look, window: self.window.zip(self.level).map(|(window, level)| [window, level]) }
+    }
+}
+
+/// Parses the name of a look.
+fn look(name: &str) -> Result<Look, String> {
+    let names = Look::ALL.map(Look::name).join(", ");
+    Look::ALL.into_iter().find(|look| look.name() == name).ok_or_else(|| format!("the looks are {names}"))
+}
+
+/// Parses the width of a window of values.
+fn width(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|&number: &f64| number > 0.0 && number.is_finite());
+    number.ok_or_else(|| "write a width above 0, such as 400".to_owned())
+}
+
 /// The flag `--light`.
 #[derive(Debug, Args)]
 pub(crate) struct LightArgs {
@@ -148,15 +183,35 @@ impl SceneArgs {
             labels: self.labels.clone(),
             downsample: self.downsample,
             definitions: self.define.definitions().chain(self.accuracy.definitions()).collect(),
+            wish: Wish::default(),
         }
     }
 
     pub(crate) fn load(&self, progress: &dyn Progress) -> Result<SceneFile, CliError> {
-        let options = self.options();
-        let file = match &self.scene {
-            Some(path) => document::load(path, &options, progress)?,
-            None => document::load_embedded(&options, progress)?,
-        };
+        self.load_as(Wish::default(), progress).map(|(file, _)| file)
+    }
+
+    /// The scene file or volume that the arguments name. A volume without a scene file is opened as a volume without a
+    /// scene.
+    pub(crate) fn source(&self, wish: Wish) -> Source {
+        Source { path: self.scene.clone(), options: SceneOptions { wish, ..self.options() } }.or_its_volume()
+    }
+
+    /// Reads the scene, or makes one for a volume; also returns the statistics of the volume.
+    pub(crate) fn load_as(&self, wish: Wish, progress: &dyn Progress) -> Result<(SceneFile, Statistics), CliError> {
+        let source = self.source(wish);
+        if !wish.is_none() && source.bare_volume().is_none() {
+            let message = "--look, --window and --level are for a volume without a scene; a scene states its own look";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        let (file, statistics) = source.read(progress)?;
+        if let Some(guess) = &file.guess {
+            tracing::info!("{guess}");
+            tracing::info!(
+                "Change it with --look tissue, bone, vessel, grey or fluorescence, with --window and --level, or edit \
+                 the scene that --save-scene FILE writes."
+            );
+        }
         let scene = &file.scene;
         let labels = scene.labels.iter().flat_map(|labels| &labels.volume.notes);
         for note in scene.volume.notes.iter().chain(labels) {
@@ -168,7 +223,7 @@ impl SceneArgs {
                 path.display()
             );
         }
-        Ok(file)
+        Ok((file, statistics))
     }
 }
 

@@ -50,7 +50,7 @@ pub(crate) struct Terminal {
 
 impl Terminal {
     pub(crate) fn new(quiet: bool) -> Self {
-        let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::WARN };
+        let shown = if quiet { LevelFilter::ERROR } else { LevelFilter::INFO };
         // Hides messages of the window's libraries, which are for their developers.
         let ours = |most: LevelFilter| {
             filter_fn(move |it: &Metadata<'_>| *it.level() <= most && it.target().starts_with("relume"))

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use relume::vulkan::DeviceChoice;
 
-use super::scene::SceneArgs;
+use super::scene::{LookArgs, SceneArgs};
 use super::{CliError, Report};
 
 const EXAMPLES: &str = "\
@@ -20,6 +20,8 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
+    #[command(flatten)]
+    look: LookArgs,
     /// Width and height of the window in pixels.
     #[arg(long, value_name = "WxH", value_parser = super::scene::size)]
     size: Option<[usize; 2]>,
@@ -40,14 +42,11 @@ pub(crate) struct Args {
 /// Opens the window, and returns when it is closed.
 #[cfg(feature = "window")]
 pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
-    use relume::document::Source;
     use relume::view::{self, Options, Script};
     use relume::vulkan::Validation;
 
     let script = args.script.as_deref().map(Script::read).transpose()?;
-    let source = Source { path: args.scene.scene.clone(), options: args.scene.options() };
-    // With -D, the embedded scene is meant.
-    let source = if args.scene.define.is_empty() { source.or_its_volume() } else { source };
+    let source = args.scene.source(args.look.wish());
     let report = view::run(Options {
         source,
         size: args.size.map(|size| size.map(|side| u32::try_from(side).unwrap_or(u32::MAX))),
@@ -78,8 +77,8 @@ pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
 /// Fails, because this build has no window.
 #[cfg(not(feature = "window"))]
 pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
-    let Args { scene, size, device, frames, script, validation } = args;
-    tracing::debug!("asked for {scene:?} {size:?} {device:?} {frames:?} {script:?} {validation}");
+    let Args { scene, look, size, device, frames, script, validation } = args;
+    tracing::debug!("asked for {scene:?} {look:?} {size:?} {device:?} {frames:?} {script:?} {validation}");
     Err(CliError::Failed(
         "this build of Relume has no window (the feature `window` is off); use `relume render` for pictures".to_owned(),
     ))

@@ -81,6 +81,20 @@ impl Dial {
         Self { nodes: lights.enumerate().map(node).collect(), normalise: true, master: 1.0, presets: Vec::new() }
     }
 
+    /// Whether the nodes are the corners of the regular polygon, where no scene has placed them.
+    #[must_use]
+    pub fn is_regular(&self) -> bool {
+        let regular = Self::regular(self.nodes.iter().map(|node| node.light.as_str()));
+        self.nodes.iter().zip(&regular.nodes).all(|(node, corner)| node.lies_at(corner.place))
+    }
+
+    /// Switches all nodes off but those of `lights`.
+    pub fn leave_alone(&mut self, lights: &[&str]) {
+        for node in &mut self.nodes {
+            node.on &= lights.contains(&node.light.as_str());
+        }
+    }
+
     /// Moves the nodes to their positions in `nodes`, a list of the same length. A preset whose hand is on a node
     /// follows that node, because the preset means its light. Only nodes that are on in the preset count, judged by the
     /// dial as `stated`, not by its current state.

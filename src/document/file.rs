@@ -5,6 +5,7 @@ mod media;
 mod view;
 mod volumes;
 
+use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::num::NonZeroUsize;
@@ -17,6 +18,7 @@ use toml::{Spanned, Table};
 
 use keys::*;
 
+use super::Wish;
 use super::define::{Definition, byte_of, define, path_at, responsible};
 use super::light_request::{chain, warn_below_zero};
 use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
@@ -53,6 +55,8 @@ pub struct SceneOptions {
     pub downsample: Option<[usize; 3]>,
     /// Changed values, in the order in which they apply.
     pub definitions: Vec<Definition>,
+    /// The picture of a volume without a scene.
+    pub wish: Wish,
 }
 
 /// Reads the scene file `path`.
@@ -121,7 +125,20 @@ pub fn parse(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
-    let stated = Text { name: name.to_owned(), text, changed: None };
+    parse_around(None, name, text, base, options, progress)
+}
+
+/// As [`parse`], for a `volume` that has been read and averaged already.
+pub(super) fn parse_around(
+    volume: Option<Volume>,
+    name: &str,
+    text: &str,
+    base: &Path,
+    options: &SceneOptions,
+    progress: &dyn Progress,
+) -> Result<SceneFile, SceneError> {
+    let volume = Cell::new(volume);
+    let stated = Text { name: name.to_owned(), text, changed: None, volume: &volume };
     let file: Root = stated.deserialize()?;
     if options.definitions.is_empty() {
         return stated.resolve(file, base, options, progress);
@@ -134,7 +151,7 @@ pub fn parse(
     let changed = toml::to_string(&table)
         .map_err(|error| SceneError::Define { given: all_given(&options.definitions), message: error.to_string() })?;
     let changed_by = Some((text, options.definitions.as_slice()));
-    let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by };
+    let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by, volume: &volume };
     let file = defined.deserialize()?;
     defined.resolve(file, base, options, progress)
 }
@@ -153,6 +170,8 @@ struct Text<'a> {
     text: &'a str,
     /// The file's own text and the definitions, if definitions have changed the text.
     changed: Option<(&'a str, &'a [Definition])>,
+    /// The volume, if it has been read already.
+    volume: &'a Cell<Option<Volume>>,
 }
 
 /// Allowed optical depths per opacity length.
@@ -484,6 +503,6 @@ impl Text<'_> {
             accuracy,
             display,
         };
-        Ok(SceneFile { scene, dial, light, text: self.text.into(), base: base.clone(), inputs })
+        Ok(SceneFile { scene, dial, light, text: self.text.into(), base: base.clone(), inputs, guess: None })
     }
 }

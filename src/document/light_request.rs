@@ -6,7 +6,8 @@ use std::str::FromStr;
 
 use super::SceneError;
 use crate::scene::{INTENSITY, Mix, MixLight};
-use crate::spectrum::{Light, SpectrumSource};
+use crate::spectrum::standard::names;
+use crate::spectrum::{Kind, Light, SpectrumSource, nearest};
 
 /// The mix of `requests` in place of `stated`. A name is a light of `stated`, then a standard, then a spectrum file
 /// below `base`. Of several readings of a request, the one with the fewest parts counts whose name and position exist.
@@ -46,7 +47,17 @@ pub fn requested(
         if known.is_empty() {
             let spectrum = source_of(request.name).light(base).map_err(|error| {
                 let lights: Vec<_> = stated.0.iter().map(|light| light.name.as_str()).collect();
-                fail(format!("{}; lights of the scene: {}", chain(&error), lights.join(", ")))
+                let known = || lights.iter().copied();
+                let near = nearest(request.name, known().chain(names(Kind::Light).iter().copied()));
+                match near.filter(|near| lights.contains(near)) {
+                    Some(near) => fail(format!(
+                        "there is no light {:?}; did you mean {near:?} of the scene? Its lights are {}; otherwise: {}",
+                        request.name,
+                        lights.join(", "),
+                        chain(&error)
+                    )),
+                    None => fail(format!("{}; lights of the scene: {}", chain(&error), lights.join(", "))),
+                }
             })?;
             warn_below_zero(&format!("the light {}", request.name), &spectrum);
             if positions.is_empty() {

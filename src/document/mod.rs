@@ -5,6 +5,7 @@ pub mod design;
 mod dial;
 mod error;
 mod file;
+pub mod first_look;
 mod history;
 mod light_request;
 mod mixing;
@@ -23,11 +24,12 @@ pub(crate) use dial::along;
 pub use dial::{Dial, DialNode, DialPreset};
 pub use error::SceneError;
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
+pub use first_look::{Look, Wish};
 pub use history::Document;
 pub use light_request::{LightRequest, requested};
 pub use mixing::{LightState, Mixing, Slider};
 pub use session::SessionError;
-pub use source::{OpenError, Question, Source, Unknown};
+pub use source::{OpenError, Question, Source, Unknown, is_sidecar};
 pub use state::{BRIGHTEST, Edit, STEPS, State, THINNEST, polygon, reset_nodes};
 
 use crate::scene::{Mix, Scene};
@@ -47,6 +49,8 @@ pub struct SceneFile {
     pub base: PathBuf,
     /// Files that it names: volume, labels, palette and spectra.
     pub inputs: Vec<PathBuf>,
+    /// What was guessed, in a sentence, if the scene was made from its volume.
+    pub guess: Option<String>,
 }
 
 impl SceneFile {

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use crate::scene::{Aim, Camera, Projection, centre};
+use crate::scene::{Aim, Camera, Projection};
 use crate::volume::Geometry;
 
 /// A movement of the camera.
@@ -100,19 +100,17 @@ fn from_side(camera: &Camera, opened: &Camera, side: Side) -> Camera {
     } else {
         DVec3::NEG_Y
     };
+    let around = if let Aim::Orbit { around, .. } = opened.aim { around } else { None };
     let projection = match camera.projection {
         Projection::Orthographic { .. } => Projection::Orthographic { height: None },
         perspective @ Projection::Perspective { .. } => perspective,
     };
-    Camera { projection, aim: Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: 1.0, front }, up }
+    Camera { projection, aim: Aim::Orbit { azimuth: 0.0, elevation: 0.0, fill: 1.0, front, around }, up }
 }
 
 fn go(camera: &Camera, geometry: &Geometry, aspect: f64, step: Move) -> Option<Camera> {
     let view = camera.view(geometry, aspect)?;
-    let target = match camera.aim {
-        Aim::LookAt { target, .. } => target,
-        Aim::Orbit { .. } => centre(geometry),
-    };
+    let target = camera.aim.target(geometry);
     let distance = (target - view.eye).dot(view.forward);
     let half = if view.parallel { view.half[1] } else { view.half[1] * distance };
     let (right, axis) = (view.right, camera.up.try_normalize()?);

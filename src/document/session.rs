@@ -103,16 +103,11 @@ pub fn text(path: &Path, source: &Source, opened: &SceneFile, state: &State) -> 
     }
     volume(&mut document, source)?;
     let (scene, then) = (&state.scene, &opened.scene);
-    // No file contains the camera and the transfer function of a volume without a scene.
-    let bare = source.bare_volume().is_some();
-    if scene.camera != then.camera || bare {
+    if scene.camera != then.camera {
         document.insert("camera", Item::Table(camera(&scene.camera)));
     }
-    if scene.transfer != then.transfer || bare {
+    if scene.transfer != then.transfer {
         transfer(table(&mut document, "transfer")?, scene)?;
-    }
-    if bare {
-        table(&mut document, "transfer")?.insert("opacity_length", value(scene.transfer.opacity_length));
     }
     labels(&mut document, scene, then)?;
     let palette = state.palette.as_ref().filter(|_| state.palette != design::stated(opened));
@@ -254,11 +249,17 @@ fn camera(camera: &Camera) -> Table {
             table.insert("position", value(numbers(position.to_array())));
             table.insert("target", value(numbers(target.to_array())));
         }
-        Aim::Orbit { azimuth, elevation, fill, front } => {
+        Aim::Orbit { azimuth, elevation, fill, front, around } => {
             table.insert("azimuth", value(azimuth));
             table.insert("elevation", value(elevation));
             table.insert("fill", value(fill));
             table.insert("front", value(numbers(front.to_array())));
+            if let Some(around) = around {
+                table.insert(
+                    "around",
+                    value(around.map(|corner| numbers(corner.to_array())).into_iter().collect::<Array>()),
+                );
+            }
         }
     }
     table.insert("up", value(numbers(camera.up.to_array())));

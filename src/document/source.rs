@@ -2,16 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::moves::{Move, Side, moved};
-use super::presets::{OPACITIES, of_window};
-use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded, parse};
+use super::file::parse_around;
+use super::first_look::first_look;
+use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
+use crate::input;
 use crate::number::count;
 use crate::progress::{Progress, Quiet};
-use crate::scene::{Interval, Term};
-use crate::volume::{self, Geometry, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
-
-/// The scene around a volume without a scene.
-const AROUND: &str = include_str!("../../data/scenes/volume.toml");
+use crate::volume::{self, RawLayout, Selection, Several, Statistics, VolumeError, has_header, is_volume};
 
 /// A file to open, with options.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -166,7 +163,12 @@ impl Source {
     /// The path, if it is a volume and not a scene.
     #[must_use]
     pub fn bare_volume(&self) -> Option<&Path> {
-        self.path.as_deref().filter(|path| is_volume(path, &[]) || has_header(path))
+        // A layout describes a volume, unless the file is a scene.
+        let is_toml = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        let is_laid_out = |path: &Path| {
+            if is_toml(path) { is_sidecar(path) } else { self.options.raw.is_some() }
+        };
+        self.path.as_deref().filter(|path| is_volume(path, &[]) || is_laid_out(path) || has_header(path))
     }
 
     /// Reads the scene. A volume without a scene gets a transfer function from the first window of its file, or else from
@@ -176,37 +178,45 @@ impl Source {
     ///
     /// [`SceneError`], [`VolumeError`].
     pub fn read(&self, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
-        let without_scene = self.bare_volume();
-        let mut file = match (&self.path, without_scene) {
-            (None, _) => load_embedded(&self.options, progress)?,
-            (_, Some(volume)) => {
-                let options = SceneOptions { volume: Some(volume.to_owned()), ..self.options.clone() };
-                match parse(&volume.display().to_string(), AROUND, Path::new(""), &options, progress) {
-                    // The file is the volume itself, so the error needs no scene.
-                    Err(SceneError::Volume { source, .. }) => return Err(source.into()),
-                    parsed => parsed?,
-                }
-            }
+        let file = match (&self.path, self.bare_volume()) {
+            (_, Some(path)) => return self.first_look(path, progress),
+            (None, None) => load_embedded(&self.options, progress)?,
             (Some(path), None) => load(path, &self.options, progress).map_err(|error| no_scene(path, error))?,
         };
-        let scene = &mut file.scene;
-        let statistics = scene.volume.statistics()?;
-        if without_scene.is_some() {
-            let window = scene.volume.presets.windows.first();
-            let layers = window.and_then(|window| of_window(window, &statistics, &scene.materials));
-            scene.transfer.terms = match layers {
-                Some(layers) => layers.iter().map(term).collect(),
-                None => terms(&statistics, scene.materials.len()),
-            };
-            scene.transfer.opacity_length *= thickness(&scene.volume.geometry);
-            // Patients stand upright and face the viewer.
-            let patient = scene.volume.anatomical.then_some(Side::Front);
-            if let Some(side) = flat_side(&scene.volume.geometry).or(patient) {
-                scene.camera = moved(&scene.camera, &scene.camera, &scene.volume.geometry, 1.0, Move::Axis(side));
-            }
-        }
+        let statistics = file.scene.volume.statistics()?;
         Ok((file, statistics))
     }
+
+    /// The scene of the volume `path`, made from its values.
+    fn first_look(&self, path: &Path, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
+        let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
+        let mut volume = volume::open_by(path, options.raw.as_ref(), &options.selection, progress)?;
+        if let Some(blocks) = options.downsample {
+            volume = volume.downsample(blocks)?;
+        }
+        let statistics = volume.statistics()?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let look = first_look(&name, &volume, &statistics, options.wish);
+        let name = path.display().to_string();
+        let read = parse_around(Some(volume), &name, &look.text, Path::new(""), &options, progress);
+        let file = read.map_err(|error| match error {
+            // The file is the volume itself, so the error needs no scene.
+            SceneError::Volume { source, .. } => source.into(),
+            error => OpenError::from(error),
+        })?;
+        Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
+    }
+}
+
+/// Longest sidecar, in bytes.
+const LONGEST_TOML: u64 = 1 << 16;
+
+/// Whether a TOML file describes voxels and not a scene: by `dims` or `type` at the top level, or by a lone `[volume]`.
+#[must_use]
+pub fn is_sidecar(path: &Path) -> bool {
+    let text = || String::from_utf8(input::read(path, LONGEST_TOML).ok()?).ok();
+    let table = text().and_then(|text| text.parse::<toml::Table>().ok());
+    table.is_some_and(|it| it.contains_key("dims") || it.contains_key("type") || it.keys().eq(["volume"]))
 }
 
 /// Error for the file `path`, which is not readable as a scene. A file that is not text, or too long for a scene, is
@@ -218,62 +228,6 @@ fn no_scene(path: &Path, error: SceneError) -> OpenError {
         Err(unknown @ VolumeError::UnknownFormat { .. }) if is_all_of_it => unknown.into(),
         _ => error.into(),
     }
-}
-
-/// Depth in voxels of an object for which [`OPACITIES`] are suitable.
-const DEPTH: f64 = 100.0;
-/// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
-const FLAT: f64 = 20.0;
-
-/// Factor of the opacity length: below 1 for a thin volume, so that a single slice occludes as much as a thick volume.
-fn thickness(geometry: &Geometry) -> f64 {
-    let depth = geometry.extent().min_element() / geometry.spacing.min_element();
-    (depth / DEPTH).min(1.0)
-}
-
-/// Side from which a sheet is viewed; slices along z appear as on a screen.
-fn flat_side(geometry: &Geometry) -> Option<Side> {
-    let extent = geometry.extent();
-    let thin = extent.min_position();
-    let normal = geometry.direction.col(thin).abs().max_position();
-    (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
-}
-
-/// The term of an interval.
-fn term(interval: &Interval) -> Term {
-    let Interval { material, range, ramp, opacity, absorption } = *interval;
-    Term::interval(material, range, [ramp; 2], opacity, absorption)
-}
-
-/// Initial transfer function. Omits the surroundings, and cuts the other values into ranges of about equal weight; the
-/// weight of a value is the logarithm of its frequency.
-fn terms(statistics: &Statistics, materials: usize) -> Vec<Term> {
-    let bins = &statistics.histogram;
-    let width = (statistics.max - statistics.min) / count(bins.len());
-    if width <= 0.0 || !width.is_finite() {
-        return vec![Term::interval(0, [statistics.min, statistics.max], [0.0; 2], OPACITIES[1], 0.0)];
-    }
-    let edge = |bin: usize| statistics.min + width * count(bin);
-    let first = threshold(bins);
-    let weight = |bin: usize| bins.get(bin).map_or(0.0, |&n| count(usize::try_from(n).unwrap_or(usize::MAX)).ln_1p());
-    let total: f64 = (first..bins.len()).map(weight).sum();
-    let ranges = materials.clamp(1, OPACITIES.len());
-    let mut cuts = vec![first];
-    let mut sum = 0.0;
-    for bin in first..bins.len() {
-        sum += weight(bin);
-        if sum >= total * count(cuts.len()) / count(ranges) && cuts.len() < ranges && bin + 1 < bins.len() {
-            cuts.push(bin + 1);
-        }
-    }
-    cuts.push(bins.len());
-    let term = |(material, cut): (usize, &[usize])| {
-        let [low, high] = [edge(cut[0]), edge(cut[1])];
-        let ramp = (high - low).min(4.0 * width) / 2.0;
-        let opacity = OPACITIES.get(material).copied().unwrap_or(OPACITIES[1]);
-        Term::interval(material, [low + ramp / 2.0, high - ramp / 2.0], [ramp; 2], opacity, 0.0)
-    };
-    cuts.windows(2).enumerate().map(term).collect()
 }
 
 /// First histogram bin of objects as opposed to their surroundings: the cut into two classes with the largest variance

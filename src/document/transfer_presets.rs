@@ -13,8 +13,14 @@ pub enum TransferPreset {
     SoftTissue,
     /// Glassy skin and bone in CT.
     SkinAndBone,
+    /// Lungs in CT.
+    Lung,
+    /// Vessels with contrast agent in CT.
+    Vessels,
     /// MR, which has no units.
     Mr,
+    /// Fluorescence microscopy: the brightest fifth as a haze.
+    Fluorescence,
     /// The highest quarter of the voxels that are not air.
     Densest,
     /// Three layers with equal numbers of voxels that are not air.
@@ -23,7 +29,17 @@ pub enum TransferPreset {
 
 impl TransferPreset {
     /// All presets.
-    pub const ALL: [Self; 6] = [Self::Bone, Self::SoftTissue, Self::SkinAndBone, Self::Mr, Self::Densest, Self::Layers];
+    pub const ALL: [Self; 9] = [
+        Self::Bone,
+        Self::SoftTissue,
+        Self::SkinAndBone,
+        Self::Lung,
+        Self::Vessels,
+        Self::Mr,
+        Self::Fluorescence,
+        Self::Densest,
+        Self::Layers,
+    ];
 
     /// Display name.
     #[must_use]
@@ -32,7 +48,10 @@ impl TransferPreset {
             Self::Bone => "CT: bone",
             Self::SoftTissue => "CT: soft tissue",
             Self::SkinAndBone => "CT: skin and bone",
+            Self::Lung => "CT: lung",
+            Self::Vessels => "CT: vessels with contrast",
             Self::Mr => "MR",
+            Self::Fluorescence => "fluorescence",
             Self::Densest => "the densest",
             Self::Layers => "layers",
         }
@@ -47,6 +66,11 @@ impl TransferPreset {
             Self::SkinAndBone => {
                 "Shows the surface of the body, -400 to -150 Hounsfield units, like glass, with the bones inside."
             }
+            Self::Lung => "Shows lung tissue, -850 to -500 Hounsfield units, as a haze around bone.",
+            Self::Vessels => {
+                "Shows vessels with contrast agent, 150 to 420 Hounsfield units, and dense bone from 550 on as a haze."
+            }
+            Self::Fluorescence => "Shows the brightest fifth of the values that are not dark as a haze.",
             Self::Mr => "Hides air and the darker half of the other values; the brightest tenth is solid.",
             Self::Densest => "Shows the highest quarter of the values that are not air.",
             Self::Layers => {
@@ -58,7 +82,8 @@ impl TransferPreset {
     /// The description, with the offset of Hounsfield units if the values suggest one.
     #[must_use]
     pub fn help_for(self, statistics: &Statistics) -> String {
-        let speaks_of_them = matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone);
+        let speaks_of_them =
+            matches!(self, Self::Bone | Self::SoftTissue | Self::SkinAndBone | Self::Lung | Self::Vessels);
         match hounsfield(statistics) {
             Some(zero) if speaks_of_them && zero != 0.0 => {
                 format!(
@@ -100,6 +125,21 @@ impl TransferPreset {
                     layer(bone, [zero + 300.0, statistics.max], 50.0, 0.5),
                 ]
             }
+            Self::Lung => {
+                let zero = hounsfield()?;
+                vec![
+                    layer(skin, [zero - 850.0, zero - 500.0], 50.0, 0.02),
+                    layer(bone, [zero + 300.0, statistics.max], 50.0, 0.2),
+                ]
+            }
+            Self::Vessels => {
+                let zero = hounsfield()?;
+                vec![
+                    layer(soft, [zero + 170.0, zero + 400.0], 20.0, 0.3),
+                    layer(bone, [zero + 550.0, statistics.max], 50.0, 0.05),
+                ]
+            }
+            Self::Fluorescence => vec![layer(bone, [quantile(0.8), statistics.max], ramp, 0.05)],
             Self::Mr => vec![
                 layer(soft, [quantile(0.5), quantile(0.9)], ramp, 0.03),
                 layer(bone, [quantile(0.9), statistics.max], ramp, 0.3),
@@ -210,7 +250,9 @@ mod tests {
         for [min, max] in [[0.0, 255.0], [0.0, 1.0], [-1.0, 1.0], [0.0, 65535.0]] {
             let other = statistics(min, max, even);
             assert_eq!(TransferPreset::Bone.intervals(&other, &[]), None, "{min} to {max}");
-            for preset in [TransferPreset::Mr, TransferPreset::Densest, TransferPreset::Layers] {
+            for preset in
+                [TransferPreset::Mr, TransferPreset::Fluorescence, TransferPreset::Densest, TransferPreset::Layers]
+            {
                 let intervals = preset.intervals(&other, &[]).unwrap_or_default();
                 assert!(!intervals.is_empty(), "{preset:?}");
                 for interval in intervals {

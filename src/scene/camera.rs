@@ -53,6 +53,8 @@ pub enum Aim {
         fill: f64,
         /// World direction from the centre to the camera at azimuth 0.
         front: DVec3,
+        /// Opposite corners of a box in the world, in place of the volume's.
+        around: Option<[DVec3; 2]>,
     },
 }
 
@@ -127,12 +129,12 @@ impl Camera {
                 let (sin_a, cos_a) = azimuth.to_radians().sin_cos();
                 let (sin_e, cos_e) = elevation.to_radians().sin_cos();
                 let outward = cos_e * (cos_a * front + sin_a * up.cross(front)) + sin_e * up;
-                (-outward, centre(geometry))
+                (-outward, self.aim.target(geometry))
             }
         };
         let right = forward.cross(up).try_normalize()?;
         let up = right.cross(forward);
-        let corners = corners_from_centre(geometry);
+        let corners = self.aim.corners_from_centre(geometry);
         let (eye, half_height, parallel) = match (self.projection, self.aim) {
             (Projection::Perspective { fov_degrees }, aim) => {
                 let tangent = (fov_degrees / 2.0).to_radians().tan();
@@ -170,6 +172,26 @@ impl Camera {
     }
 }
 
+impl Aim {
+    /// Point in the middle of the picture.
+    #[must_use]
+    pub(crate) fn target(&self, geometry: &Geometry) -> DVec3 {
+        match *self {
+            Self::LookAt { target, .. } => target,
+            Self::Orbit { around: Some([one, other]), .. } => one.midpoint(other),
+            Self::Orbit { around: None, .. } => centre(geometry),
+        }
+    }
+
+    /// Corners of the box that fits into the picture, relative to its centre in the world.
+    fn corners_from_centre(&self, geometry: &Geometry) -> [DVec3; 8] {
+        match *self {
+            Self::Orbit { around: Some([one, other]), .. } => corners((other - one) / 2.0),
+            _ => corners_from_centre(geometry),
+        }
+    }
+}
+
 /// Unit vector along `vector`; `None` if it has no direction. A unit vector is returned unchanged, so that a number
 /// written to a file is read back exactly.
 #[must_use]
@@ -187,10 +209,14 @@ pub(crate) fn centre(geometry: &Geometry) -> DVec3 {
 
 /// Corners of the volume's box, which encloses whole voxels, relative to its centre in the world.
 fn corners_from_centre(geometry: &Geometry) -> [DVec3; 8] {
-    let half = geometry.extent() / 2.0;
+    corners(geometry.extent() / 2.0).map(|corner| geometry.direction * corner)
+}
+
+/// Corners of a box of half the extent `half`, relative to its centre.
+fn corners(half: DVec3) -> [DVec3; 8] {
     std::array::from_fn(|corner| {
         let sign = |axis: usize| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
-        geometry.direction * (half * DVec3::new(sign(0), sign(1), sign(2)))
+        half * DVec3::new(sign(0), sign(1), sign(2))
     })
 }
 

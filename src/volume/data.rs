@@ -192,7 +192,7 @@ impl Data {
             (Encoding::Raw, _) if found < expected => Err(VolumeError::Short { path: path.clone(), found, expected }),
             (Encoding::Raw, _) if found > expected && self.alone => {
                 notes.push(format!(
-                    "{}: {found} bytes of voxels, but the header requires only {expected}; the rest is ignored",
+                    "{}: {found} bytes of voxels, but the stated dims and type require only {expected}; the rest is ignored",
                     path.display()
                 ));
                 Ok(start)

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use super::{Asked, RawLayout, Several};
+use super::{Asked, ByteOrder, RawLayout, Several};
 
 /// Error in reading, making or processing a volume.
 #[derive(Debug, thiserror::Error)]
@@ -210,7 +210,7 @@ pub enum VolumeError {
         name: String,
     },
     /// The data are shorter than the header states.
-    #[error("{}: {found} bytes of voxels, but the header requires {expected}", path.display())]
+    #[error("{}: {found} bytes of voxels, but the stated dims and type require {expected}", path.display())]
     Short {
         /// The file of voxels.
         path: PathBuf,
@@ -387,8 +387,9 @@ fn sound(decoded: u64) -> String {
 
 /// Describes the guessed layout.
 fn perhaps(guess: Option<&RawLayout>) -> String {
-    guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, header_bytes, .. }| {
+    guess.map_or_else(String::new, |RawLayout { dims: [x, y, z], voxel_type, byte_order, header_bytes, .. }| {
         let before = if *header_bytes > 0 { format!(", after {header_bytes} bytes") } else { String::new() };
-        format!("; its name and size suggest dims {x}×{y}×{z} and type {voxel_type}{before}")
+        let order = if *byte_order == ByteOrder::Big { ", big-endian" } else { "" };
+        format!("; its name, size and values suggest dims {x}×{y}×{z} and type {voxel_type}{order}{before}")
     })
 }

@@ -6,6 +6,7 @@ mod error;
 mod fields;
 mod foreign;
 mod geometry;
+mod hint;
 mod layout;
 mod metaimage;
 mod mrc;

@@ -7,9 +7,10 @@ use glam::{DMat3, DVec3};
 use serde::Deserialize;
 
 use super::data::{self, Data, DataFile};
+use super::hint;
 use super::pattern::{self, Pattern};
 use super::stream::{self, Encoding, Start};
-use super::{Geometry, RawLayout, Selection, Volume, VolumeError};
+use super::{ByteOrder, Geometry, RawLayout, Selection, Volume, VolumeError, VoxelType};
 use crate::number::{in_words, line_and_column};
 use crate::progress::Progress;
 
@@ -98,6 +99,12 @@ pub(super) fn read(
     };
     let mut notes = Vec::new();
     let voxels = data.read(progress, &mut notes)?;
+    if let Some([x, y, z]) = hint::better(|at| voxels.value(at).unwrap_or(f64::NAN), voxels.len(), layout.dims) {
+        notes.push(format!(
+            "{source_name}: neighbouring rows and slices are more alike with dims {x}×{y}×{z} than with the stated \
+             {nx}×{ny}×{nz}; if the picture is sheared or striped, try --dims {x}x{y}x{z}"
+        ));
+    }
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
     volume.files = data.paths();
     volume.notes = notes;
@@ -132,7 +139,12 @@ pub(super) fn read_beside_sidecar(
         let file = stream::open(path)?;
         let bytes = file.metadata().map_err(|source| stream::failed(path, source))?.len();
         let [sidecar, _] = sidecars;
-        let guess = RawLayout::guessed(&name.to_string_lossy(), bytes).map(Box::new);
+        let by_name = RawLayout::guessed(&name.to_string_lossy(), bytes);
+        // A cube may be a guess by the size alone.
+        let is_named = by_name.as_ref().is_some_and(|RawLayout { dims: [x, y, z], .. }| x != y || y != z);
+        let by_content = || guessed_by_content(path, bytes);
+        let guess = if is_named { by_name } else { by_content().or(by_name) };
+        let guess = guess.map(Box::new);
         return Err(VolumeError::NoLayout { path: path.to_owned(), sidecar, bytes, guess });
     };
     let mut layout = RawLayout::from_sidecar(sidecar)?;
@@ -146,6 +158,35 @@ pub(super) fn read_beside_sidecar(
     }
     layout.file = Some(name);
     read_by(sidecar, &layout, selection, progress)
+}
+
+/// Bytes from the beginning of a file by which its dimensions are guessed.
+const EXAMINED: u64 = 1 << 26;
+/// Neighbouring rows and slices of a guess differ less than this fraction of voxels that are far apart.
+const ALIKE: f64 = 0.5;
+
+/// Guesses the layout of the file `path` by the likeness of its neighbouring rows and slices.
+fn guessed_by_content(path: &Path, bytes: u64) -> Option<RawLayout> {
+    let mut beginning = Vec::new();
+    stream::open(path).ok()?.take(EXAMINED).read_to_end(&mut beginning).ok()?;
+    let little = |at: usize| Some(u16::from_le_bytes(*beginning.get(2 * at..)?.first_chunk()?));
+    let big = |at: usize| Some(u16::from_be_bytes(*beginning.get(2 * at..)?.first_chunk()?));
+    let float = |at: usize| Some(f32::from_le_bytes(*beginning.get(4 * at..)?.first_chunk()?));
+    type Read<'a> = Box<dyn Fn(usize) -> f64 + 'a>;
+    let readings: [(VoxelType, ByteOrder, Read<'_>); 4] = [
+        (VoxelType::U8, ByteOrder::Little, Box::new(|at| beginning.get(at).map_or(f64::NAN, |&it| it.into()))),
+        (VoxelType::U16, ByteOrder::Little, Box::new(|at| little(at).map_or(f64::NAN, f64::from))),
+        (VoxelType::U16, ByteOrder::Big, Box::new(|at| big(at).map_or(f64::NAN, f64::from))),
+        (VoxelType::F32, ByteOrder::Little, Box::new(|at| float(at).map_or(f64::NAN, f64::from))),
+    ];
+    let of_type = |(voxel_type, byte_order, value): (VoxelType, ByteOrder, Read<'_>)| {
+        let voxels = usize::try_from(bytes).ok()?;
+        let voxels = Some(voxels).filter(|it| it.is_multiple_of(voxel_type.bytes()))? / voxel_type.bytes();
+        let (dims, ratio) = hint::guessed(value, beginning.len() / voxel_type.bytes(), voxels)?;
+        Some((RawLayout { byte_order, ..RawLayout::new(dims, voxel_type) }, ratio)).filter(|(_, ratio)| *ratio < ALIKE)
+    };
+    let guesses = readings.into_iter().filter_map(of_type);
+    guesses.min_by(|one, two| one.1.total_cmp(&two.1)).map(|(layout, _)| layout)
 }
 
 /// Reads the volume that `layout`, from the sidecar `path`, describes.

@@ -213,6 +213,7 @@ pub(super) struct CameraFile {
     pub(super) azimuth: Option<At<f64>>,
     pub(super) elevation: Option<At<f64>>,
     pub(super) fill: Option<At<f64>>,
+    pub(super) around: Option<At<[[f64; 3]; 2]>>,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Deserialize)]

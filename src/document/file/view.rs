@@ -147,6 +147,9 @@ impl Text<'_> {
         let up = file.up.as_ref().map_or(Ok(DVec3::NEG_Y), |up| self.direction("camera.up", up))?;
         let aim = match (&file.position, &file.target) {
             (Some(position), Some(target)) => {
+                if let Some(key) = &file.around {
+                    return Err(self.invalid(key, "a camera with a `position` and a `target` has no `around`"));
+                }
                 let orbit = [&file.azimuth, &file.elevation, &file.fill];
                 if let Some(key) = orbit.into_iter().flatten().next() {
                     return Err(self.invalid(
@@ -164,11 +167,24 @@ impl Text<'_> {
                 elevation: self.optional("camera.elevation", file.elevation.as_ref(), &(-89.9..=89.9), 15.0)?,
                 fill: self.optional("camera.fill", file.fill.as_ref(), &(0.01..=100.0), 0.95)?,
                 front: file.front.as_ref().map_or(Ok(DVec3::NEG_Z), |front| self.direction("camera.front", front))?,
+                around: file.around.as_ref().map(|around| self.around(around)).transpose()?,
             },
             (Some(key), None) | (None, Some(key)) => {
                 return Err(self.invalid(key, "a camera needs both `position` and `target`, or neither"));
             }
         };
         Ok(Camera { projection, aim, up })
+    }
+
+    /// The box of an orbiting camera.
+    fn around(&self, around: &At<[[f64; 3]; 2]>) -> Result<[DVec3; 2], SceneError> {
+        let corners = around.get_ref().map(DVec3::from_array);
+        let [low, high] = corners;
+        if low.is_finite() && high.is_finite() && low.cmplt(high).all() {
+            return Ok(corners);
+        }
+        let message = "camera.around must be two opposite corners of a box in the world, [[x, y, z], [x, y, z]], the \
+                       smaller numbers first";
+        Err(self.invalid(around, message))
     }
 }

@@ -34,17 +34,20 @@ impl Text<'_> {
         let stated = if options.volume.is_some() { None } else { file.raw_layout(self)? };
         let layout = options.raw.clone().or(stated);
         let selection = file.selection(options);
-        let mut volume = match (path, &file.phantom) {
-            (Some(path), _) => volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?,
-            (None, Some(phantom)) => {
+        let read = self.volume.take();
+        let is_read = read.is_some();
+        let mut volume = match (read, path, &file.phantom) {
+            (Some(volume), ..) => volume,
+            (None, Some(path), _) => volume::open_by(&path, layout.as_ref(), &selection, progress).map_err(fail)?,
+            (None, None, Some(phantom)) => {
                 let kind: Phantom =
                     phantom.get_ref().parse().map_err(|error| self.invalid(phantom, format!("{error}")))?;
                 selection.only(phantom.get_ref()).map_err(fail)?;
                 Volume::phantom(kind, file.dims.map(|dims| dims.map(NonZeroUsize::get))).map_err(fail)?
             }
-            (None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
+            (None, None, None) => return Err(SceneError::NoVolume { scene: self.name.clone() }),
         };
-        if let Some(blocks) = file.blocks(options) {
+        if let Some(blocks) = file.blocks(options).filter(|_| !is_read) {
             volume = volume.downsample(blocks).map_err(fail)?;
         }
         volume.selection = Selection { asks: false, ..selection.or(&volume.selection) };

@@ -1,0 +1,603 @@
+//! The first look at a volume without a scene: a scene made from its values.
+
+mod fit;
+mod sample;
+mod values;
+
+use std::fmt::Write as _;
+
+use glam::DVec3;
+use toml_edit::{DocumentMut, Item, TableLike};
+
+pub use values::{Kind, Peak, Values};
+
+use self::sample::Thinned;
+use super::moves::Side;
+use crate::number::{brief, count, rounded, whole};
+use crate::scene::{Aim, Camera, Projection};
+use crate::volume::{Geometry, LabelPreset, Presets, Statistics, Volume, Window};
+
+/// Designed materials and lights of a first look.
+const DESIGN: &str = include_str!("../../../data/scenes/volume.toml");
+/// Names of its materials, from the faintest to the most solid.
+const DESIGNED: [&str; 3] = ["faint", "middle", "solid"];
+
+/// A kind of picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// All layers: outer ones like glass, the densest solid.
+    Tissue,
+    /// The densest values alone; bone in CT.
+    Bone,
+    /// Vessels with contrast agent, or the brightest values.
+    Vessel,
+    /// One grey material, more opaque for larger values.
+    Grey,
+    /// One shining material that hides nothing.
+    Fluorescence,
+}
+
+impl Look {
+    /// All looks.
+    pub const ALL: [Self; 5] = [Self::Tissue, Self::Bone, Self::Vessel, Self::Grey, Self::Fluorescence];
+
+    /// Its name.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tissue => "tissue",
+            Self::Bone => "bone",
+            Self::Vessel => "vessel",
+            Self::Grey => "grey",
+            Self::Fluorescence => "fluorescence",
+        }
+    }
+}
+
+/// What a user asks of a first look.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wish {
+    /// Kind of picture; the values decide if there is none.
+    pub look: Option<Look>,
+    /// Width and centre of the range of values from transparent to most opaque.
+    pub window: Option<[f64; 2]>,
+}
+
+impl Wish {
+    /// Whether nothing is asked for.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// A first look.
+#[derive(Clone, Debug)]
+pub(super) struct FirstLook {
+    /// Text of its scene, without the volume's file.
+    pub(super) text: String,
+    /// What was guessed, in a sentence.
+    pub(super) guess: String,
+}
+
+/// A range of values that is shown as one material.
+#[derive(Clone, Debug)]
+struct Layer {
+    name: String,
+    /// Colour that stands for a designed spectrum, or a colour of its own.
+    colour: Colour,
+    range: [f64; 2],
+    ramp: f64,
+    /// Optical depth of the layer along a typical ray.
+    depth: f64,
+    /// What it is, for a comment.
+    what: String,
+}
+
+#[derive(Clone, Debug)]
+enum Colour {
+    /// Index into [`DESIGNED`].
+    Designed(usize),
+    /// An sRGB code.
+    Code(String),
+}
+
+/// How values become opacity.
+enum Shape {
+    Layers(Vec<Layer>),
+    /// One material whose opacity rises over `range`.
+    Ramp {
+        layer: Layer,
+        shines: bool,
+    },
+}
+
+/// Colours of labels that can be told apart (after Kelly 1965), in an order in which neighbours differ most.
+const LABEL_COLOURS: [&str; 16] = [
+    "#e2d8bc", "#c03a2b", "#2f6fb7", "#e0a030", "#3f9b4f", "#8e5ba6", "#3fb8b0", "#e07ba0", "#a8c83c", "#8a5a34",
+    "#6f86d6", "#f2c58a", "#5f7f5a", "#b0508a", "#9fd0e8", "#7a7a7a",
+];
+
+/// Layers of a CT for water at `water`.
+fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
+    let hu = |low: f64, high: f64| [water + low, water + high];
+    let layer = |name: &str, role, range: [f64; 2], ramp, depth, what: &str| Layer {
+        name: name.to_owned(),
+        colour: Colour::Designed(role),
+        range: [range[0], range[1].max(range[0])],
+        ramp,
+        depth,
+        what: what.to_owned(),
+    };
+    let bone = |from: f64, depth| {
+        layer("bone", 2, [water + from, most], 60.0, depth, "bone: about 200 Hounsfield units and more")
+    };
+    match look {
+        Look::Bone => vec![bone(250.0, 12.0)],
+        Look::Vessel => vec![
+            layer("vessel", 0, hu(150.0, 420.0), 40.0, 6.0, "vessels with contrast agent, and spongy bone"),
+            bone(500.0, 3.0),
+        ],
+        _ => vec![
+            layer("skin", 0, hu(-350.0, -150.0), 60.0, 0.5, "skin: between air and fat, -400 to -100 Hounsfield units"),
+            layer("flesh", 1, hu(20.0, 130.0), 20.0, 0.35, "muscle and organs: 0 to 150 Hounsfield units"),
+            bone(220.0, 10.0),
+        ],
+    }
+}
+
+/// Layers by the peaks of the histogram, or by equal shares.
+fn layers(values: &Values) -> Vec<Layer> {
+    /// Peaks with less than this share of the objects' voxels are noise, or values that a converter has cut off.
+    const SHARE: f64 = 0.015;
+    let from = values.objects_from;
+    let objects = values.share([from, f64::MAX]);
+    let upper = values.most.max(from);
+    let span = values.percentile(0.9995) - values.percentile(0.0005);
+    // Values that a converter has cut off pile up at the upper end.
+    let clipped = values.percentile(0.9995) - 0.03 * span;
+    let is_material =
+        |peak: &Peak| peak.value > from + 0.02 * span && peak.value < clipped && peak.share > SHARE * objects;
+    let peaks: Vec<Peak> = values.peaks.iter().copied().filter(is_material).collect();
+    let mut cuts: Vec<f64> = vec![from];
+    cuts.extend(peaks.iter().skip(1).map(|peak| peak.interval[0]).filter(|&cut| cut > from + 0.02 * span));
+    // Of many peaks, the highest two valleys.
+    while cuts.len() > DESIGNED.len() {
+        cuts.remove(1);
+    }
+    if cuts.len() == 1 {
+        // One population: nested layers, the inner ones with fewer voxels.
+        let inner = [0.6, 0.9].map(|part| values.percentile_of_objects(part));
+        cuts.extend(inner.into_iter().filter(|&cut| cut > from + 0.02 * span && cut < upper));
+        cuts.dedup();
+    }
+    cuts.push(upper);
+    let roles: &[usize] = match cuts.len() - 1 {
+        1 => &[2],
+        2 => &[0, 2],
+        _ => &[0, 1, 2],
+    };
+    let number = cuts.len() - 1;
+    let layer = |(index, pair): (usize, &[f64])| {
+        let [low, high] = [pair[0], pair[1]];
+        let ramp = (0.02 * span).min((high - low) / 2.0).max(0.0);
+        let depth = match number - 1 - index {
+            0 => 8.0,
+            1 => 0.8,
+            _ => 0.4,
+        };
+        let role = roles[index.min(roles.len() - 1)];
+        Layer {
+            name: DESIGNED[role].to_owned(),
+            colour: Colour::Designed(role),
+            range: [low + ramp / 2.0, (high - ramp / 2.0).max(low + ramp / 2.0)],
+            ramp,
+            depth,
+            what: String::new(),
+        }
+    };
+    cuts.windows(2).enumerate().map(layer).collect()
+}
+
+/// Layers of a window of the file: nothing below it, three equal parts, and the values above as the highest.
+fn window_layers(window: &Window, most: f64) -> Vec<Layer> {
+    let third = (window.high - window.low) / 3.0;
+    let layer = |role: usize| {
+        let low = third.mul_add(count(role), window.low);
+        let high = if role == 2 { most.max(window.high) } else { low + third };
+        Layer {
+            name: DESIGNED[role].to_owned(),
+            colour: Colour::Designed(role),
+            range: [low + third / 8.0, high - third / 8.0],
+            ramp: third / 4.0,
+            depth: [0.4, 0.8, 8.0][role],
+            what: if role == 0 { format!("the window {:?} of the file", window.name) } else { String::new() },
+        }
+    };
+    (0..3).map(layer).collect()
+}
+
+/// Layers of a segmentation; a label that hides most of the others is like glass.
+fn label_layers(values: &Values, labels: &[f64], presets: &[LabelPreset], axis: usize) -> Vec<Layer> {
+    let outer = outermost(&values.thinned, values.least, axis);
+    let stated = |label: f64| presets.iter().find(|preset| brief(label) == preset.value.to_string());
+    let code = |[red, green, blue]: [f64; 3]| {
+        let byte = |part: f64| whole((part.clamp(0.0, 1.0) * 255.0).round());
+        format!("#{:02x}{:02x}{:02x}", byte(red), byte(green), byte(blue))
+    };
+    let layer = |(index, &label): (usize, &f64)| Layer {
+        name: format!("label_{}", brief(label)),
+        colour: Colour::Code(
+            stated(label)
+                .and_then(|preset| preset.colour)
+                .map_or_else(|| LABEL_COLOURS[index % LABEL_COLOURS.len()].to_owned(), code),
+        ),
+        range: [label - 0.5, label + 0.5],
+        ramp: 0.0,
+        depth: if labels.len() > 1 && outer.is_some_and(|outer| (outer - label).abs() < 0.5) { 0.6 } else { 12.0 },
+        // A name of a file may have any character but those that end a comment.
+        what: stated(label)
+            .map_or_else(String::new, |preset| preset.name.chars().filter(|it| !it.is_control()).collect()),
+    };
+    labels.iter().enumerate().map(layer).collect()
+}
+
+/// The label that more than two thirds of the rays along `axis` meet first and leave last, if there is one.
+fn outermost(thinned: &Thinned, background: f64, axis: usize) -> Option<f64> {
+    let is_object = |value: f32| f64::from(value) > background;
+    let mut met: Vec<(f32, usize)> = Vec::new();
+    let mut rays = 0;
+    for_columns(thinned, axis, |column| {
+        let mut objects = column.iter().copied().filter(|&value| is_object(value));
+        if let Some(first) = objects.next() {
+            rays += 1;
+            match met.iter_mut().find(|(label, _)| (label - first).abs() < 0.5) {
+                Some((_, times)) => *times += 1,
+                None => met.push((first, 1)),
+            }
+        }
+    });
+    met.into_iter().find(|&(_, times)| count(times) > 2.0 / 3.0 * count(rays)).map(|(label, _)| label.into())
+}
+
+/// Calls `visit` with the values of each column of voxels along `axis`.
+fn for_columns(thinned: &Thinned, axis: usize, mut visit: impl FnMut(&[f32])) {
+    let [one, other] = [[1, 2], [0, 2], [0, 1]][axis];
+    let mut column = Vec::new();
+    for second in 0..thinned.dims[other] {
+        for first in 0..thinned.dims[one] {
+            let mut position = [0; 3];
+            (position[one], position[other]) = (first, second);
+            column.clear();
+            for along in 0..thinned.dims[axis] {
+                position[axis] = along;
+                column.push(thinned.values[thinned.at(position)]);
+            }
+            visit(&column);
+        }
+    }
+}
+
+/// Voxels of each layer that a ray along `axis` meets, averaged over the rays that meet it.
+fn thicknesses(thinned: &Thinned, layers: &[Layer], axis: usize) -> Vec<f64> {
+    let mut found = vec![(0_usize, 0_usize); layers.len()];
+    for_columns(thinned, axis, |column| {
+        for (layer, (voxels, columns)) in layers.iter().zip(&mut found) {
+            let [low, high] = layer.range;
+            let here = column.iter().filter(|&&value| (low..=high).contains(&f64::from(value))).count();
+            *voxels += here;
+            *columns += usize::from(here > 0);
+        }
+    });
+    found.into_iter().map(|(voxels, columns)| count(voxels) / count(columns.max(1))).collect()
+}
+
+/// Ratio of largest to smallest extent from which a volume is viewed as a sheet.
+const FLAT: f64 = 20.0;
+
+/// Side from which a sheet is viewed; slices along z appear as on a screen.
+fn flat_side(geometry: &Geometry) -> Option<Side> {
+    let extent = geometry.extent();
+    let thin = extent.min_position();
+    let normal = geometry.direction.col(thin).abs().max_position();
+    (extent.max_element() >= FLAT * extent[thin]).then(|| [Side::Left, Side::Front, Side::Bottom][normal])
+}
+
+/// Whether the body of a CT is cut off at the upper end of z and lies in air at the lower end, as a head whose slices
+/// begin at the top.
+fn is_upside_down(volume: &Volume, values: &Values) -> bool {
+    /// Fraction of a slice that the cut body covers at least.
+    const CUT: f64 = 0.03;
+    let Kind::Ct { water } = values.kind else { return false };
+    let thinned = &values.thinned;
+    let [nx, ny, nz] = thinned.dims;
+    let slice = nx * ny;
+    let body = |z: usize| {
+        let slice = thinned.values.get(z * slice..(z + 1) * slice).unwrap_or_default();
+        count(slice.iter().filter(|&&value| f64::from(value) > water - 100.0).count()) / count(slice.len().max(1))
+    };
+    let [first, last] = [body(0), body(nz - 1)];
+    let [low, high] = if volume.geometry.direction.z_axis.z < 0.0 { [last, first] } else { [first, last] };
+    high > CUT && low < high / 3.0
+}
+
+/// Direction of the camera: sheets face on, patients from the front, and all else a little from the side, z up. Heads
+/// whose neck is cut off by the upper end of z are turned over.
+fn directions(volume: &Volume, values: &Values) -> Camera {
+    let (side, azimuth, elevation) = match flat_side(&volume.geometry) {
+        Some(side) => (side, 0.0, 0.0),
+        None if volume.anatomical => (Side::Front, 0.0, 0.0),
+        None => (Side::Front, -25.0, 20.0),
+    };
+    let front = side.outward();
+    let up = match side {
+        Side::Top | Side::Bottom => DVec3::NEG_Y,
+        _ if !volume.anatomical && is_upside_down(volume, values) => DVec3::NEG_Z,
+        _ => DVec3::Z,
+    };
+    let projection = Projection::Perspective { fov_degrees: 30.0 };
+    Camera { projection, aim: Aim::Orbit { azimuth, elevation, fill: 1.0, front, around: None }, up }
+}
+
+/// The scene for `volume`, whose file is called `name`.
+pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> FirstLook {
+    let values = Values::of(volume, statistics);
+    let geometry = &volume.geometry;
+    let camera = directions(volume, &values);
+    let forward = camera.view(geometry, 1.0).map_or(DVec3::Y, |view| view.forward);
+    let axis = (geometry.direction.transpose() * forward).abs().max_position();
+    let wish = match wish {
+        // A single slice is an image.
+        Wish { look: None, window: None }
+            if flat_side(geometry).is_some() && !matches!(values.kind, Kind::Labels(_)) =>
+        {
+            Wish { look: Some(Look::Grey), window: None }
+        }
+        wish => wish,
+    };
+    let (shape, guess) = shape(&values, &volume.presets, wish, axis);
+    let thickness = |layers: &[Layer]| -> Vec<f64> {
+        let smallest = geometry.spacing.min_element();
+        let scale = count(values.thinned.stride[axis]) * geometry.spacing[axis] / smallest;
+        thicknesses(&values.thinned, layers, axis).into_iter().map(|voxels| (voxels * scale).max(1.0)).collect()
+    };
+    let ranges: Vec<[f64; 2]> = match &shape {
+        Shape::Layers(layers) => layers.iter().map(|it| [it.range[0] - it.ramp / 2.0, it.range[1]]).collect(),
+        // The beginning of a ramp is hardly visible.
+        Shape::Ramp { layer, .. } => vec![[0.7 * layer.range[0] + 0.3 * layer.range[1], f64::MAX]],
+    };
+    let shows = |value: f32| ranges.iter().any(|&[low, high]| (low..=high).contains(&f64::from(value)));
+    let crop = match values.kind {
+        Kind::Ct { water } => {
+            let body: Vec<bool> = values.thinned.values.iter().map(|&value| f64::from(value) > water - 300.0).collect();
+            fit::largest_part(&values.thinned, &body, geometry.dims)
+        }
+        _ => None,
+    };
+    let outline = fit::outline(volume, values.thinned.stride, crop, |value| shows(rounded(value)));
+    let camera = fit::fitted(&camera, &outline, geometry);
+    let guess = format!("{name} has no scene, so one was made: {guess}.");
+    let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);
+    FirstLook { text, guess }
+}
+
+/// The layers, and the guess in words.
+fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape, String) {
+    let alone = |name: &str, colour, range: [f64; 2], depth| Layer {
+        name: name.to_owned(),
+        colour,
+        range,
+        ramp: 0.0,
+        depth,
+        what: String::new(),
+    };
+    let high = values.percentile(0.999).max(values.objects_from);
+    let kind = match &values.kind {
+        Kind::Ct { water } if *water == 0.0 => "a CT in Hounsfield units".to_owned(),
+        Kind::Ct { water } => format!("a CT whose water has the value {}", brief(*water)),
+        Kind::Labels(labels) => format!("a segmentation with {} labels", labels.len()),
+        Kind::Other => "values without a known unit".to_owned(),
+    };
+    let window = wish.window.map(|[width, centre]| [centre - width / 2.0, centre + width / 2.0]);
+    if window.is_some() || wish.look == Some(Look::Grey) {
+        let range = window.unwrap_or([values.objects_from, high]);
+        let layer = alone("grey", Colour::Code("#e8e8e8".to_owned()), range, 4.0);
+        let [low, high] = range.map(brief);
+        return (
+            Shape::Ramp { layer, shines: false },
+            format!("{kind}, as grey that is transparent at {low} and most opaque from {high} on"),
+        );
+    }
+    if wish.look == Some(Look::Fluorescence) {
+        let range = [values.objects_from, high];
+        let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
+        let [low, high] = range.map(brief);
+        return (Shape::Ramp { layer, shines: true }, format!("{kind}, as light that shines from {low} to {high}"));
+    }
+    // A window of the file says more than the histogram.
+    let stated = presets.windows.iter().find(|window| window.low < values.most).filter(|_| wish.look.is_none());
+    let layers = match (&values.kind, wish.look) {
+        (Kind::Labels(labels), None) => label_layers(values, labels, &presets.labels, axis),
+        (Kind::Ct { water }, look) => {
+            let mut layers = ct_layers(look.unwrap_or(Look::Tissue), *water, values.most);
+            layers.retain(|layer| values.share(layer.range) > 0.0);
+            layers
+        }
+        (_, None | Some(Look::Tissue)) => stated.map_or_else(|| layers(values), |it| window_layers(it, values.most)),
+        (_, look) => {
+            let part = if look == Some(Look::Vessel) { 0.97 } else { 0.75 };
+            // Interpolation hardly ever reaches the largest value itself.
+            let most = values.most - 0.1 * (values.most - values.objects_from);
+            let from = values.percentile_of_objects(part).min(most);
+            let role = if look == Some(Look::Vessel) { 0 } else { 2 };
+            let name = look.map_or("solid", Look::name);
+            vec![alone(name, Colour::Designed(role), [from, values.most.max(from)], 8.0)]
+        }
+    };
+    let shown: Vec<String> = layers
+        .iter()
+        .take(4)
+        .map(|layer| format!("{} from {} to {}", layer.name, brief_of(layer.range[0]), brief_of(layer.range[1])))
+        .collect();
+    let more =
+        if layers.len() > shown.len() { format!(" and {} more", layers.len() - shown.len()) } else { String::new() };
+    let guess = format!("{kind}, shown as {}{more}", shown.join(", "));
+    (Shape::Layers(layers), guess)
+}
+
+/// A number to four digits.
+fn brief_of(number: f64) -> String {
+    brief(format!("{number:.3e}").parse().unwrap_or(number))
+}
+
+/// Opacity of an opacity length for an optical depth over this many of them.
+fn opacity(depth: f64, thickness: f64) -> f64 {
+    let opacity = -(-depth / thickness).exp_m1();
+    // Three digits are enough, and readable.
+    format!("{:.2e}", opacity.clamp(1e-3, 0.95)).parse().unwrap_or(opacity)
+}
+
+fn text(
+    name: &str,
+    guess: &str,
+    shape: &Shape,
+    thickness: impl Fn(&[Layer]) -> Vec<f64>,
+    camera: &Camera,
+    crop: Option<[[usize; 3]; 2]>,
+    geometry: &Geometry,
+) -> String {
+    // A single slice has no gradient across it to shade.
+    let shading = if flat_side(geometry).is_some() { "shading = \"none\"\n" } else { "" };
+    let mut text = format!(
+        "# First look at {name}: a scene that Relume made from its values. The keys are in docs/SCENE.md.\n# {guess}\n\
+         version = 1\n{shading}\n[volume]\n"
+    );
+    let mut line = |words: &str| {
+        let _ = writeln!(text, "{words}");
+    };
+    line(
+        "\n# Opacity is the fraction of light lost over the opacity length: one voxel. Ranges are values of the volume.",
+    );
+    line("[transfer]");
+    line(&format!("opacity_length = {:?}", geometry.spacing.min_element()));
+    match shape {
+        Shape::Layers(layers) => {
+            line("intervals = [");
+            for (layer, thickness) in layers.iter().zip(thickness(layers)) {
+                if !layer.what.is_empty() {
+                    line(&format!("    # {}", layer.what));
+                }
+                let opacity = opacity(layer.depth, thickness);
+                let ([low, high], ramp) = (layer.range, layer.ramp);
+                line(&format!(
+                    "    {{ material = \"{}\", range = [{low:?}, {high:?}], ramp = {ramp:?}, opacity = {opacity:?} }},",
+                    layer.name
+                ));
+            }
+            line("]");
+        }
+        Shape::Ramp { layer, .. } => {
+            let [low, high] = layer.range;
+            let upper = Layer { range: [f64::midpoint(low, high), f64::MAX], ..layer.clone() };
+            let opacity = opacity(layer.depth, thickness(&[upper]).first().copied().unwrap_or(1.0));
+            line("# From transparent to most opaque: a window of values.");
+            line(&format!("opacity = [[{low:?}, 0.0], [{high:?}, {opacity:?}]]"));
+            line(&format!("material = [[{low:?}, \"{}\"]]", layer.name));
+        }
+    }
+    let layers = match shape {
+        Shape::Layers(layers) => layers.clone(),
+        Shape::Ramp { layer, .. } => vec![layer.clone()],
+    };
+    let shines = matches!(shape, Shape::Ramp { shines: true, .. });
+    let direction = key_light(camera, geometry);
+    if layers.iter().all(|layer| matches!(layer.colour, Colour::Designed(_))) {
+        line("\n# In daylight all materials show; each of the other lights shows one and leaves the others black.");
+        line(&designed(&layers, direction));
+    } else {
+        for (index, layer) in layers.iter().enumerate() {
+            let colour = match &layer.colour {
+                Colour::Code(code) => code.as_str(),
+                Colour::Designed(_) => LABEL_COLOURS[index % LABEL_COLOURS.len()],
+            };
+            line(&format!("\n[materials.{}]\nreflectance = {{ srgb = \"{colour}\" }}", layer.name));
+            if shines {
+                line("ambient = 1\ndiffuse = 0\nxray = true");
+            }
+        }
+        let [x, y, z] = direction.to_array();
+        line("\n[lights.day]\nspectrum = \"D65\"");
+        line(&if shines {
+            "kind = \"ambient\"".to_owned()
+        } else {
+            format!("kind = \"directional\"\ndirection = [{x:?}, {y:?}, {z:?}]")
+        });
+    }
+    line("\n# The hand of the light dial is on the first light, daylight.\n[mix]\nby = \"dial\"\nhand = [0.0, 1.0]");
+    if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
+        line("\n# The visible part of the volume, and how much of the picture its box spans.\n[camera]");
+        line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}\nfill = {fill:?}"));
+        line(&format!("front = {:?}\nup = {:?}", front.to_array(), camera.up.to_array()));
+        if let Some([low, high]) = around {
+            line(&format!("around = [{:?}, {:?}]", low.to_array(), high.to_array()));
+        }
+    }
+    if let Some([low, high]) = crop {
+        line("\n# The largest connected part: the table is left out.\n[crop]");
+        line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
+    }
+    line("\n[display]\nexposure = 1.4");
+    if matches!(shape, Shape::Layers(layers) if layers.iter().any(|it| matches!(it.colour, Colour::Code(_)))) {
+        line("\n# Labels do not mix.\n[accuracy]\ninterpolation = \"nearest\"");
+    }
+    text
+}
+
+/// Direction towards a light at the upper left in front of the volume.
+fn key_light(camera: &Camera, geometry: &Geometry) -> DVec3 {
+    let direction =
+        camera.view(geometry, 1.0).map_or(DVec3::Y, |view| 0.55 * view.up - 0.45 * view.right - view.forward);
+    // Three digits are enough, and readable.
+    direction.normalize_or(DVec3::Y).to_array().map(|part| (part * 1000.0).round() / 1000.0).into()
+}
+
+/// The designed materials and lights of `layers`.
+fn designed(layers: &[Layer], direction: DVec3) -> String {
+    let used = |role: usize| layers.iter().find(|layer| matches!(layer.colour, Colour::Designed(it) if it == role));
+    let start = DESIGN.find("[palette]").unwrap_or_default();
+    let end = DESIGN.find("[camera]").unwrap_or(DESIGN.len());
+    let design = DESIGN.get(start..end).unwrap_or_default();
+    let mut document: DocumentMut = design.parse().unwrap_or_default();
+    for (role, name) in DESIGNED.into_iter().enumerate().filter(|&(role, _)| used(role).is_none()) {
+        let light = format!("for_{name}");
+        remove(&mut document, &["palette", "lights"], &light);
+        remove(&mut document, &["palette", "materials"], name);
+        remove(&mut document, &["palette", "cells"], name);
+        remove(&mut document, &["materials"], name);
+        remove(&mut document, &["lights"], &light);
+        for other in DESIGNED.into_iter().enumerate().filter(|&(other, _)| other != role).map(|(_, name)| name) {
+            remove(&mut document, &["palette", "cells", other], &light);
+        }
+    }
+    let mut text = document.to_string();
+    for (role, name) in DESIGNED.into_iter().enumerate() {
+        if let Some(layer) = used(role) {
+            text = text.replace(name, &layer.name);
+        }
+    }
+    let [x, y, z] = direction.to_array();
+    text.replace("kind = \"headlight\"", &format!("kind = \"directional\"\ndirection = [{x:?}, {y:?}, {z:?}]"))
+        .trim_end()
+        .to_owned()
+}
+
+/// Removes `key` from the table at `path`.
+fn remove(document: &mut DocumentMut, path: &[&str], key: &str) {
+    let mut table: Option<&mut dyn TableLike> = Some(document.as_table_mut());
+    for part in path {
+        table = table.and_then(|table| table.get_mut(part)).and_then(Item::as_table_like_mut);
+    }
+    if let Some(table) = table {
+        table.remove(key);
+    }
+}

@@ -1,0 +1,98 @@
+//! A thinned copy of a volume, by which values are examined.
+
+use rayon::prelude::*;
+
+use crate::number::{count, rounded, whole};
+use crate::volume::{Volume, with_voxels};
+
+/// Most voxels of a thinned copy.
+const MOST: f64 = 1.2e6;
+
+/// Every n-th voxel of a volume along each axis.
+#[derive(Clone, Debug)]
+pub(crate) struct Thinned {
+    /// Voxels along each axis.
+    pub(super) dims: [usize; 3],
+    /// Distance of these voxels in the volume, along each axis.
+    pub(super) stride: [usize; 3],
+    /// Their values; NaN and infinities are the smallest value.
+    pub(super) values: Vec<f32>,
+}
+
+impl Thinned {
+    pub(crate) fn of(volume: &Volume, smallest: f64) -> Self {
+        let sides = volume.geometry.dims;
+        let stride = whole((count(volume.geometry.voxels()) / MOST).cbrt().ceil()).max(1);
+        let stride = sides.map(|side| stride.min(side.div_ceil(32).max(1)));
+        let dims: [usize; 3] = std::array::from_fn(|axis| sides[axis].div_ceil(stride[axis]));
+        let [nx, ny, _] = dims;
+        let scale = |stored: f64| {
+            let value = stored.mul_add(volume.slope, volume.intercept);
+            rounded(if value.is_finite() { value } else { smallest })
+        };
+        let mut values = vec![0.0; dims.iter().product()];
+        with_voxels!(&volume.voxels, stored => {
+            values.par_chunks_mut(nx * ny).enumerate().for_each(|(z, slice)| {
+                for (y, row) in slice.chunks_mut(nx).enumerate() {
+                    let first = sides[0] * (y * stride[1] + sides[1] * z * stride[2]);
+                    for (x, value) in row.iter_mut().enumerate() {
+                        *value = stored.get(first + x * stride[0]).map_or(0.0, |&voxel| scale(to_f64(voxel)));
+                    }
+                }
+            });
+        });
+        Self { dims, stride, values }
+    }
+
+    /// Place of voxel `[x, y, z]` in [`Self::values`].
+    pub(super) fn at(&self, [x, y, z]: [usize; 3]) -> usize {
+        x + self.dims[0] * (y + self.dims[1] * z)
+    }
+
+    /// Position of the voxel at `place`.
+    pub(super) fn position(&self, place: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.dims;
+        [place % nx, place / nx % ny, place / (nx * ny)]
+    }
+
+    /// Steps in [`Self::values`] along each axis.
+    fn steps(&self) -> [usize; 3] {
+        [1, self.dims[0], self.dims[0] * self.dims[1]]
+    }
+
+    /// Places of the up to six neighbours of `place`.
+    pub(super) fn neighbours(&self, place: usize) -> impl Iterator<Item = usize> {
+        let (position, dims, steps) = (self.position(place), self.dims, self.steps());
+        (0..3).flat_map(move |axis| {
+            let before = (position[axis] > 0).then(|| place - steps[axis]);
+            let after = (position[axis] + 1 < dims[axis]).then(|| place + steps[axis]);
+            before.into_iter().chain(after)
+        })
+    }
+
+    /// Size of the gradient at `place`, per voxel of the copy.
+    pub(super) fn gradient(&self, place: usize) -> f32 {
+        let (position, steps) = (self.position(place), self.steps());
+        let along = |axis: usize| {
+            let before = if position[axis] > 0 { place - steps[axis] } else { place };
+            let after = if position[axis] + 1 < self.dims[axis] { place + steps[axis] } else { place };
+            (self.values[after] - self.values[before]) / 2.0
+        };
+        let [x, y, z] = [along(0), along(1), along(2)];
+        (x * x + y * y + z * z).sqrt()
+    }
+
+    /// Values on the faces of the volume, up to some thousands.
+    pub(super) fn border(&self) -> Vec<f32> {
+        let on_face = |place: &usize| {
+            let position = self.position(*place);
+            (0..3).any(|axis| self.dims[axis] > 2 && (position[axis] == 0 || position[axis] + 1 == self.dims[axis]))
+        };
+        let all: Vec<usize> = (0..self.values.len()).filter(on_face).collect();
+        all.iter().step_by((all.len() / 20_000).max(1)).map(|&place| self.values[place]).collect()
+    }
+}
+
+fn to_f64<T: crate::volume::Voxel>(voxel: T) -> f64 {
+    voxel.to_f64()
+}

@@ -1,0 +1,354 @@
+//! The values of a volume: percentiles, peaks, and the kind of data they suggest.
+
+use serde::Serialize;
+
+use super::sample::Thinned;
+use crate::number::{brief, count, whole};
+use crate::volume::{Statistics, Volume, VoxelType};
+
+/// Bins of the histogram between the 0.05th and the 99.95th percentile.
+const BINS: usize = 256;
+/// Values that are sorted for percentiles.
+const SORTED: usize = 400_000;
+/// Most labels of a volume that is taken for a segmentation.
+const MOST_LABELS: usize = 48;
+
+/// Kind of data, as far as the values tell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Kind {
+    /// CT with this value for water; air is 1000 below.
+    Ct {
+        /// Value of 0 Hounsfield units.
+        water: f64,
+    },
+    /// A segmentation with these labels, without the background.
+    Labels(Vec<f64>),
+    /// Anything else.
+    Other,
+}
+
+impl Kind {
+    /// Name for programs.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Ct { .. } => "ct",
+            Self::Labels(_) => "labels",
+            Self::Other => "other",
+        }
+    }
+}
+
+/// A range of values with a name.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Named {
+    /// Name of the tissue.
+    pub name: &'static str,
+    /// Its values.
+    pub interval: [f64; 2],
+    /// Fraction of all voxels in the interval.
+    pub share: f64,
+}
+
+/// Tissues in Hounsfield units (Hounsfield 1980; docs/theory/first-look.md).
+const TISSUES: [(&str, [f64; 2]); 6] = [
+    ("air", [-1100.0, -900.0]),
+    ("lung", [-900.0, -400.0]),
+    ("fat", [-130.0, -60.0]),
+    ("muscle and organs", [20.0, 90.0]),
+    ("vessels with contrast agent", [150.0, 420.0]),
+    ("bone", [250.0, 3000.0]),
+];
+
+/// A peak of the histogram.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Peak {
+    /// Value of the most voxels.
+    pub value: f64,
+    /// Suggested interval: between the valleys beside the peak.
+    pub interval: [f64; 2],
+    /// Fraction of all voxels in the interval.
+    pub share: f64,
+}
+
+/// What is known about a volume's values.
+#[derive(Clone, Debug)]
+pub struct Values {
+    /// Kind of data.
+    pub kind: Kind,
+    /// Peaks of the histogram in ascending order.
+    pub peaks: Vec<Peak>,
+    /// Values from which voxels are objects and not their surroundings.
+    pub objects_from: f64,
+    pub(super) sorted: Vec<f32>,
+    pub(super) thinned: Thinned,
+    pub(super) least: f64,
+    pub(super) most: f64,
+}
+
+impl Values {
+    /// Examines the values of `volume`, which has these `statistics`.
+    #[must_use]
+    pub fn of(volume: &Volume, statistics: &Statistics) -> Self {
+        let thinned = Thinned::of(volume, statistics.min);
+        let mut sorted: Vec<f32> =
+            thinned.values.iter().copied().step_by((thinned.values.len() / SORTED).max(1)).collect();
+        sorted.sort_unstable_by(f32::total_cmp);
+        let (least, most) = (statistics.min, statistics.max);
+        let kind = kind(volume, &thinned, &sorted, statistics);
+        let mut values = Self { kind, peaks: Vec::new(), objects_from: least, sorted, thinned, least, most };
+        let histogram = Histogram::of(&values);
+        values.peaks = histogram.peaks();
+        values.objects_from = values.boundary(&histogram);
+        values
+    }
+
+    /// Value below which the fraction `part` of the voxels lies.
+    #[must_use]
+    pub fn percentile(&self, part: f64) -> f64 {
+        let last = self.sorted.len().saturating_sub(1);
+        self.sorted.get(whole((part * count(last)).round()).min(last)).map_or(self.least, |&value| value.into())
+    }
+
+    /// Ranges of values that have names in this kind of data; empty except for CT.
+    #[must_use]
+    pub fn named(&self) -> Vec<Named> {
+        let Kind::Ct { water } = self.kind else { return Vec::new() };
+        let named = |(name, [low, high]): (&'static str, [f64; 2])| {
+            let interval = [water + low, water + high];
+            Named { name, interval, share: self.share(interval) }
+        };
+        TISSUES.into_iter().map(named).filter(|named| named.share > 0.0).collect()
+    }
+
+    /// Suggested intervals in sentences: by name for a CT, by peaks of the histogram otherwise.
+    #[must_use]
+    pub fn sentences(&self) -> Vec<String> {
+        let percent = |share: f64| format!("{:.1} % of the voxels", 100.0 * share);
+        let range = |[low, high]: [f64; 2]| format!("{} to {}", brief(low.round()), brief(high.round()));
+        match &self.kind {
+            Kind::Ct { water } => {
+                let unit = if *water == 0.0 {
+                    "a CT in Hounsfield units: air is -1000, water 0".to_owned()
+                } else {
+                    format!("a CT with an offset: {} is water, {} air", brief(*water), brief(water - 1000.0))
+                };
+                let named = self.named().into_iter();
+                let named = named.map(|it| format!("{} {}: {}", it.name, range(it.interval), percent(it.share)));
+                std::iter::once(unit).chain(named).collect()
+            }
+            Kind::Labels(labels) => {
+                let listed: Vec<String> = labels.iter().map(|&label| brief(label)).collect();
+                vec![format!("a segmentation with the labels {}", listed.join(", "))]
+            }
+            Kind::Other => {
+                let digits = |value: f64| brief(format!("{value:.3e}").parse().unwrap_or(value));
+                let peak = |peak: &Peak| {
+                    let [low, high] = peak.interval.map(digits);
+                    let side = if peak.value < self.objects_from { ", surroundings" } else { "" };
+                    format!("a peak at {}: interval {low} to {high}, {}{side}", digits(peak.value), percent(peak.share))
+                };
+                self.peaks.iter().map(peak).collect()
+            }
+        }
+    }
+
+    /// Value below which the fraction `part` of the voxels from [`Self::objects_from`] on lies.
+    pub(super) fn percentile_of_objects(&self, part: f64) -> f64 {
+        let first = self.sorted.partition_point(|&value| f64::from(value) < self.objects_from);
+        let objects = self.sorted.get(first..).unwrap_or_default();
+        let last = objects.len().saturating_sub(1);
+        objects.get(whole((part * count(last)).round()).min(last)).map_or(self.most, |&value| value.into())
+    }
+
+    /// Fraction of the voxels with values in a range.
+    pub(super) fn share(&self, [low, high]: [f64; 2]) -> f64 {
+        let below = self.sorted.partition_point(|&value| f64::from(value) < low);
+        let within = self.sorted.partition_point(|&value| f64::from(value) <= high);
+        count(within.saturating_sub(below)) / count(self.sorted.len().max(1))
+    }
+
+    /// Value between the surroundings and the objects: where the voxels with large gradients, which lie on boundaries,
+    /// fall apart into two classes (docs/theory/first-look.md).
+    fn boundary(&self, histogram: &Histogram) -> f64 {
+        let mut border = self.thinned.border();
+        border.sort_unstable_by(f32::total_cmp);
+        let at =
+            |part: f64| border.get(whole(part * count(border.len()))).map_or(self.least, |&value| f64::from(value));
+        let [middle, high] = [at(0.5), at(0.9)];
+        let [low_end, high_end] = histogram.range;
+        let span = high_end - low_end;
+        // Surroundings are dark, and alike over most of the border.
+        let surrounded = high - middle < 0.25 * span && middle < low_end + 0.35 * span;
+        let edges = histogram.weighted_by_gradient();
+        let all = histogram.value(otsu(&histogram.counts));
+        let of_edges = histogram.value(otsu(&edges));
+        let cut = of_edges.min(all);
+        if surrounded { cut.max(high + 0.02 * span) } else { cut }
+    }
+}
+
+/// Histogram over the range of almost all values.
+pub(super) struct Histogram {
+    pub(super) range: [f64; 2],
+    pub(super) counts: Vec<f64>,
+    gradients: Vec<f64>,
+    all: f64,
+}
+
+impl Histogram {
+    pub(super) fn of(values: &Values) -> Self {
+        let range = [values.percentile(0.0005), values.percentile(0.9995)];
+        let range = if range[1] > range[0] { range } else { [values.least, values.most] };
+        let (mut counts, mut gradients) = (vec![0.0; BINS], vec![0.0; BINS]);
+        let thinned = &values.thinned;
+        let scale = count(BINS) / (range[1] - range[0]).max(f64::MIN_POSITIVE);
+        // Four parts of the voxels are more than the bins need.
+        for place in (0..thinned.values.len()).step_by((thinned.values.len() / 1_000_000).max(1)) {
+            let bin = whole((f64::from(thinned.values[place]) - range[0]) * scale).min(BINS - 1);
+            counts[bin] += 1.0;
+            gradients[bin] += f64::from(thinned.gradient(place));
+        }
+        let all = counts.iter().sum();
+        Self { range, counts, gradients, all }
+    }
+
+    /// Lower edge of a bin.
+    fn value(&self, bin: usize) -> f64 {
+        self.range[0] + (self.range[1] - self.range[0]) * count(bin) / count(BINS)
+    }
+
+    /// Sums of gradient sizes, in place of counts.
+    fn weighted_by_gradient(&self) -> Vec<f64> {
+        self.gradients.clone()
+    }
+
+    /// Peaks of the smoothed logarithm of the counts that rise above their valleys.
+    fn peaks(&self) -> Vec<Peak> {
+        /// Ratio of a peak to the higher of its valleys, as a logarithm.
+        const PROMINENCE: f64 = 0.25;
+        /// Fraction of all voxels below which a bin is noise.
+        const NOISE: f64 = 2e-5;
+        const PASSES: usize = 3;
+        if self.range[1] <= self.range[0] {
+            return vec![Peak { value: self.range[0], interval: self.range, share: 1.0 }];
+        }
+        // Integers with fewer values than bins leave bins empty, which smoothing fills.
+        let mut smooth = self.counts.clone();
+        for _ in 0..PASSES {
+            let at = |bin: usize, off: usize| {
+                let place = (bin + off).saturating_sub(2).min(BINS - 1);
+                smooth[place]
+            };
+            smooth = (0..BINS).map(|bin| (0..5).map(|off| at(bin, off)).sum::<f64>() / 5.0).collect();
+        }
+        let height: Vec<f64> = smooth.iter().map(|n| (n + NOISE * self.all).ln()).collect();
+        let mut valleys = vec![0];
+        let mut tops: Vec<usize> = Vec::new();
+        let (mut top, mut valley) = (0, 0);
+        let mut rising = true;
+        for bin in 1..BINS {
+            if rising {
+                if height[bin] > height[top] {
+                    top = bin;
+                } else if height[top] - height[bin] > PROMINENCE {
+                    tops.push(top);
+                    (rising, valley) = (false, bin);
+                }
+            } else if height[bin] < height[valley] {
+                valley = bin;
+            } else if height[bin] - height[valley] > PROMINENCE {
+                valleys.push(valley);
+                (rising, top) = (true, bin);
+            }
+        }
+        if rising {
+            tops.push(top);
+        }
+        valleys.push(BINS);
+        let peak = |(&top, between): (&usize, &[usize])| Peak {
+            value: self.value(top) + (self.range[1] - self.range[0]) / count(2 * BINS),
+            interval: [self.value(between[0]), self.value(between[1])],
+            share: self.counts[between[0]..between[1]].iter().sum::<f64>() / self.all,
+        };
+        tops.iter().zip(valleys.windows(2)).map(peak).collect()
+    }
+}
+
+/// First bin of the upper of two classes with the largest variance between them (Otsu 1979).
+fn otsu(bins: &[f64]) -> usize {
+    let total: f64 = bins.iter().sum();
+    let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * n).sum();
+    let (mut below, mut moment_below, mut best) = (0.0, 0.0, (0.0, 1));
+    for (bin, n) in bins.iter().enumerate() {
+        below += n;
+        moment_below += count(bin) * n;
+        let above = total - below;
+        if below > 0.0 && above > 0.0 {
+            let apart = moment_below / below - (moment - moment_below) / above;
+            let between = below * above * apart * apart;
+            if between > best.0 {
+                best = (between, bin + 1);
+            }
+        }
+    }
+    best.1
+}
+
+fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
+    if let Some(water) = water(sorted, statistics) {
+        return Kind::Ct { water };
+    }
+    let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
+    match labels(thinned, sorted).filter(|_| are_whole) {
+        Some(labels) => Kind::Labels(labels),
+        None => Kind::Other,
+    }
+}
+
+/// Values of a segmentation: few, and constant over neighbourhoods.
+fn labels(thinned: &Thinned, sorted: &[f32]) -> Option<Vec<f64>> {
+    let mut distinct: Vec<f32> = Vec::new();
+    for &value in sorted {
+        if distinct.last().is_none_or(|&last| last < value) {
+            distinct.push(value);
+            if distinct.len() > MOST_LABELS {
+                return None;
+            }
+        }
+    }
+    let background = distinct.first().copied()?;
+    // Between surfaces all neighbours of a voxel of a segmentation are alike, and neighbours of other values differ by
+    // any number; values of a scan differ by small ones.
+    let step = (thinned.values.len() / 50_000).max(1);
+    let (mut alike, mut objects) = (0, 0);
+    for place in (0..thinned.values.len()).step_by(step) {
+        if thinned.values[place] > background {
+            objects += 1;
+            let own = thinned.values[place];
+            alike += usize::from(
+                thinned.neighbours(place).filter(|&it| (thinned.values[it] - own).abs() > 0.0).count() <= 3,
+            );
+        }
+    }
+    let found: Vec<f64> = distinct.iter().skip(1).map(|&value| value.into()).collect();
+    let is_constant = objects > 0 && count(alike) >= 0.6 * count(objects);
+    (is_constant && !found.is_empty()).then_some(found)
+}
+
+/// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water.
+fn water(sorted: &[f32], statistics: &Statistics) -> Option<f64> {
+    let share = |low: f64, high: f64| {
+        let below = |limit: f64| sorted.partition_point(|&value| f64::from(value) < limit);
+        count(below(high) - below(low)) / count(sorted.len().max(1))
+    };
+    let is_ct = |water: f64| {
+        let air = share(f64::MIN, water - 800.0);
+        let soft = share(water - 150.0, water + 150.0);
+        let dense = share(water + 200.0, f64::MAX);
+        air > 0.02 && soft > 0.04 && dense > 5e-4 && dense < 0.5 && statistics.max >= water + 300.0
+    };
+    let candidates: &[f64] = if statistics.min < -200.0 { &[0.0] } else { &[1024.0, 1000.0] };
+    let reaches = |water: f64| statistics.min <= water - 800.0 && statistics.max <= 40_000.0;
+    candidates.iter().copied().find(|&water| reaches(water) && is_ct(water))
+}
