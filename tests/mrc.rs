@@ -144,6 +144,9 @@ fn maps_are_found_by_their_content_and_inside_gzip() {
     for name in ["v.ccp4", "v.map", "v.rec", "v.MRC", "v.unknown"] {
         assert_eq!(open(name, &plain, &Selection::default()).unwrap().voxels.bytes(), TWELVE, "{name}");
     }
+    // A map whose first side looks like the mark of bzip2 is a map.
+    let error = File::new().with(&[(0, u32::from_le_bytes(*b"BZh9"))]).open().map(drop).unwrap_err();
+    assert!(error.to_string().contains("12 bytes"), "{error}");
     // Another format by the name of a map.
     let error = open("v.map", b"%PDF-1.7", &Selection::default()).map(drop).unwrap_err();
     assert!(error.to_string().contains("8 bytes"), "{error}");

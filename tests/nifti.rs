@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::{DMat3, DVec3};
+use relume::document::{self, Definition, SceneOptions, Source};
 use relume::progress::Quiet;
 use relume::volume::{self, Selection, Unit, Volume, VolumeError, Voxels, Window};
 use tempfile::TempDir;
@@ -261,6 +262,10 @@ fn files_are_found_by_either_name_with_and_without_gzip() {
         let error = alone.with("v.hdr", &bytes).open("v.hdr", &Selection::default()).map(drop).unwrap_err();
         assert!(error.to_string().contains("v.img is missing"), "{error}");
     }
+    // One file by the name of an image.
+    let files = Files::new();
+    let volume = files.with("v.img", &single(One)).open("v.img", &Selection::default()).unwrap();
+    assert_eq!(volume.voxels.bytes(), TWELVE);
     // An image without a header is no Analyze file.
     let files = Files::new();
     let error = files.with("v.img", &TWELVE).open("v.img", &Selection::default()).map(drop).unwrap_err();
@@ -504,6 +509,37 @@ fn a_leaning_grid_is_refused_with_its_angles_or_resampled_to_a_straight_one() {
 }
 
 #[test]
+fn a_scene_and_a_session_can_ask_for_resampling() {
+    let files = Files::new();
+    let volume = files.with("v.nii", &[leaning(false).bytes(), slanted()].concat()).path("v.nii");
+    let loaded = |selection, definition: &str| {
+        let definitions = vec![Definition::new("volume.phantom_labels=false"), Definition::new(definition)];
+        let options = SceneOptions { volume: Some(volume.clone()), selection, definitions, ..SceneOptions::default() };
+        document::load_embedded(&options, &Quiet).map(|file| file.scene.volume.geometry.dims)
+    };
+    let resample = Selection { resample: true, ..Selection::default() };
+    assert_eq!(loaded(resample, "background=0.5").unwrap(), [4, 5, 5]);
+    assert!(loaded(Selection::default(), "background=0.5").is_err(), "nobody asked for it");
+}
+
+#[test]
+fn the_window_of_a_file_is_the_first_transfer_function() {
+    let files = Files::new();
+    let header = Header::with(One, |header| header.window = [3.0, 9.0]);
+    files.with("v.nii", &[header.bytes(), TWELVE.to_vec()].concat());
+    let (file, _) = Source::of(&files.path("v.nii")).read(&Quiet).unwrap();
+    let terms = &file.scene.transfer.terms;
+    assert_eq!(terms.len(), 3);
+    assert_eq!(terms[0].opacity[0], (3.0, 0.0), "nothing up to its low end");
+    let end = terms[2].opacity[2];
+    assert_eq!(end.0, 12.0, "the values above it are as solid as its high end");
+    let without = Header::new(One);
+    files.with("v.nii", &[without.bytes(), TWELVE.to_vec()].concat());
+    let (file, _) = Source::of(&files.path("v.nii")).read(&Quiet).unwrap();
+    assert!(file.scene.transfer.terms[0].opacity[0].0 > 3.0, "by the histogram: the upper half");
+}
+
+#[test]
 fn headers_that_contradict_themselves_are_refused_with_the_numbers() {
     let with = |change: fn(&mut Header)| Header::with(One, change);
     for (header, words) in [
@@ -553,7 +589,7 @@ fn compressed_files_that_lie_are_refused_before_memory_is_taken() {
         volumes::whole_message(&error)
     };
     let message = open(&whole(&huge, &TWELVE));
-    assert!(message.contains("27000000000000") && message.contains("gzip"), "{message}");
+    assert!(message.contains("27000000000352") && message.contains("gzip"), "{message}");
     let far = Header::with(Two, |header| header.vox_offset = 1e12);
     let message = open(&whole(&far, &TWELVE));
     assert!(message.contains("vox_offset") && message.contains("1000000000000"), "{message}");

@@ -31,8 +31,11 @@ const IMOD: i32 = 1_146_047_817;
 
 /// Whether the first bytes of a file, perhaps compressed by gzip, have the word `MAP` and a plausible header.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
-    let bytes = binary::inside(beginning, LENGTH);
-    bytes.len() >= LENGTH.min(512) && bytes.get(208..211) == Some(b"MAP") && byte_order(&bytes).is_some()
+    is_map(&binary::inside(beginning, LENGTH))
+}
+
+fn is_map(bytes: &[u8]) -> bool {
+    bytes.get(208..211) == Some(b"MAP") && byte_order(bytes).is_some()
 }
 
 /// Reads an MRC file.
@@ -40,7 +43,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let (bytes, encoding) = binary::beginning(path, LENGTH)?;
     let wrong =
         |place: &str, problem: String| VolumeError::Field { path: path.to_owned(), place: place.to_owned(), problem };
-    if foreign::is_known(&bytes) {
+    if !is_map(&bytes) && foreign::is_known(&bytes) {
         return open::by_content(path, selection, progress);
     }
     if bytes.len() < LENGTH {

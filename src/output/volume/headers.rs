@@ -11,10 +11,15 @@ fn three(vector: DVec3, sign: &str) -> String {
     vector.to_array().map(|number| number.to_string()).join(sign)
 }
 
+/// Type of the numbers in the file: of the values, or as stored.
+fn stored(volume: &Volume, as_values: bool) -> VoxelType {
+    if as_values { VoxelType::F64 } else { volume.voxels.voxel_type() }
+}
+
 /// Header of an NRRD whose voxels follow in gzip.
 pub(super) fn nrrd(volume: &Volume, as_values: bool) -> Vec<u8> {
     let Geometry { dims: [x, y, z], spacing, origin, direction } = volume.geometry;
-    let name = match if as_values { VoxelType::F64 } else { volume.voxels.voxel_type() } {
+    let name = match stored(volume, as_values) {
         VoxelType::F32 => "float",
         VoxelType::F64 => "double",
         whole => whole.name(),
@@ -29,9 +34,9 @@ pub(super) fn nrrd(volume: &Volume, as_values: bool) -> Vec<u8> {
 }
 
 /// Header of a `MetaImage` whose voxels follow.
-pub(super) fn metaimage(volume: &Volume) -> Vec<u8> {
+pub(super) fn metaimage(volume: &Volume, as_values: bool) -> Vec<u8> {
     let Geometry { dims: [x, y, z], spacing, origin, direction } = volume.geometry;
-    let name = match volume.voxels.voxel_type() {
+    let name = match stored(volume, as_values) {
         VoxelType::U8 => "MET_UCHAR",
         VoxelType::I8 => "MET_CHAR",
         VoxelType::U16 => "MET_USHORT",
@@ -59,11 +64,6 @@ pub(super) fn metaimage(volume: &Volume) -> Vec<u8> {
     }
     if let Some(unit) = volume.unit {
         let _ = writeln!(text, "DistanceUnits = {unit}");
-    }
-    let (slope, intercept) = (volume.slope, volume.intercept);
-    if (slope, intercept) != (1.0, 0.0) {
-        let _ =
-            writeln!(text, "ElementToIntensityFunctionSlope = {slope}\nElementToIntensityFunctionOffset = {intercept}");
     }
     let spacing = three(spacing, " ");
     let _ = writeln!(

@@ -45,10 +45,11 @@ impl VolumeKind {
 
 /// Writes the voxels, the geometry and the scaling of `volume`; the extension of `path` determines the format.
 ///
-/// The stored numbers and their type are kept. NRRD has no slope and intercept: with others than 1 and 0, its numbers
-/// are the values as 64-bit floats. NIfTI is right-anterior-superior, in millimetres or micrometres, and its version 1
-/// has floats of 32 bits for the geometry; version 2 is written where an axis is longer than 32767 voxels, or where 32
-/// bits do not hold slope and intercept. The first window of the presets and the mark of labels go into NIfTI only.
+/// The stored numbers and their type are kept. NRRD has no slope and intercept, and most readers ignore those of
+/// `MetaImage`: with others than 1 and 0, the numbers of both are the values as 64-bit floats. NIfTI is right-anterior-
+/// superior, in millimetres or micrometres, and its version 1 has floats of 32 bits for the geometry; version 2 is
+/// written where an axis is longer than 32767 voxels, or where 32 bits do not hold slope and intercept. The first
+/// window of the presets and the mark of labels go into NIfTI only.
 ///
 /// # Errors
 ///
@@ -57,10 +58,10 @@ impl VolumeKind {
 pub fn write_volume(path: &Path, volume: &Volume, progress: &dyn Progress) -> Result<(), OutputError> {
     let kind = VolumeKind::of(path)?;
     let is_scaled = (volume.slope, volume.intercept) != (1.0, 0.0);
-    let as_values = kind == VolumeKind::Nrrd && is_scaled;
+    let as_values = matches!(kind, VolumeKind::Nrrd | VolumeKind::MetaImage) && is_scaled;
     let header = match kind {
         VolumeKind::Nrrd => headers::nrrd(volume, as_values),
-        VolumeKind::MetaImage => headers::metaimage(volume),
+        VolumeKind::MetaImage => headers::metaimage(volume, as_values),
         VolumeKind::Nifti | VolumeKind::NiftiGzip => headers::nifti(volume),
     };
     let report = |done: u64, all: u64| {

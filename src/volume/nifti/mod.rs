@@ -26,14 +26,17 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
 
 /// Reads a NIfTI or Analyze file, or the pair of which `path` is one file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    let header_path = match (ending(path), partner(path)) {
-        // An image without its header may be anything.
-        ("img", None) => return open::by_content(path, selection, progress),
-        ("img", Some(header)) => header,
-        _ => path.to_owned(),
-    };
-    let (bytes, encoding) = binary::beginning(&header_path, SIZES[1])?;
+    let mut header_path = path.to_owned();
+    let (mut bytes, mut encoding) = binary::beginning(path, SIZES[1])?;
+    if ending(path) == "img"
+        && Kind::of(&bytes).is_none()
+        && let Some(header) = partner(path)
+    {
+        (bytes, encoding) = binary::beginning(&header, SIZES[1])?;
+        header_path = header;
+    }
     let Some(header) = Header::of(&bytes) else {
+        // Other formats have such names too; this one does not recognise the content, so that it is not asked again.
         if ending(path) != "nii" || foreign::is_known(&bytes) {
             return open::by_content(path, selection, progress);
         }

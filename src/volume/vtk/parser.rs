@@ -278,6 +278,7 @@ impl<'a> Parser<'a> {
         let stored = if keyword == "COLOR_SCALARS" { Some(Stored::Colours) } else { stored(&type_name) };
         let at = self.values_begin()?;
         let is_active = keyword == "SCALARS" && !parsed.arrays.iter().any(|it| it.is_active && it.section == section);
+        self.line = line;
         self.skip(&name, stored, tuples.saturating_mul(components))?;
         parsed.arrays.push(Array { name, section, type_name, stored, components, tuples, at, line, is_active });
         Ok(())
@@ -326,6 +327,7 @@ impl<'a> Parser<'a> {
             let type_name = self.word()?.unwrap_or_default();
             let stored = stored(&type_name);
             let at = self.values_begin()?;
+            self.line = line;
             self.skip(&name, stored, tuples.saturating_mul(components))?;
             let is_active = false;
             parsed.arrays.push(Array { name, section, type_name, stored, components, tuples, at, line, is_active });
