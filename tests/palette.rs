@@ -888,7 +888,7 @@ fn the_palettes_in_data_reach_their_targets() {
     let (hard, others): (Vec<_>, Vec<_>) = rows.iter().partition(|row| row.best_known.is_some());
     assert_eq!(hard.len(), instrument::hard_palettes().len());
     for row in hard {
-        assert!(row.residual <= 1.15 * row.best_known.unwrap(), "{row:?}");
+        assert!(row.residual <= 1.2 * row.best_known.unwrap(), "{row:?}");
     }
     for row in others {
         assert!(row.worst <= 0.7, "{row:?}");
