@@ -149,15 +149,15 @@ fn ct_layers(look: Look, water: f64, most: f64) -> Vec<Layer> {
 /// Layers by the peaks of the histogram, or by equal shares.
 fn layers(values: &Values) -> Vec<Layer> {
     /// Peaks with less than this share of the objects' voxels are noise, or values that a converter has cut off.
-    const SHARE: f64 = 0.015;
+    const SHARE: f64 = 0.03;
     let from = values.objects_from;
     let objects = values.share([from, f64::MAX]);
     let upper = values.most.max(from);
     let span = values.percentile(0.9995) - values.percentile(0.0005);
-    // Values that a converter has cut off pile up at the upper end.
-    let clipped = values.percentile(0.9995) - 0.03 * span;
-    let is_material =
-        |peak: &Peak| peak.value > from + 0.02 * span && peak.value < clipped && peak.share > SHARE * objects;
+    // Values that a converter has cut off pile up at the upper end, in a narrow peak.
+    let end = values.percentile(0.9995) - 0.03 * span;
+    let is_pile = |peak: &Peak| peak.value > end && peak.interval[1] - peak.interval[0] < 0.05 * span;
+    let is_material = |peak: &Peak| peak.value > from + 0.02 * span && peak.share > SHARE * objects && !is_pile(peak);
     let peaks: Vec<Peak> = values.peaks.iter().copied().filter(is_material).collect();
     let mut cuts: Vec<f64> = vec![from];
     cuts.extend(peaks.iter().skip(1).map(|peak| peak.interval[0]).filter(|&cut| cut > from + 0.02 * span));
@@ -346,12 +346,13 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     let camera = directions(volume, &values);
     let forward = camera.view(geometry, 1.0).map_or(DVec3::Y, |view| view.forward);
     let axis = (geometry.direction.transpose() * forward).abs().max_position();
+    let is_flat = flat_side(geometry).is_some();
     let wish = match wish {
         // A single slice is an image.
-        Wish { look: None, window: None }
-            if flat_side(geometry).is_some() && !matches!(values.kind, Kind::Labels(_)) =>
-        {
-            Wish { look: Some(Look::Grey), window: None }
+        Wish { look: None, window: None } if is_flat => {
+            let [low, high] = [values.percentile(0.01), values.percentile(0.999)];
+            let low = low - 0.1 * (high - low);
+            Wish { look: None, window: Some([high - low, f64::midpoint(low, high)]) }
         }
         wish => wish,
     };
@@ -374,7 +375,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
         }
         _ => None,
     };
-    let outline = fit::outline(volume, values.thinned.stride, crop, |value| shows(rounded(value)));
+    let outline = fit::outline(volume, values.thinned.stride, crop, |value| is_flat || shows(rounded(value)));
     let camera = fit::fitted(&camera, &outline, geometry);
     let guess = format!("{name} has no scene, so one was made: {guess}.");
     let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);
