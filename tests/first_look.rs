@@ -102,7 +102,7 @@ fn wrong_dimensions_of_the_right_size_are_doubted_and_unknown_ones_are_guessed()
     let folder = Folder::new().with("body.raw", body([40, 56, 36]));
     let layout = ["--type", "uint16", "--big-endian"];
     let wrong = folder.done(&[&["info", "body.raw", "--dims", "56x40x36"][..], &layout].concat());
-    assert!(wrong.err.contains("try --dims 40x56x36"), "{}", wrong.err);
+    assert!(wrong.err.contains("dims 40×56×36"), "{}", wrong.err);
     assert_eq!(folder.done(&[&["info", "body.raw", "--dims", "40x56x36"][..], &layout].concat()).err, "");
     folder.refused(1, &["info", "body.raw"], &["suggest --dims 40x56x36 --type uint16 --big-endian"]);
 }

@@ -244,6 +244,8 @@ impl OutputError {
         match self {
             Self::Matrix => "film-of-matrices",
             Self::Kind { .. } => "picture-kind-unknown",
+            Self::VolumeKind { .. } => "volume-kind-unknown",
+            Self::Cancelled { .. } => "cancelled",
             Self::NoExr { .. } => "film-extension-invalid",
             Self::NoFile { .. } => "folder-not-writable",
             Self::NoFolder { .. } => "folder-missing",

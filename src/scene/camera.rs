@@ -63,7 +63,7 @@ impl Default for Camera {
     fn default() -> Self {
         Self {
             projection: Projection::Perspective { fov_degrees: 30.0 },
-            aim: Aim::Orbit { azimuth: -20.0, elevation: 15.0, fill: 0.95, front: DVec3::NEG_Z },
+            aim: Aim::Orbit { azimuth: -20.0, elevation: 15.0, fill: 0.95, front: DVec3::NEG_Z, around: None },
             up: DVec3::NEG_Y,
         }
     }

@@ -102,7 +102,7 @@ pub(super) fn read(
     if let Some([x, y, z]) = hint::better(|at| voxels.value(at).unwrap_or(f64::NAN), voxels.len(), layout.dims) {
         notes.push(format!(
             "{source_name}: neighbouring rows and slices are more alike with dims {x}×{y}×{z} than with the stated \
-             {nx}×{ny}×{nz}; if the picture is sheared or striped, try --dims {x}x{y}x{z}"
+             {nx}×{ny}×{nz}; if the picture is sheared or striped, try these dims"
         ));
     }
     let mut volume = Volume::new(&source_name, voxels, geometry)?;
