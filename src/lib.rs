@@ -52,33 +52,31 @@
 //! | render the truth on the CPU | [`mod@reference`] |
 //! | composite films, compute relight matrices | [`film`] |
 //! | write pictures, read and write film files | [`output`] |
+//! | see what the march reads, rounded | [`tables`] |
 //! | measure time and error of settings | [`measure`] |
 //! | follow or cancel long work | [`progress`] |
 //!
-//! The other modules serve the program and its tests.
+//! [`internal`] has what else the program and its tests use; it may change in any release.
 
 pub mod document;
 pub mod film;
-pub mod input;
+pub mod internal;
 pub mod measure;
-pub mod memory;
 pub mod model;
-pub mod number;
 pub mod output;
 pub mod palette;
 pub mod plan;
-#[cfg(feature = "window")]
-#[expect(unsafe_code, reason = "Vulkan, Xlib and window handles")]
-pub mod present;
 pub mod progress;
 pub mod reference;
 pub mod render;
 pub mod scene;
-pub mod shader;
 pub mod spectrum;
 pub mod tables;
-pub mod view;
 pub mod volume;
 #[expect(unsafe_code, reason = "the one door to the Vulkan API")]
 pub mod vulkan;
 mod written;
+
+#[cfg(feature = "window")]
+use internal::present;
+use internal::{input, memory, number, shader, view};

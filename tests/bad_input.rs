@@ -175,7 +175,7 @@ fn combinations_that_say_two_things_are_refused() {
     let nowhere = "\n[camera]\nposition = [1, 1, 1]\ntarget = [1, 1, 1]\n[materials.flesh]";
     scene_refused("\n[materials.flesh]", nowhere, "5:1", &["camera", "line of sight"]);
     let curves = "material = [[0, \"bone\"]]\nopacity = [[9, 0], [3, 1]]\n[lights.day]";
-    scene_refused("[lights.day]", curves, "16:11", &["the value 3 comes after 9; values ascend"]);
+    scene_refused("[lights.day]", curves, "16:11", &["the value 3 follows 9; the values of a curve must ascend"]);
     for value in ["inf", "-inf", "nan"] {
         let curves = format!("material = [[{value}, \"bone\"]]\nopacity = [[3, 0], [9, 1]]\n[lights.day]");
         scene_refused("[lights.day]", &curves, "15:12", &["material curve", "not finite"]);

@@ -10,12 +10,12 @@ use std::path::Path;
 use std::time::Duration;
 
 use goals::{GoalCost, GoalRow, GoalScene, GoalSummary, goal_row};
+use relume::internal::view::effort;
 use relume::measure::{Choice, Goal, Knob, Pixels, Preset, Setting, Value, Wanted, check, choose};
 use relume::plan::plan;
 use relume::progress::Quiet;
 use relume::render::Renderer;
 use relume::scene::{Mix, Scene};
-use relume::view::effort;
 use relume::vulkan::Format;
 use serde_json::json;
 use support::device::open;

@@ -576,7 +576,7 @@ fn labels_show_as_what_the_scene_declares() {
         ]
         .concat(),
     );
-    assert!(outcome.err.starts_with("warning: undeclared labels") && outcome.err.contains("7 ("), "{}", outcome.err);
+    assert!(outcome.err.starts_with("warning: the scene does not declare these labels") && outcome.err.contains("7 ("), "{}", outcome.err);
 }
 
 /// Warnings of `render` with `more`, on the device and with the reference.
@@ -596,7 +596,7 @@ fn labels_that_are_not_used_or_not_declared_are_reported() {
         assert_eq!(err.lines().count(), 1, "{err}");
     }
     for err in warnings(&folder, &[&flags[..], &["-D", "labels.3={material=\"flesh\",opacity=1}"]].concat()) {
-        assert!(err.starts_with("warning: undeclared labels") && err.contains("7 ("), "{err}");
+        assert!(err.starts_with("warning: the scene does not declare these labels") && err.contains("7 ("), "{err}");
     }
     let declared = warnings(&folder, &["-D", "labels.3={material=\"flesh\",opacity=1}"]);
     assert_eq!(declared, ["", ""], "labels that are not there are no matter");
@@ -623,11 +623,11 @@ fn many_undeclared_labels_are_cut_short() {
 fn spectra_that_nature_does_not_have_are_reported() {
     let folder = Folder::new().with("percent.csv", "400,20\n700,80\n").with("odd.csv", "400,-1\n500,9\n700,9\n");
     for err in warnings(&folder, &["-D", "materials.bone.reflectance=percent.csv"]) {
-        let said = "warning: materials.bone.reflectance is up to 80";
+        let said = "warning: materials.bone.reflectance reaches 80";
         assert!(err.starts_with(said) && err.contains("percent"), "{err}");
     }
     for err in warnings(&folder, &["-D", "background=2"]) {
-        assert!(err.starts_with("warning: background is up to 2") && !err.contains("percent"), "{err}");
+        assert!(err.starts_with("warning: background reaches 2") && !err.contains("percent"), "{err}");
     }
     for err in warnings(&folder, &["-D", "lights.lamp.spectrum=odd.csv"]) {
         assert!(err.starts_with("warning: lights.lamp.spectrum is negative"), "{err}");

@@ -8,7 +8,7 @@ mod support;
 
 use glam::DVec3;
 use relume::film::{Components, Film, RelightMatrices};
-use relume::number::Real;
+use relume::internal::number::Real;
 use relume::reference::{Samples, Step, Stored};
 use relume::render::Renderer;
 use relume::scene::Lookup;

@@ -5,8 +5,8 @@ mod support;
 
 use nalgebra::{DMatrix, DVector};
 use relume::film::Film;
+use relume::internal::number::Real;
 use relume::model::Matrices;
-use relume::number::Real;
 use relume::plan::{PlanError, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::render::{Dispatching, RenderError};

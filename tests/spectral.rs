@@ -6,7 +6,7 @@ mod support;
 use glam::DVec3;
 use relume::document::{SceneOptions, parse};
 use relume::film::Film;
-use relume::number::Real;
+use relume::internal::number::Real;
 use relume::plan::{Accumulate, PlanError, Planned, Shares, Transmittance, plan};
 use relume::progress::Quiet;
 use relume::scene::{AccumulateAs, SceneLight};

@@ -723,7 +723,7 @@ fn accumulators_are_saved_as_render_writes_them_of_the_session() {
     for scene in ["dial.toml", "model.toml"] {
         let report = screen.script(&folder, scene, script);
         let refused = report["notices"].to_string();
-        assert!(refused.contains("saved.png: this file is OpenEXR"), "{scene}: {refused}");
+        assert!(refused.contains("saved.png: the name of this file must end in .exr"), "{scene}: {refused}");
         let of = ["render", "saved.toml", "--accumulators", "rendered.exr", "--size", &size(&report)];
         folder.done(&of);
         assert!(bytes(&folder, "saved.exr") == bytes(&folder, "rendered.exr"), "{scene}: as the session says");

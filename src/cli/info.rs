@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use relume::document::first_look::Values;
 use relume::document::{SceneFile, is_sidecar};
+use relume::internal::number::{brief, readable};
 use relume::model::ColourModel;
-use relume::number::{brief, readable};
 use relume::output::film::{Components, FilmFile, Light, Stored};
 use relume::plan::{Accumulate, Planned, Transmittance, plan};
 use relume::progress::Progress;

@@ -115,13 +115,13 @@ pub(crate) enum CliError {
     #[error("the colour model cannot be fitted to the lights")]
     Lights(#[from] ModelError),
     #[error(transparent)]
-    Shader(#[from] relume::shader::ShaderError),
+    Shader(#[from] relume::internal::shader::ShaderError),
     #[cfg(feature = "window")]
     #[error(transparent)]
-    View(#[from] relume::view::ViewError),
+    View(#[from] relume::internal::view::ViewError),
     #[cfg(feature = "window")]
     #[error(transparent)]
-    Script(#[from] relume::view::ScriptError),
+    Script(#[from] relume::internal::view::ScriptError),
     #[error("interrupted; finished pictures are complete")]
     Cancelled,
     #[error("{0}")]
@@ -158,7 +158,7 @@ fn exit_code(error: &CliError) -> u8 {
         | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
         | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
         #[cfg(feature = "window")]
-        CliError::View(relume::view::ViewError::Vulkan(error)) => of_device(error),
+        CliError::View(relume::internal::view::ViewError::Vulkan(error)) => of_device(error),
         _ => 1,
     }
 }

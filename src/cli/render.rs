@@ -7,9 +7,9 @@ use serde_json::json;
 
 use relume::document::{State, session};
 use relume::film::{Components, Film, RelightMatrices};
+use relume::internal::memory;
+use relume::internal::number::readable;
 use relume::measure::{Enlargement, Stopwatch, Timing, peak_mb};
-use relume::memory;
-use relume::number::readable;
 use relume::output::{Alpha, FilmFile, PictureKind, write_ready_png};
 use relume::plan::{Planned, plan_for, plan_full_spectrum};
 use relume::progress::Progress;

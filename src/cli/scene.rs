@@ -6,7 +6,7 @@ use clap::Args;
 
 use relume::document;
 use relume::document::{Definition, LightRequest, Look, SceneFile, SceneOptions, Source, Wish};
-use relume::number::readable;
+use relume::internal::number::readable;
 use relume::progress::Progress;
 use relume::scene::Mix;
 use relume::volume::{ByteOrder, RawLayout, Selection, Statistics, VoxelType};

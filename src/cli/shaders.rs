@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use relume::document::{SceneOptions, load_embedded, load_peer};
+use relume::internal::shader::Shader;
 use relume::output::write_atomically;
 use relume::plan::plan;
 use relume::progress::Progress;
 use relume::render::shaders_of;
 use relume::scene::{Scene, Shading};
-use relume::shader::Shader;
 
 use super::{CliError, Report};
 

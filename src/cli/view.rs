@@ -42,7 +42,7 @@ pub(crate) struct Args {
 /// Opens the window, and returns when it is closed.
 #[cfg(feature = "window")]
 pub(crate) fn run(args: &Args) -> Result<Report, CliError> {
-    use relume::view::{self, Options, Script};
+    use relume::internal::view::{self, Options, Script};
     use relume::vulkan::Validation;
 
     let script = args.script.as_deref().map(Script::read).transpose()?;

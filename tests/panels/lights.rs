@@ -6,9 +6,9 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use relume::document::moves::{Move, Side};
 use relume::document::{Document, Edit, Mixing};
+use relume::internal::view::Action;
 use relume::plan::Stale;
 use relume::progress::Quiet;
-use relume::view::Action;
 
 use crate::app::{App, document, light_names, wide};
 

@@ -6,8 +6,8 @@ use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use relume::document::Edit;
 use relume::document::moves::{Move, Side};
+use relume::internal::view::ui::Notice;
 use relume::scene::Accuracy;
-use relume::view::ui::Notice;
 
 use crate::app::{document, wide};
 

@@ -15,7 +15,7 @@
 
 use glam::DVec3;
 use relume::film::Film;
-use relume::number::Real;
+use relume::internal::number::Real;
 use relume::plan::{Accumulate, Planned, PositionCounts, ScenePlan, Shares, Transmittance};
 use relume::reference::{Samples, Step};
 use relume::scene::{Lookup, Material, Placement, Position, View};

@@ -1,0 +1,16 @@
+//! Modules that only the program and its tests use; they may change in any release.
+
+#[path = "input.rs"]
+pub mod input;
+#[path = "memory.rs"]
+pub mod memory;
+#[path = "number/mod.rs"]
+pub mod number;
+#[cfg(feature = "window")]
+#[expect(unsafe_code, reason = "Vulkan, Xlib and window handles")]
+#[path = "present/mod.rs"]
+pub mod present;
+#[path = "shader.rs"]
+pub mod shader;
+#[path = "view/mod.rs"]
+pub mod view;
