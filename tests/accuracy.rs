@@ -156,7 +156,7 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     // A light that was rendered with stretches no tolerance.
     folder.done(&[&few[..8], &["--light", "line.csv", "--accumulators", "few.exr"]].concat());
     let outcome = folder.done(&["relight", "few.exr", "--light", "line.csv", "-o", "q.png"]);
-    assert!(outcome.err.contains("the tolerance is"), "{}", outcome.err);
+    assert!(outcome.err.contains("the tolerance of"), "{}", outcome.err);
     // Weights are exact for every light.
     folder.done(&["render", "scene.toml", "--size", "8x8", "--accumulators", "w.exr"]);
     folder.refused(2, &["relight", "w.exr", "-o", "q.png", "--tolerance", "1"], &["--tolerance has no effect"]);

@@ -68,7 +68,7 @@ fn wrong_types_and_words_are_refused_where_they_stand() {
     scene_refused("spectrum = \"A\"", "spectrum = true", "20:12", &["a spectrum"]);
     scene_refused("spectrum = \"A\"\n", "", "19:1", &["missing field `spectrum`"]);
     scene_refused("version = 1\n", "", "1:1", &["missing field `version`"]);
-    scene_refused("version = 1", "version = 2", "1:11", &["version = 2", "reads version 1"]);
+    scene_refused("version = 1", "version = 2", "1:11", &["version = 2", "reads scene version 1"]);
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn every_range_is_stated_where_it_is_left() {
         ("labels.0={material=\"flesh\",opacity=1}", "from 1 to 65535"),
         ("labels.1={material=\"flesh\",opacity=2}", "from 0 to 1"),
         ("labels={3={material=\"flesh\",opacity=1},03={material=\"bone\",opacity=1}}", "label 3 is declared twice"),
-        ("version=2", "reads version 1"),
+        ("version=2", "reads scene version 1"),
     ] {
         definition_refused(definition, &[range]);
     }

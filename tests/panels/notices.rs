@@ -22,7 +22,7 @@ fn a_picture_that_nothing_of_the_volume_is_seen_in_says_why_and_what_to_do() {
     window.get_by_label("Look at its face").click();
     window.run();
     window.run();
-    assert!(window.query_by_label_contains("seen from its edge").is_none(), "{:?}", window.state().asked);
+    assert!(window.query_by_label_contains("seen edge-on").is_none(), "{:?}", window.state().asked);
     assert!(window.query_by_label_contains("thinner than one step").is_some());
     window.get_by_label("Show the whole axis").click();
     window.run();
