@@ -102,7 +102,7 @@ fn every_range_is_stated_where_it_is_left() {
         ("camera={projection=\"orthographic\",height=0}", "above 0"),
         ("volume.dims=[0,1,1]", "from 1"),
         ("volume.downsample=[0,1,1]", "from 1"),
-        ("volume.spacing=[1,1,0]", "a positive number"),
+        ("volume.spacing=[1,1,0]", "positive"),
         ("volume.origin=[nan,0,0]", "not finite"),
         ("volume.direction=[1,0,0,0,1,0,0,0,0]", "not orthonormal"),
         ("volume.header_bytes=-1", "a whole number from 0"),
