@@ -7,13 +7,13 @@ use relume::spectrum::colour::Lab;
 
 /// A seeded palette with its best known result.
 #[derive(Clone, Debug)]
-pub struct Hard {
+pub(crate) struct Hard {
     /// Name in tables.
-    pub name: String,
+    pub(crate) name: String,
     /// The palette.
-    pub palette: Palette,
+    pub(crate) palette: Palette,
     /// Root mean square ΔE00 over the cells with a target: the least of many random starts, each followed to its end.
-    pub best_known: f64,
+    pub(crate) best_known: f64,
 }
 
 /// Best known results of the seeds 0, 1, 2 …
@@ -23,7 +23,7 @@ const BEST_KNOWN: [f64; 6] = [2.5596, 2.1162, 3.7388, 2.3885, 2.3758, 1.4154];
 /// a surface that keeps its colour. No reflectance from 0 to 1 is exactly black there.
 ///
 /// `light` gives the spectrum of a standard light by name.
-pub fn nearly_black(light: impl Fn(&str) -> Option<Spectrum>) -> Vec<Hard> {
+pub(crate) fn nearly_black(light: impl Fn(&str) -> Option<Spectrum>) -> Vec<Hard> {
     let palette = |seed: u64, best_known: f64| {
         let mut random = Random::new(seed);
         let given = ["D65", "A", "D50", "E"][random.index(4)];
