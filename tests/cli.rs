@@ -576,7 +576,11 @@ fn labels_show_as_what_the_scene_declares() {
         ]
         .concat(),
     );
-    assert!(outcome.err.starts_with("warning: the scene does not declare these labels") && outcome.err.contains("7 ("), "{}", outcome.err);
+    assert!(
+        outcome.err.starts_with("warning: the scene does not declare these labels") && outcome.err.contains("7 ("),
+        "{}",
+        outcome.err
+    );
 }
 
 /// Warnings of `render` with `more`, on the device and with the reference.

@@ -277,19 +277,25 @@ fn a_surface_nearly_black_in_daylight_is_nearly_white_under_a_designed_light() {
     assert!(solution.worst() <= 7.0, "{}", solution.worst());
 }
 
-/// Every solution within narrow bounds is one within wider bounds. The solver keeps a result of its first starts unless
-/// another is 2 % better.
+/// Asserts that no peak of the open second light is worse than a smaller one. Every solution within narrow bounds is one
+/// within wider bounds. The solver keeps a result of its first starts unless another is 2 % better.
+fn assert_wider_is_never_worse(palette: &Palette, peaks: [f64; 3]) {
+    let worst = peaks.map(|most| {
+        let mut palette = palette.clone();
+        palette.lights[1].bounds[1] = most;
+        solved(&palette).worst()
+    });
+    for pair in worst.windows(2) {
+        assert!(pair[1] <= pair[0] / 0.98, "{}: {worst:?}", palette.source);
+    }
+}
+
 #[test]
 fn wider_bounds_of_a_light_are_never_worse() {
+    // With the first starts alone: 7.1, 9.1 and 9.1.
+    assert_wider_is_never_worse(&smoke(0.0, vec![given("D65"), lamp("b")]), [2.0, 3.0, 10.0]);
     for hard in hard_palettes() {
-        let worst = [3.0, 10.0, 30.0].map(|most| {
-            let mut palette = hard.palette.clone();
-            palette.lights[1].bounds[1] = most;
-            solved(&palette).worst()
-        });
-        for pair in worst.windows(2) {
-            assert!(pair[1] <= pair[0] / 0.98, "{}: {worst:?}", hard.name);
-        }
+        assert_wider_is_never_worse(&hard.palette, [3.0, 10.0, 30.0]);
     }
 }
 

@@ -21,11 +21,11 @@ Examples:
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// Volume of any format that is read.
+    /// Volume in any format of docs/FORMATS.md.
     input: PathBuf,
     /// File to write: .nrrd (gzip), .mha, .nii or .nii.gz.
     output: PathBuf,
-    /// Average blocks of A×B×C voxels after loading.
+    /// Average blocks of A×B×C voxels after loading; a block of labels keeps its most frequent label.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     downsample: Option<[usize; 3]>,
     #[command(flatten)]
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     let selection = args.selection.selection();
     let mut volume = volume::open_by(&args.input, args.raw.layout().as_ref(), &selection, progress)?;
     if let Some(blocks) = args.downsample {
-        volume = if volume.has_labels { volume.downsample_labels(blocks)? } else { volume.downsample(blocks)? };
+        volume = volume.downsample(blocks)?;
     }
     for note in &volume.notes {
         tracing::warn!("{note}");

@@ -28,7 +28,7 @@ pub(crate) struct Args {
     /// Palette file (TOML), or a scene with a [palette]: target colours of materials under lights, and the open
     /// spectra.
     palette: PathBuf,
-    /// Write the palette with all its spectra, as a palette file.
+    /// Write a palette file with all solved spectra.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Draw a report: matrix of colours, spectra, and contrasts by colour vision (.html, .svg or .png; repeatable).

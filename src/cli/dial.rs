@@ -18,15 +18,17 @@ const DIAL: &str = "Light dial (one node per light, at the positions of [dial] i
 #[derive(Debug, Args)]
 #[group(id = "hand")]
 pub(crate) struct DialArgs {
-    /// Put the hand of the dial at this position. The weight of a light is 1/distance from the hand to its node; on a node, only its light is on. Without [dial] the nodes are the corners of a regular polygon of radius 1 around 0,0, clockwise from 0,1.
+    /// Put the hand of the dial at this position. The weight of a light is proportional to 1/distance from the hand to its
+    /// node; on a node, only its light is on. Without [dial], the nodes are the corners of a regular polygon of radius 1
+    /// around 0,0, clockwise from 0,1.
     #[arg(long, help_heading = DIAL, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["lights", "sweep", "closed"])]
     dial: Option<DVec2>,
     /// Mix the lights as in this dial preset; `relume info` lists the presets.
     #[arg(long, alias = "situation", help_heading = DIAL, value_name = "NAME", conflicts_with_all = ["lights", "dial", "sweep", "closed"])]
     dial_preset: Option<String>,
-    /// Move the hand straight from the node of light A to that of light B: one picture per frame. Only these two
-    /// lights shine, unless [dial] of the scene places the nodes.
+    /// Move the hand straight from the node of light A to the node of light B: one picture per frame. Only these two
+    /// lights are on, unless [dial] in the scene places the nodes.
     #[arg(long, help_heading = DIAL, value_name = "A..B", conflicts_with_all = ["lights", "closed"])]
     #[arg(group = "moves")]
     sweep: Option<String>,

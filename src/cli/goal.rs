@@ -22,8 +22,10 @@ const CHOICE: &str = "Accuracy against time: measures settings of this scene on 
 pub(crate) struct GoalArgs {
     /// Use the fastest setting within this ΔE00 of the truth in 95 % of the pixels, and report the measured error.
     ///
-    /// The limit applies to the total error of samples, colour model, tables, rounding and device; --tolerance limits only the colour model. Relume chooses the step, the dimension of the colour model and the number of marched pixels. It enlarges a smaller picture and measures its error at full size. Measurements are kept in the user's cache
-    /// folder.
+    /// The limit applies to the total error of samples, colour model, tables, rounding and device; --tolerance limits only
+    /// the colour model. Relume chooses the step, the dimension of the colour model and the number of marched pixels. If it
+    /// marches a smaller picture, it enlarges it and measures the error at full size. It keeps the measurements in the
+    /// user's cache folder.
     #[arg(long, help_heading = CHOICE, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     max_error: Option<f64>,
     /// Use the most accurate setting whose frames (march, relight and enlargement) take at most this many milliseconds.

@@ -39,7 +39,7 @@ const ARGUMENT: &str = "A scene (.toml), a film file (.exr), or a volume (.mhd, 
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Also print the value of this voxel of the volume or of the scene's volume, counted from 0 (repeatable).
+    /// Also print the value of this voxel of the volume; indices start at 0 (repeatable).
     #[arg(long, value_name = "x,y,z", value_parser = voxel)]
     voxel: Vec<[usize; 3]>,
 }

@@ -40,11 +40,11 @@ medians; a frame is a march and a relight. * marks settings on the Pareto front:
 pub(crate) struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// Settings to measure in addition to the scene's own (repeatable). Several knobs are combined: each value of one with each value of the others.
+    /// Settings to measure in addition to that of the scene (repeatable). Relume combines all values of all given knobs.
     ///
     /// KNOB is model, k, accumulate, storage, step (in voxels), termination, interpolation, volume, gradients, entries,
-    /// lookup, skipping or scale (of the picture, 0.05 to 1). VALUES are separated by commas; A..B are the whole
-    /// numbers of k from A to B, else A, 2A, 4A and so on to B (10A, 100A of termination). Without --sweep, every knob
+    /// lookup, skipping or scale (of the picture, 0.05 to 1). Commas separate VALUES. A..B is a range: for k all
+    /// whole numbers from A to B, for termination A, 10A, 100A and so on, for other knobs A, 2A, 4A and so on. Without --sweep, every knob
     /// is swept by itself.
     #[arg(long, value_name = "KNOB=VALUES,…")]
     sweep: Vec<String>,
@@ -59,7 +59,7 @@ pub(crate) struct Args {
     runs: u16,
     #[command(flatten)]
     goal: GoalArgs,
-    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
     /// Print all numbers as CSV.
@@ -68,8 +68,8 @@ pub(crate) struct Args {
     /// Print the table as Markdown.
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-    /// Check the extremes in place of a scene: very large, very small and missing inputs, on every rung from f64 to the
-    /// device, each against its bound. Exits with 1 if a bound is exceeded.
+    /// Check extreme inputs in place of a scene: very large, very small and missing ones. Compares every rung, from f64 to
+    /// the device, with its error bound. Exits with 1 if an error exceeds its bound.
     #[arg(long, conflicts_with_all = [
         "SceneArgs", "DefineArgs", "AccuracyArgs", "SelectionArgs", "RawArgs", "goal", "sweep", "size", "pixels", "runs",
         "output",

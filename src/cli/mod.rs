@@ -81,7 +81,7 @@ enum Command {
     Convert(convert::Args),
     /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
     Measure(measure::Args),
-    /// Measure marching, relighting and reading, as a table or as JSON.
+    /// Measure the time of marching, relighting and reading, as a table or as JSON.
     Bench(bench::Args),
     /// Write or check the compiled shaders in `spirv/`.
     Shaders(shaders::Args),

@@ -37,7 +37,7 @@ pub(crate) struct Args {
     /// CIE standard observer, of 1931 (2°) or 1964 (10°), in place of the file's.
     #[arg(long, value_name = "YEAR", value_parser = observer)]
     observer: Option<Observer>,
-    /// Tolerance in ΔE00, instead of that of the file: warn if colours under a light that is not in the file may be off by more.
+    /// Tolerance in ΔE00, in place of that of the file: warn if the error under a light outside the file may exceed it.
     #[arg(long, value_name = "DE", value_parser = tolerance, allow_negative_numbers = true)]
     tolerance: Option<f64>,
     /// Flags of `render` for the colour model, accepted here only to explain why they cannot apply.

@@ -45,9 +45,9 @@ pub(crate) struct Args {
     look: LookArgs,
     #[command(flatten)]
     lights: LightArgs,
-    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity. For a
-    /// volume without a scene, the default is the name of the volume with .png; existing files are kept, and a number
-    /// is added.
+    /// Picture to write (repeatable): .png is sRGB for the screen, .exr linear float RGB with opacity. Default for
+    /// a volume without a scene: the name of the volume with .png. If this file exists, Relume adds a number to the
+    /// name.
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
     /// Fit the colour model (if the plan has one) to the lights of --light as well.
@@ -59,8 +59,8 @@ pub(crate) struct Args {
     /// Bits per channel of a PNG.
     #[arg(long, value_enum, default_value = "8")]
     bits: Bits,
-    /// Put a colour behind the picture, or make it transparent (alpha in PNG; EXR files always keep opacity). No light
-    /// changes the colour; `background` of a scene is a surface that is lit.
+    /// Put a colour behind the picture, or leave the background transparent (alpha in PNG; EXR files always keep opacity).
+    /// No light changes this colour. The lights do change `background` of a scene, which is a surface.
     #[arg(long, value_name = "transparent|#RRGGBB", value_parser = backdrop)]
     background: Option<Backdrop>,
     /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
@@ -71,13 +71,14 @@ pub(crate) struct Args {
     reference: bool,
     #[command(flatten)]
     goal: GoalArgs,
-    /// Save the film for `relume relight` (layout: documentation of `output::film`).
+    /// Save the film for `relume relight`; docs/FORMATS.md describes the file.
     #[arg(long, value_name = "FILE.exr")]
     accumulators: Option<PathBuf>,
     /// Save every pixel's spectrum under the lights, 380 to 780 nm, as spectral OpenEXR (Fichet et al. 2021).
     #[arg(long, value_name = "FILE.exr")]
     spectral: Option<PathBuf>,
-    /// Save the scene of the picture, also one that was made for a volume, as a scene file to edit.
+    /// Save the scene of the picture as a scene file to edit. For a volume without a scene, this is the scene that Relume
+    /// made.
     #[arg(long, value_name = "FILE.toml")]
     save_scene: Option<PathBuf>,
 }

@@ -19,14 +19,15 @@ use super::accuracy::AccuracyArgs;
 pub(crate) struct SceneArgs {
     /// Scene file (TOML; its keys are in docs/SCENE.md). Default: the built-in scene.
     pub(crate) scene: Option<PathBuf>,
-    /// Render this volume instead of the scene's: any format of docs/FORMATS.md, .raw (see below), or a .toml sidecar of
-    /// a .raw.
+    /// Volume in place of that of the scene: any format of docs/FORMATS.md, .raw (see below), or a .toml sidecar of a
+    /// .raw. Without a scene, Relume makes one from the values.
     #[arg(long, value_name = "FILE")]
     pub(crate) volume: Option<PathBuf>,
-    /// Label map on the volume's grid, in place of the scene's. The scene's [labels] define the appearance of labels.
+    /// Label map on the grid of the volume, in place of that of the scene. [labels] in the scene defines the appearance of
+    /// the labels.
     #[arg(long, value_name = "FILE")]
     pub(crate) labels: Option<PathBuf>,
-    /// Average blocks of A×B×C voxels after loading: less memory, less time, less detail.
+    /// Average blocks of A×B×C voxels after loading, for less memory and time but less detail.
     #[arg(long, value_name = "AxBxC", value_parser = three)]
     pub(crate) downsample: Option<[usize; 3]>,
     #[command(flatten)]
@@ -59,7 +60,7 @@ impl DefineArgs {
 }
 
 /// Heading in `--help`.
-const SEVERAL: &str = "Volumes with several components, time steps or arrays, or with leaning axes";
+const SEVERAL: &str = "Volumes with several components, time steps or arrays, or with sheared axes";
 
 /// Choice of one volume from a file with several.
 #[derive(Debug, Args)]
@@ -73,8 +74,8 @@ pub(crate) struct SelectionArgs {
     /// Read the array of this name.
     #[arg(long, help_heading = SEVERAL, value_name = "NAME")]
     array: Option<String>,
-    /// Resample a volume whose axes are not orthogonal to a straight grid: trilinear, labels by the nearest voxel.
-    /// Without this, such a volume is refused.
+    /// Resample a sheared volume (as after gantry tilt) to an orthogonal grid: values trilinearly, labels by the nearest
+    /// voxel. Without this flag, Relume refuses such a volume.
     #[arg(long, help_heading = SEVERAL)]
     resample: bool,
 }
@@ -133,10 +134,10 @@ const LOOK: &str = "Look of a volume without a scene";
 /// The picture of a volume without a scene.
 #[derive(Debug, Args)]
 pub(crate) struct LookArgs {
-    /// Kind of picture: tissue (layers, the densest solid), bone, vessel, grey or fluorescence.
+    /// Kind of picture: tissue (glassy layers around the densest, solid one), bone, vessel, grey or fluorescence.
     #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = look)]
     look: Option<Look>,
-    /// Show this range of values in grey, from transparent to most opaque, centred on --level.
+    /// Show a range of values of this width around --level in grey, from transparent to most opaque.
     #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, requires = "level")]
     window: Option<f64>,
     /// Centre of the range of --window.
@@ -167,8 +168,10 @@ fn width(text: &str) -> Result<f64, String> {
 pub(crate) struct LightArgs {
     /// Light the scene with NAME in place of its own lights (repeatable: lights add up).
     ///
-    /// NAME is a light of the scene, or a standard (D65, …), or a file with two columns, nm and power, in this order of precedence. A light of the scene shines from its own position. Any other light shines from all light positions that `relume info` lists, or only from POSITION. WEIGHT is a factor. If a name contains @ or =, the whole text is taken as the
-    /// name of a light or file if there is one.
+    /// NAME is a light of the scene, else a standard (D65, …), else a file with two columns, nm and power. A light of the
+    /// scene shines from its own position. Any other light shines from all light positions, or only from POSITION;
+    /// `relume info` lists the positions. WEIGHT is a factor. A name may contain @ and =: if the whole text is the name of
+    /// a light or a file, Relume does not split it.
     #[arg(long = "light", value_name = "NAME[@POSITION][=WEIGHT]")]
     pub(crate) lights: Vec<LightRequest>,
 }
@@ -208,8 +211,8 @@ impl SceneArgs {
         if let Some(guess) = &file.guess {
             tracing::info!("{guess}");
             tracing::info!(
-                "Change it with --look tissue, bone, vessel, grey or fluorescence, with --window and --level, or edit \
-                 the scene that --save-scene FILE writes."
+                "To change it, use --look (tissue, bone, vessel, grey or fluorescence), use --window and --level, or edit the \
+                 scene that --save-scene FILE writes."
             );
         }
         let scene = &file.scene;

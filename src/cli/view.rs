@@ -11,7 +11,7 @@ const EXAMPLES: &str = "\
 Examples:
   relume view                                 the built-in scene
   relume view scene.toml
-  relume view head.mhd                        a volume, with materials chosen by its histogram
+  relume view head.mhd                        a volume, with materials and lights made from its values
   relume view --frames 100 --json             draws 100 frames and prints their times";
 
 /// Arguments of `relume view`.
@@ -25,7 +25,7 @@ pub(crate) struct Args {
     /// Width and height of the window in pixels.
     #[arg(long, value_name = "WxH", value_parser = super::scene::size)]
     size: Option<[usize; 2]>,
-    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto takes a GPU before the CPU.
+    /// Vulkan device: its number or a part of its name, as `relume info` lists them. auto prefers a GPU to the CPU.
     #[arg(long, value_name = "NAME|INDEX", default_value = "auto")]
     device: DeviceChoice,
     /// Draw this number of frames and end.
@@ -34,7 +34,7 @@ pub(crate) struct Args {
     /// Run the commands of this file, one per line, and end (commands: docs/VIEW.md).
     #[arg(long, value_name = "FILE", conflicts_with = "frames")]
     script: Option<PathBuf>,
-    /// Enable the Vulkan validation layer; its messages are in --json.
+    /// Enable the Vulkan validation layer. --json prints its messages.
     #[arg(long, hide = true)]
     validation: bool,
 }

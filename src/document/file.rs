@@ -20,7 +20,8 @@ use keys::*;
 
 use super::Wish;
 use super::define::{Definition, byte_of, define, path_at, responsible};
-use super::light_request::{chain, warn_below_zero};
+use super::error::chain;
+use super::light_request::warn_below_zero;
 use super::{Dial, DialPreset, LightState, SceneError, SceneFile};
 use crate::input;
 use crate::model::LARGEST_DIMENSION;

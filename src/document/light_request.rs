@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use super::SceneError;
+use super::error::chain;
 use crate::scene::{INTENSITY, Mix, MixLight};
 use crate::spectrum::standard::names;
 use crate::spectrum::{Kind, Light, SpectrumSource, nearest};
@@ -83,17 +84,6 @@ pub(super) fn warn_below_zero(key: &str, light: &Light) {
     if light.spectrum().samples().iter().any(|&sample| sample < 0.0) {
         tracing::warn!("{key} is negative at some wavelengths; no real light is. It is used unchanged");
     }
-}
-
-/// Text of an error and its causes in one line.
-pub(super) fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
 }
 
 /// The spectrum of a request.

@@ -23,6 +23,7 @@ pub use define::Definition;
 pub(crate) use dial::along;
 pub use dial::{Dial, DialNode, DialPreset};
 pub use error::SceneError;
+pub(crate) use error::chain;
 pub use file::{SceneOptions, load, load_embedded, load_peer, parse};
 pub use first_look::{Look, Wish};
 pub use history::Document;

@@ -171,8 +171,7 @@ impl Source {
         self.path.as_deref().filter(|path| is_volume(path, &[]) || is_laid_out(path) || has_header(path))
     }
 
-    /// Reads the scene. A volume without a scene gets a transfer function from the first window of its file, or else from
-    /// its histogram.
+    /// Reads the scene. For a volume without a scene, makes one from its values (docs/theory/first-look.md).
     ///
     /// # Errors
     ///

@@ -170,8 +170,8 @@ pub enum VolumeError {
     },
     /// The axes of a grid are not orthogonal.
     #[error(
-        "{source_name}: the axes lean: {:.3}° between x and y, {:.3}° between x and z, {:.3}° between y and z, where a \
-         grid needs 90°; resampling lays the voxels into a straight grid unless an angle is below 6°",
+        "{source_name}: the volume is sheared (its axes lean): {:.3}° between x and y, {:.3}° between x and z, {:.3}° between y \
+         and z; resampling makes an orthogonal grid unless an angle is below 6°",
         angles[0], angles[1], angles[2]
     )]
     Lean {

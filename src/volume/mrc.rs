@@ -47,14 +47,14 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         return open::by_content(path, selection, progress);
     }
     if bytes.len() < LENGTH {
-        return Err(wrong("header", format!("the file has {} bytes, but a header has {LENGTH}", bytes.len())));
+        return Err(wrong("header", format!("the file has {} bytes, but an MRC header has {LENGTH}", bytes.len())));
     }
     let Some(byte_order) = byte_order(&bytes) else {
         let mode = i32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]);
         return Err(wrong(
             "mode",
             format!(
-                "there is no machine stamp, and in neither byte order the sides are from 1 to {LARGEST} and the mode is known ({mode} in little-endian order)"
+                "the byte order is unknown: the file has no machine stamp, and neither byte order gives dimensions from 1 to {LARGEST} and a known mode ({mode} in little-endian order)"
             ),
         ));
     };
@@ -135,7 +135,8 @@ impl Reading<'_> {
                     101 => "numbers of 4 bits",
                     _ => "not a mode of the format",
                 };
-                return Err(self.wrong("mode", format!("{mode} ({name}) is not read; 0, 1, 2, 6 and 12 are")));
+                return Err(self
+                    .wrong("mode", format!("Relume does not read mode {mode} ({name}); it reads 0, 1, 2, 6 and 12")));
             }
         })
     }
@@ -146,7 +147,10 @@ impl Reading<'_> {
         let sides = stated.map(|side| usize::try_from(side).unwrap_or(0));
         if sides.contains(&0) {
             let [x, y, z] = stated;
-            return Err(self.wrong("nx, ny, nz", format!("{x}×{y}×{z} voxels; every axis needs at least 1")));
+            return Err(self.wrong(
+                "nx, ny, nz",
+                format!("the header states {x}×{y}×{z} voxels; every axis must have at least 1"),
+            ));
         }
         Ok(sides)
     }
@@ -161,7 +165,7 @@ impl Reading<'_> {
             Ok(each) if each > 0 && all.is_multiple_of(each) => Ok((each, all / each)),
             _ => {
                 Err(self
-                    .wrong("mz", format!("a stack of volumes with {each} sections each, but there are {all} sections")))
+                    .wrong("mz", format!("the volumes of the stack have {each} sections each, but this does not divide the {all} sections of the file")))
             }
         }
     }
@@ -175,7 +179,9 @@ impl Reading<'_> {
         let (cell, angles, origin) = (three(40), three(52), three(196));
         let finite = [("cella", cell), ("cellb", angles), ("origin", origin)];
         if let Some((place, vector)) = finite.iter().find(|(_, vector)| !vector.is_finite()) {
-            return Err(self.wrong(place, format!("{} {} {} is not finite", vector.x, vector.y, vector.z)));
+            return Err(
+                self.wrong(place, format!("the numbers {} {} {} are not all finite", vector.x, vector.y, vector.z))
+            );
         }
         // Intervals of the cell along x, y, z; the sides are along columns, rows, sections.
         let mut spacing = DVec3::ONE;
@@ -188,10 +194,12 @@ impl Reading<'_> {
             }
         } else {
             let [x, y, z] = cell.to_array();
-            notes.push(format!("{source}: the cell is {x} {y} {z} Å, which gives no spacing; 1 1 1 is used"));
+            notes.push(format!("{source}: the cell of {x} {y} {z} Å gives no spacing; Relume uses 1 1 1"));
         }
         if numbers.i32(88) == 0 && dims[2] > 1 {
-            notes.push(format!("{source}: the space group is 0, a stack of images; their distance may mean nothing"));
+            notes.push(format!(
+                "{source}: the space group 0 marks a stack of images; the spacing between the images may be meaningless"
+            ));
         }
         let cell_axes = directions(angles) * DMat3::from_diagonal(spacing);
         let steps = axes.map(|axis| cell_axes.col(axis));
@@ -206,7 +214,7 @@ impl Reading<'_> {
     fn axes(&self, notes: &mut Vec<String>) -> Result<[usize; 3], VolumeError> {
         let stated = [64, 68, 72].map(|at| self.numbers.i32(at));
         if stated == [0; 3] {
-            notes.push(format!("{}: mapc, mapr and maps are 0 and taken as 1 2 3", self.path.display()));
+            notes.push(format!("{}: mapc, mapr and maps are 0; they are taken as 1 2 3", self.path.display()));
             return Ok([0, 1, 2]);
         }
         let axes = stated.map(|axis| match axis {
@@ -221,14 +229,15 @@ impl Reading<'_> {
             return Ok(axes);
         }
         let [c, r, s] = stated;
-        Err(self.wrong("mapc, mapr, maps", format!("{c} {r} {s} is no order of 1 2 3")))
+        Err(self.wrong("mapc, mapr, maps", format!("{c} {r} {s} is not a permutation of 1 2 3")))
     }
 
     /// Where the voxels begin.
     fn start(&self) -> Result<Start, VolumeError> {
         let extended = self.numbers.i32(92);
         let Ok(extended) = u64::try_from(extended) else {
-            return Err(self.wrong("nsymbt", format!("an extended header of {extended} bytes")));
+            return Err(self
+                .wrong("nsymbt", format!("the extended header has {extended} bytes; the number must be at least 0")));
         };
         let at = stream::count(LENGTH) + extended;
         if self.encoding == Encoding::Raw {
@@ -238,8 +247,10 @@ impl Reading<'_> {
                 return Err(self.wrong("nsymbt", problem));
             }
         } else if extended > data::MOST_SKIPPED {
-            let problem =
-                format!("{extended} bytes, but a compressed file may have {} before its voxels", data::MOST_SKIPPED);
+            let problem = format!(
+                "the extended header has {extended} bytes, but a compressed file may have at most {} before its voxels",
+                data::MOST_SKIPPED
+            );
             return Err(self.wrong("nsymbt", problem));
         }
         Ok(Start { at: 0, lines: 0, skip: Skip::Bytes(at) })

@@ -44,7 +44,8 @@ pub(super) fn read_archive(path: &Path, selection: &Selection, progress: &dyn Pr
     let source_name = path.display().to_string();
     let wrong =
         |member: &str, problem: String| VolumeError::Field { path: path.to_owned(), place: member.to_owned(), problem };
-    let broken = |error: zip::result::ZipError| wrong("archive", format!("not a ZIP archive that is read: {error}"));
+    let broken =
+        |error: zip::result::ZipError| wrong("archive", format!("not a ZIP archive that Relume can read: {error}"));
     let mut archive = ZipArchive::new(stream::at(path, 0)?).map_err(broken)?;
     let file_names = archive.file_names().filter_map(Result::ok);
     let names: Vec<String> = file_names.filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
@@ -61,7 +62,12 @@ pub(super) fn read_archive(path: &Path, selection: &Selection, progress: &dyn Pr
     let encoding = match member.compression() {
         CompressionMethod::Stored => Encoding::Raw,
         CompressionMethod::DEFLATE => Encoding::Deflate { crc: member.crc32() },
-        other => return Err(wrong(name, format!("compression {other:?} is not read; stored and deflated arrays are"))),
+        other => {
+            return Err(wrong(
+                name,
+                format!("Relume does not read the compression {other:?}; it reads stored and deflated arrays"),
+            ));
+        }
     };
     let Some(at) = member.data_start() else {
         return Err(wrong(name, "the archive does not say where the array begins".to_owned()));
@@ -129,7 +135,7 @@ impl Place<'_> {
         let mut volume = Volume::new(&source_name, voxels, geometry)?;
         volume.has_labels = header.is_boolean;
         volume.files = data.paths();
-        notes.push(format!("{source_name}: an array has no spacing; 1 1 1 is used"));
+        notes.push(format!("{source_name}: NumPy files have no spacing; Relume uses 1 1 1"));
         volume.notes = notes;
         Ok(volume)
     }
@@ -146,9 +152,9 @@ impl Place<'_> {
         let mut beginning = [0; BEGINNING];
         let there = read(&mut beginning)?;
         if there < BEGINNING || !recognises(&beginning) {
-            return Err(
-                self.wrong(format!("the first {there} bytes are not the magic word NUMPY, a version and a length"))
-            );
+            return Err(self.wrong(format!(
+                "the first {there} bytes do not contain the magic word NUMPY, a version and a length"
+            )));
         }
         // Version 1 has a length of two bytes, so that two bytes of text are read already.
         let [_, _, _, _, _, _, version, _, a, b, c, d] = beginning;
@@ -158,14 +164,14 @@ impl Place<'_> {
             _ => return Err(self.wrong(format!("version {version} is not one of 1, 2, 3"))),
         };
         if length > LONGEST {
-            return Err(self.wrong(format!("{length} bytes long, where {LONGEST} are read")));
+            return Err(self.wrong(format!("the header has {length} bytes; Relume reads at most {LONGEST}")));
         }
         let mut text = beginning[before..].to_vec();
         let already = text.len();
         text.resize(length.max(already), 0);
         let there = already + read(&mut text[already..])?;
         if there < length {
-            return Err(self.wrong(format!("{there} bytes of text, but its length is {length}")));
+            return Err(self.wrong(format!("the file has {there} bytes of text in its header, but states {length}")));
         }
         text.truncate(length);
         self.parse(&String::from_utf8_lossy(&text), count(before + length))
@@ -224,7 +230,7 @@ impl Place<'_> {
             "f8" => (VoxelType::F64, Kind::Number),
             _ => {
                 let what = match code.chars().next() {
-                    Some('O') => "objects, which only running their code would read",
+                    Some('O') => "objects, which cannot be read without running their code",
                     Some('S' | 'U' | 'a') => "strings",
                     Some('V' | '[') => "structures",
                     Some('c') => "complex numbers",
@@ -235,7 +241,7 @@ impl Place<'_> {
                 let what = if descr.starts_with(['[', '(']) { "structures" } else { what };
                 let start: String = descr.chars().take(40).collect();
                 return Err(
-                    self.wrong(format!("descr is {start}: {what}; booleans, whole numbers and floats are read"))
+                    self.wrong(format!("descr is {start}: {what}; Relume reads booleans, whole numbers and floats"))
                 );
             }
         };
@@ -258,7 +264,7 @@ impl Place<'_> {
                 Ok(dims)
             }
             axes => Err(self.wrong(format!(
-                "shape is ({}): {axes} axes longer than 1, and the file does not say which of them are z, y and x; save one volume of at most 3 axes",
+                "shape is ({}): {axes} axes are longer than 1, and the file does not say which of them are z, y and x; save one volume with at most 3 axes",
                 text()
             ))),
         }

@@ -8,7 +8,8 @@ use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 use crate::number::{count, whole};
 
 impl Volume {
-    /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋).
+    /// Averages blocks of `block` voxels; the mean is rounded to the stored type (integers half up: ⌊x + ½⌋). Volumes of
+    /// labels are reduced by [`Self::downsample_labels`].
     ///
     /// Incomplete blocks at the end of an axis are dropped, with a note. A new voxel lies at the centre of its block;
     /// the new spacing is the size of a block. NaN is excluded from a mean unless the whole block is NaN.
@@ -17,6 +18,9 @@ impl Volume {
     ///
     /// [`VolumeError::Block`] if a side of the block is 0 or longer than the volume.
     pub fn downsample(&self, block: [usize; 3]) -> Result<Self, VolumeError> {
+        if self.has_labels {
+            return self.downsample_labels(block);
+        }
         let geometry = self.coarser(block)?;
         let voxels = with_voxels!(&self.voxels, stored => {
             reduce(stored, self.geometry.dims, &geometry, block, |values| Voxel::mean(values.iter().copied()))

@@ -377,7 +377,7 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     };
     let outline = fit::outline(volume, values.thinned.stride, crop, |value| is_flat || shows(rounded(value)));
     let camera = fit::fitted(&camera, &outline, geometry);
-    let guess = format!("{name} has no scene, so one was made: {guess}.");
+    let guess = format!("{name} has no scene, so Relume made one: {guess}.");
     let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);
     FirstLook { text, guess }
 }
@@ -395,7 +395,7 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
     let high = values.percentile(0.999).max(values.objects_from);
     let kind = match &values.kind {
         Kind::Ct { water } if *water == 0.0 => "a CT in Hounsfield units".to_owned(),
-        Kind::Ct { water } => format!("a CT whose water has the value {}", brief(*water)),
+        Kind::Ct { water } => format!("a CT in which water has the value {}", brief(*water)),
         Kind::Labels(labels) => format!("a segmentation with {} labels", labels.len()),
         Kind::Other => "values without a known unit".to_owned(),
     };
@@ -406,14 +406,17 @@ fn shape(values: &Values, presets: &Presets, wish: Wish, axis: usize) -> (Shape,
         let [low, high] = range.map(brief);
         return (
             Shape::Ramp { layer, shines: false },
-            format!("{kind}, as grey that is transparent at {low} and most opaque from {high} on"),
+            format!("{kind}, shown in grey: transparent up to {low}, most opaque from {high}"),
         );
     }
     if wish.look == Some(Look::Fluorescence) {
         let range = [values.objects_from, high];
         let layer = alone("stain", Colour::Code("#46e06a".to_owned()), range, 1.5);
         let [low, high] = range.map(brief);
-        return (Shape::Ramp { layer, shines: true }, format!("{kind}, as light that shines from {low} to {high}"));
+        return (
+            Shape::Ramp { layer, shines: true },
+            format!("{kind}, shown as a green X-ray material, brighter from {low} to {high}"),
+        );
     }
     // A window of the file says more than the histogram.
     let stated = presets.windows.iter().find(|window| window.low < values.most).filter(|_| wish.look.is_none());
@@ -470,7 +473,7 @@ fn text(
     // A single slice has no gradient across it to shade.
     let shading = if flat_side(geometry).is_some() { "shading = \"none\"\n" } else { "" };
     let mut text = format!(
-        "# First look at {name}: a scene that Relume made from its values. The keys are in docs/SCENE.md.\n# {guess}\n\
+        "# First look at {name}: Relume made this scene from the values. docs/SCENE.md describes the keys.\n# {guess}\n\
          version = 1\n{shading}\n[volume]\n"
     );
     let mut line = |words: &str| {
@@ -501,7 +504,7 @@ fn text(
             let [low, high] = layer.range;
             let upper = Layer { range: [f64::midpoint(low, high), f64::MAX], ..layer.clone() };
             let opacity = opacity(layer.depth, thickness(&[upper]).first().copied().unwrap_or(1.0));
-            line("# From transparent to most opaque: a window of values.");
+            line("# A window of values: transparent at the low end, most opaque at the high end.");
             line(&format!("opacity = [[{low:?}, 0.0], [{high:?}, {opacity:?}]]"));
             line(&format!("material = [[{low:?}, \"{}\"]]", layer.name));
         }
@@ -513,7 +516,9 @@ fn text(
     let shines = matches!(shape, Shape::Ramp { shines: true, .. });
     let direction = key_light(camera, geometry);
     if layers.iter().all(|layer| matches!(layer.colour, Colour::Designed(_))) {
-        line("\n# In daylight all materials show; each of the other lights shows one and leaves the others black.");
+        line(
+            "\n# In daylight all materials are visible; each of the other lights shows one material and leaves the others black.",
+        );
         line(&designed(&layers, direction));
     } else {
         for (index, layer) in layers.iter().enumerate() {
@@ -536,7 +541,7 @@ fn text(
     }
     line("\n# The hand of the light dial is on the first light, daylight.\n[mix]\nby = \"dial\"\nhand = [0.0, 1.0]");
     if let Aim::Orbit { azimuth, elevation, fill, front, around } = camera.aim {
-        line("\n# The visible part of the volume, and how much of the picture its box spans.\n[camera]");
+        line("\n# The camera orbits the box `around` and fits it by `fill`.\n[camera]");
         line(&format!("azimuth = {azimuth:?}\nelevation = {elevation:?}\nfill = {fill:?}"));
         line(&format!("front = {:?}\nup = {:?}", front.to_array(), camera.up.to_array()));
         if let Some([low, high]) = around {
@@ -544,12 +549,12 @@ fn text(
         }
     }
     if let Some([low, high]) = crop {
-        line("\n# The largest connected part: the table is left out.\n[crop]");
+        line("\n# The box of the largest connected part. Parts outside it, such as a table, are cropped.\n[crop]");
         line(&format!("min = {:?}\nmax = {:?}", low.map(count), high.map(count)));
     }
     line("\n[display]\nexposure = 1.4");
     if matches!(shape, Shape::Layers(layers) if layers.iter().any(|it| matches!(it.colour, Colour::Code(_)))) {
-        line("\n# Labels do not mix.\n[accuracy]\ninterpolation = \"nearest\"");
+        line("\n# No interpolation between labels.\n[accuracy]\ninterpolation = \"nearest\"");
     }
     text
 }

@@ -129,9 +129,9 @@ impl Values {
         match &self.kind {
             Kind::Ct { water } => {
                 let unit = if *water == 0.0 {
-                    "a CT in Hounsfield units: air is -1000, water 0".to_owned()
+                    "a CT in Hounsfield units: air is -1000, water is 0".to_owned()
                 } else {
-                    format!("a CT with an offset: {} is water, {} air", brief(*water), brief(water - 1000.0))
+                    format!("a CT with an offset: water is {}, air is {}", brief(*water), brief(water - 1000.0))
                 };
                 let named = self.named().into_iter();
                 let named = named.map(|it| format!("{} {}: {}", it.name, range(it.interval), percent(it.share)));
@@ -296,18 +296,18 @@ fn otsu(bins: &[f64]) -> usize {
 }
 
 fn kind(volume: &Volume, thinned: &Thinned, sorted: &[f32], statistics: &Statistics) -> Kind {
-    if let Some(water) = water(sorted, statistics) {
+    if let Some(water) = water(sorted, statistics).filter(|_| !volume.has_labels) {
         return Kind::Ct { water };
     }
     let are_whole = !matches!(volume.voxels.voxel_type(), VoxelType::F32 | VoxelType::F64);
-    match labels(thinned, sorted).filter(|_| are_whole) {
+    match labels(thinned, sorted, volume.has_labels).filter(|_| are_whole) {
         Some(labels) => Kind::Labels(labels),
         None => Kind::Other,
     }
 }
 
-/// Values of a segmentation: few, and constant over neighbourhoods.
-fn labels(thinned: &Thinned, sorted: &[f32]) -> Option<Vec<f64>> {
+/// Values of a segmentation: few, and constant over neighbourhoods unless the file says that they are labels.
+fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64>> {
     let mut distinct: Vec<f32> = Vec::new();
     for &value in sorted {
         if distinct.last().is_none_or(|&last| last < value) {
@@ -333,7 +333,7 @@ fn labels(thinned: &Thinned, sorted: &[f32]) -> Option<Vec<f64>> {
     }
     let found: Vec<f64> = distinct.iter().skip(1).map(|&value| value.into()).collect();
     let is_constant = objects > 0 && count(alike) >= 0.6 * count(objects);
-    (is_constant && !found.is_empty()).then_some(found)
+    ((is_constant || are_stated) && !found.is_empty()).then_some(found)
 }
 
 /// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water.

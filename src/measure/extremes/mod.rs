@@ -23,7 +23,7 @@ use std::fmt;
 use serde::{Serialize, Serializer};
 
 use super::rungs::{RungError, Rungs};
-use crate::document::SceneError;
+use crate::document::{SceneError, chain};
 use crate::progress::Progress;
 use crate::render::{RenderError, Renderer};
 use crate::spectrum::SpectrumError;
@@ -363,15 +363,4 @@ pub fn run(renderer: Option<&Renderer>, progress: &dyn Progress) -> (Vec<Row>, b
         rows.extend(found);
     }
     (rows, true)
-}
-
-/// Joins an error and its causes in one line.
-fn chain(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
 }

@@ -45,7 +45,8 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let image = if header.kind.is_pair { partner(&header_path) } else { Some(header_path.clone()) };
     let Some(image) = image else {
         let place = "magic".to_owned();
-        let problem = format!("the voxels are in another file, but {} is missing", missing(&header_path).display());
+        let problem =
+            format!("the voxels are in a separate image file, but {} is missing", missing(&header_path).display());
         return Err(VolumeError::Field { path: header_path, place, problem });
     };
     let encoding = if header.kind.is_pair { encoding_of_image(&image)? } else { encoding };
@@ -64,10 +65,15 @@ fn no_header(path: &Path, bytes: &[u8]) -> VolumeError {
     let place = "sizeof_hdr".to_owned();
     let problem = match bytes {
         _ if bytes.len() < SIZES[0] => {
-            format!("the file has {} bytes, but a header has {} (NIfTI-2: {})", bytes.len(), SIZES[0], SIZES[1])
+            format!(
+                "the file has {} bytes, but a NIfTI-1 or Analyze header has {} (NIfTI-2: {})",
+                bytes.len(),
+                SIZES[0],
+                SIZES[1]
+            )
         }
         &[a, b, c, d, ..] => format!(
-            "{} is not the length of a header, {} (NIfTI-2: {}), or the magic word n+1, ni1, n+2 or ni2 is missing",
+            "the file has no NIfTI header: {} is not the length of a header, {} (NIfTI-2: {}), or the magic word n+1, ni1, n+2 or ni2 is missing",
             i32::from_le_bytes([a, b, c, d]),
             SIZES[0],
             SIZES[1]
@@ -142,7 +148,7 @@ impl Reading<'_> {
         let Stored { voxel_type, interleaved } = self.stored()?;
         let [nx, ny, nz, times, planes] = self.axes()?;
         if interleaved > 1 && planes > 1 {
-            return Err(self.wrong("dim[5]", format!("{planes} components of {interleaved} colours each")));
+            return Err(self.wrong("dim[5]", format!("the voxels have {planes} components of {interleaved} colour channels each; Relume reads components or colour channels, not both")));
         }
         // Fastest first: the colours of a voxel, space, time, and planes of components.
         let all = [interleaved, nx, ny, nz, times, planes];
@@ -210,13 +216,16 @@ impl Reading<'_> {
                     _ => "not a type of the format",
                 };
                 let known = "2, 4, 8, 16, 64, 128, 256, 512, 768, 1024, 1280 and 2304";
-                return Err(self.wrong("datatype", format!("{refused} ({name}) is not read; {known} are")));
+                return Err(
+                    self.wrong("datatype", format!("Relume does not read type {refused} ({name}); it reads {known}"))
+                );
             }
         };
         let bits = 8 * voxel_type.bytes() * interleaved;
         // A writer that leaves bitpix 0 states nothing.
         if self.header.bitpix != 0 && usize::try_from(self.header.bitpix).ok() != Some(bits) {
-            let problem = format!("{} bits, but datatype {datatype} has {bits}", self.header.bitpix);
+            let problem =
+                format!("the header states {} bits per voxel, but datatype {datatype} has {bits}", self.header.bitpix);
             return Err(self.wrong("bitpix", problem));
         }
         Ok(Stored { voxel_type, interleaved })
@@ -226,12 +235,12 @@ impl Reading<'_> {
     fn axes(&self) -> Result<[usize; 5], VolumeError> {
         let [axes, lengths @ ..] = self.header.dim;
         let Some(axes) = usize::try_from(axes).ok().filter(|axes| (1..=7).contains(axes)) else {
-            return Err(self.wrong("dim[0]", format!("{axes} axes; there should be 1 to 7")));
+            return Err(self.wrong("dim[0]", format!("the header states {axes} axes; a NIfTI file has 1 to 7")));
         };
         let mut all = [1; 7];
         for (axis, (length, &stated)) in all.iter_mut().zip(&lengths[..axes]).enumerate() {
             let stated = usize::try_from(stated).ok().filter(|&stated| stated > 0);
-            let problem = || format!("an axis of {} voxels; it needs at least 1", lengths[axis]);
+            let problem = || format!("the axis has {} voxels; it must have at least 1", lengths[axis]);
             *length = stated.ok_or_else(|| self.wrong(&format!("dim[{}]", axis + 1), problem()))?;
         }
         match all {
@@ -281,8 +290,9 @@ impl Reading<'_> {
                 return Err(self.wrong("vox_offset", problem));
             }
         } else if offset > bytes.saturating_add(data::MOST_SKIPPED) {
-            let problem =
-                format!("{offset} bytes before {bytes} bytes of voxels are more than are skipped in a compressed file");
+            let problem = format!(
+                "{offset} bytes come before the {bytes} bytes of voxels; Relume does not skip so many bytes in a compressed file"
+            );
             return Err(self.wrong("vox_offset", problem));
         }
         Ok(Start { at: 0, lines: 0, skip: Skip::Bytes(offset) })
@@ -297,7 +307,8 @@ impl Reading<'_> {
         if intercept.is_finite() {
             return Ok((slope, intercept));
         }
-        Err(self.wrong("scl_inter", format!("{intercept} is not finite, and scl_slope is {slope}")))
+        Err(self
+            .wrong("scl_inter", format!("the intercept is {intercept}, which is not finite, and scl_slope is {slope}")))
     }
 
     /// The grid in left-posterior-superior millimetres, and whether it is anatomical.
@@ -316,18 +327,21 @@ impl Reading<'_> {
             (self.turned(notes), DVec3::from_array(header.offset), "quatern_b to qoffset_z", true)
         } else {
             if header.kind.version != Version::Analyze {
-                notes.push(format!("{source}: neither sform nor qform places the voxels; only the spacings are used"));
+                notes.push(format!(
+                    "{source}: the file has no orientation (sform and qform are not set); Relume uses only the spacings"
+                ));
             } else {
-                notes.push(format!("{source}: Analyze states no orientation; only the spacings are used"));
+                notes.push(format!("{source}: Analyze files state no orientation; Relume uses only the spacings"));
             }
             (DMat3::from_diagonal(self.spacing(notes)), DVec3::ZERO, "pixdim", false)
         };
         if !steps.is_finite() || !origin.is_finite() {
             let numbers: Vec<String> =
                 steps.to_cols_array().iter().chain(&origin.to_array()).map(ToString::to_string).collect();
-            return Err(
-                self.wrong(place, format!("not all numbers of the placement are finite: {}", numbers.join(" ")))
-            );
+            return Err(self.wrong(
+                place,
+                format!("the axes and the origin have numbers that are not finite: {}", numbers.join(" ")),
+            ));
         }
         let to_mm = match header.units & 7 {
             1 => 1000.0,
@@ -345,7 +359,7 @@ impl Reading<'_> {
             let other = lattice(self.turned(&mut Vec::new()), DVec3::from_array(header.offset));
             if let Some(apart) = apart(&chosen, &other) {
                 notes.push(format!(
-                    "{source}: sform and qform place a corner {apart:.1} voxels apart; the sform is used"
+                    "{source}: the sform and the qform place the same corner {apart:.1} voxels apart; Relume uses the sform"
                 ));
             }
         }
@@ -380,7 +394,10 @@ impl Reading<'_> {
         let stated = DVec3::from_slice(&self.header.pixdim[1..4]).abs();
         if stated.cmpeq(DVec3::ZERO).any() {
             let [x, y, z] = stated.to_array();
-            notes.push(format!("{}: pixdim states the spacing {x} {y} {z}; 0 is taken as 1", self.path.display()));
+            notes.push(format!(
+                "{}: pixdim states the spacing {x} {y} {z}; Relume uses 1 in place of 0",
+                self.path.display()
+            ));
         }
         DVec3::select(stated.cmpeq(DVec3::ZERO), DVec3::ONE, stated)
     }

@@ -63,7 +63,7 @@ impl<'a> Parser<'a> {
         self.line = self.next_line;
         self.at += read;
         if read == limit && !bytes.ends_with(b"\n") {
-            return Err(self.wrong(format!("a line of more than {LONGEST} bytes")));
+            return Err(self.wrong(format!("the line has more than {LONGEST} bytes")));
         }
         self.next_line += usize::from(bytes.ends_with(b"\n"));
         Ok((read > 0).then(|| String::from_utf8_lossy(&bytes).trim().to_owned()))
@@ -83,7 +83,7 @@ impl<'a> Parser<'a> {
                 self.line = self.next_line;
             }
             if word.len() + length > LONGEST {
-                return Err(self.wrong(format!("a word of more than {LONGEST} bytes")));
+                return Err(self.wrong(format!("a word has more than {LONGEST} bytes")));
             }
             word.extend_from_slice(&rest[..length]);
             let ended = buffer.is_empty() || length < rest.len() && !word.is_empty();
@@ -98,7 +98,7 @@ impl<'a> Parser<'a> {
     /// The next word as a number, of `what`.
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T, VolumeError> {
         let word = self.word()?.unwrap_or_default();
-        word.parse().map_err(|_| self.wrong(format!("{word:?} should be a number: {what}")))
+        word.parse().map_err(|_| self.wrong(format!("{word:?} is not a number: {what}")))
     }
 
     fn three(&mut self, what: &str) -> Result<DVec3, VolumeError> {
@@ -108,7 +108,7 @@ impl<'a> Parser<'a> {
     fn dimensions(&mut self) -> Result<[usize; 3], VolumeError> {
         let mut dims = [0; 3];
         for side in &mut dims {
-            *side = self.number("DIMENSIONS are three whole numbers")?;
+            *side = self.number("DIMENSIONS needs three whole numbers")?;
         }
         data::check_size(&self.path.display().to_string(), &dims)?;
         Ok(dims)
@@ -121,7 +121,7 @@ impl<'a> Parser<'a> {
         self.is_binary = match format.as_str() {
             "BINARY" => true,
             "ASCII" => false,
-            _ => return Err(self.wrong(format!("{format:?} should be ASCII or BINARY"))),
+            _ => return Err(self.wrong(format!("the format is {format:?}; it must be ASCII or BINARY"))),
         };
         let mut parsed = Parsed {
             path: self.path,
@@ -148,30 +148,32 @@ impl<'a> Parser<'a> {
                     is_rectilinear = kind == "RECTILINEAR_GRID";
                     if !is_rectilinear && kind != "STRUCTURED_POINTS" {
                         return Err(self.wrong(format!(
-                            "DATASET {kind} has no regular grid of voxels; STRUCTURED_POINTS and RECTILINEAR_GRID are read"
+                            "DATASET {kind} has no regular grid of voxels; Relume reads STRUCTURED_POINTS and RECTILINEAR_GRID"
                         )));
                     }
                 }
                 "DIMENSIONS" => parsed.dims = self.dimensions()?,
-                "ORIGIN" => parsed.origin = self.three("ORIGIN is three numbers")?,
-                "SPACING" | "ASPECT_RATIO" => parsed.spacing = self.three("SPACING is three numbers")?,
+                "ORIGIN" => parsed.origin = self.three("ORIGIN needs three numbers")?,
+                "SPACING" | "ASPECT_RATIO" => parsed.spacing = self.three("SPACING needs three numbers")?,
                 "X_COORDINATES" | "Y_COORDINATES" | "Z_COORDINATES" if is_rectilinear => {
                     let index = usize::from(keyword.as_bytes()[0] - b'X');
                     let axis = self.coordinates(&keyword)?;
                     if axis.count != parsed.dims[index] {
-                        return Err(self
-                            .wrong(format!("{} {keyword}, but DIMENSIONS states {}", axis.count, parsed.dims[index])));
+                        return Err(self.wrong(format!(
+                            "the file has {} {keyword}, but DIMENSIONS states {}",
+                            axis.count, parsed.dims[index]
+                        )));
                     }
                     (parsed.origin[index], parsed.spacing[index]) = (axis.first, axis.step);
                 }
                 "POINT_DATA" | "CELL_DATA" => {
-                    let values = self.number(&format!("{keyword} states how many values each array has"))?;
+                    let values = self.number(&format!("{keyword} needs the number of values of an array"))?;
                     section = (if keyword == "POINT_DATA" { Section::Points } else { Section::Cells }, values);
                 }
                 "METADATA" => self.metadata()?,
                 "LOOKUP_TABLE" => {
                     self.word()?;
-                    let colours: usize = self.number("LOOKUP_TABLE has a number of colours")?;
+                    let colours: usize = self.number("LOOKUP_TABLE needs the number of colours")?;
                     self.values_begin()?;
                     self.skip("a lookup table", Some(Stored::Colours), colours.saturating_mul(4))?;
                 }
@@ -179,11 +181,11 @@ impl<'a> Parser<'a> {
                 _ => self.attribute(&keyword, section, parsed)?,
             }
             if parsed.arrays.len() > MOST_ARRAYS {
-                return Err(self.wrong(format!("more than {MOST_ARRAYS} arrays")));
+                return Err(self.wrong(format!("the file has more than {MOST_ARRAYS} arrays")));
             }
         }
         if parsed.dims == [0; 3] {
-            return Err(self.wrong("there are no DIMENSIONS"));
+            return Err(self.wrong("DIMENSIONS is missing"));
         }
         Ok(())
     }
@@ -197,10 +199,10 @@ impl<'a> Parser<'a> {
 
     /// Coordinates of the points along one axis, which must be even.
     fn coordinates(&mut self, keyword: &str) -> Result<Axis, VolumeError> {
-        let points: usize = self.number(&format!("{keyword} states how many points there are"))?;
+        let points: usize = self.number(&format!("{keyword} needs the number of points"))?;
         let type_name = self.word()?.unwrap_or_default();
         let Some(Stored::Numbers(voxel_type)) = stored(&type_name) else {
-            return Err(self.wrong(format!("{keyword} of type {type_name:?} are not numbers")));
+            return Err(self.wrong(format!("{keyword} have the type {type_name:?}, which is not a number type")));
         };
         let at = self.values_begin()?;
         let data = Data {
@@ -223,7 +225,7 @@ impl<'a> Parser<'a> {
             // NaN is not even.
             if !((value(index) - even).abs() <= EVEN * length.abs()) {
                 return Err(self.wrong(format!(
-                    "{keyword} are not even: point {index} lies at {}, where even points would have {even}",
+                    "{keyword} are not evenly spaced: point {index} is at {}, but even spacing puts it at {even}",
                     value(index)
                 )));
             }
@@ -246,11 +248,13 @@ impl<'a> Parser<'a> {
             "GLOBAL_IDS" | "PEDIGREE_IDS" => Some(1),
             _ => {
                 let start: String = keyword.chars().take(40).collect();
-                return Err(self.wrong(format!("{start:?} is not a keyword that is read")));
+                return Err(self.wrong(format!("Relume does not know the keyword {start:?}")));
             }
         };
         if section == Section::Field {
-            return Err(self.wrong(format!("{keyword} stands before POINT_DATA and CELL_DATA")));
+            return Err(
+                self.wrong(format!("{keyword} comes before POINT_DATA and CELL_DATA; it must follow one of them"))
+            );
         }
         let name = decoded(&self.word()?.unwrap_or_default());
         let line = self.line;
@@ -289,7 +293,7 @@ impl<'a> Parser<'a> {
         let line = self.rest_of_line()?.unwrap_or_default();
         match line.as_str() {
             "" => Ok(1),
-            number => number.parse().map_err(|_| self.wrong(format!("{number:?} should be a number of components"))),
+            number => number.parse().map_err(|_| self.wrong(format!("{number:?} is not a number of components"))),
         }
     }
 
@@ -311,9 +315,9 @@ impl<'a> Parser<'a> {
     /// Arrays of a field: name, components, tuples, type and values of each.
     fn field(&mut self, section: Section, parsed: &mut Parsed<'a>) -> Result<(), VolumeError> {
         self.word()?;
-        let arrays: usize = self.number("FIELD states how many arrays it has")?;
+        let arrays: usize = self.number("FIELD needs the number of its arrays")?;
         if arrays > MOST_ARRAYS {
-            return Err(self.wrong(format!("a FIELD of {arrays} arrays, where {MOST_ARRAYS} are read")));
+            return Err(self.wrong(format!("the FIELD has {arrays} arrays; Relume reads at most {MOST_ARRAYS}")));
         }
         for _ in 0..arrays {
             let mut word = self.word()?.unwrap_or_default();
@@ -346,7 +350,7 @@ impl<'a> Parser<'a> {
     /// Skips `numbers` values of the array `name`.
     fn skip(&mut self, name: &str, stored: Option<Stored>, numbers: usize) -> Result<(), VolumeError> {
         let Some(stored) = stored else {
-            return Err(self.wrong(format!("the array {name:?} is not of numbers, and cannot be skipped")));
+            return Err(self.wrong(format!("the array {name:?} is not of numbers, so Relume cannot skip it")));
         };
         if self.is_binary {
             let bytes = match stored {
