@@ -149,7 +149,8 @@ fn the_command_writes_the_chosen_volume_and_refuses_before_it_reads() {
         (&[1, 2, 3, 4, 5, 6, 7, 8][..], DVec3::new(1.0, 2.0, 3.0))
     );
     folder.done(&["convert", "x.nrrd", "y.nrrd", "--downsample", "2x1x1"]);
-    folder.refused(1, &["convert", "x.nrrd", "x.png"], &["x.png", ".nrrd, .mha, .nii or .nii.gz"]);
+    folder.refused(2, &["convert", "x.nrrd", "x.nrrd", "--downsample", "2x1x1"], &["x.nrrd is an input"]);
+    folder.refused(2, &["convert", "x.nrrd", "x.png"], &["x.png", ".nrrd, .mha, .nii or .nii.gz"]);
     folder.refused(1, &["convert", "missing.nrrd", "out.nrrd"], &["missing.nrrd"]);
 }
 

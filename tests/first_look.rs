@@ -324,3 +324,18 @@ fn a_picture_has_any_background_or_none() {
     assert_eq!(corner("#20c0ff").0, [0x20, 0xc0, 0xff]);
     folder.refused(2, &["render", "ball.nrrd", "-o", "p.png", "--background", "white"], &["#ffffff"]);
 }
+
+/// Names of materials are whole numbers of at most seven digits.
+#[test]
+fn volumes_of_odd_numbers_open_without_being_taken_for_labels() {
+    let blocks = |values: [i32; 2]| {
+        let voxel = |place: usize| if place % 16 < 8 { values[0] } else { values[1] };
+        (0..16 * 16 * 16).flat_map(|place| voxel(place).to_le_bytes()).collect::<Vec<u8>>()
+    };
+    let header = "NRRD0004\ntype: int32\ndimension: 3\nsizes: 16 16 16\nencoding: raw\nendian: little\n\n";
+    let file = |values| header.bytes().chain(blocks(values)).collect::<Vec<u8>>();
+    let folder = Folder::new().with("large.nrrd", file([10_000_001, 10_000_002])).with("small.nrrd", file([0, 7]));
+    folder.done(&["render", "large.nrrd", "--size", "8x8", "-o", "p.png"]);
+    let labels = folder.done(&["render", "small.nrrd", "--size", "8x8", "-o", "p.png"]);
+    assert!(labels.err.contains("a segmentation with 1 label"), "{}", labels.err);
+}

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use serde_json::json;
 
-use relume::output::{OutputError, VolumeKind, check_writable, write_volume};
+use relume::output::{OutputError, VolumeKind, write_volume};
 use relume::progress::Progress;
 use relume::volume;
 
+use super::files::check_outputs;
 use super::scene::{RawArgs, SelectionArgs, three};
 use super::{CliError, Report};
 
@@ -35,10 +36,12 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliError> {
-    VolumeKind::of(&args.output)?;
-    check_writable(&args.output)?;
+    VolumeKind::of(&args.output).map_err(|error| CliError::Usage(error.to_string()))?;
+    check_outputs(&[&args.output], &[&args.input])?;
     let selection = args.selection.selection();
     let mut volume = volume::open_by(&args.input, args.raw.layout().as_ref(), &selection, progress)?;
+    // Data files of a header are inputs, too.
+    check_outputs(&[&args.output], &volume.files.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     if let Some(blocks) = args.downsample {
         volume = volume.downsample(blocks)?;
     }

@@ -18,7 +18,7 @@ use relume::render::{Renderer, SceneRenderer};
 use relume::scene::{Mix, Placement, Scene, Shading, positions};
 use relume::spectrum::{BANDS, Light};
 use relume::tables::{LabelMap, Storage};
-use relume::volume::{Statistics, VoxelType};
+use relume::volume::{self, Statistics, VoxelType};
 use relume::vulkan::{Device, DeviceChoice, Validation};
 
 use super::files::{self, Backdrop, Bits, backdrop, picture_kind};
@@ -84,9 +84,16 @@ pub(crate) struct Args {
 }
 
 /// The first of `scan.png`, `scan-2.png`, `scan-3.png` … in the working directory that does not exist, for `scan.nrrd`.
-fn free_name(volume: &Path) -> Option<PathBuf> {
+fn free_name(path: &Path) -> Option<PathBuf> {
     const MOST: usize = 10_000;
-    let stem = volume.file_stem()?.to_string_lossy().into_owned();
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    // `scan.nii.gz` is called `scan`.
+    let ending = volume::extensions().map(|it| format!(".{it}")).filter(|it| name.to_lowercase().ends_with(it));
+    let ending = ending.map(|it| it.len()).max().unwrap_or(0);
+    let stem = match name.get(..name.len() - ending) {
+        Some(stem) if ending > 0 && !stem.is_empty() => stem.to_owned(),
+        _ => path.file_stem()?.to_string_lossy().into_owned(),
+    };
     let names = std::iter::once(format!("{stem}.png")).chain((2..MOST).map(|n| format!("{stem}-{n}.png")));
     // A link to nothing is a name in use.
     names.map(PathBuf::from).find(|name| name.symlink_metadata().is_err())
@@ -232,13 +239,14 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     }
     let alpha = if args.background == Some(Backdrop::Transparent) { Alpha::Kept } else { Alpha::OverBlack };
     for path in &pictures {
+        let kind = picture_kind(path)?;
         match (&marched.display, &marched.linear) {
-            (Some(display), _) if ready(&picture_kind(path)?) => {
+            (Some(display), _) if ready(&kind) => {
                 let rgb: Vec<u8> = display.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
                 write_ready_png(path, args.size[0], args.size[1], &rgb)?;
             }
             (_, Some(linear)) => {
-                let shown = shown.as_ref().unwrap_or(linear);
+                let shown = shown.as_ref().filter(|_| kind != PictureKind::Exr).unwrap_or(linear);
                 files::write_linear_as(path, args.size, shown, args.bits, alpha)?;
             }
             _ => {}

@@ -138,7 +138,7 @@ pub(crate) struct LookArgs {
     #[arg(long, help_heading = LOOK, value_name = "NAME", value_parser = look)]
     look: Option<Look>,
     /// Show a range of values of this width around --level in grey, from transparent to most opaque.
-    #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, requires = "level")]
+    #[arg(long, help_heading = LOOK, value_name = "WIDTH", value_parser = width, requires = "level", conflicts_with = "look")]
     window: Option<f64>,
     /// Centre of the range of --window.
     #[arg(long, help_heading = LOOK, value_name = "CENTRE", allow_negative_numbers = true, requires = "window")]

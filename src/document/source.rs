@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::file::parse_around;
-use super::first_look::first_look;
+use super::first_look::{first_look, otsu};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
 use crate::number::count;
@@ -233,22 +233,7 @@ fn no_scene(path: &Path, error: SceneError) -> OpenError {
 /// between them (Otsu 1979).
 pub(crate) fn threshold(bins: &[u64]) -> usize {
     let weight = |&n: &u64| count(usize::try_from(n).unwrap_or(usize::MAX));
-    let total: f64 = bins.iter().map(weight).sum();
-    let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * weight(n)).sum();
-    let (mut below, mut moment_below, mut best) = (0.0, 0.0, (0.0, 1));
-    for (bin, n) in bins.iter().enumerate() {
-        below += weight(n);
-        moment_below += count(bin) * weight(n);
-        let above = total - below;
-        if below > 0.0 && above > 0.0 {
-            let apart = moment_below / below - (moment - moment_below) / above;
-            let between = below * above * apart * apart;
-            if between > best.0 {
-                best = (between, bin + 1);
-            }
-        }
-    }
-    best.1
+    otsu(&bins.iter().map(weight).collect::<Vec<_>>())
 }
 
 #[cfg(test)]

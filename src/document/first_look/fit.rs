@@ -103,6 +103,8 @@ pub(super) fn fitted(camera: &Camera, points: &[DVec3], geometry: &Geometry) -> 
 pub(super) fn largest_part(thinned: &Thinned, body: &[bool], dims: [usize; 3]) -> Option<[[usize; 3]; 2]> {
     /// Fraction of the voxels of the body above which parts outside the box are worth a crop.
     const WORTH: f64 = 0.002;
+    /// Fraction of the largest part above which the others are no table: both feet, for instance.
+    const BODY: f64 = 0.25;
     let mut part = vec![0_u32; body.len()];
     let (mut number, mut best, mut all) = (0, (0, 0), 0);
     let mut open = Vec::new();
@@ -138,7 +140,7 @@ pub(super) fn largest_part(thinned: &Thinned, body: &[bool], dims: [usize; 3]) -
         body[*place] && (0..3).any(|axis| position[axis] < low[axis] || position[axis] > high[axis])
     };
     let outside = (0..body.len()).filter(is_outside).count();
-    if best.0 == 0 || count(outside) < WORTH * count(all) {
+    if best.0 == 0 || count(outside) < WORTH * count(all) || count(outside) > BODY * count(best.0) {
         return None;
     }
     let low = std::array::from_fn(|axis| (low[axis] * thinned.stride[axis]).saturating_sub(thinned.stride[axis]));

@@ -9,6 +9,7 @@ use std::fmt::Write as _;
 use glam::DVec3;
 use toml_edit::{DocumentMut, Item, TableLike};
 
+pub(in crate::document) use values::otsu;
 pub use values::{Kind, Peak, Values};
 
 use self::sample::Thinned;
@@ -190,7 +191,8 @@ fn layers(values: &Values) -> Vec<Layer> {
         Layer {
             name: DESIGNED[role].to_owned(),
             colour: Colour::Designed(role),
-            range: [low + ramp / 2.0, (high - ramp / 2.0).max(low + ramp / 2.0)],
+            // The last layer reaches the largest value, of which saturated data have many.
+            range: [low + ramp / 2.0, if index + 1 == number { high } else { high - ramp / 2.0 }.max(low + ramp / 2.0)],
             ramp,
             depth,
             what: String::new(),
@@ -202,14 +204,17 @@ fn layers(values: &Values) -> Vec<Layer> {
 /// Layers of a window of the file: nothing below it, three equal parts, and the values above as the highest.
 fn window_layers(window: &Window, most: f64) -> Vec<Layer> {
     let third = (window.high - window.low) / 3.0;
+    let ramp = third / 4.0;
     let layer = |role: usize| {
-        let low = third.mul_add(count(role), window.low);
-        let high = if role == 2 { most.max(window.high) } else { low + third };
+        // Ramps lie outside a range; neighbours cross in the middle of theirs.
+        let edge = |role: usize| third.mul_add(count(role), window.low);
+        let low = edge(role) + if role == 0 { ramp } else { ramp / 2.0 };
+        let high = if role == 2 { most.max(window.high) } else { edge(role + 1) - ramp / 2.0 };
         Layer {
             name: DESIGNED[role].to_owned(),
             colour: Colour::Designed(role),
-            range: [low + third / 8.0, high - third / 8.0],
-            ramp: third / 4.0,
+            range: [low, high],
+            ramp,
             depth: [0.4, 0.8, 8.0][role],
             what: if role == 0 { format!("the window {:?} of the file", window.name) } else { String::new() },
         }
@@ -309,6 +314,10 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
     /// Fraction of a slice that the cut body covers at least.
     const CUT: f64 = 0.03;
     let Kind::Ct { water } = values.kind else { return false };
+    let vertical = volume.geometry.direction.z_axis.z;
+    if vertical.abs() < 0.7 {
+        return false;
+    }
     let thinned = &values.thinned;
     let [nx, ny, nz] = thinned.dims;
     let slice = nx * ny;
@@ -317,7 +326,7 @@ fn is_upside_down(volume: &Volume, values: &Values) -> bool {
         count(slice.iter().filter(|&&value| f64::from(value) > water - 100.0).count()) / count(slice.len().max(1))
     };
     let [first, last] = [body(0), body(nz - 1)];
-    let [low, high] = if volume.geometry.direction.z_axis.z < 0.0 { [last, first] } else { [first, last] };
+    let [low, high] = if vertical < 0.0 { [last, first] } else { [first, last] };
     high > CUT && low < high / 3.0
 }
 
@@ -341,6 +350,8 @@ fn directions(volume: &Volume, values: &Values) -> Camera {
 
 /// The scene for `volume`, whose file is called `name`.
 pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, wish: Wish) -> FirstLook {
+    // A comment ends with its line.
+    let name = &name.replace(char::is_control, " ");
     let values = Values::of(volume, statistics);
     let geometry = &volume.geometry;
     let camera = directions(volume, &values);
@@ -377,7 +388,8 @@ pub(super) fn first_look(name: &str, volume: &Volume, statistics: &Statistics, w
     };
     let outline = fit::outline(volume, values.thinned.stride, crop, |value| is_flat || shows(rounded(value)));
     let camera = fit::fitted(&camera, &outline, geometry);
-    let guess = format!("{name} has no scene, so Relume made one: {guess}.");
+    let alone = if crop.is_some() { "; only the largest connected part is shown" } else { "" };
+    let guess = format!("{name} has no scene, so Relume made one: {guess}{alone}.");
     let text = text(name, &guess, &shape, thickness, &camera, crop, geometry);
     FirstLook { text, guess }
 }

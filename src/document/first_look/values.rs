@@ -276,7 +276,7 @@ impl Histogram {
 }
 
 /// First bin of the upper of two classes with the largest variance between them (Otsu 1979).
-fn otsu(bins: &[f64]) -> usize {
+pub(in crate::document) fn otsu(bins: &[f64]) -> usize {
     let total: f64 = bins.iter().sum();
     let moment: f64 = bins.iter().enumerate().map(|(bin, n)| count(bin) * n).sum();
     let (mut below, mut moment_below, mut best) = (0.0, 0.0, (0.0, 1));
@@ -326,14 +326,20 @@ fn labels(thinned: &Thinned, sorted: &[f32], are_stated: bool) -> Option<Vec<f64
         if thinned.values[place] > background {
             objects += 1;
             let own = thinned.values[place];
-            alike += usize::from(
-                thinned.neighbours(place).filter(|&it| (thinned.values[it] - own).abs() > 0.0).count() <= 3,
-            );
+            // Voxels at a face of the volume have fewer neighbours.
+            let (mut all, mut other) = (0, 0);
+            for it in thinned.neighbours(place) {
+                all += 1;
+                other += usize::from((thinned.values[it] - own).abs() > 0.0);
+            }
+            alike += usize::from(2 * other <= all);
         }
     }
     let found: Vec<f64> = distinct.iter().skip(1).map(|&value| value.into()).collect();
     let is_constant = objects > 0 && count(alike) >= 0.6 * count(objects);
-    ((is_constant || are_stated) && !found.is_empty()).then_some(found)
+    // The thinned copy is in f32, and names of materials have seven digits.
+    let are_labels = found.iter().all(|label| label.fract() == 0.0 && label.abs() < 1e7);
+    ((is_constant || are_stated) && are_labels && !found.is_empty()).then_some(found)
 }
 
 /// Value of water if the values are those of a CT: air lies 1000 below, and most other voxels near water.
