@@ -1,6 +1,6 @@
-//! NumPy arrays: `.npy`, and archives of them, `.npz`.
+//! `NumPy` arrays: `.npy`, and archives of them, `.npz`.
 //!
-//! The header is described in "NEP 1 — A simple file format for NumPy arrays". Nothing in it is executed: arrays of
+//! The header is described in "NEP 1 — A simple file format for `NumPy` arrays". Nothing in it is executed: arrays of
 //! objects are refused.
 
 use std::path::Path;
@@ -258,7 +258,8 @@ impl Place<'_> {
                 Ok(dims)
             }
             axes => Err(self.wrong(format!(
-                "shape is ({}): {axes} axes longer than 1, and the file does not say which of them are z, y and x; save one volume of at most 3 axes",
+                "shape is ({}): {axes} axes longer than 1, and the file does not say which of them are z, y and x; \
+                 save one volume of at most 3 axes",
                 text()
             ))),
         }
