@@ -63,7 +63,7 @@ fn flags_that_mean_nothing_are_refused() {
     folder.refused(2, &["info", "glass.toml", "--tolerance", "nan"], &["--tolerance nan", "from 0.001 to 100"]);
     folder.refused(2, &["info", "glass.toml", "--model", "knots"], &["knots", "sharpened-semigroup"]);
     folder.refused(2, &["info", "glass.toml", "-D", "accuracy.k=few"], &["-D accuracy.k=few", "\"auto\""]);
-    folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not exact"]);
+    folder.refused(1, &["info", "glass.toml", "--accumulate", "weights"], &["green, red", "not possible"]);
     folder.refused(2, &["info", "v.mhd", "--k", "3"], &["--k has no effect", "is a volume"]);
     folder.refused(2, &["bench", "load", "--k", "3"], &["--k has no effect"]);
     folder.refused(2, &["bench", "load", "-D", "accuracy.k=3"], &["-D has no effect"]);
@@ -125,7 +125,7 @@ fn a_light_that_was_not_planned_for_is_reported_and_planned_for_on_request() {
     let outcome = folder.done(&[&render[..], &["-o", "p.exr", "--accumulators", "acc.exr"]].concat());
     let light = new(&outcome.json()["plan"]);
     assert!(light["planned"] == false && number(&light["max"]) > 1.0, "{light}");
-    for word in ["the light line.csv", "tolerance is 1;", "--replan"] {
+    for word in ["the light line.csv", "tolerance of 1;", "--replan"] {
         assert!(outcome.err.contains(word), "no {word:?} in {}", outcome.err);
     }
     let rendered = light;
@@ -176,7 +176,7 @@ fn what_states_an_accuracy_without_use_is_told_so() {
             said.contains("has no effect: pixels keep material weights") && said.contains("--accumulate spectral"),
             "{said}"
         );
-        assert!(!folder.done(&render("glass.toml", &["--k", "8"])).err.contains("not used"));
+        assert!(!folder.done(&render("glass.toml", &["--k", "8"])).err.contains("has no effect"));
     }
     for flags in [&["--k", "8"][..], &["--model", "rgb"], &["--accumulate", "spectral"], &["--replan"]] {
         let reference = render("glass.toml", &[&["--reference"], flags].concat());
@@ -192,7 +192,7 @@ fn what_states_an_accuracy_without_use_is_told_so() {
     assert!(said.out.contains("k = 4 (nodes)") && said.out.contains("k = 8 (nodes)"), "{}", said.out);
     let said = folder.done(&["bench", "peer", "--size", "8x8", "--frames", "1", "--shading", "none", "--model", "rgb"]);
     assert!(
-        said.err.contains("the model rgb is not used") && said.out.contains("4 weights"),
+        said.err.contains("the model rgb has no effect") && said.out.contains("4 weights"),
         "{}{}",
         said.err,
         said.out

@@ -131,7 +131,7 @@ fn names_that_nothing_has_are_refused_with_those_there_are() {
     definition_refused("shadin=1", &["unknown field `shadin`", "`shading`"]);
     definition_refused("lights.new.kind=ambient", &["missing field `spectrum`"]);
     definition_refused("transfer.intervals.2.opacity=1", &["\"2\"", "0 to 1"]);
-    definition_refused("volume.phantom.x=1", &["\"x\"", "plain value"]);
+    definition_refused("volume.phantom.x=1", &["\"x\"", "there is no key"]);
     definition_refused("nothing", &["write key=value"]);
     definition_refused("=1", &["key is empty"]);
 }
@@ -391,7 +391,7 @@ fn a_scene_without_a_version_is_still_a_scene() {
 fn a_step_that_no_ray_can_take_is_refused_in_few_digits() {
     let step = ["-D", "accuracy.step=1e-300"];
     let folder = Folder::new();
-    folder.refused(1, &render(&step), &["length 1e-300"]);
+    folder.refused(1, &render(&step), &["a step of 1e-300"]);
     folder.refused(1, &render(&[&step[..], &["--reference"]].concat()), &["length 1e-300"]);
 }
 
@@ -525,7 +525,7 @@ fn outputs_that_cannot_be_are_refused_before_the_work() {
     refused(2, &["--accumulators", "a.png"], &["--accumulators a.png", ".exr"]);
     refused(2, &["-o", "p.png", "--reference", "--device", "auto"], &["--reference", "--device"]);
     refused(2, &["--volume", "v.exr", "--accumulators", "./v.exr"], &["v.exr is an input"]);
-    refused(2, &[], &["nothing to write", "-o FILE.png"]);
+    refused(2, &[], &["no output", "-o FILE.png"]);
     refused(2, &["-o"], &["-o"]);
     folder.refused(2, &["relight", "scene.toml"], &["--output"]);
     folder.refused(2, &["paint"], &["paint"]);

@@ -104,7 +104,7 @@ fn wrong_dimensions_of_the_right_size_are_doubted_and_unknown_ones_are_guessed()
     let wrong = folder.done(&[&["info", "body.raw", "--dims", "56x40x36"][..], &layout].concat());
     assert!(wrong.err.contains("dims 40×56×36"), "{}", wrong.err);
     assert_eq!(folder.done(&[&["info", "body.raw", "--dims", "40x56x36"][..], &layout].concat()).err, "");
-    folder.refused(1, &["info", "body.raw"], &["suggest --dims 40x56x36 --type uint16 --big-endian"]);
+    folder.refused(1, &["info", "body.raw"], &["--dims 40x56x36 --type uint16 --big-endian"]);
 }
 
 /// An NRRD file of bytes.
@@ -195,7 +195,7 @@ fn a_picture_without_a_name_takes_the_volumes_and_keeps_what_is_there() {
     let outcome = folder.done(&["render", "ball.nrrd", "--size", "8x8"]);
     assert!(outcome.out.starts_with("wrote ball-2.png"), "{}", outcome.out);
     assert_eq!(std::fs::read(folder.path("ball.png")).unwrap(), b"mine");
-    folder.refused(2, &["render", "scene.toml"], &["nothing to write"]);
+    folder.refused(2, &["render", "scene.toml"], &["no output"]);
 }
 
 #[test]

@@ -104,7 +104,7 @@ fn every_mode_is_read_in_both_byte_orders_with_and_without_a_stamp() {
         let mode = |mode: u32, data: Vec<u8>| File { big, data, ..File::new().with(&[(12, mode)]) };
         let shorts: [i16; 12] = std::array::from_fn(|i| 300 * i as i16 - 1000);
         let words: [u16; 12] = std::array::from_fn(|i| 5000 * i as u16);
-        let floats: [f32; 12] = std::array::from_fn(|i| i as u8 as f32 / 8.0 - 1.0);
+        let floats: [f32; 12] = std::array::from_fn(|i| f32::from(i as u8) / 8.0 - 1.0);
         let halves = floats.map(|value| half::f16::from_f32(value).to_bits());
         let signed = TWELVE.map(|byte| byte.cast_signed());
         for (file, voxels) in [
@@ -191,7 +191,7 @@ fn a_cell_gives_the_spacing_in_angstrom() {
     assert!(!volume.anatomical && volume.notes.is_empty(), "{:?}", volume.notes);
     // Without intervals, the cell is as long as the volume.
     let volume = File::new().with(&[(28, 0), (32, 0), (36, 0)]).floats(&[(40, 4.5)]).open().unwrap();
-    assert_eq!(volume.geometry.spacing.x, 1.5);
+    assert_eq!(volume.geometry.spacing, DVec3::new(1.5, 1.0, 1.0));
     let volume = File::new().floats(&[(40, 0.0), (44, 0.0), (48, 0.0)]).open().unwrap();
     assert_eq!((volume.geometry.spacing, volume.unit), (DVec3::ONE, None));
     assert!(volume.notes[0].contains("0 0 0"), "{:?}", volume.notes);

@@ -1,4 +1,4 @@
-//! NIfTI and Analyze files: real ones from the shared folder, and generated ones of every version, type, placement and
+//! `NIfTI` and Analyze files: real ones from the shared folder, and generated ones of every version, type, placement and
 //! compression; invalid files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
@@ -295,13 +295,13 @@ fn bytes_before_the_voxels_are_skipped_whatever_they_say() {
 fn lies_at(volume: &Volume, ras: [[f64; 4]; 3]) {
     let geometry = volume.geometry;
     let turn = [-1.0, -1.0, 1.0];
-    for row in 0..3 {
-        for column in 0..3 {
+    for (row, ras) in ras.iter().enumerate() {
+        for (column, stated) in ras[..3].iter().enumerate() {
             let ours = geometry.direction.col(column)[row] * geometry.spacing[column];
-            let theirs = turn[row] * ras[row][column];
+            let theirs = turn[row] * stated;
             assert!((ours - theirs).abs() <= 1e-6, "row {row}, column {column}: {ours}, not {theirs}");
         }
-        let (ours, theirs) = (geometry.origin[row], turn[row] * ras[row][3]);
+        let (ours, theirs) = (geometry.origin[row], turn[row] * ras[3]);
         assert!((ours - theirs).abs() <= 1e-5, "origin {row}: {ours}, not {theirs}");
     }
 }

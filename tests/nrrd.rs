@@ -489,7 +489,7 @@ fn data_outside_the_headers_folder_are_not_read() {
     files.with("sub/v.raw", &TWELVE);
     let absolute = files.0.path().join("v.raw").display().to_string();
     for name in ["../v.raw", "sub/../v.raw", &absolute, "LIST\n../a\n../b", "../v%d 1 2 1", "/dev/zero"] {
-        let error = refused(&[&format!("data file: {name}")], &TWELVE, &["v.nhdr", "own folder"]);
+        let error = refused(&[&format!("data file: {name}")], &TWELVE, &["v.nhdr", "outside the folder of the header"]);
         assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
     }
     for name in ["sub/v.raw", "./v.raw"] {

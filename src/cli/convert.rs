@@ -1,4 +1,4 @@
-//! `relume convert`: a volume of any format as NRRD, `MetaImage` or NIfTI.
+//! `relume convert`: a volume of any format as NRRD, `MetaImage` or `NIfTI`.
 
 use std::path::PathBuf;
 

@@ -77,7 +77,7 @@ enum Command {
     Figures(figures::Args),
     /// Describe a volume, the plan of a scene, or (without a file) the Vulkan devices.
     Info(info::Args),
-    /// Write a volume of any format as NRRD, MetaImage or NIfTI.
+    /// Write a volume of any format as .nrrd, .mha, .nii or .nii.gz.
     Convert(convert::Args),
     /// Measure the cost and the error of each setting of a scene on this device, and the causes of the error.
     Measure(measure::Args),

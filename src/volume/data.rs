@@ -382,14 +382,6 @@ impl<'a> Next<'a> {
     }
 }
 
-/// Returns a vector of zeros; the system provides its memory at the first write.
-pub(super) fn zeroed<T: bytemuck::Zeroable>(path: &Path, length: usize) -> Result<Vec<T>, VolumeError> {
-    bytemuck::try_zeroed_vec(length).map_err(|()| VolumeError::Memory {
-        source_name: path.display().to_string(),
-        bytes: count(length).saturating_mul(count(size_of::<T>())),
-    })
-}
-
 /// Reports that `done` of `all` bytes of `path` have been read; returns an error if `progress` cancels.
 pub(super) fn report(path: &Path, done: u64, all: u64, progress: &dyn Progress) -> Result<(), VolumeError> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();

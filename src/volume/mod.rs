@@ -1,5 +1,6 @@
 //! Volumes: voxels and their geometry, file readers, statistics, resampling and phantoms.
 
+mod allocate;
 mod binary;
 mod data;
 mod error;

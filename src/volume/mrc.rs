@@ -1,4 +1,4 @@
-//! MRC and CCP4 maps of electron microscopy and crystallography, `.mrc`, `.ccp4`, `.map`; they may be compressed by gzip.
+//! MRC and CCP4 maps of electron microscopy and crystallography, `.mrc`, `.ccp4`, `.map`; also compressed by gzip.
 //!
 //! Fields and meanings follow the description of MRC2014 (<https://www.ccpem.ac.uk/mrc_format/mrc2014.php>), and IMOD's
 //! for unsigned bytes. The unit is the ångström.

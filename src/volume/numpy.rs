@@ -1,6 +1,6 @@
-//! NumPy arrays: `.npy`, and archives of them, `.npz`.
+//! `NumPy` arrays: `.npy`, and archives of them, `.npz`.
 //!
-//! The header is described in "NEP 1 — A simple file format for NumPy arrays". Nothing in it is executed: arrays of
+//! The header is described in "NEP 1 — A simple file format for `NumPy` arrays". Nothing in it is executed: arrays of
 //! objects are refused.
 
 use std::path::Path;
@@ -8,6 +8,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use zip::{CompressionMethod, ZipArchive};
 
+use super::allocate;
 use super::data::{self, Data, DataFile};
 use super::stream::{self, Encoding, Skip, Start, count};
 use super::voxels::Halves;
@@ -325,7 +326,7 @@ fn fields(text: &str) -> Option<Vec<(&str, &str)>> {
 
 /// Voxels with x fastest, from voxels with z fastest.
 fn transposed<T: Voxel>(source: &str, stored: &[T], [nx, ny, nz]: [usize; 3]) -> Result<Voxels, VolumeError> {
-    let mut voxels = data::zeroed::<T>(Path::new(source), stored.len())?;
+    let mut voxels = allocate::zeroed::<T>(Path::new(source), stored.len())?;
     voxels.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
         let (y, z) = (row % ny, row / ny);
         for (x, voxel) in out.iter_mut().enumerate() {

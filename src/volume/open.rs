@@ -25,7 +25,7 @@ impl Format {
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         let ends =
             |extension: &&str| name.strip_suffix(extension).is_some_and(|stem| stem.len() > 1 && stem.ends_with('.'));
-        self.extensions.iter().any(|extension| ends(&extension))
+        self.extensions.iter().any(ends)
     }
 }
 

@@ -174,12 +174,9 @@ impl Grid {
 fn straightened<T: Voxel>(stored: &[T], lattice: &Lattice, straight: &Geometry, nearest: bool) -> Voxels {
     let [nx, ny, nz] = lattice.dims;
     let last = DVec3::from_array(lattice.dims.map(|n| count(n - 1)));
-    let outside = stored.iter().copied().fold(None, |least: Option<T>, voxel| match least {
-        // NaN is not below anything.
-        Some(least) if !(voxel < least) => Some(least),
-        _ => Some(voxel),
-    });
-    let outside = outside.unwrap_or(T::zeroed());
+    let is_number = |voxel: &T| voxel.partial_cmp(voxel).is_some();
+    let least = |one: T, other: T| if other < one { other } else { one };
+    let outside = stored.iter().copied().filter(is_number).reduce(least).unwrap_or(T::zeroed());
     let index_from_world = lattice.steps.inverse();
     let at = |[x, y, z]: [usize; 3]| stored[x.min(nx - 1) + nx * (y.min(ny - 1) + ny * z.min(nz - 1))];
     let sample = |world: DVec3| {

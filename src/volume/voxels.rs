@@ -273,7 +273,7 @@ impl Halves {
     /// The values as floats of 32 bits, which hold all of them; `source` is the file.
     pub(super) fn to_floats(&self, source: &str) -> Result<Voxels, VolumeError> {
         let Voxels::U16(bits) = &self.0 else { return Ok(self.0.clone()) };
-        let mut values = super::data::zeroed::<f32>(std::path::Path::new(source), bits.len())?;
+        let mut values = super::allocate::zeroed::<f32>(std::path::Path::new(source), bits.len())?;
         for (value, &bits) in values.iter_mut().zip(bits) {
             *value = half::f16::from_bits(bits).to_f32();
         }

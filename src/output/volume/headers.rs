@@ -73,7 +73,7 @@ pub(super) fn metaimage(volume: &Volume, as_values: bool) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Bytes of a header of NIfTI, filled at offsets.
+/// Bytes of a header of `NIfTI`, filled at offsets.
 struct Bytes(Vec<u8>);
 
 impl Bytes {
@@ -87,7 +87,7 @@ impl Bytes {
     }
 }
 
-/// What both versions of NIfTI state.
+/// What both versions of `NIfTI` state.
 struct Nifti {
     datatype: i16,
     bits: i16,
@@ -100,7 +100,7 @@ struct Nifti {
     window: [f64; 2],
 }
 
-/// Header of NIfTI, with the four bytes behind it that announce no extensions.
+/// Header of `NIfTI`, with the four bytes behind it that announce no extensions.
 pub(super) fn nifti(volume: &Volume) -> Vec<u8> {
     let Geometry { dims, spacing, origin, direction } = volume.geometry;
     let (datatype, bits) = match volume.voxels.voxel_type() {

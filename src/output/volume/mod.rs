@@ -1,4 +1,4 @@
-//! Volume files: NRRD, `MetaImage` and NIfTI, by the extension.
+//! Volume files: NRRD, `MetaImage` and `NIfTI`, by the extension.
 
 mod headers;
 
@@ -22,9 +22,9 @@ pub enum VolumeKind {
     Nrrd,
     /// `MetaImage` with local voxels.
     MetaImage,
-    /// NIfTI in one file.
+    /// `NIfTI` in one file.
     Nifti,
-    /// NIfTI in one file, compressed by gzip.
+    /// `NIfTI` in one file, compressed by gzip.
     NiftiGzip,
 }
 
@@ -46,10 +46,10 @@ impl VolumeKind {
 /// Writes the voxels, the geometry and the scaling of `volume`; the extension of `path` determines the format.
 ///
 /// The stored numbers and their type are kept. NRRD has no slope and intercept, and most readers ignore those of
-/// `MetaImage`: with others than 1 and 0, the numbers of both are the values as 64-bit floats. NIfTI is right-anterior-
+/// `MetaImage`: with others than 1 and 0, the numbers of both are the values as 64-bit floats. `NIfTI` is right-anterior-
 /// superior, in millimetres or micrometres, and its version 1 has floats of 32 bits for the geometry; version 2 is
 /// written where an axis is longer than 32767 voxels, or where 32 bits do not hold slope and intercept. The first
-/// window of the presets and the mark of labels go into NIfTI only.
+/// window of the presets and the mark of labels go into `NIfTI` only.
 ///
 /// # Errors
 ///

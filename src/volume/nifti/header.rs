@@ -1,9 +1,9 @@
-//! The fixed header of NIfTI-1, NIfTI-2 and Analyze 7.5: numbers as stored.
+//! The fixed header of `NIfTI`-1, `NIfTI`-2 and Analyze 7.5: numbers as stored.
 
 use crate::volume::ByteOrder;
 use crate::volume::binary::Numbers;
 
-/// Bytes of the header of NIfTI-1 and Analyze, and of NIfTI-2.
+/// Bytes of the header of `NIfTI`-1 and Analyze, and of `NIfTI`-2.
 pub(super) const SIZES: [usize; 2] = [348, 540];
 
 /// Format of a header.
@@ -78,7 +78,7 @@ impl Header {
         })
     }
 
-    /// The image dimensions of Analyze, which NIfTI-1 keeps in place.
+    /// The image dimensions of Analyze, which `NIfTI`-1 keeps in place.
     fn analyze(kind: Kind, numbers: &Numbers<'_>) -> Self {
         Self {
             kind,

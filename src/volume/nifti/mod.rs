@@ -1,4 +1,4 @@
-//! NIfTI-1, NIfTI-2 and Analyze 7.5: `.nii`, or a pair `.hdr` and `.img`; each may be compressed by gzip.
+//! `NIfTI`-1, `NIfTI`-2 and Analyze 7.5: `.nii`, or a pair `.hdr` and `.img`; each may be compressed by gzip.
 //!
 //! Fields and meanings follow `nifti1.h` and `nifti2.h` (<https://nifti.nimh.nih.gov>), and Mayo's description of
 //! Analyze 7.5. The files are right-anterior-superior; the world here is left-posterior-superior.
@@ -19,12 +19,12 @@ use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign, open};
 use crate::progress::Progress;
 use header::{Header, Kind, SIZES, Version};
 
-/// Whether the first bytes of a file, perhaps compressed by gzip, identify a NIfTI or Analyze header.
+/// Whether the first bytes of a file, perhaps compressed by gzip, identify a `NIfTI` or Analyze header.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
     Kind::of(&binary::inside(beginning, SIZES[1])).is_some()
 }
 
-/// Reads a NIfTI or Analyze file, or the pair of which `path` is one file.
+/// Reads a `NIfTI` or Analyze file, or the pair of which `path` is one file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let mut header_path = path.to_owned();
     let (mut bytes, mut encoding) = binary::beginning(path, SIZES[1])?;
@@ -274,7 +274,7 @@ impl Reading<'_> {
             _ => SIZES[0],
         };
         // The largest offset whose neighbours f64 tells apart.
-        let whole = stated >= 0.0 && stated <= 9_007_199_254_740_992.0 && stated.fract() == 0.0;
+        let whole = (0.0..=9_007_199_254_740_992.0).contains(&stated) && stated.fract() == 0.0;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a whole number below 2⁵³")]
         let offset = if whole { Some(stated as u64) } else { None };
         let Some(offset) = offset.filter(|&offset| offset >= count(least)) else {

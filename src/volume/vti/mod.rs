@@ -15,6 +15,7 @@ pub use self::bytes::PackedBlocks;
 use self::bytes::{Base64, Blocks, Compressor, UntilTag, Words};
 use self::grid::{Block, Section};
 use self::header::{Array, Header, Place};
+use super::allocate;
 use super::data::{self, Next, SLAB_BYTES};
 use super::layout::ByteOrder;
 use super::stream::{self, count};
@@ -216,7 +217,7 @@ fn check_gaps(header: &Header, parts: &[Part<'_>], whole: &Block) -> Result<(), 
     let sum: usize = parts.iter().filter_map(|part| part.block.voxels()).sum();
     let mut left_out = all.saturating_sub(sum);
     if parts.len() > 1 && left_out == 0 {
-        let mut covered = data::zeroed::<u64>(&header.path, all.div_ceil(64))?;
+        let mut covered = allocate::zeroed::<u64>(&header.path, all.div_ceil(64))?;
         for (start, length) in parts.iter().filter_map(|part| part.block.runs(whole)).flatten() {
             for voxel in start..start + length {
                 covered[voxel / 64] |= 1 << (voxel % 64);
@@ -242,7 +243,7 @@ fn read_parts<T: Voxel>(
     // All parts are checked before memory is allocated.
     check_parts::<T>(header, parts, whole)?;
     check_gaps(header, parts, whole)?;
-    let mut voxels = data::zeroed::<T>(&header.path, whole.voxels().unwrap_or(usize::MAX))?;
+    let mut voxels = allocate::zeroed::<T>(&header.path, whole.voxels().unwrap_or(usize::MAX))?;
     let all = parts.iter().map(|part| count(part.block.voxels().unwrap_or(0))).sum::<u64>() * count(size_of::<T>());
     let (mut done, mut reported) = (0, 0);
     let mut tuples = Vec::new();

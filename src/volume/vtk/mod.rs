@@ -9,7 +9,7 @@ use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
-use super::data::{Data, DataFile};
+use super::data::{self, Data, DataFile};
 use super::select::Pick;
 use super::stream::{Encoding, Start};
 use super::voxels::Voxels;
@@ -42,10 +42,11 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
         return Err(parsed.wrong(array.line, problem));
     }
     let mut notes = Vec::new();
-    let numbers = array.tuples.saturating_mul(array.components);
+    data::check_size(&source, &[array.tuples, array.components])?;
+    let numbers = array.tuples * array.components;
     let files = |numbers| vec![DataFile { path: path.to_owned(), numbers }];
     let picks = vec![Pick { stride: 1, length: array.components, index: component }];
-    let data = |voxel_type, numbers, picks| Data {
+    let stored_as = |voxel_type, numbers, picks| Data {
         files: files(numbers),
         start: Start::at(array.at),
         encoding: if parsed.is_binary { Encoding::Raw } else { Encoding::Text },
@@ -56,13 +57,13 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     };
     let voxels = match stored {
         Stored::Bits if parsed.is_binary => {
-            let packed = data(VoxelType::U8, numbers.div_ceil(8), Vec::new()).read(progress, &mut notes)?;
+            let packed = stored_as(VoxelType::U8, numbers.div_ceil(8), Vec::new()).read(progress, &mut notes)?;
             bits(packed, component, array.components, array.tuples)
         }
-        Stored::Bits => data(VoxelType::U8, numbers, picks).read(progress, &mut notes)?,
-        Stored::Colours if !parsed.is_binary => data(VoxelType::F32, numbers, picks).read(progress, &mut notes)?,
-        Stored::Colours => data(VoxelType::U8, numbers, picks).read(progress, &mut notes)?,
-        Stored::Numbers(voxel_type) => data(voxel_type, numbers, picks).read(progress, &mut notes)?,
+        Stored::Bits => stored_as(VoxelType::U8, numbers, picks).read(progress, &mut notes)?,
+        Stored::Colours if !parsed.is_binary => stored_as(VoxelType::F32, numbers, picks).read(progress, &mut notes)?,
+        Stored::Colours => stored_as(VoxelType::U8, numbers, picks).read(progress, &mut notes)?,
+        Stored::Numbers(voxel_type) => stored_as(voxel_type, numbers, picks).read(progress, &mut notes)?,
     };
     let mut volume = Volume::new(&source, voxels, geometry)?;
     volume.has_labels = matches!(stored, Stored::Bits);
@@ -74,7 +75,8 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     }
     if array.section == Section::Cells {
         notes.push(format!(
-            "{source}: {} is CELL_DATA; each value becomes a voxel at the centre of its VTK cell, half a spacing from the corners",
+            "{source}: {} is CELL_DATA; each value becomes a voxel at the centre of its VTK cell, half a spacing from \
+             the corners",
             array.name
         ));
     }

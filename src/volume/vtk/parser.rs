@@ -200,6 +200,7 @@ impl<'a> Parser<'a> {
     /// Coordinates of the points along one axis, which must be even.
     fn coordinates(&mut self, keyword: &str) -> Result<Axis, VolumeError> {
         let points: usize = self.number(&format!("{keyword} needs the number of points"))?;
+        data::check_size(&self.path.display().to_string(), &[points])?;
         let type_name = self.word()?.unwrap_or_default();
         let Some(Stored::Numbers(voxel_type)) = stored(&type_name) else {
             return Err(self.wrong(format!("{keyword} have the type {type_name:?}, which is not a number type")));
@@ -222,8 +223,8 @@ impl<'a> Parser<'a> {
         let step = if last == 0 { 1.0 } else { length / crate::number::count(last) };
         for index in 0..points {
             let even = crate::number::count(index).mul_add(step, value(0));
-            // NaN is not even.
-            if !((value(index) - even).abs() <= EVEN * length.abs()) {
+            let far = (value(index) - even).abs();
+            if far.is_nan() || far > EVEN * length.abs() {
                 return Err(self.wrong(format!(
                     "{keyword} are not evenly spaced: point {index} is at {}, but even spacing puts it at {even}",
                     value(index)
