@@ -280,7 +280,7 @@ fn tags_that_make_no_image_are_refused() {
         ("WholeExtent=\"0 4", "WholeExtent=\"5 4", &["0×4×3"]),
         ("Piece Extent", "Piece Xtent", &["no Extent"]),
         ("Spacing=\"1 2 3", "Spacing=\"1 2", &["Spacing", "3 numbers"]),
-        ("Spacing=\"1 2 3", "Spacing=\"1 -2 3", &["spacing 1 -2 3"]),
+        ("Spacing=\"1 2 3", "Spacing=\"1 -2 3", &["spacing is 1 -2 3"]),
         ("Origin=\"10 20", "Origin=\"10 NaN", &["origin"]),
         ("Direction=\"1 0 0", "Direction=\"1 1 0", &["orthonormal"]),
         ("<DataArray type=\"Int16\"", "<DataArray type=\"String\"", &["numeric array"]),

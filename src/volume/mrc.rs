@@ -14,7 +14,7 @@ use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start};
 use super::voxels::Halves;
-use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType, foreign, open};
+use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType, foreign};
 use crate::progress::Progress;
 
 /// Bytes of the header.
@@ -38,14 +38,17 @@ fn is_map(bytes: &[u8]) -> bool {
     bytes.get(208..211) == Some(b"MAP") && byte_order(bytes).is_some()
 }
 
+/// Whether `path` has an extension of this format and holds another one.
+pub(super) fn is_another(path: &Path) -> Result<bool, VolumeError> {
+    let (bytes, _) = binary::beginning(path, LENGTH)?;
+    Ok(!is_map(&bytes) && foreign::is_known(&bytes))
+}
+
 /// Reads an MRC file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let (bytes, encoding) = binary::beginning(path, LENGTH)?;
     let wrong =
         |place: &str, problem: String| VolumeError::Field { path: path.to_owned(), place: place.to_owned(), problem };
-    if !is_map(&bytes) && foreign::is_known(&bytes) {
-        return open::by_content(path, selection, progress);
-    }
     if bytes.len() < LENGTH {
         return Err(wrong("header", format!("the file has {} bytes, but an MRC header has {LENGTH}", bytes.len())));
     }

@@ -16,8 +16,13 @@ struct Format {
     extensions: &'static [&'static str],
     /// Whether the first bytes of a file identify the format; used if the extension does not.
     recognises: fn(&[u8]) -> bool,
+    /// Whether a file with an extension of the format holds another one: some extensions are shared.
+    is_another: fn(&Path) -> Result<bool, VolumeError>,
     read: fn(&Path, &Selection, &dyn Progress) -> Result<Volume, VolumeError>,
 }
+
+/// For a format whose extensions no other has.
+const ALONE: fn(&Path) -> Result<bool, VolumeError> = |_| Ok(false);
 
 impl Format {
     /// Whether `path` has an extension of the format.
@@ -31,36 +36,76 @@ impl Format {
 
 /// All formats; a new reader is a new line.
 const FORMATS: [Format; 10] = [
-    Format { name: "MetaImage", extensions: &["mhd", "mha"], recognises: metaimage::recognises, read: metaimage::read },
+    Format {
+        name: "MetaImage",
+        extensions: &["mhd", "mha"],
+        recognises: metaimage::recognises,
+        is_another: ALONE,
+        read: metaimage::read,
+    },
     Format {
         name: "NIfTI and Analyze",
         extensions: &["nii", "nii.gz", "hdr", "hdr.gz", "img", "img.gz"],
         recognises: nifti::recognises,
+        is_another: nifti::is_another,
         read: nifti::read,
     },
-    Format { name: "NRRD", extensions: &["nrrd", "nhdr"], recognises: nrrd::recognises, read: nrrd::read },
+    Format {
+        name: "NRRD",
+        extensions: &["nrrd", "nhdr"],
+        recognises: nrrd::recognises,
+        is_another: ALONE,
+        read: nrrd::read,
+    },
     Format {
         name: "MRC and CCP4",
         extensions: &["mrc", "mrc.gz", "ccp4", "ccp4.gz", "map", "map.gz", "rec"],
         recognises: mrc::recognises,
+        is_another: mrc::is_another,
         read: mrc::read,
     },
-    Format { name: "NumPy array", extensions: &["npy"], recognises: numpy::recognises, read: numpy::read },
+    Format {
+        name: "NumPy array",
+        extensions: &["npy"],
+        recognises: numpy::recognises,
+        is_another: ALONE,
+        read: numpy::read,
+    },
     Format {
         name: "NumPy archive",
         extensions: &["npz"],
         recognises: numpy::recognises_archive,
+        is_another: ALONE,
         read: numpy::read_archive,
     },
-    Format { name: "VTK legacy", extensions: &["vtk"], recognises: vtk::recognises, read: vtk::read },
-    Format { name: "VTK XML image data", extensions: &["vti"], recognises: vti::recognises, read: vti::read },
+    Format {
+        name: "VTK legacy",
+        extensions: &["vtk"],
+        recognises: vtk::recognises,
+        is_another: ALONE,
+        read: vtk::read,
+    },
+    Format {
+        name: "VTK XML image data",
+        extensions: &["vti"],
+        recognises: vti::recognises,
+        is_another: ALONE,
+        read: vti::read,
+    },
     Format {
         name: "raw with a sidecar",
         extensions: &["raw", "dat", "bin"],
         recognises: |_| false,
+        is_another: ALONE,
         read: raw::read_beside_sidecar,
     },
-    Format { name: "sidecar of raw voxels", extensions: &["toml"], recognises: |_| false, read: raw::read_sidecar },
+    Format {
+        name: "sidecar of raw voxels",
+        extensions: &["toml"],
+        recognises: |_| false,
+        is_another: ALONE,
+        read: raw::read_sidecar,
+    },
 ];
 
 /// Extensions of the files that [`open`] may read, in lower case; a `.toml` may also be a scene.
@@ -92,14 +137,11 @@ pub fn open(path: &Path, selection: &Selection, progress: &dyn Progress) -> Resu
     if let Some(what) = foreign::describe_folder(path) {
         return Err(unknown(path, what.to_owned(), true));
     }
-    if let Some(format) = FORMATS.iter().find(|format| format.names(path)) {
+    if let Some(format) = FORMATS.iter().find(|format| format.names(path))
+        && !(format.is_another)(path)?
+    {
         return (format.read)(path, selection, progress);
     }
-    by_content(path, selection, progress)
-}
-
-/// Reads the volume in a file by the format that its first bytes identify; its name is ignored.
-pub(super) fn by_content(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
     let beginning = beginning(path)?;
     match FORMATS.iter().find(|format| (format.recognises)(&beginning)) {
         Some(format) => (format.read)(path, selection, progress),

@@ -15,7 +15,7 @@ use super::geometry::{Lattice, Unit};
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start, count};
-use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign, open};
+use super::{Selection, Volume, VolumeError, VoxelType, Window, foreign};
 use crate::progress::Progress;
 use header::{Header, Kind, SIZES, Version};
 
@@ -24,22 +24,29 @@ pub(super) fn recognises(beginning: &[u8]) -> bool {
     Kind::of(&binary::inside(beginning, SIZES[1])).is_some()
 }
 
-/// Reads a `NIfTI` or Analyze file, or the pair of which `path` is one file.
-pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    let mut header_path = path.to_owned();
-    let (mut bytes, mut encoding) = binary::beginning(path, SIZES[1])?;
+/// Whether `path` has an extension of this format and holds another one, which this one does not recognise.
+pub(super) fn is_another(path: &Path) -> Result<bool, VolumeError> {
+    let (bytes, ..) = beginning(path)?;
+    Ok(Header::of(&bytes).is_none() && (ending(path) != "nii" || foreign::is_known(&bytes)))
+}
+
+/// First bytes of the header, their encoding and the header's file, for `path` or the pair of which it is one file.
+fn beginning(path: &Path) -> Result<(Vec<u8>, Encoding, PathBuf), VolumeError> {
+    let (bytes, encoding) = binary::beginning(path, SIZES[1])?;
     if ending(path) == "img"
         && Kind::of(&bytes).is_none()
         && let Some(header) = partner(path)
     {
-        (bytes, encoding) = binary::beginning(&header, SIZES[1])?;
-        header_path = header;
+        let (bytes, encoding) = binary::beginning(&header, SIZES[1])?;
+        return Ok((bytes, encoding, header));
     }
+    Ok((bytes, encoding, path.to_owned()))
+}
+
+/// Reads a `NIfTI` or Analyze file, or the pair of which `path` is one file.
+pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
+    let (bytes, encoding, header_path) = beginning(path)?;
     let Some(header) = Header::of(&bytes) else {
-        // Other formats have such names too; this one does not recognise the content, so that it is not asked again.
-        if ending(path) != "nii" || foreign::is_known(&bytes) {
-            return open::by_content(path, selection, progress);
-        }
         return Err(no_header(path, &bytes));
     };
     let image = if header.kind.is_pair { partner(&header_path) } else { Some(header_path.clone()) };
