@@ -6,7 +6,7 @@ mod support;
 use glam::{DMat3, DQuat, DVec3};
 use relume::output::{OutputError, VolumeKind, write_volume};
 use relume::progress::{Progress, Quiet};
-use relume::volume::{self, Geometry, Selection, Unit, Volume, Voxels, Window};
+use relume::volume::{self, Geometry, LabelPreset, Selection, Unit, Volume, VoxelType, Voxels, Window};
 use support::program::Folder;
 
 const FORMATS: [&str; 4] = ["v.nrrd", "v.mha", "v.nii", "v.nii.gz"];
@@ -24,12 +24,16 @@ fn oblique(voxels: Voxels) -> Volume {
 
 /// Writes and reads.
 fn again(name: &str, volume: &Volume) -> Volume {
+    let read = again_with_notes(name, volume);
+    assert!(read.notes.is_empty(), "{name}: {:?}", read.notes);
+    read
+}
+
+fn again_with_notes(name: &str, volume: &Volume) -> Volume {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     write_volume(&path, volume, &Quiet).unwrap();
-    let read = volume::open(&path, &Selection::default(), &Quiet).unwrap();
-    assert!(read.notes.is_empty(), "{name}: {:?}", read.notes);
-    read
+    volume::open(&path, &Selection::default(), &Quiet).unwrap()
 }
 
 /// `NIfTI`-1 has geometry of 32 bits.
@@ -81,12 +85,69 @@ fn slope_and_intercept_keep_the_values() {
 }
 
 #[test]
+fn a_slope_of_0_keeps_its_one_value() {
+    let mut volume = oblique(Voxels::I16((-6..6).collect()));
+    (volume.slope, volume.intercept) = (0.0, 7.0);
+    for name in FORMATS {
+        let read = again(name, &volume);
+        assert_eq!((read.value([0, 0, 0]), read.value([2, 1, 1])), (Some(7.0), Some(7.0)), "{name}");
+    }
+}
+
+#[test]
+fn names_and_colours_of_labels_go_into_nrrd() {
+    let mut volume = oblique(Voxels::U8((0..12).collect()));
+    let label = |value, name: &str, colour| LabelPreset { value, name: name.to_owned(), colour };
+    volume.presets.labels =
+        vec![label(1, "left kidney", Some([0.1, 1.0, 0.25])), label(3, "C:\\new\nline", None), label(-2, "", None)];
+    volume.has_labels = true;
+    let read = again("v.nrrd", &volume);
+    assert_eq!((read.presets.labels, read.has_labels), (volume.presets.labels.clone(), true));
+    let folder = tempfile::tempdir().unwrap();
+    let notes = |name: &str| write_volume(&folder.path().join(name), &volume, &Quiet).unwrap().notes.join("; ");
+    assert_eq!(notes("v.nrrd"), "");
+    assert!(notes("v.nii").contains("names and colours"), "{}", notes("v.nii"));
+    assert!(notes("v.mha").contains("does not say that its voxels are labels"), "{}", notes("v.mha"));
+}
+
+#[test]
+fn what_is_written_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut volume = oblique(Voxels::I16((-6..6).collect()));
+    volume.slope = 0.5;
+    let written = |volume: &Volume, name: &str| write_volume(&folder.path().join(name), volume, &Quiet).unwrap();
+    let nrrd = written(&volume, "v.nrrd");
+    assert_eq!(nrrd.voxel_type, VoxelType::F64);
+    assert!(nrrd.notes[0].contains("float64, 4 times as large as int16"), "{:?}", nrrd.notes);
+    assert_eq!(written(&volume, "v.nii").voxel_type, VoxelType::I16);
+    assert!(written(&volume, "v.nii").notes.is_empty());
+    (volume.anatomical, volume.unit) = (false, Some(Unit::Angstrom));
+    assert!(written(&volume, "v.nii").notes[0].contains("anatomical"));
+    assert!(written(&volume, "v.mha").notes[1].contains("unit Å"));
+}
+
+#[test]
+fn a_grid_of_spacings_alone_does_not_become_anatomical() {
+    let spacing = DVec3::new(0.5, 2.0, 3.0);
+    let geometry = Geometry::new("made", [3, 2, 2], spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let volume = Volume::new("made", Voxels::U8((0..12).collect()), geometry).unwrap();
+    for name in FORMATS {
+        let read = again_with_notes(name, &volume);
+        assert!(!read.anatomical, "{name}");
+        assert_same_place(name, &read.geometry, &volume.geometry);
+        let limit = usize::from(name.contains("nii"));
+        assert_eq!(read.notes.len(), limit, "{name}: {:?}", read.notes);
+    }
+}
+
+#[test]
 fn units_windows_and_labels_go_where_the_format_has_them() {
     let mut volume = oblique(Voxels::U8((0..12).collect()));
     (volume.has_labels, volume.anatomical) = (true, false);
     volume.presets.windows.extend(Window::new("bone", 2.0, 9.0));
     for (unit, factor) in [
         (None, 1.0),
+        (Some(Unit::Centimetre), 10.0),
         (Some(Unit::Millimetre), 1.0),
         (Some(Unit::Micrometre), 1e-3),
         (Some(Unit::Nanometre), 1e-6),
@@ -95,7 +156,9 @@ fn units_windows_and_labels_go_where_the_format_has_them() {
         volume.unit = unit;
         for name in ["v.nrrd", "v.mha"] {
             let read = again(name, &volume);
-            assert_eq!((read.unit, read.anatomical), (unit, false), "{name}");
+            // MetaIO has no names for the smallest units.
+            let has_name = name == "v.nrrd" || !matches!(unit, Some(Unit::Nanometre | Unit::Angstrom));
+            assert_eq!((read.unit, read.anatomical), (unit.filter(|_| has_name), false), "{name}");
             assert_same_place(name, &read.geometry, &volume.geometry);
         }
         let read = again("v.nii", &volume);
@@ -111,7 +174,8 @@ fn units_windows_and_labels_go_where_the_format_has_them() {
 fn an_axis_too_long_for_the_first_version_of_nifti_is_written_in_the_second() {
     let geometry = Geometry::unit("long", [40_000, 1, 1]).unwrap();
     let volume = Volume::new("long", Voxels::U8(vec![3; 40_000]), geometry).unwrap();
-    let read = again("v.nii.gz", &volume);
+    let read = again_with_notes("v.nii.gz", &volume);
+    assert!(read.notes.iter().all(|note| note.contains("no orientation")), "{:?}", read.notes);
     assert_eq!((read.geometry.dims, read.voxels), ([40_000, 1, 1], volume.voxels));
 }
 

@@ -342,6 +342,9 @@ fn spacings_and_axes_that_make_no_grid_are_refused() {
         let error = refused(&[&format!("TransformMatrix = {matrix}")], &TWELVE, &["orthonormal", "0.001"]);
         assert!(matches!(error, VolumeError::Direction { .. }), "{error}");
     }
+    let leans = "TransformMatrix = 1 0 0 0.6 0.8 0 0 0 1";
+    let error = refused(&[leans], &TWELVE, &["lean", "53.130° between x and y"]);
+    assert!(matches!(error, VolumeError::Lean { .. }), "{error}");
     assert!(open(&["TransformMatrix = 1 1e-4 0 0 1 0 0 0 -1"], &TWELVE).is_ok(), "few digits, mirrored");
 }
 

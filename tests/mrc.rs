@@ -212,6 +212,11 @@ fn a_leaning_cell_is_refused_with_its_angles_or_resampled() {
     // The columns lie at -0.5, 0.5, 1.5, 2.5: between the voxels of the first row, on those of the second.
     assert_eq!(voxels[..8], [10, 15, 25, 10, 40, 50, 60, 10]);
     File::new().floats(&[(60, 3.0)]).refused(&["3.000°"]);
+    for angles in [[90.0, 90.0, 180.0], [60.0, 60.0, 150.0]] {
+        let [a, b, c] = angles;
+        let words = format!("{a}, {b} and {c}");
+        File::new().floats(&[(52, a), (56, b), (60, c)]).refused(&["cellb", "no cell", &words]);
+    }
 }
 
 #[test]
@@ -222,6 +227,12 @@ fn a_stack_of_volumes_is_a_choice_of_times() {
     let second = Selection { time: Some(1), ..Selection::default() };
     let volume = open("v.mrc", &stack.bytes(), &second).unwrap();
     assert_eq!((volume.geometry.dims, volume.voxels.bytes()), ([3, 2, 1], &TWELVE[6..]));
+    // 400 and the space group.
+    for (group, dims) in [(400, [3, 2, 2]), (419, [3, 2, 1]), (630, [3, 2, 1]), (631, [3, 2, 2])] {
+        let chosen = Selection { time: Some(0), ..Selection::default() };
+        let volume = open("v.mrc", &File::new().with(&[(88, group), (36, 1)]).bytes(), &chosen).unwrap();
+        assert_eq!(volume.geometry.dims, dims, "{group}");
+    }
     File::new().with(&[(88, 401), (36, 3)]).refused(&["mz", "3 sections each", "2 sections"]);
     let images = File::new().with(&[(88, 0)]).open().unwrap();
     assert!(images.notes[0].contains("stack of images"), "{:?}", images.notes);

@@ -258,6 +258,10 @@ fn files_are_found_by_either_name_with_and_without_gzip() {
             assert_eq!(volume.voxels.bytes(), TWELVE, "{name}");
             assert_eq!(volume.files.len(), 2, "{name}");
         }
+        // Of two images, the one that was asked for is read.
+        files.with("a.img.gz", &gzip(&TWELVE.map(|byte| byte + 50)));
+        let first = |name| files.open(name, &Selection::default()).unwrap().voxels.bytes()[0];
+        assert_eq!(["a.hdr", "a.img", "a.img.gz"].map(first), [1, 1, 51]);
         let alone = Files::new();
         let error = alone.with("v.hdr", &bytes).open("v.hdr", &Selection::default()).map(drop).unwrap_err();
         assert!(error.to_string().contains("v.img is missing"), "{error}");
@@ -496,6 +500,15 @@ fn a_leaning_grid_is_refused_with_its_angles_or_resampled_to_a_straight_one() {
     let Voxels::F32(voxels) = &volume.voxels else { panic!("{:?}", volume.voxels) };
     assert!(voxels.iter().all(|voxel| (voxel / 5.0).fract() == 0.0), "{voxels:?}");
     assert!(volume.has_labels);
+    // Outside lies the smallest value, not the smallest number, whether the first voxel is NaN or not.
+    let mut stored = slanted();
+    stored[..4].copy_from_slice(&f32::NAN.to_le_bytes());
+    for (slope, outside) in [(1.0, 0.0), (-1.0, -40.0)] {
+        let mut header = leaning(false);
+        header.slope = [slope, 0.0];
+        let volume = select(&header, &stored, &resample).unwrap();
+        assert_eq!(volume.value([3, 4, 0]), Some(outside), "slope {slope}");
+    }
     // A straight grid is not resampled.
     let straight = select(&Header::new(One), &TWELVE, &resample).unwrap();
     assert_eq!(straight.voxels.bytes(), TWELVE);

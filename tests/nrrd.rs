@@ -289,6 +289,7 @@ fn anatomical_spaces_are_turned_to_left_posterior_superior_and_others_kept() {
     refused(&["space directions: (1,0,0) (0,1,0) (0,0,1"], &TWELVE, &["vectors"]);
     refused(&["space directions: (1,0,0) (1,0,0) (0,0,1)"], &TWELVE, &["orthonormal"]);
     refused(&["space directions: (1,0,0) (0,0,0) (0,0,1)"], &TWELVE, &["spacing is 1 0 1"]);
+    refused(&["space directions: (1,0,0) (0.6,0.8,0) (0,0,1)"], &TWELVE, &["lean", "53.130° between x and y"]);
 }
 
 #[test]

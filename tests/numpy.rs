@@ -273,4 +273,10 @@ fn archives_that_lie_are_refused() {
     }
     let message = open(&damaged);
     assert!(message.contains("damaged deflate") && message.contains("checksum"), "{message}");
+    // A wrong voxel of an array that is only stored.
+    let mut damaged = zip(&[("a.npy", npy(1, &text, &TWELVE), false)]);
+    let voxels = damaged.windows(12).position(|twelve| twelve == TWELVE).unwrap();
+    damaged[voxels] ^= 1;
+    let message = open(&damaged);
+    assert!(message.contains("v.npz: a: the array is damaged") && message.contains("checksum"), "{message}");
 }

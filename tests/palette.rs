@@ -762,7 +762,7 @@ fn a_palette_stands_in_a_scene_too() {
     let seen = |scene: &Scene| xyz(&scene.lights[0].spectrum, &scene.materials[1].reflectance).0[1];
     assert!(seen(&dark) < 0.5 * seen(&used));
     let error = define("palette.cells.flesh.day=gray").unwrap_err().to_string();
-    assert!(error.contains("-D palette.cells.flesh.day=gray"), "{error}");
+    assert!(error.contains("palette.cells.flesh.day=gray"), "{error}");
 }
 
 #[test]

@@ -197,6 +197,32 @@ fn a_rectilinear_grid_is_read_if_it_is_even() {
     refused(huge.as_bytes(), &["9223372036854775807 voxels"]);
     let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap().replace("DIMENSIONS 3", "DIMENSIONS 4");
     refused(text.as_bytes(), &["3 X_COORDINATES", "4"]);
+    let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap();
+    let absurd = text.replace("X_COORDINATES 3", "X_COORDINATES 9223372036854775807");
+    refused(absurd.as_bytes(), &["9223372036854775807 X_COORDINATES", "DIMENSIONS states 3"]);
+}
+
+#[test]
+fn a_long_axis_is_uneven_if_a_point_is_off_by_part_of_a_step() {
+    let line = |points: &[f64]| {
+        let x: String = points.iter().map(|point| format!("{point} ")).collect();
+        let head = "# vtk DataFile Version 3.0\n\nASCII\nDATASET RECTILINEAR_GRID\nDIMENSIONS 4096 1 1\n";
+        let axes = format!("X_COORDINATES 4096 float\n{x}\nY_COORDINATES 1 float\n0\nZ_COORDINATES 1 float\n0\n");
+        let values = "1 ".repeat(4096);
+        format!("{head}{axes}POINT_DATA 4096\nSCALARS v unsigned_char\nLOOKUP_TABLE d\n{values}").into_bytes()
+    };
+    let mut points: Vec<f64> = (0..4096).map(|i| 0.1 * f64::from(i) + 500.0).collect();
+    assert_eq!(open(&line(&points)).unwrap().geometry.dims, [4096, 1, 1], "rounded to 32 bits");
+    points[2000] += 0.03;
+    refused(&line(&points), &["X_COORDINATES are not even", "point 2000", "limit: 0.00"]);
+}
+
+#[test]
+fn an_array_without_components_is_refused() {
+    for components in ["0", "65537"] {
+        let text = format!("POINT_DATA 12\nFIELD more 1\nempty {components} 12 unsigned_char\n");
+        refused(&ascii(&text), &["\"empty\"", &format!("{components} components")]);
+    }
 }
 
 #[test]

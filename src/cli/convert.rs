@@ -48,12 +48,15 @@ pub(crate) fn run(args: &Args, progress: &dyn Progress) -> Result<Report, CliErr
     for note in &volume.notes {
         tracing::warn!("{note}");
     }
-    write_volume(&args.output, &volume, progress).map_err(|error| match error {
+    let written = write_volume(&args.output, &volume, progress).map_err(|error| match error {
         OutputError::Cancelled { .. } => CliError::Cancelled,
         error => error.into(),
     })?;
+    for note in &written.notes {
+        tracing::warn!("{}: {note}", args.output.display());
+    }
     let [x, y, z] = volume.geometry.dims;
-    let (path, type_name) = (args.output.display().to_string(), volume.voxels.type_name());
+    let (path, type_name) = (args.output.display().to_string(), written.voxel_type.name());
     let json = json!({"source": volume.source, "output": path, "dims": [x, y, z], "type": type_name});
     Ok(Report { text: format!("{path}: {x}×{y}×{z} voxels of {type_name}\n"), json })
 }

@@ -17,7 +17,7 @@ pub use drawing::write_drawing;
 pub use film::FilmFile;
 pub use picture::Picture;
 pub use spectral::{SpectralRow, write_spectral};
-pub use volume::{VolumeKind, write_volume};
+pub use volume::{VolumeKind, Written, write_volume};
 
 use std::path::{Path, PathBuf};
 

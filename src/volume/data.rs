@@ -115,7 +115,7 @@ impl Data {
         notes: &mut Vec<String>,
     ) -> Result<(), VolumeError> {
         let path = &file.path;
-        let expected = count(file.numbers) * count(size_of::<T>());
+        let expected = count(file.numbers).saturating_mul(count(size_of::<T>()));
         if self.encoding == Encoding::Text {
             let mut stream = stream::at(path, start)?;
             let whole = slabs.parse(file, &mut stream)?;
@@ -180,7 +180,7 @@ impl Data {
     fn start_of(&self, file: &DataFile, notes: &mut Vec<String>) -> Result<u64, VolumeError> {
         let path = &file.path;
         let (begin, length) = stream::after_lines(path, self.start)?;
-        let expected = count(file.numbers) * count(self.voxel_type.bytes());
+        let expected = count(file.numbers).saturating_mul(count(self.voxel_type.bytes()));
         let (skipped, start) = match (self.start.skip, self.encoding.packing()) {
             (Skip::Bytes(bytes), None) => (0, begin.saturating_add(bytes).min(length)),
             (Skip::Tail, None) => (0, length.saturating_sub(expected)),

@@ -13,6 +13,8 @@ const ORTHONORMALITY: f64 = 1e-3;
 /// Unit of length of the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
+    /// 1e-2 m
+    Centimetre,
     /// 1e-3 m
     Millimetre,
     /// 1e-6 m
@@ -28,6 +30,7 @@ impl Unit {
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Some(match name.trim().to_lowercase().as_str() {
+            "cm" | "centimeter" | "centimetre" | "centimeters" | "centimetres" => Self::Centimetre,
             "mm" | "millimeter" | "millimetre" | "millimeters" | "millimetres" => Self::Millimetre,
             "µm" | "μm" | "um" | "micron" | "microns" | "micrometer" | "micrometre" => Self::Micrometre,
             "nm" | "nanometer" | "nanometre" => Self::Nanometre,
@@ -41,6 +44,7 @@ impl Unit {
 impl fmt::Display for Unit {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
+            Self::Centimetre => "cm",
             Self::Millimetre => "mm",
             Self::Micrometre => "µm",
             Self::Nanometre => "nm",

@@ -36,7 +36,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let data = header.data(&axes, components, selection)?;
     let (slope, intercept) = header.scale()?;
     let voxels = data.read(progress, &mut notes)?;
-    let mut volume = grid.volume(&path.display().to_string(), voxels, false)?;
+    let mut volume = grid.volume(&path.display().to_string(), voxels, false, slope)?;
     (volume.slope, volume.intercept) = (slope, intercept);
     volume.files = data.paths();
     volume.files.push(path.to_owned());

@@ -13,7 +13,7 @@ use super::geometry::Lattice;
 use super::resample::Grid;
 use super::select::Pick;
 use super::stream::{self, Encoding, Skip, Start};
-use super::voxels::Halves;
+use super::voxels::floats_of_halves;
 use super::{ByteOrder, Selection, Unit, Volume, VolumeError, VoxelType, foreign};
 use crate::progress::Progress;
 
@@ -28,6 +28,9 @@ const RIGHT: f64 = 1e-3;
 
 /// IMOD's stamp, whose files may say that their bytes are unsigned.
 const IMOD: i32 = 1_146_047_817;
+
+/// Space groups of stacks of volumes.
+const STACKS: std::ops::RangeInclusive<i32> = 401..=630;
 
 /// Whether the first bytes of a file, perhaps compressed by gzip, have the word `MAP` and a plausible header.
 pub(super) fn recognises(beginning: &[u8]) -> bool {
@@ -107,8 +110,8 @@ impl Reading<'_> {
         let data =
             Data { files, start: self.start()?, encoding: self.encoding, voxel_type, byte_order, picks, alone: true };
         let voxels = data.read(progress, &mut notes)?;
-        let voxels = if halves { Halves(voxels).to_floats(&source_name)? } else { voxels };
-        let mut volume = grid.volume(&source_name, voxels, false)?;
+        let voxels = if halves { floats_of_halves(voxels, &source_name)? } else { voxels };
+        let mut volume = grid.volume(&source_name, voxels, false, 1.0)?;
         volume.files = data.paths();
         volume.unit = unit;
         volume.metadata = self.metadata();
@@ -158,10 +161,10 @@ impl Reading<'_> {
         Ok(sides)
     }
 
-    /// Sections of one volume, and the number of volumes: a stack of them has space group 401.
+    /// Sections of one volume, and the number of volumes: a stack of them has 400 plus the space group.
     fn sections(&self, all: usize) -> Result<(usize, usize), VolumeError> {
         let (group, each) = (self.numbers.i32(88), self.numbers.i32(36));
-        if group != 401 {
+        if !STACKS.contains(&group) {
             return Ok((all, 1));
         }
         match usize::try_from(each) {
@@ -204,7 +207,11 @@ impl Reading<'_> {
                 "{source}: the space group 0 marks a stack of images; the spacing between the images may be meaningless"
             ));
         }
-        let cell_axes = directions(angles) * DMat3::from_diagonal(spacing);
+        let Some(directions) = directions(angles) else {
+            let [a, b, c] = angles.to_array();
+            return Err(self.wrong("cellb", format!("no cell has the angles {a}, {b} and {c} degrees")));
+        };
+        let cell_axes = directions * DMat3::from_diagonal(spacing);
         let steps = axes.map(|axis| cell_axes.col(axis));
         let starts = [16, 20, 24].map(|at| f64::from(numbers.i32(at)));
         let started = (0..3).map(|column| steps[column] * starts[column]).sum();
@@ -268,15 +275,17 @@ impl Reading<'_> {
 }
 
 /// Unit vectors of the axes of a cell with these angles in degrees: between y and z, x and z, x and y. The first lies
-/// on the world's x axis, the second in its plane of x and y.
-fn directions(angles: DVec3) -> DMat3 {
+/// on the world's x axis, the second in its plane of x and y. `None` if no cell has these angles.
+fn directions(angles: DVec3) -> Option<DMat3> {
     let right = |angle: f64| angle == 0.0 || (angle - 90.0).abs() < RIGHT;
     if angles.to_array().into_iter().all(right) {
-        return DMat3::IDENTITY;
+        return Some(DMat3::IDENTITY);
     }
     let [yz, xz, xy] = angles.to_array().map(|angle| if angle == 0.0 { 0.0 } else { angle.to_radians().cos() });
     let across = (1.0 - xy * xy).sqrt();
     let forward = (yz - xz * xy) / across;
-    let up = (1.0 - xz * xz - forward * forward).max(0.0).sqrt();
-    DMat3::from_cols(DVec3::X, DVec3::new(xy, across, 0.0), DVec3::new(xz, forward, up))
+    let up = (1.0 - xz * xz - forward * forward).sqrt();
+    // The root of a negative number is NaN, which is not above 0.
+    let is_cell = across > 0.0 && up > 0.0;
+    is_cell.then(|| DMat3::from_cols(DVec3::X, DVec3::new(xy, across, 0.0), DVec3::new(xz, forward, up)))
 }

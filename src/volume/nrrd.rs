@@ -55,7 +55,7 @@ pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) 
     let data = header.data(&lengths, picks)?;
     let voxels = data.read(progress, &mut notes)?;
     let labels = segments(&header.pairs);
-    let mut volume = grid.volume(&source_name, voxels, !labels.is_empty())?;
+    let mut volume = grid.volume(&source_name, voxels, !labels.is_empty(), 1.0)?;
     volume.files = data.paths();
     volume.files.push(path.to_owned());
     volume.components = length(component);
@@ -514,9 +514,27 @@ fn segments(pairs: &[(String, String)]) -> Vec<LabelPreset> {
         let colour = find("Color").map(|text| text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>());
         let colour = colour.and_then(|numbers| <[f64; 3]>::try_from(numbers.ok()?).ok());
         let colour = colour.filter(|colour| colour.iter().all(|code| (0.0..=1.0).contains(code)));
-        Some(LabelPreset { value, name: find("Name").map_or_else(String::new, ToString::to_string), colour })
+        Some(LabelPreset { value, name: find("Name").map_or_else(String::new, |name| unescaped(name)), colour })
     };
     (0..pairs.len().min(MOST_SEGMENTS)).map_while(segment).collect()
+}
+
+/// A value of a pair: the format writes a backslash as two, and the end of a line as a backslash and `n`.
+fn unescaped(value: &str) -> String {
+    let mut text = String::new();
+    let mut letters = value.chars().peekable();
+    while let Some(letter) = letters.next() {
+        let real = match (letter, letters.peek()) {
+            ('\\', Some('n')) => Some('\n'),
+            ('\\', Some('\\')) => Some('\\'),
+            _ => None,
+        };
+        if real.is_some() {
+            letters.next();
+        }
+        text.push(real.unwrap_or(letter));
+    }
+    text
 }
 
 /// The first three entries of a vector, padded with 0.

@@ -3,6 +3,7 @@
 //! The header is described in "NEP 1 — A simple file format for `NumPy` arrays". Nothing in it is executed: arrays of
 //! objects are refused.
 
+use std::io::Read as _;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -11,12 +12,15 @@ use zip::{CompressionMethod, ZipArchive};
 use super::allocate;
 use super::data::{self, Data, DataFile};
 use super::stream::{self, Encoding, Skip, Start, count};
-use super::voxels::Halves;
+use super::voxels::floats_of_halves;
 use super::{ByteOrder, Geometry, Selection, Volume, VolumeError, Voxel, VoxelType, Voxels, with_voxels};
 use crate::progress::Progress;
 
 /// Longest header in bytes.
 const LONGEST: usize = 1 << 16;
+
+/// Bytes between two progress reports of a checksum.
+const CHUNK: usize = 1 << 20;
 
 /// Bytes before the header's text: the magic word, the version, and its length in 2 or 4 bytes.
 const BEGINNING: usize = 12;
@@ -48,14 +52,16 @@ pub(super) fn read_archive(path: &Path, selection: &Selection, progress: &dyn Pr
     let broken =
         |error: zip::result::ZipError| wrong("archive", format!("not a ZIP archive that Relume can read: {error}"));
     let mut archive = ZipArchive::new(stream::at(path, 0)?).map_err(broken)?;
-    let file_names = archive.file_names().filter_map(Result::ok);
-    let names: Vec<String> = file_names.filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
+    let file_names: Vec<String> = archive.file_names().filter_map(|name| Some(name.ok()?.into())).collect();
+    let nameless = archive.len().saturating_sub(file_names.len());
+    let names: Vec<String> = file_names.iter().filter_map(|name| Some(name.strip_suffix(".npy")?.to_owned())).collect();
     if names.is_empty() {
         return Err(wrong("archive", format!("none of its {} files is an array (.npy)", archive.len())));
     }
     let index = selection.array(&source_name, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
     let name = &names[index];
-    let index = archive.index_for_name(&format!("{name}.npy")).unwrap_or(0);
+    let index = archive.index_for_name(&format!("{name}.npy"));
+    let index = index.ok_or_else(|| wrong(name, "the archive does not find its own array".to_owned()))?;
     let member = archive.by_index_raw(index).map_err(broken)?;
     if member.encrypted() {
         return Err(wrong(name, "the array is encrypted".to_owned()));
@@ -73,10 +79,37 @@ pub(super) fn read_archive(path: &Path, selection: &Selection, progress: &dyn Pr
     let Some(at) = member.data_start() else {
         return Err(wrong(name, "the archive does not say where the array begins".to_owned()));
     };
-    let place = Place { path, member: name, at, bytes: member.size(), encoding, alone: false };
+    let (bytes, stated) = (member.size(), member.crc32());
+    let place = Place { path, member: name, at, bytes, encoding, alone: false };
     let mut volume = place.volume(selection, progress)?;
+    // The decoder compares the checksum of a compressed array.
+    if encoding == Encoding::Raw {
+        let found = checksum(path, at, bytes, progress)?;
+        if found != stated {
+            let problem = format!("the array is damaged: its checksum is {found:08x}, but should be {stated:08x}");
+            return Err(wrong(name, problem));
+        }
+    }
+    if nameless > 0 {
+        volume.notes.push(format!("{source_name}: the names of {nameless} files of the archive cannot be read"));
+    }
     volume.selection.array = (names.len() > 1).then(|| name.clone());
     Ok(volume)
+}
+
+/// The CRC-32 of `bytes` bytes of a file from offset `at`.
+fn checksum(path: &Path, at: u64, bytes: u64, progress: &dyn Progress) -> Result<u32, VolumeError> {
+    let mut stream = stream::at(path, at)?.take(bytes);
+    let (mut checksum, mut done, mut buffer) = (flate2::Crc::new(), 0, vec![0; CHUNK]);
+    loop {
+        data::report(path, done, bytes, progress)?;
+        let read = stream::read_fully(&mut stream, &mut buffer).map_err(|source| stream::failed(path, source))?;
+        if read == 0 {
+            return Ok(checksum.sum());
+        }
+        checksum.update(&buffer[..read]);
+        done += count(read);
+    }
 }
 
 /// Where an array is stored.
@@ -131,7 +164,7 @@ impl Place<'_> {
             voxels = with_voxels!(&voxels, stored => transposed(&source_name, stored, dims)?);
         }
         if header.is_half {
-            voxels = Halves(voxels).to_floats(&source_name)?;
+            voxels = floats_of_halves(voxels, &source_name)?;
         }
         let mut volume = Volume::new(&source_name, voxels, geometry)?;
         volume.has_labels = header.is_boolean;

@@ -1,8 +1,11 @@
 //! Downsampling, and the resampling of leaning grids.
 
+use std::path::Path;
+
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
+use super::allocate;
 use super::geometry::Lattice;
 use super::{Geometry, Volume, VolumeError, Voxel, Voxels, with_voxels};
 use crate::number::{count, whole};
@@ -135,7 +138,8 @@ impl Grid {
     ///
     /// # Errors
     ///
-    /// As [`Geometry::new`]; [`VolumeError::Lean`] if the axes are too flat to be resampled.
+    /// As [`Geometry::new`]; [`VolumeError::Lean`] if the axes have unit length and are not orthogonal, but can be
+    /// resampled, and `resample` is false, or if `resample` is true and they are too flat.
     pub(super) fn placed(
         source: &str,
         (dims, spacing): ([usize; 3], DVec3),
@@ -143,24 +147,37 @@ impl Grid {
         resample: bool,
     ) -> Result<Self, VolumeError> {
         match Geometry::new(source, dims, spacing, origin, direction) {
-            Err(VolumeError::Direction { .. }) if resample && direction.is_finite() => {
-                let steps = direction * DMat3::from_diagonal(spacing);
-                Self::of(Lattice { dims, origin, steps }, source, resample)
+            Err(error @ VolumeError::Direction { .. }) if direction.is_finite() => {
+                let lattice = Lattice { dims, origin, steps: direction * DMat3::from_diagonal(spacing) };
+                let can_be = || are_unit(direction) && lattice.straightened(source).is_ok();
+                if resample || can_be() { Self::of(lattice, source, resample) } else { Err(error) }
             }
             made => made.map(Self::Own),
         }
     }
 
     /// The volume of `voxels` in this grid. Resampling is trilinear, rounded to the stored type; `has_labels` selects
-    /// the nearest voxel instead. A voxel outside the leaning grid is the smallest stored value.
-    pub(super) fn volume(self, source: &str, voxels: Voxels, has_labels: bool) -> Result<Volume, VolumeError> {
+    /// the nearest voxel instead. A voxel outside the leaning grid gets the smallest value, which is the largest stored
+    /// number if `slope` is negative.
+    pub(super) fn volume(
+        self,
+        source: &str,
+        voxels: Voxels,
+        has_labels: bool,
+        slope: f64,
+    ) -> Result<Volume, VolumeError> {
         let (lattice, straight) = match self {
             Self::Own(geometry) => {
                 return Ok(Volume { has_labels, ..Volume::new(source, voxels, geometry)? });
             }
             Self::Straightened(lattice, straight) => (lattice, straight),
         };
-        let voxels = with_voxels!(&voxels, stored => straightened(stored, &lattice, &straight, has_labels));
+        let voxels = with_voxels!(&voxels, stored => {
+            let outside = outermost(stored, slope < 0.0);
+            // A straight grid may have several times the voxels of the leaning one.
+            let voxels = allocate::zeroed(Path::new(source), straight.voxels())?;
+            straightened((stored, &lattice), (voxels, &straight), outside, has_labels)
+        });
         let mut volume = Volume { has_labels, ..Volume::new(source, voxels, straight)? };
         let ([x, y, z], [a, b, c]) = (lattice.dims, straight.dims);
         volume.notes.push(format!(
@@ -170,13 +187,30 @@ impl Grid {
     }
 }
 
-/// Voxels of the grid `straight`, interpolated between the voxels `stored` of `lattice`.
-fn straightened<T: Voxel>(stored: &[T], lattice: &Lattice, straight: &Geometry, nearest: bool) -> Voxels {
+/// Whether the columns have unit length, up to the digits of a header.
+fn are_unit(direction: DMat3) -> bool {
+    [0, 1, 2].iter().all(|&axis| (direction.col(axis).length_squared() - 1.0).abs() <= 1e-3)
+}
+
+/// The smallest number, or the largest one; NaN only if there is no other.
+fn outermost<T: Voxel>(stored: &[T], largest: bool) -> T {
+    let is_further = |voxel: &T, best: &T| if largest { voxel > best } else { voxel < best };
+    // NaN is not equal to itself.
+    #[expect(clippy::eq_op, reason = "asks for NaN, in any type")]
+    let numbers = stored.iter().copied().filter(|voxel| voxel == voxel);
+    let found = numbers.reduce(|best, voxel| if is_further(&voxel, &best) { voxel } else { best });
+    found.or_else(|| stored.first().copied()).unwrap_or(T::zeroed())
+}
+
+/// Fills the `voxels` of the grid `straight`, interpolated between the voxels `stored` of `lattice`.
+fn straightened<T: Voxel>(
+    (stored, lattice): (&[T], &Lattice),
+    (mut voxels, straight): (Vec<T>, &Geometry),
+    outside: T,
+    nearest: bool,
+) -> Voxels {
     let [nx, ny, nz] = lattice.dims;
     let last = DVec3::from_array(lattice.dims.map(|n| count(n - 1)));
-    let is_number = |voxel: &T| voxel.partial_cmp(voxel).is_some();
-    let least = |one: T, other: T| if other < one { other } else { one };
-    let outside = stored.iter().copied().filter(is_number).reduce(least).unwrap_or(T::zeroed());
     let index_from_world = lattice.steps.inverse();
     let at = |[x, y, z]: [usize; 3]| stored[x.min(nx - 1) + nx * (y.min(ny - 1) + ny * z.min(nz - 1))];
     let sample = |world: DVec3| {
@@ -204,7 +238,6 @@ fn straightened<T: Voxel>(stored: &[T], lattice: &Lattice, straight: &Geometry, 
         T::nearest(sum)
     };
     let [width, height, _] = straight.dims;
-    let mut voxels = vec![T::zeroed(); straight.voxels()];
     voxels.par_chunks_mut(width).enumerate().for_each(|(row, out)| {
         for (x, voxel) in out.iter_mut().enumerate() {
             let index = [x, row % height, row / height].map(count);

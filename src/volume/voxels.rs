@@ -266,19 +266,15 @@ impl Voxels {
     }
 }
 
-/// Floats of 16 bits, as whole numbers of their bits.
-pub(super) struct Halves(pub(super) Voxels);
-
-impl Halves {
-    /// The values as floats of 32 bits, which hold all of them; `source` is the file.
-    pub(super) fn to_floats(&self, source: &str) -> Result<Voxels, VolumeError> {
-        let Voxels::U16(bits) = &self.0 else { return Ok(self.0.clone()) };
-        let mut values = super::allocate::zeroed::<f32>(std::path::Path::new(source), bits.len())?;
-        for (value, &bits) in values.iter_mut().zip(bits) {
-            *value = half::f16::from_bits(bits).to_f32();
-        }
-        Ok(Voxels::F32(values))
+/// Floats of 16 bits, whose bits were read as `uint16`, as floats of 32 bits, which hold all of them; other types stay.
+/// `source` is the file.
+pub(super) fn floats_of_halves(voxels: Voxels, source: &str) -> Result<Voxels, VolumeError> {
+    let Voxels::U16(halves) = voxels else { return Ok(voxels) };
+    let mut values = super::allocate::zeroed::<f32>(std::path::Path::new(source), halves.len())?;
+    for (value, bits) in values.iter_mut().zip(halves) {
+        *value = half::f16::from_bits(bits).to_f32();
     }
+    Ok(Voxels::F32(values))
 }
 
 impl fmt::Debug for Voxels {

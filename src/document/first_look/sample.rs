@@ -6,7 +6,7 @@ use crate::number::{count, rounded, whole};
 use crate::volume::{Volume, with_voxels};
 
 /// Most voxels of a thinned copy.
-const MOST: f64 = 1.2e6;
+const MOST: usize = 1_200_000;
 
 /// Every n-th voxel of a volume along each axis.
 #[derive(Clone, Debug)]
@@ -22,9 +22,9 @@ pub(crate) struct Thinned {
 impl Thinned {
     pub(crate) fn of(volume: &Volume, smallest: f64) -> Self {
         let sides = volume.geometry.dims;
-        let stride = whole((count(volume.geometry.voxels()) / MOST).cbrt().ceil()).max(1);
+        let stride = whole((count(volume.geometry.voxels()) / count(MOST)).cbrt().ceil()).max(1);
         let stride = sides.map(|side| stride.min(side.div_ceil(32).max(1)));
-        let dims: [usize; 3] = std::array::from_fn(|axis| sides[axis].div_ceil(stride[axis]));
+        let (dims, stride) = bounded(sides, stride);
         let [nx, ny, _] = dims;
         let scale = |stored: f64| {
             let value = stored.mul_add(volume.slope, volume.intercept);
@@ -93,6 +93,37 @@ impl Thinned {
     }
 }
 
+/// The sides of the copy and the strides, of which the one along the longest side grows until the copy is small enough:
+/// short axes keep their voxels.
+fn bounded(sides: [usize; 3], mut stride: [usize; 3]) -> ([usize; 3], [usize; 3]) {
+    loop {
+        let dims: [usize; 3] = std::array::from_fn(|axis| sides[axis].div_ceil(stride[axis]));
+        if dims.iter().product::<usize>() <= MOST {
+            return (dims, stride);
+        }
+        let longest = (0..3).max_by_key(|&axis| dims[axis]).unwrap_or(0);
+        stride[longest] += 1;
+    }
+}
+
 fn to_f64<T: crate::volume::Voxel>(voxel: T) -> f64 {
     voxel.to_f64()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_copy_is_bounded_for_volumes_of_any_shape() {
+        for (sides, stride, expected) in [
+            ([512, 512, 300], [5, 5, 5], [5, 5, 5]),
+            ([20_000, 20_000, 1], [7, 7, 1], [19, 18, 1]),
+            ([1 << 20, 8, 8], [4, 1, 1], [56, 1, 1]),
+        ] {
+            let (dims, stride) = bounded(sides, stride);
+            assert!(dims.iter().product::<usize>() <= MOST, "{sides:?}: {dims:?}");
+            assert_eq!(stride, expected, "{sides:?}");
+        }
+    }
 }

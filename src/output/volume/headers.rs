@@ -12,8 +12,22 @@ fn three(vector: DVec3, sign: &str) -> String {
 }
 
 /// Type of the numbers in the file: of the values, or as stored.
-fn stored(volume: &Volume, as_values: bool) -> VoxelType {
+pub(super) fn stored(volume: &Volume, as_values: bool) -> VoxelType {
     if as_values { VoxelType::F64 } else { volume.voxels.voxel_type() }
+}
+
+/// Pairs by which 3D Slicer and Relume find the labels of a volume, with their names and colours.
+fn segments(volume: &Volume) -> String {
+    let mut text = String::new();
+    for (index, label) in volume.presets.labels.iter().enumerate() {
+        // The format writes a backslash as two, and the end of a line as a backslash and `n`.
+        let name = label.name.replace('\\', r"\\").replace('\n', r"\n").replace(char::is_control, " ");
+        let _ = writeln!(text, "Segment{index}_LabelValue:={}\nSegment{index}_Name:={name}", label.value);
+        if let Some(colour) = label.colour {
+            let _ = writeln!(text, "Segment{index}_Color:={}", three(DVec3::from_array(colour), " "));
+        }
+    }
+    text
 }
 
 /// Header of an NRRD whose voxels follow in gzip.
@@ -29,8 +43,20 @@ pub(super) fn nrrd(volume: &Volume, as_values: bool) -> Vec<u8> {
     let units = volume.unit.map_or_else(String::new, |unit| format!("space units: \"{unit}\" \"{unit}\" \"{unit}\"\n"));
     let mut text = format!("NRRD0005\ntype: {name}\ndimension: 3\n{space}\nsizes: {x} {y} {z}\n{units}");
     let _ = writeln!(text, "space directions: {steps}\nspace origin: ({})", three(origin, ","));
-    text.push_str("kinds: domain domain domain\nendian: little\nencoding: gzip\n\n");
+    text.push_str("kinds: domain domain domain\nendian: little\nencoding: gzip\n");
+    text.push_str(&segments(volume));
+    text.push('\n');
     text.into_bytes()
+}
+
+/// The name of a unit in a `MetaImage`; `None` for those that `MetaIO` does not know.
+pub(super) fn metaimage_unit(unit: Option<Unit>) -> Option<&'static str> {
+    match unit? {
+        Unit::Centimetre => Some("cm"),
+        Unit::Millimetre => Some("mm"),
+        Unit::Micrometre => Some("um"),
+        Unit::Nanometre | Unit::Angstrom => None,
+    }
 }
 
 /// Header of a `MetaImage` whose voxels follow.
@@ -62,7 +88,7 @@ pub(super) fn metaimage(volume: &Volume, as_values: bool) -> Vec<u8> {
         };
         let _ = writeln!(text, "AnatomicalOrientation = {}", [0, 1, 2].map(letter).concat());
     }
-    if let Some(unit) = volume.unit {
+    if let Some(unit) = metaimage_unit(volume.unit) {
         let _ = writeln!(text, "DistanceUnits = {unit}");
     }
     let spacing = three(spacing, " ");
@@ -100,10 +126,21 @@ struct Nifti {
     window: [f64; 2],
 }
 
+/// What the axes of `NIfTI` are said to be: 1 the scanner's, 2 aligned with something else; 0 where the spacings alone make
+/// the grid.
+pub(super) fn nifti_code(volume: &Volume) -> i16 {
+    let Geometry { origin, direction, .. } = volume.geometry;
+    match volume.anatomical {
+        true => 1,
+        false if direction == DMat3::IDENTITY && origin == DVec3::ZERO => 0,
+        false => 2,
+    }
+}
+
 /// Header of `NIfTI`, with the four bytes behind it that announce no extensions.
-pub(super) fn nifti(volume: &Volume) -> Vec<u8> {
+pub(super) fn nifti(volume: &Volume, as_values: bool) -> Vec<u8> {
     let Geometry { dims, spacing, origin, direction } = volume.geometry;
-    let (datatype, bits) = match volume.voxels.voxel_type() {
+    let (datatype, bits) = match stored(volume, as_values) {
         VoxelType::U8 => (2, 8),
         VoxelType::I16 => (4, 16),
         VoxelType::I32 => (8, 32),
@@ -118,6 +155,7 @@ pub(super) fn nifti(volume: &Volume) -> Vec<u8> {
     // Codes of the format: 0 unknown, 2 millimetres, 3 micrometres.
     let (units, factor) = match volume.unit {
         None => (0, 1.0),
+        Some(Unit::Centimetre) => (2, 10.0),
         Some(Unit::Millimetre) => (2, 1.0),
         Some(Unit::Micrometre) => (3, 1.0),
         Some(Unit::Nanometre) => (3, 1e-3),
@@ -131,13 +169,12 @@ pub(super) fn nifti(volume: &Volume) -> Vec<u8> {
         bits,
         spacing: spacing * factor,
         rows: [row(0), row(1), row(2)],
-        // The scanner's space, or one aligned with something else.
-        code: if volume.anatomical { 1 } else { 2 },
+        code: nifti_code(volume),
         units,
         intent: if volume.has_labels { 1002 } else { 0 },
         window: volume.presets.windows.first().map_or([0.0; 2], |window| [window.low, window.high]),
     };
-    let scale = [volume.slope, volume.intercept];
+    let scale = if as_values { [1.0, 0.0] } else { [volume.slope, volume.intercept] };
     #[expect(clippy::cast_possible_truncation, clippy::float_cmp, reason = "asks whether 32 bits hold the number")]
     let fits = scale.iter().all(|&number| f64::from(number as f32) == number);
     let short: Option<Vec<i16>> = dims.iter().map(|&side| i16::try_from(side).ok()).collect();

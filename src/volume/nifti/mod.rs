@@ -30,62 +30,60 @@ pub(super) fn is_another(path: &Path) -> Result<bool, VolumeError> {
     Ok(Header::of(&bytes).is_none() && (ending(path) != "nii" || foreign::is_known(&bytes)))
 }
 
-/// First bytes of the header, their encoding and the header's file, for `path` or the pair of which it is one file.
-fn beginning(path: &Path) -> Result<(Vec<u8>, Encoding, PathBuf), VolumeError> {
+/// First bytes of the header, their encoding, the header's file, and the image's if `path` is one, for `path` or the pair
+/// of which it is one file.
+fn beginning(path: &Path) -> Result<(Vec<u8>, Encoding, PathBuf, Option<PathBuf>), VolumeError> {
     let (bytes, encoding) = binary::beginning(path, SIZES[1])?;
     if ending(path) == "img"
         && Kind::of(&bytes).is_none()
         && let Some(header) = partner(path)
     {
         let (bytes, encoding) = binary::beginning(&header, SIZES[1])?;
-        return Ok((bytes, encoding, header));
+        return Ok((bytes, encoding, header, Some(path.to_owned())));
     }
-    Ok((bytes, encoding, path.to_owned()))
+    Ok((bytes, encoding, path.to_owned(), None))
 }
 
 /// Reads a `NIfTI` or Analyze file, or the pair of which `path` is one file.
 pub(super) fn read(path: &Path, selection: &Selection, progress: &dyn Progress) -> Result<Volume, VolumeError> {
-    let (bytes, encoding, header_path) = beginning(path)?;
+    let (bytes, encoding, header_path, image_path) = beginning(path)?;
     let Some(header) = Header::of(&bytes) else {
         return Err(no_header(path, &bytes));
     };
-    let image = if header.kind.is_pair { partner(&header_path) } else { Some(header_path.clone()) };
+    // The file that was asked for has priority over another with the same header.
+    let image =
+        if header.kind.is_pair { image_path.or_else(|| partner(&header_path)) } else { Some(header_path.clone()) };
     let Some(image) = image else {
         let place = "magic".to_owned();
         let problem =
             format!("the voxels are in a separate image file, but {} is missing", missing(&header_path).display());
         return Err(VolumeError::Field { path: header_path, place, problem });
     };
-    let encoding = if header.kind.is_pair { encoding_of_image(&image)? } else { encoding };
+    let encoding = if header.kind.is_pair { encoding_of_image(&image) } else { encoding };
     Reading { header, path: &header_path, image, encoding }.volume(selection, progress)
 }
 
 /// The encoding of the image of a pair. Voxels may begin with any bytes, so the name decides.
-fn encoding_of_image(image: &Path) -> Result<Encoding, VolumeError> {
-    stream::open(image)?;
-    let compressed = image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("gz"));
-    Ok(if compressed { Encoding::Gzip } else { Encoding::Raw })
+fn encoding_of_image(image: &Path) -> Encoding {
+    if without_gz(image).1 { Encoding::Gzip } else { Encoding::Raw }
 }
 
 /// The error for a file that begins with `bytes`, which are no header.
 fn no_header(path: &Path, bytes: &[u8]) -> VolumeError {
     let place = "sizeof_hdr".to_owned();
     let problem = match bytes {
-        _ if bytes.len() < SIZES[0] => {
-            format!(
-                "the file has {} bytes, but a NIfTI-1 or Analyze header has {} (NIfTI-2: {})",
-                bytes.len(),
-                SIZES[0],
-                SIZES[1]
-            )
-        }
-        &[a, b, c, d, ..] => format!(
+        &[a, b, c, d, ..] if bytes.len() >= SIZES[0] => format!(
             "the file has no NIfTI header: {} is not the length of a header, {} (NIfTI-2: {}), or the magic word n+1, ni1, n+2 or ni2 is missing",
             i32::from_le_bytes([a, b, c, d]),
             SIZES[0],
             SIZES[1]
         ),
-        _ => String::new(),
+        short => format!(
+            "the file has {} bytes, but a NIfTI-1 or Analyze header has {} (NIfTI-2: {})",
+            short.len(),
+            SIZES[0],
+            SIZES[1]
+        ),
     };
     VolumeError::Field { path: path.to_owned(), place, problem }
 }
@@ -177,7 +175,7 @@ impl Reading<'_> {
         let byte_order = header.kind.byte_order;
         let data = Data { files, start, encoding: self.encoding, voxel_type, byte_order, picks, alone: true };
         let voxels = data.read(progress, &mut notes)?;
-        let mut volume = grid.volume(&source_name, voxels, header.intent_code == LABELS)?;
+        let mut volume = grid.volume(&source_name, voxels, header.intent_code == LABELS, slope)?;
         volume.files = data.paths();
         if header.kind.is_pair {
             volume.files.push(self.path.to_owned());

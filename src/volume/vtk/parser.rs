@@ -13,8 +13,11 @@ use crate::volume::data::{self, Data, DataFile};
 use crate::volume::stream::{self, Encoding, Start, count};
 use crate::volume::{ByteOrder, VolumeError, VoxelType};
 
-/// Deviation of a coordinate from an even axis, relative to the length of the axis.
-const EVEN: f64 = 1e-4;
+/// Largest deviation of a coordinate from an even axis, in steps.
+const EVEN: f64 = 1e-2;
+
+/// Largest rounding of a coordinate, relative to the largest one: floats of 32 bits, or six digits of text.
+const ROUNDING: f64 = 1e-6;
 
 /// Largest number of arrays.
 const MOST_ARRAYS: usize = 1 << 12;
@@ -22,13 +25,8 @@ const MOST_ARRAYS: usize = 1 << 12;
 /// Longest line and longest word in bytes.
 const LONGEST: usize = 1 << 16;
 
-/// Coordinates of the points of a rectilinear grid along one axis: first, last, and count.
-#[derive(Clone, Copy)]
-struct Axis {
-    first: f64,
-    step: f64,
-    count: usize,
-}
+/// Largest number of components of an array.
+const MOST_COMPONENTS: usize = 1 << 16;
 
 /// Reader of words and lines that knows where it is.
 pub(super) struct Parser<'a> {
@@ -157,14 +155,8 @@ impl<'a> Parser<'a> {
                 "SPACING" | "ASPECT_RATIO" => parsed.spacing = self.three("SPACING needs three numbers")?,
                 "X_COORDINATES" | "Y_COORDINATES" | "Z_COORDINATES" if is_rectilinear => {
                     let index = usize::from(keyword.as_bytes()[0] - b'X');
-                    let axis = self.coordinates(&keyword)?;
-                    if axis.count != parsed.dims[index] {
-                        return Err(self.wrong(format!(
-                            "the file has {} {keyword}, but DIMENSIONS states {}",
-                            axis.count, parsed.dims[index]
-                        )));
-                    }
-                    (parsed.origin[index], parsed.spacing[index]) = (axis.first, axis.step);
+                    let axis = self.coordinates(&keyword, parsed.dims[index])?;
+                    (parsed.origin[index], parsed.spacing[index]) = axis;
                 }
                 "POINT_DATA" | "CELL_DATA" => {
                     let values = self.number(&format!("{keyword} needs the number of values of an array"))?;
@@ -197,10 +189,12 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Coordinates of the points along one axis, which must be even.
-    fn coordinates(&mut self, keyword: &str) -> Result<Axis, VolumeError> {
+    /// First coordinate and step of the points along one axis. There must be `stated` points, evenly spaced.
+    fn coordinates(&mut self, keyword: &str, stated: usize) -> Result<(f64, f64), VolumeError> {
         let points: usize = self.number(&format!("{keyword} needs the number of points"))?;
-        data::check_size(&self.path.display().to_string(), &[points])?;
+        if points != stated {
+            return Err(self.wrong(format!("the file has {points} {keyword}, but DIMENSIONS states {stated}")));
+        }
         let type_name = self.word()?.unwrap_or_default();
         let Some(Stored::Numbers(voxel_type)) = stored(&type_name) else {
             return Err(self.wrong(format!("{keyword} have the type {type_name:?}, which is not a number type")));
@@ -219,19 +213,19 @@ impl<'a> Parser<'a> {
         self.skip(keyword, Some(Stored::Numbers(voxel_type)), points)?;
         let value = |index: usize| values.value(index).unwrap_or(0.0);
         let last = points.saturating_sub(1);
-        let length = value(last) - value(0);
-        let step = if last == 0 { 1.0 } else { length / crate::number::count(last) };
+        let step = if last == 0 { 1.0 } else { (value(last) - value(0)) / crate::number::count(last) };
+        let limit = EVEN.mul_add(step.abs(), ROUNDING * value(0).abs().max(value(last).abs()));
         for index in 0..points {
             let even = crate::number::count(index).mul_add(step, value(0));
             let far = (value(index) - even).abs();
-            if far.is_nan() || far > EVEN * length.abs() {
+            if far.is_nan() || far > limit {
                 return Err(self.wrong(format!(
-                    "{keyword} are not evenly spaced: point {index} is at {}, but even spacing puts it at {even}",
+                    "{keyword} are not evenly spaced: point {index} is at {}, but even spacing puts it at {even} (limit: {limit:.3})",
                     value(index)
                 )));
             }
         }
-        Ok(Axis { first: value(0), step, count: points })
+        Ok((value(0), step))
     }
 
     /// An attribute of points or cells.
@@ -274,9 +268,7 @@ impl<'a> Parser<'a> {
                 (type_name, components)
             }
         };
-        if !(1..=1 << 16).contains(&components) {
-            return Err(self.wrong(format!("{keyword} {name} has {components} components")));
-        }
+        self.check_components(&format!("{keyword} {name}"), components)?;
         if keyword == "SCALARS" {
             self.lookup_table()?;
         }
@@ -287,6 +279,14 @@ impl<'a> Parser<'a> {
         self.skip(&name, stored, tuples.saturating_mul(components))?;
         parsed.arrays.push(Array { name, section, type_name, stored, components, tuples, at, line, is_active });
         Ok(())
+    }
+
+    /// Refuses an array `name` of no components, or of too many.
+    fn check_components(&self, name: &str, components: usize) -> Result<(), VolumeError> {
+        if (1..=MOST_COMPONENTS).contains(&components) {
+            return Ok(());
+        }
+        Err(self.wrong(format!("{name} has {components} components; Relume reads 1 to {MOST_COMPONENTS}")))
     }
 
     /// The number of components at the end of a line of `SCALARS`; 1 if there is none.
@@ -328,6 +328,7 @@ impl<'a> Parser<'a> {
             }
             let (name, line) = (decoded(&word), self.line);
             let components = self.number(&format!("the components of the array {name:?}"))?;
+            self.check_components(&format!("the array {name:?}"), components)?;
             let tuples: usize = self.number(&format!("the values of the array {name:?}"))?;
             let type_name = self.word()?.unwrap_or_default();
             let stored = stored(&type_name);
