@@ -1,4 +1,4 @@
-//! Volumes written as NRRD, `MetaImage` and `NIfTI` read back with the same voxels, geometry and values.
+//! Volumes written as NRRD, `MetaImage` and NIfTI read back with the same voxels, geometry and values.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -32,7 +32,7 @@ fn again(name: &str, volume: &Volume) -> Volume {
     read
 }
 
-/// `NIfTI`-1 has geometry of 32 bits.
+/// NIfTI-1 has geometry of 32 bits.
 fn limit(name: &str) -> f64 {
     if name.contains("nii") { 1e-6 } else { 1e-14 }
 }
@@ -49,8 +49,8 @@ fn assert_same_place(name: &str, ours: &Geometry, theirs: &Geometry) {
 fn every_type_reads_back_in_its_place() {
     macro_rules! check {
         ($($type:ident $variant:ident),*) => {$({
-            let mut values: Vec<$type> = vec![Default::default(); 12];
-            (values[1], values[2]) = ($type::MIN, $type::MAX);
+            let mut values: Vec<$type> = vec![<$type>::default(); 12];
+            (values[1], values[2], values[3]) = ($type::MIN, $type::MAX, "7".parse().unwrap());
             let volume = oblique(Voxels::$variant(values));
             for name in FORMATS {
                 let read = again(name, &volume);
