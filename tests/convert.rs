@@ -1,4 +1,4 @@
-//! Volumes written as NRRD, `MetaImage` and `NIfTI` read back with the same voxels, geometry and values.
+//! Volumes written as NRRD, `MetaImage` and NIfTI read back with the same voxels, geometry and values.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod support;
@@ -36,7 +36,7 @@ fn again_with_notes(name: &str, volume: &Volume) -> Volume {
     volume::open(&path, &Selection::default(), &Quiet).unwrap()
 }
 
-/// `NIfTI`-1 has geometry of 32 bits.
+/// NIfTI-1 has geometry of 32 bits.
 fn limit(name: &str) -> f64 {
     if name.contains("nii") { 1e-6 } else { 1e-14 }
 }

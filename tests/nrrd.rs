@@ -14,7 +14,7 @@ use flate2::write::GzEncoder;
 use glam::{DMat3, DVec3};
 use relume::document::SceneOptions;
 use relume::progress::Quiet;
-use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
+use relume::volume::{self, LabelPreset, Selection, Unit, Volume, VolumeError, Voxels};
 use tempfile::TempDir;
 
 #[test]
@@ -597,4 +597,38 @@ fn a_world_is_a_patients_where_the_space_says_so() {
             relume::document::load(&files.0.path().join("scene.toml"), &SceneOptions::default(), &Quiet).unwrap().scene;
         assert_eq!(scene.volume.anatomical, anatomical, "what a scene says of its axes is not said by the file");
     }
+}
+
+#[test]
+fn units_and_segments_are_kept() {
+    let unit = |units: &str| open(&["space: left-posterior-superior", units], &TWELVE).unwrap().unit;
+    assert_eq!(unit("space units: \"mm\" \"mm\" \"mm\""), Some(Unit::Millimetre));
+    assert_eq!(unit("space units: \"microns\" \"um\" \"µm\""), Some(Unit::Micrometre));
+    assert_eq!(unit("space units: \"mm\" \"um\" \"mm\""), None, "not one unit");
+    assert_eq!(unit("space units: \"furlongs\" \"furlongs\" \"furlongs\""), None);
+    let lines = [
+        "Segment0_Name:=bone of the leg",
+        "Segment0_LabelValue:=3",
+        "Segment0_Color:=1 0.5 0",
+        "Segment1_LabelValue:=4",
+        "Segment1_Color:=red",
+        "Segment3_LabelValue:=9",
+    ];
+    let volume = open(&lines, &TWELVE).unwrap();
+    let label = |value, name: &str, colour| LabelPreset { value, name: name.to_owned(), colour };
+    assert_eq!(volume.presets.labels, [label(3, "bone of the leg", Some([1.0, 0.5, 0.0])), label(4, "", None)]);
+    assert!(volume.has_labels && !open(&[], &TWELVE).unwrap().has_labels);
+}
+
+#[test]
+fn a_leaning_grid_is_resampled_where_it_is_asked_for() {
+    let lines = ["space dimension: 3", "space directions: (1,0,0) (0.5,1,0) (0,0,1)", "space origin: (0,0,0)"];
+    let ten: Vec<u8> = TWELVE.iter().map(|byte| 10 * byte).collect();
+    let files = Files::new(&header(&lines), &ten);
+    files.refused(&["not orthonormal"]);
+    let volume = files.select(&Selection { resample: true, ..Selection::default() }).unwrap();
+    // The second row lies half a voxel to the right.
+    assert_eq!((volume.geometry.dims, volume.geometry.spacing), ([4, 2, 2], DVec3::ONE));
+    assert_eq!(volume.voxels.bytes()[..8], [10, 20, 30, 10, 10, 45, 55, 10]);
+    assert!(volume.notes.iter().any(|note| note.contains("4×2×2")), "{:?}", volume.notes);
 }
