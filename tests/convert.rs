@@ -135,8 +135,8 @@ fn a_grid_of_spacings_alone_does_not_become_anatomical() {
         let read = again_with_notes(name, &volume);
         assert!(!read.anatomical, "{name}");
         assert_same_place(name, &read.geometry, &volume.geometry);
-        let limit = usize::from(name.contains("nii"));
-        assert_eq!(read.notes.len(), limit, "{name}: {:?}", read.notes);
+        let expected = usize::from(name.contains("nii"));
+        assert_eq!(read.notes.len(), expected, "{name}: {:?}", read.notes);
     }
 }
 

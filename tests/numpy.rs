@@ -278,5 +278,5 @@ fn archives_that_lie_are_refused() {
     let voxels = damaged.windows(12).position(|twelve| twelve == TWELVE).unwrap();
     damaged[voxels] ^= 1;
     let message = open(&damaged);
-    assert!(message.contains("v.npz: a: the array is damaged") && message.contains("checksum"), "{message}");
+    assert!(message.contains("v.npz, a: the array is damaged") && message.contains("checksum"), "{message}");
 }

@@ -214,7 +214,7 @@ fn a_long_axis_is_uneven_if_a_point_is_off_by_part_of_a_step() {
     let mut points: Vec<f64> = (0..4096).map(|i| 0.1 * f64::from(i) + 500.0).collect();
     assert_eq!(open(&line(&points)).unwrap().geometry.dims, [4096, 1, 1], "rounded to 32 bits");
     points[2000] += 0.03;
-    refused(&line(&points), &["X_COORDINATES are not even", "point 2000", "limit: 0.00"]);
+    refused(&line(&points), &["X_COORDINATES are not even", "point 2000", "limit: 1.9e-3"]);
 }
 
 #[test]

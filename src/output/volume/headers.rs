@@ -126,8 +126,8 @@ struct Nifti {
     window: [f64; 2],
 }
 
-/// What the axes of `NIfTI` are said to be: 1 the scanner's, 2 aligned with something else; 0 where the spacings alone make
-/// the grid.
+/// What the axes of `NIfTI` are said to be: 1 the scanner's, 2 aligned with something else; 0 where the spacings alone
+/// make the grid.
 pub(super) fn nifti_code(volume: &Volume) -> i16 {
     let Geometry { origin, direction, .. } = volume.geometry;
     match volume.anatomical {

@@ -91,10 +91,10 @@ impl Written {
 /// The stored numbers and their type are kept. NRRD has no slope and intercept, and most readers ignore those of
 /// `MetaImage`: with others than 1 and 0, the numbers of both are the values as 64-bit floats. `NIfTI` is right-anterior-
 /// superior, in millimetres or micrometres, and its version 1 has floats of 32 bits for the geometry; version 2 is
-/// written where an axis is longer than 32767 voxels, or where 32 bits do not hold slope and intercept. A slope of 0 means
-/// no scaling there, so that the values are written. The first window of the presets goes into `NIfTI` only; names and
-/// colours of labels go into NRRD only, as the segments of 3D Slicer. `MetaImage` has no mark of labels, and no name for
-/// nanometres and ångströms.
+/// written where an axis is longer than 32767 voxels, or where 32 bits do not hold slope and intercept. A slope of 0
+/// means no scaling there, so that the values are written. The first window of the presets goes into `NIfTI` only; names
+/// and colours of labels go into NRRD only, as the segments of 3D Slicer. `MetaImage` has no mark of labels, and no
+/// name for nanometres and ångströms.
 ///
 /// # Errors
 ///

@@ -220,7 +220,7 @@ impl<'a> Parser<'a> {
             let far = (value(index) - even).abs();
             if far.is_nan() || far > limit {
                 return Err(self.wrong(format!(
-                    "{keyword} are not evenly spaced: point {index} is at {}, but even spacing puts it at {even} (limit: {limit:.3})",
+                    "{keyword} are not evenly spaced: point {index} is at {}, but even spacing puts it at {even} (limit: {limit:.1e})",
                     value(index)
                 )));
             }
