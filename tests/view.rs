@@ -601,17 +601,16 @@ settle
 
 #[test]
 fn a_file_that_is_no_scene_is_told_of_as_info_does() {
-    let mut nifti = vec![0; 400];
-    nifti[..4].copy_from_slice(&348_i32.to_le_bytes());
-    nifti[344..348].copy_from_slice(b"n+1\0");
-    let folder = folder().with("head.nii", &nifti).with("head", nifti);
-    for name in ["head.nii", "head"] {
-        folder.refused(1, &["info", name], &["this is a NIfTI file"]);
-        folder.refused(1, &["render", name, "-o", "head.png"], &["this is a NIfTI file", "NRRD"]);
+    let mut dicom = vec![0; 400];
+    dicom[128..132].copy_from_slice(b"DICM");
+    let folder = folder().with("head.dcm", &dicom).with("head", dicom);
+    for name in ["head.dcm", "head"] {
+        folder.refused(1, &["info", name], &["this is a DICOM file"]);
+        folder.refused(1, &["render", name, "-o", "head.png"], &["this is a DICOM file", "NRRD"]);
     }
     let Some(screen) = Screen::new() else { return };
-    let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop head.nii\nsettle\n");
-    assert!(report["notices"][0].as_str().unwrap().contains("this is a NIfTI file"), "{}", report["notices"]);
+    let report = screen.script(&folder, "scene.toml", "size 320 300\nsettle\ndrop head.dcm\nsettle\n");
+    assert!(report["notices"][0].as_str().unwrap().contains("this is a DICOM file"), "{}", report["notices"]);
 }
 
 #[test]
