@@ -398,7 +398,7 @@ fn data_outside_the_headers_folder_are_not_read() {
     files.with("sub/v.raw", &TWELVE);
     let absolute = files.0.path().join("v.raw").display().to_string();
     for name in ["../v.raw", "sub/../../v.raw", &absolute, "LIST\n../v.raw\n../v.raw", "../v%d"] {
-        let error = refused(&[&format!("ElementDataFile = {name}")], &TWELVE, &["v.mhd", "own folder"]);
+        let error = refused(&[&format!("ElementDataFile = {name}")], &TWELVE, &["v.mhd", "outside the folder"]);
         assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
     }
     for name in ["sub/v.raw", "./v.raw"] {

@@ -576,7 +576,7 @@ fn headers_that_contradict_themselves_are_refused_with_the_numbers() {
         (with(|it| (it.codes, it.rows[3]) = ([0, 1], f64::INFINITY)), &["srow_x", "inf"]),
         (with(|it| (it.codes, it.quaternion[0]) = ([1, 0], f64::NAN)), &["quatern_b", "NaN"]),
         (with(|it| it.pixdim[1] = f64::NAN), &["pixdim", "NaN"]),
-        (with(|it| it.codes = [0, 1]), &["spacing 0 0 0"]),
+        (with(|it| it.codes = [0, 1]), &["spacing is 0 0 0"]),
         (with(|it| it.dim = [3, 300, 200, 100, 1, 1, 1, 1]), &["12 bytes", "6000000"]),
     ] {
         refused(&header, &TWELVE, words);

@@ -288,7 +288,7 @@ fn anatomical_spaces_are_turned_to_left_posterior_superior_and_others_kept() {
     refused(&["space directions: (1,0,0) (0,1,0) 7"], &TWELVE, &["(1,0,0)", "none"]);
     refused(&["space directions: (1,0,0) (0,1,0) (0,0,1"], &TWELVE, &["vectors"]);
     refused(&["space directions: (1,0,0) (1,0,0) (0,0,1)"], &TWELVE, &["orthonormal"]);
-    refused(&["space directions: (1,0,0) (0,0,0) (0,0,1)"], &TWELVE, &["spacing 1 0 1"]);
+    refused(&["space directions: (1,0,0) (0,0,0) (0,0,1)"], &TWELVE, &["spacing is 1 0 1"]);
     refused(&["space directions: (1,0,0) (0.6,0.8,0) (0,0,1)"], &TWELVE, &["lean", "53.130° between x and y"]);
 }
 
@@ -308,7 +308,7 @@ fn spacings_and_axis_mins_place_a_volume_without_a_space() {
     }
     assert_eq!(open(&[spacings, "axis mins: 1 nan 1"], &TWELVE).unwrap().geometry.origin, DVec3::ZERO);
     assert_eq!(open(&["spacings: nan 2 3"], &TWELVE).unwrap().geometry.spacing, DVec3::new(1.0, 2.0, 3.0));
-    refused(&["spacings: 1 -2 3"], &TWELVE, &["spacing 1 -2 3"]);
+    refused(&["spacings: 1 -2 3"], &TWELVE, &["spacing is 1 -2 3"]);
     refused(&["spacings: 1 2"], &TWELVE, &["2 entries", "3"]);
     refused(&["spacings: 1 2 x"], &TWELVE, &["1 2 x"]);
 }
@@ -490,7 +490,7 @@ fn data_outside_the_headers_folder_are_not_read() {
     files.with("sub/v.raw", &TWELVE);
     let absolute = files.0.path().join("v.raw").display().to_string();
     for name in ["../v.raw", "sub/../v.raw", &absolute, "LIST\n../a\n../b", "../v%d 1 2 1", "/dev/zero"] {
-        let error = refused(&[&format!("data file: {name}")], &TWELVE, &["v.nhdr", "own folder"]);
+        let error = refused(&[&format!("data file: {name}")], &TWELVE, &["v.nhdr", "outside the folder"]);
         assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
     }
     for name in ["sub/v.raw", "./v.raw"] {

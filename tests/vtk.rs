@@ -191,7 +191,7 @@ fn a_rectilinear_grid_is_read_if_it_is_even() {
     assert_eq!(volume.voxels.bytes(), TWELVE);
     refused(&rectilinear("1 1.6 2"), &["X_COORDINATES are not even", "1.6", "1.5"]);
     refused(&rectilinear("1 nan 2"), &["not even"]);
-    refused(&rectilinear("1 1 1"), &["spacing 0"]);
+    refused(&rectilinear("1 1 1"), &["spacing is 0"]);
     let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap().replace("DIMENSIONS 3", "DIMENSIONS 4");
     refused(text.as_bytes(), &["3 X_COORDINATES", "4"]);
     let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap();
@@ -247,7 +247,7 @@ fn files_that_contradict_themselves_are_refused_with_the_numbers() {
         ("3 2 2", "3 0 2", "3×0×2"),
         ("3 2 2", "3 -2 2", "-2"),
         ("3 2 2", "99999999 99999999 99999999", "99999999×99999999"),
-        ("0.5 0.75 2", "0.5 0 2", "spacing 0.5 0 2"),
+        ("0.5 0.75 2", "0.5 0 2", "spacing is 0.5 0 2"),
         ("-1 2 3", "nan 2 3", "origin NaN"),
         ("ASCII", "TEXT", "TEXT"),
     ] {
