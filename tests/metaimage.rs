@@ -1,6 +1,10 @@
 //! Generated `MetaImage` files: every element type, byte order, encoding and storage, and invalid files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+#![expect(clippy::print_stderr, reason = "a test that cannot run says so")]
 #![expect(clippy::float_cmp, reason = "exact in binary")]
+
+#[path = "support/volumes.rs"]
+mod volumes;
 
 use std::fmt::Write as _;
 use std::io::Write as _;
@@ -11,7 +15,7 @@ use flate2::write::ZlibEncoder;
 use glam::{DMat3, DVec3};
 use relume::progress::Quiet;
 use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
-use tempfile::TempDir;
+use volumes::Files;
 
 /// Header with three axes and 3×2×2 voxels, in which `lines` replace the defaults.
 fn header(lines: &[&str]) -> String {
@@ -33,43 +37,21 @@ fn header(lines: &[&str]) -> String {
     text
 }
 
-struct Files(TempDir);
-
-impl Files {
-    fn new(header: &str, data: &[u8]) -> Self {
-        let files = Self(tempfile::tempdir().unwrap());
-        files.with("v.mhd", header.as_bytes()).with("v.raw", data);
-        files
-    }
-
-    fn with(&self, name: &str, bytes: &[u8]) -> &Self {
-        std::fs::write(self.0.path().join(name), bytes).unwrap();
-        self
-    }
-
-    fn open(&self) -> Result<Volume, VolumeError> {
-        volume::open(&self.0.path().join("v.mhd"), &Selection::default(), &Quiet)
-    }
+fn made(header: &str, data: &[u8]) -> Files {
+    Files::new("v.mhd", header, data)
 }
 
 fn select(lines: &[&str], data: &[u8], component: Option<usize>, time: Option<usize>) -> Result<Volume, VolumeError> {
-    let files = Files::new(&header(lines), data);
-    volume::open(
-        &files.0.path().join("v.mhd"),
-        &Selection { component, time, array: None, asks: false, resample: false },
-        &Quiet,
-    )
+    let selection = Selection { component, time, ..Selection::default() };
+    made(&header(lines), data).select(&selection)
 }
 
 fn open(lines: &[&str], data: &[u8]) -> Result<Volume, VolumeError> {
-    Files::new(&header(lines), data).open()
+    made(&header(lines), data).open()
 }
 
 fn refused(lines: &[&str], data: &[u8], words: &[&str]) -> VolumeError {
-    let error = open(lines, data).map(|volume| volume.voxels).unwrap_err();
-    let message = error.to_string();
-    assert!(words.iter().all(|word| message.contains(word)), "{message} should contain {words:?}");
-    error
+    volumes::refused(open(lines, data), words)
 }
 
 fn zlib(bytes: &[u8]) -> Vec<u8> {
@@ -102,7 +84,7 @@ fn every_element_type_is_read_in_both_byte_orders_raw_and_compressed_local_and_n
                     if local {
                         mhd.extend_from_slice(&data);
                     }
-                    let files = Files::new("", if local { &[] } else { &data });
+                    let files = made("", if local { &[] } else { &data });
                     let volume = files.with("v.mhd", &mhd).open().unwrap();
                     let what = format!("{} big {big} compressed {compressed} local {local}", $element);
                     assert_eq!(volume.voxels, Voxels::$variant(values.clone()), "{what}");
@@ -125,7 +107,7 @@ fn every_element_type_is_read_in_both_byte_orders_raw_and_compressed_local_and_n
 fn keys_are_read_in_any_case_and_unknown_ones_are_kept() {
     let text = "objecttype = Image\nNDIMS=3\ndimsize =3 2 2\r\n\nComment = by = hand\nELEMENTTYPE = met_uchar\n\
                 elementdatafile = v.raw";
-    let volume = Files::new(text, &TWELVE).open().unwrap();
+    let volume = made(text, &TWELVE).open().unwrap();
     assert_eq!(volume.voxels, Voxels::U8(TWELVE.to_vec()));
     assert_eq!(volume.metadata, [("Comment".to_owned(), "by = hand".to_owned())]);
     assert_eq!(volume.value([2, 1, 1]), Some(12.0));
@@ -133,9 +115,12 @@ fn keys_are_read_in_any_case_and_unknown_ones_are_kept() {
 
 #[test]
 fn a_file_without_a_known_extension_is_recognised_by_its_beginning() {
-    let files = Files::new("", &TWELVE);
+    let files = made("", &TWELVE);
     files.with("scan", header(&[]).as_bytes());
-    assert!(volume::open(&files.0.path().join("scan"), &Selection::default(), &Quiet).is_ok(), "it begins with NDims");
+    assert!(
+        volume::open(&files.folder.path().join("scan"), &Selection::default(), &Quiet).is_ok(),
+        "it begins with NDims"
+    );
 }
 
 #[test]
@@ -178,7 +163,7 @@ fn two_axes_are_a_slice_and_four_are_a_volume_if_the_fourth_is_one() {
 #[test]
 fn slices_are_found_by_list_and_by_pattern() {
     let list = |kind: &str, names: &str| header(&[&format!("ElementDataFile = {kind}\n{names}")]);
-    let halves = Files::new("", &[]);
+    let halves = made("", &[]);
     halves.with("a1", &TWELVE[..6]).with("a2", &TWELVE[6..]).with("a3", &TWELVE[6..]).with("all", &TWELVE);
     for (index, row) in TWELVE.chunks(3).enumerate() {
         halves.with(&format!("row {index}"), row);
@@ -203,7 +188,7 @@ fn slices_are_found_by_list_and_by_pattern() {
 
 #[test]
 fn slices_may_be_compressed_one_by_one() {
-    let files = Files::new(&header(&["CompressedData = True", "ElementDataFile = LIST\na\nb\n"]), &[]);
+    let files = made(&header(&["CompressedData = True", "ElementDataFile = LIST\na\nb\n"]), &[]);
     files.with("a", &zlib(&TWELVE[..6])).with("b", &zlib(&TWELVE[6..]));
     assert_eq!(files.open().unwrap().voxels, Voxels::U8(TWELVE.to_vec()));
 }
@@ -227,7 +212,7 @@ fn numbers_written_as_text_are_read() {
     assert_eq!(volume.voxels, Voxels::U8(TWELVE.to_vec()));
     let local = header(&["BinaryData = False", "ElementType = MET_FLOAT", "ElementDataFile = LOCAL"])
         + "1 -2.5 nan 4 5 6 7 8 9 10 11 1e30\n";
-    let Voxels::F32(voxels) = Files::new(&local, &[]).open().unwrap().voxels else { panic!("MET_FLOAT is f32") };
+    let Voxels::F32(voxels) = made(&local, &[]).open().unwrap().voxels else { panic!("MET_FLOAT is f32") };
     assert!(voxels[1] == -2.5 && voxels[2].is_nan() && voxels[11] == 1e30, "{voxels:?}");
 }
 
@@ -354,7 +339,7 @@ fn missing_keys_are_named() {
         let error = refused(&[&format!("{key} = (none)")], &TWELVE, &[key]);
         assert!(matches!(error, VolumeError::MissingKey { .. }), "{error}");
     }
-    let error = Files::new("", &TWELVE).open().map(|volume| volume.voxels).unwrap_err();
+    let error = made("", &TWELVE).open().map(|volume| volume.voxels).unwrap_err();
     assert!(matches!(error, VolumeError::MissingKey { .. }), "an empty file: {error}");
 }
 
@@ -363,7 +348,7 @@ fn what_is_no_scalar_image_is_refused() {
     refused(&["ObjectType = Mesh"], &TWELVE, &["Mesh"]);
     refused(&["ElementType = MET_STRING"], &TWELVE, &["line 3", "MET_STRING", "MET_UCHAR"]);
     refused(&["CompressedData = maybe"], &TWELVE, &["maybe"]);
-    let error = Files::new("NDims = 3\nwhat is this\n", &[]).open().map(|volume| volume.voxels).unwrap_err();
+    let error = made("NDims = 3\nwhat is this\n", &[]).open().map(|volume| volume.voxels).unwrap_err();
     assert!(error.to_string().contains("line 2") && error.to_string().contains("what is this"), "{error}");
 }
 
@@ -393,10 +378,10 @@ fn a_component_and_a_time_step_are_read_alone() {
 
 #[test]
 fn data_outside_the_headers_folder_are_not_read() {
-    let files = Files::new("", &TWELVE);
-    std::fs::create_dir(files.0.path().join("sub")).unwrap();
+    let files = made("", &TWELVE);
+    std::fs::create_dir(files.folder.path().join("sub")).unwrap();
     files.with("sub/v.raw", &TWELVE);
-    let absolute = files.0.path().join("v.raw").display().to_string();
+    let absolute = files.folder.path().join("v.raw").display().to_string();
     for name in ["../v.raw", "sub/../../v.raw", &absolute, "LIST\n../v.raw\n../v.raw", "../v%d"] {
         let error =
             refused(&[&format!("ElementDataFile = {name}")], &TWELVE, &["v.mhd", "outside the folder of the header"]);
@@ -431,7 +416,7 @@ fn odd_but_harmless_things_are_noted() {
 fn no_beginning_of_a_file_panics() {
     let whole = header(&["CompressedData = True", "ElementDataFile = LOCAL"]).into_bytes();
     let whole = [whole, zlib(&TWELVE)].concat();
-    let files = Files::new("", &[]);
+    let files = made("", &[]);
     for length in 0..whole.len() {
         // Without its checksum, a stream may still contain every voxel.
         if let Ok(volume) = files.with("v.mhd", &whole[..length]).open() {

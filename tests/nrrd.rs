@@ -15,7 +15,7 @@ use glam::{DMat3, DVec3};
 use relume::document::SceneOptions;
 use relume::progress::Quiet;
 use relume::volume::{self, LabelPreset, Selection, Unit, Volume, VolumeError, Voxels};
-use tempfile::TempDir;
+use volumes::Files;
 
 #[test]
 fn every_shared_file_reads_as_an_independent_reader_found_it() {
@@ -44,42 +44,16 @@ fn header(lines: &[&str]) -> String {
     text
 }
 
-struct Files(TempDir);
-
-impl Files {
-    fn new(header: &str, data: &[u8]) -> Self {
-        let files = Self(tempfile::tempdir().unwrap());
-        files.with("v.nhdr", header.as_bytes()).with("v.raw", data);
-        files
-    }
-
-    fn with(&self, name: &str, bytes: &[u8]) -> &Self {
-        std::fs::write(self.0.path().join(name), bytes).unwrap();
-        self
-    }
-
-    fn open(&self) -> Result<Volume, VolumeError> {
-        self.select(&Selection::default())
-    }
-
-    fn select(&self, selection: &Selection) -> Result<Volume, VolumeError> {
-        volume::open(&self.0.path().join("v.nhdr"), selection, &Quiet)
-    }
-
-    fn refused(&self, words: &[&str]) -> VolumeError {
-        let error = self.open().map(|volume| volume.voxels).unwrap_err();
-        let message = error.to_string();
-        assert!(words.iter().all(|word| message.contains(word)), "{message} should contain {words:?}");
-        error
-    }
+fn made(header: &str, data: &[u8]) -> Files {
+    Files::new("v.nhdr", header, data)
 }
 
 fn open(lines: &[&str], data: &[u8]) -> Result<Volume, VolumeError> {
-    Files::new(&header(lines), data).open()
+    made(&header(lines), data).open()
 }
 
 fn refused(lines: &[&str], data: &[u8], words: &[&str]) -> VolumeError {
-    Files::new(&header(lines), data).refused(words)
+    made(&header(lines), data).refused(words)
 }
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {
@@ -134,7 +108,7 @@ fn every_type_is_read_by_each_of_its_names_in_every_encoding_and_byte_order() {
                         assert!(volume.notes.is_empty(), "{what}: {:?}", volume.notes);
                         let attached = header(&[&lines[..], &["data file: (none)"]].concat()) + "\n";
                         let attached = [attached.as_bytes(), &data].concat();
-                        let volume = Files::new("", &[]).with("v.nhdr", &attached).open().unwrap();
+                        let volume = made("", &[]).with("v.nhdr", &attached).open().unwrap();
                         assert_eq!(volume.voxels, Voxels::$variant(values.clone()), "{what}, attached");
                     }
                 }
@@ -165,16 +139,19 @@ fn every_type_is_read_by_each_of_its_names_in_every_encoding_and_byte_order() {
 fn fields_are_read_however_they_are_spaced_and_pairs_are_kept() {
     let text = "NRRD0004\r\n# by hand\r\nTYPE: UChar\r\nDimension:3\r\nsizes:  3 2 2 \r\nEncoding: raw\r\n\
                 byteskip: 1\r\ncontent: frog: a\r\nITK_Filter:=a := b\r\ndatafile: v.raw\r\n";
-    let volume = Files::new(text, &[&[0], &TWELVE[..]].concat()).open().unwrap();
+    let volume = made(text, &[&[0], &TWELVE[..]].concat()).open().unwrap();
     assert_eq!(volume.voxels, Voxels::U8(TWELVE.to_vec()));
     let pair = |key: &str, value: &str| (key.to_owned(), value.to_owned());
     assert_eq!(volume.metadata, [pair("content", "frog: a"), pair("ITK_Filter", "a := b")]);
     assert_eq!(volume.value([2, 1, 1]), Some(12.0));
-    let files = Files::new("", &TWELVE);
+    let files = made("", &TWELVE);
     files.with("scan", header(&[]).as_bytes());
-    assert!(volume::open(&files.0.path().join("scan"), &Selection::default(), &Quiet).is_ok(), "it begins with NRRD");
+    assert!(
+        volume::open(&files.folder.path().join("scan"), &Selection::default(), &Quiet).is_ok(),
+        "it begins with NRRD"
+    );
     let not_utf8 = [header(&[]).as_bytes(), b"content: \xff\xfe\n"].concat();
-    assert!(Files::new("", &TWELVE).with("v.nhdr", &not_utf8).open().is_ok(), "what is not UTF-8 matters to nobody");
+    assert!(made("", &TWELVE).with("v.nhdr", &not_utf8).open().is_ok(), "what is not UTF-8 matters to nobody");
 }
 
 #[test]
@@ -199,7 +176,7 @@ fn lines_are_skipped_before_inflating_and_bytes_after() {
     }
     let attached = header(&["encoding: gzip", "byte skip: -1", "data file: (none)"]) + "\n";
     let attached = [attached.as_bytes(), &gzip(&padded)].concat();
-    assert!(Files::new("", &[]).with("v.nhdr", &attached).open().is_ok(), "behind an attached header");
+    assert!(made("", &[]).with("v.nhdr", &attached).open().is_ok(), "behind an attached header");
     refused(&["byte skip: -5"], &padded, &["line 7", "-5", "-1"]);
     refused(&["encoding: text", "byte skip: -1"], text, &["-1", "text"]);
     let error = refused(&["line skip: 9"], &behind(&TWELVE), &["0 bytes", "12"]);
@@ -214,7 +191,7 @@ fn lines_are_skipped_before_inflating_and_bytes_after() {
 
 #[test]
 fn samples_are_found_in_lists_patterns_slices_and_slabs() {
-    let files = Files::new("", &[]);
+    let files = made("", &[]);
     files.with("a1", &TWELVE[..6]).with("a2", &TWELVE[6..]).with("a3", &TWELVE[6..]).with("all", &TWELVE);
     for (index, row) in TWELVE.chunks(3).enumerate() {
         files.with(&format!("row {index}"), row).with(&format!("r{:02}", 9 - 3 * index), row);
@@ -344,7 +321,7 @@ fn a_component_is_read_alone_wherever_its_axis_lies() {
                     _ => data.iter().map(|number| format!("{number} ")).collect::<String>().into_bytes(),
                 };
                 let lines = ["dimension: 4", sizes, &kinds, &format!("encoding: {encoding}")];
-                let files = Files::new(&header(&lines), &data);
+                let files = made(&header(&lines), &data);
                 for component in 0..3 {
                     let selection = Selection { component: Some(component), ..Selection::default() };
                     let volume = files.select(&selection).unwrap();
@@ -366,7 +343,7 @@ fn a_component_is_read_alone_wherever_its_axis_lies() {
 #[test]
 fn an_axis_without_direction_is_no_axis_of_space() {
     let lines = ["dimension: 4", "sizes: 3 2 1 2", "space: RAS", "space directions: none (1,0,0) (0,1,0) (0,0,1)"];
-    let files = Files::new(&header(&lines), &TWELVE);
+    let files = made(&header(&lines), &TWELVE);
     let volume = files.select(&Selection { component: Some(1), ..Selection::default() }).unwrap();
     assert_eq!(volume.voxels, Voxels::U8(vec![2, 5, 8, 11]));
     assert_eq!(volume.geometry.direction, DMat3::from_diagonal(DVec3::new(-1.0, -1.0, 1.0)));
@@ -384,13 +361,13 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
             [7, 8, 9, 10, 11, 12],
         ),
     ] {
-        let files = Files::new(&header(&[&["dimension: 4"], lines].concat()), &TWELVE);
+        let files = made(&header(&[&["dimension: 4"], lines].concat()), &TWELVE);
         files.refused(&["2 time steps", "choose a time step from 0 to 1"]);
         let volume = files.select(&Selection { time: Some(1), ..Selection::default() }).unwrap();
         assert_eq!(volume.voxels, Voxels::U8(expected.to_vec()), "{lines:?}");
     }
     let both = ["dimension: 5", "sizes: 2 3 1 1 2", "kinds: complex space space space time"];
-    let files = Files::new(&header(&both), &TWELVE);
+    let files = made(&header(&both), &TWELVE);
     files.refused(&["2 components", "complex"]);
     let error =
         files.select(&Selection { component: Some(1), ..Selection::default() }).map(|it| it.voxels).unwrap_err();
@@ -400,22 +377,22 @@ fn a_time_step_is_read_alone_wherever_its_axis_lies() {
         .unwrap();
     assert_eq!(volume.voxels, Voxels::U8(vec![8, 10, 12]));
     let stub = ["dimension: 5", "sizes: 2 6 1 1 1", "kinds: vector space space space stub"];
-    let volume = Files::new(&header(&stub), &TWELVE).select(&Selection { component: Some(1), ..Selection::default() });
+    let volume = made(&header(&stub), &TWELVE).select(&Selection { component: Some(1), ..Selection::default() });
     assert_eq!(volume.unwrap().components, 2, "an axis of one place is none");
     let many = ["dimension: 5", "sizes: 3 1 1 2 2"];
     let error = refused(&many, &TWELVE, &["3×1×1×2×2"]);
     assert!(matches!(error, VolumeError::TooManyAxes { .. }), "{error}");
     let all = Selection { component: Some(0), time: Some(0), array: None, asks: false, resample: false };
-    assert!(Files::new(&header(&[]), &TWELVE).select(&all).is_ok(), "all there is");
+    assert!(made(&header(&[]), &TWELVE).select(&all).is_ok(), "all there is");
     let named = Selection { array: Some("ct".to_owned()), ..Selection::default() };
-    let error = Files::new(&header(&[]), &TWELVE).select(&named).map(|volume| volume.voxels).unwrap_err();
+    let error = made(&header(&[]), &TWELVE).select(&named).map(|volume| volume.voxels).unwrap_err();
     assert!(error.to_string().contains("the array ct"), "{error}");
 }
 
 #[test]
 fn a_time_step_is_read_of_the_file_that_has_it() {
     let lines = ["dimension: 4", "sizes: 3 2 1 2", "encoding: gzip", "data file: LIST\na\nb"];
-    let files = Files::new(&header(&lines), &[]);
+    let files = made(&header(&lines), &[]);
     // The file of the other time step is damaged but not read.
     files.with("a", &[0; 40]).with("b", &gzip(&TWELVE[6..]));
     let volume = files.select(&Selection { time: Some(1), ..Selection::default() }).unwrap();
@@ -485,10 +462,10 @@ fn a_bomb_is_left_where_the_voxels_end() {
 
 #[test]
 fn data_outside_the_headers_folder_are_not_read() {
-    let files = Files::new("", &TWELVE);
-    std::fs::create_dir(files.0.path().join("sub")).unwrap();
+    let files = made("", &TWELVE);
+    std::fs::create_dir(files.folder.path().join("sub")).unwrap();
     files.with("sub/v.raw", &TWELVE);
-    let absolute = files.0.path().join("v.raw").display().to_string();
+    let absolute = files.folder.path().join("v.raw").display().to_string();
     for name in ["../v.raw", "sub/../v.raw", &absolute, "LIST\n../a\n../b", "../v%d 1 2 1", "/dev/zero"] {
         let error = refused(&[&format!("data file: {name}")], &TWELVE, &["v.nhdr", "outside the folder of the header"]);
         assert!(matches!(error, VolumeError::Outside { .. }), "{error}");
@@ -503,13 +480,13 @@ fn data_outside_the_headers_folder_are_not_read() {
 #[cfg(unix)]
 fn what_is_no_regular_file_is_refused_and_never_waited_for() {
     use std::os::unix::fs::symlink;
-    let files = Files::new(&header(&["data file: data"]), &TWELVE);
-    let data = files.0.path().join("data");
+    let files = made(&header(&["data file: data"]), &TWELVE);
+    let data = files.folder.path().join("data");
     for (target, word) in
         [("/dev/zero", "device"), ("/", "folder"), ("pipe", "pipe"), ("data", "data"), ("gone", "data")]
     {
         if target == "pipe" {
-            let made = std::process::Command::new("mkfifo").arg(files.0.path().join("pipe")).status().unwrap();
+            let made = std::process::Command::new("mkfifo").arg(files.folder.path().join("pipe")).status().unwrap();
             assert!(made.success(), "mkfifo");
         }
         symlink(target, &data).unwrap();
@@ -521,13 +498,13 @@ fn what_is_no_regular_file_is_refused_and_never_waited_for() {
     symlink("v.raw", &data).unwrap();
     assert!(files.open().is_ok(), "a link to a file");
     // The header itself may be a special file.
-    let pipe = files.0.path().join("pipe");
+    let pipe = files.folder.path().join("pipe");
     assert!(volume::open(&pipe, &Selection::default(), &Quiet).is_err(), "a pipe as a header");
 }
 
 #[test]
 fn a_header_that_names_itself_is_data_like_any_other() {
-    let files = Files::new(&header(&["data file: v.nhdr"]), &[]);
+    let files = made(&header(&["data file: v.nhdr"]), &[]);
     let Voxels::U8(voxels) = files.open().unwrap().voxels else { panic!("bytes") };
     assert_eq!(voxels, b"NRRD0005\ntyp");
 }
@@ -546,9 +523,9 @@ fn missing_and_senseless_fields_are_named() {
     refused(&["encoding: zrl"], &TWELVE, &["zrl", "gzip"]);
     refused(&["endian: middle"], &TWELVE, &["middle", "little or big"]);
     refused(&["kinds: space space"], &TWELVE, &["2 entries", "3"]);
-    Files::new("NRRD0004\nwhat is this\n", &[]).refused(&["line 2", "what is this"]);
-    Files::new("", &[]).refused(&["NRRD0001"]);
-    Files::new("P5 3 2 255\n", &[]).refused(&["P5", "NRRD0001"]);
+    made("NRRD0004\nwhat is this\n", &[]).refused(&["line 2", "what is this"]);
+    made("", &[]).refused(&["NRRD0001"]);
+    made("P5 3 2 255\n", &[]).refused(&["P5", "NRRD0001"]);
     let twice = open(&["content: a\ncontent: b"], &TWELVE).unwrap().notes;
     assert!(matches!(&twice[..], [note] if note.contains("content is repeated")), "{twice:?}");
 }
@@ -557,7 +534,7 @@ fn missing_and_senseless_fields_are_named() {
 fn no_beginning_of_a_file_panics() {
     let attached = header(&["encoding: gzip", "data file: (none)", "space: RAS", "space origin: (1,2,3)"]) + "\n";
     let whole = [attached.as_bytes(), &gzip(&TWELVE)].concat();
-    let files = Files::new("", &[]);
+    let files = made("", &[]);
     for length in 0..whole.len() {
         // Without its checksum and length, and the marker of its last block, a stream may still contain every voxel.
         if let Ok(volume) = files.with("v.nhdr", &whole[..length]).open() {
@@ -585,7 +562,7 @@ fn a_world_is_a_patients_where_the_space_says_so() {
     }
     let volume = open(&["space: right-anterior-superior", "spacings: 1 2 3"], &TWELVE).unwrap();
     assert!(!volume.anatomical, "where the axes point is not said");
-    let files = Files::new(&header(&[spaces[0].0, "space directions: (1,0,0) (0,1,0) (0,0,1)"]), &TWELVE);
+    let files = made(&header(&[spaces[0].0, "space directions: (1,0,0) (0,1,0) (0,0,1)"]), &TWELVE);
     for (direction, anatomical) in [("", true), ("direction = [0, 1, 0, 1, 0, 0, 0, 0, 1]", false)] {
         let scene = format!(
             "version = 1\n[volume]\nfile = \"v.nhdr\"\n{direction}\n[materials.bone]\nreflectance = 0.5\n[transfer]\n\
@@ -593,8 +570,9 @@ fn a_world_is_a_patients_where_the_space_says_so() {
              kind = \"ambient\"\n"
         );
         files.with("scene.toml", scene.as_bytes());
-        let scene =
-            relume::document::load(&files.0.path().join("scene.toml"), &SceneOptions::default(), &Quiet).unwrap().scene;
+        let scene = relume::document::load(&files.folder.path().join("scene.toml"), &SceneOptions::default(), &Quiet)
+            .unwrap()
+            .scene;
         assert_eq!(scene.volume.anatomical, anatomical, "what a scene says of its axes is not said by the file");
     }
 }
@@ -624,7 +602,7 @@ fn units_and_segments_are_kept() {
 fn a_leaning_grid_is_resampled_where_it_is_asked_for() {
     let lines = ["space dimension: 3", "space directions: (1,0,0) (0.5,1,0) (0,0,1)", "space origin: (0,0,0)"];
     let ten: Vec<u8> = TWELVE.iter().map(|byte| 10 * byte).collect();
-    let files = Files::new(&header(&lines), &ten);
+    let files = made(&header(&lines), &ten);
     files.refused(&["not orthonormal"]);
     let volume = files.select(&Selection { resample: true, ..Selection::default() }).unwrap();
     // The second row lies half a voxel to the right.

@@ -47,11 +47,7 @@ fn choose(name: &str, array: Option<&str>, component: Option<usize>) -> Result<V
 }
 
 fn refused(bytes: &[u8], words: &[&str]) -> VolumeError {
-    let error = open(bytes).map(|volume| volume.voxels).unwrap_err();
-    let message = whole_message(&error);
-    assert!(words.iter().all(|word| message.contains(word)), "{message} should contain {words:?}");
-    assert!(!message.contains('\n'), "one sentence: {message}");
-    error
+    volumes::refused(open(bytes), words)
 }
 
 /// `name` with the text `from`, which must occur, replaced by `to`.

@@ -7,25 +7,15 @@
 mod volumes;
 
 use glam::DVec3;
-use relume::progress::Quiet;
-use relume::volume::{self, Selection, Volume, VolumeError, Voxels};
+use relume::volume::{Selection, Volume, VolumeError, Voxels};
 
 #[test]
 fn every_shared_file_reads_as_an_independent_reader_found_it() {
-    let Some(folder) = volumes::shared() else { return };
-    let checked = volumes::check_all(
-        &folder,
-        |name| name.starts_with("vtk/"),
-        |name, selection| volume::open(&folder.join(name), selection, &Quiet),
-    );
-    assert!(checked >= 4, "the shared folder has at least 4 such files, {checked} were checked");
+    volumes::check_below("vtk/", 4);
 }
 
 fn select(bytes: &[u8], selection: &Selection) -> Result<Volume, VolumeError> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("v.vtk");
-    std::fs::write(&path, bytes).unwrap();
-    volume::open(&path, selection, &Quiet)
+    volumes::opened("v.vtk", bytes, selection)
 }
 
 fn open(bytes: &[u8]) -> Result<Volume, VolumeError> {
@@ -41,9 +31,7 @@ fn component(component: usize) -> Selection {
 }
 
 fn refused(bytes: &[u8], words: &[&str]) {
-    let message = volumes::whole_message(&open(bytes).map(|volume| volume.voxels).unwrap_err());
-    assert!(words.iter().all(|word| message.contains(word)), "{message} should contain {words:?}");
-    assert!(message.contains("v.vtk") && !message.contains('\n'), "{message}");
+    volumes::refused(open(bytes), &[&["v.vtk"], words].concat());
 }
 
 /// A grid of 3×2×2 points, and text behind it.
@@ -192,9 +180,6 @@ fn a_rectilinear_grid_is_read_if_it_is_even() {
     refused(&rectilinear("1 1.6 2"), &["X_COORDINATES are not even", "1.6", "1.5"]);
     refused(&rectilinear("1 nan 2"), &["not even"]);
     refused(&rectilinear("1 1 1"), &["spacing is 0"]);
-    let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap();
-    let huge = text.replace("X_COORDINATES 3", "X_COORDINATES 9223372036854775807");
-    refused(huge.as_bytes(), &["9223372036854775807 X_COORDINATES"]);
     let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap().replace("DIMENSIONS 3", "DIMENSIONS 4");
     refused(text.as_bytes(), &["3 X_COORDINATES", "4"]);
     let text = String::from_utf8(rectilinear("1 1.5 2")).unwrap();

@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
-use relume::volume::{Geometry, Selection, Volume, VolumeError};
+use relume::progress::Quiet;
+use relume::volume::{self, Geometry, Selection, Volume, VolumeError};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
@@ -31,6 +32,67 @@ pub fn whole_message(error: &VolumeError) -> String {
         source = cause.source();
     }
     message
+}
+
+/// Returns the error of a file that must be refused in one sentence with these words.
+pub fn refused(read: Result<Volume, VolumeError>, words: &[&str]) -> VolumeError {
+    let error = read.map(|volume| volume.voxels).unwrap_err();
+    let message = whole_message(&error);
+    assert!(words.iter().all(|word| message.contains(word)), "{message} should contain {words:?}");
+    assert!(!message.contains('\n'), "one sentence: {message}");
+    error
+}
+
+/// Opens a file called `name` with this content.
+pub fn opened(name: &str, bytes: &[u8], selection: &Selection) -> Result<Volume, VolumeError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, bytes).unwrap();
+    volume::open(&path, selection, &Quiet)
+}
+
+/// A folder with a header and its data file `v.raw`.
+pub struct Files {
+    pub folder: tempfile::TempDir,
+    header: &'static str,
+}
+
+impl Files {
+    /// `name` is the header's.
+    pub fn new(name: &'static str, header: &str, data: &[u8]) -> Self {
+        let files = Self { folder: tempfile::tempdir().unwrap(), header: name };
+        files.with(name, header.as_bytes()).with("v.raw", data);
+        files
+    }
+
+    pub fn with(&self, name: &str, bytes: &[u8]) -> &Self {
+        std::fs::write(self.path(name), bytes).unwrap();
+        self
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    pub fn select(&self, selection: &Selection) -> Result<Volume, VolumeError> {
+        volume::open(&self.path(self.header), selection, &Quiet)
+    }
+
+    pub fn open(&self) -> Result<Volume, VolumeError> {
+        self.select(&Selection::default())
+    }
+
+    pub fn refused(&self, words: &[&str]) -> VolumeError {
+        refused(self.open(), words)
+    }
+}
+
+/// Checks the shared files below the folder `below` against `expected.json`; there are at least `least`.
+pub fn check_below(below: &str, least: usize) {
+    let Some(folder) = shared() else { return };
+    let open = |name: &str, selection: &Selection| volume::open(&folder.join(name), selection, &Quiet);
+    let checked = check_all(&folder, |name| name.starts_with(below), open);
+    assert!(checked >= least, "the shared folder has at least {least} such files, {checked} were checked");
 }
 
 /// Checks every file that is `ours` against `expected.json`; returns their number.
