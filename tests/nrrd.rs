@@ -603,7 +603,7 @@ fn a_leaning_grid_is_resampled_where_it_is_asked_for() {
     let lines = ["space dimension: 3", "space directions: (1,0,0) (0.5,1,0) (0,0,1)", "space origin: (0,0,0)"];
     let ten: Vec<u8> = TWELVE.iter().map(|byte| 10 * byte).collect();
     let files = made(&header(&lines), &ten);
-    files.refused(&["not orthonormal"]);
+    files.refused(&["lean", "63.435° between x and y"]);
     let volume = files.select(&Selection { resample: true, ..Selection::default() }).unwrap();
     // The second row lies half a voxel to the right.
     assert_eq!((volume.geometry.dims, volume.geometry.spacing), ([4, 2, 2], DVec3::ONE));
