@@ -77,6 +77,6 @@ pub mod volume;
 pub mod vulkan;
 mod written;
 
+use internal::{input, memory, number, shader};
 #[cfg(feature = "window")]
-use internal::present;
-use internal::{input, memory, number, shader, view};
+use internal::{present, view};

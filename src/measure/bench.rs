@@ -58,7 +58,7 @@ impl Ready {
 pub struct Errors {
     /// ΔE00 over the sampled pixels.
     pub of_sample: ErrorSummary,
-    /// Upper bound of the p95 of ΔE00 over all visible pixels: [`p95_of_all`].
+    /// Upper bound of the p95 of ΔE00 over all visible pixels.
     pub at_most: f64,
 }
 
