@@ -37,7 +37,7 @@ Examples:
 #[derive(Debug, Parser)]
 #[command(after_help = EXAMPLES)]
 struct Args {
-    /// What to measure.
+    /// The workload to measure.
     #[arg(value_enum, required = true)]
     instruments: Vec<Instrument>,
     /// Number of scenes for `model` and `goals`.

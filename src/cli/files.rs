@@ -37,7 +37,7 @@ pub(crate) fn picture_kind(path: &Path) -> Result<PictureKind, CliError> {
     PictureKind::of(path).map_err(|error| CliError::Usage(error.to_string()))
 }
 
-/// What is behind a picture.
+/// The background of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Backdrop {
     /// Nothing: PNG files get an alpha channel.

@@ -50,7 +50,7 @@ pub struct SceneFile {
     pub base: PathBuf,
     /// Files that it names: volume, labels, palette and spectra.
     pub inputs: Vec<PathBuf>,
-    /// What was guessed, in a sentence, if the scene was made from its volume.
+    /// The guess, in a sentence, if the scene was made from its volume.
     pub guess: Option<String>,
 }
 

@@ -68,7 +68,7 @@ pub struct Volume {
     pub components: usize,
     /// Whether the file declares its voxels as labels: numbers of classes, which have no mean.
     pub has_labels: bool,
-    /// What the file says about the display of its values.
+    /// Display presets of the file.
     pub presets: Presets,
     /// Choice among the volumes of the file.
     pub selection: Selection,

@@ -313,7 +313,7 @@ enum Kind {
     Boolean,
 }
 
-/// What a header says.
+/// Fields of a header.
 struct Header {
     voxel_type: VoxelType,
     byte_order: ByteOrder,

@@ -1,4 +1,4 @@
-//! What a file says about the display of its values: windows, and names and colours of labels.
+//! Display presets of a file: windows, and names and colours of labels.
 
 /// Display presets of a file; empty where the file has none.
 #[derive(Clone, Debug, Default, PartialEq)]

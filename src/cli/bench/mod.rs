@@ -44,7 +44,7 @@ Ctrl-C keeps the finished rows.";
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
-    /// What to measure.
+    /// The workload to measure.
     #[arg(value_enum, default_values_t = [Workload::Peer, Workload::Default])]
     workloads: Vec<Workload>,
     /// Volume for the workloads `peer…` (the real frog, instead of its phantom) and `load`.

@@ -55,7 +55,7 @@ impl Look {
     }
 }
 
-/// What a user asks of a first look.
+/// Choices of the user for a first look.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wish {
     /// Kind of picture; the values decide if there is none.
@@ -77,7 +77,7 @@ impl Wish {
 pub(super) struct FirstLook {
     /// Text of its scene, without the volume's file.
     pub(super) text: String,
-    /// What was guessed, in a sentence.
+    /// The guess, in a sentence.
     pub(super) guess: String,
 }
 
@@ -91,7 +91,7 @@ struct Layer {
     ramp: f64,
     /// Optical depth of the layer along a typical ray.
     depth: f64,
-    /// What it is, for a comment.
+    /// Its description, for a comment.
     what: String,
 }
 

@@ -71,7 +71,7 @@ pub struct Peak {
     pub share: f64,
 }
 
-/// What is known about a volume's values.
+/// Statistics of the values of a volume.
 #[derive(Clone, Debug)]
 pub struct Values {
     /// Kind of data.

@@ -113,7 +113,7 @@ impl Bytes {
     }
 }
 
-/// What both versions of `NIfTI` state.
+/// Fields of both versions of `NIfTI`.
 struct Nifti {
     datatype: i16,
     bits: i16,
@@ -126,7 +126,7 @@ struct Nifti {
     window: [f64; 2],
 }
 
-/// What the axes of `NIfTI` are said to be: 1 the scanner's, 2 aligned with something else; 0 where the spacings alone
+/// The code of the axes in `NIfTI`: 1 the scanner's, 2 aligned with something else; 0 where the spacings alone
 /// make the grid.
 pub(super) fn nifti_code(volume: &Volume) -> i16 {
     let Geometry { origin, direction, .. } = volume.geometry;

@@ -43,12 +43,12 @@ impl VolumeKind {
     }
 }
 
-/// What a written volume file has.
+/// Contents of a written volume file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
     /// Type of the numbers in the file.
     pub voxel_type: VoxelType,
-    /// What differs from the volume or is lost, each a sentence without a period.
+    /// Differences from the volume and losses, each a sentence without a period.
     pub notes: Vec<String>,
 }
 

@@ -15,7 +15,7 @@ use crate::vulkan::VulkanError;
 /// Largest number of device losses before a finest picture; the window closes after more.
 const MOST_LOSSES: u32 = 4;
 
-/// What is open.
+/// The open document and its files.
 #[derive(Default)]
 pub(super) struct Opened {
     pub(super) document: Option<Document>,

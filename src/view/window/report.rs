@@ -53,7 +53,7 @@ pub struct Report {
     pub validation: Vec<String>,
 }
 
-/// What the report counts and times.
+/// Counts and times for the report.
 #[derive(Default)]
 pub(super) struct Record {
     pub(super) report: Report,

@@ -91,7 +91,7 @@ fn bits(packed: Voxels, component: usize, components: usize, tuples: usize) -> V
     Voxels::U8((0..tuples).map(|tuple| bit(tuple * components + component)).collect())
 }
 
-/// What the values belong to.
+/// The owner of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Section {
     Points,
