@@ -68,6 +68,20 @@ pub enum ShaderError {
     },
 }
 
+impl ShaderError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Source { .. } => "shader-invalid",
+            Self::Constant { .. } => "shader-constant-not-finite",
+            Self::Write { .. } => "shader-not-writable",
+            Self::NoStruct { .. } => "shader-struct-missing",
+            Self::NoLayout { .. } => "shader-struct-without-layout",
+        }
+    }
+}
+
 /// Constants of a shader, defined once in Rust: one `const NAME: TYPE = VALUE;` each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Constants {

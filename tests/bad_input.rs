@@ -772,3 +772,19 @@ fn values_that_no_texture_holds_are_shown_and_the_loss_is_said() {
     assert_opacity(pixel, 1.0 - 0.5_f64.powi(3), 3);
     assert!(said.starts_with("warning: the device stores the values as"), "7 in a range of 2³² is moved: {said}");
 }
+
+#[test]
+fn an_error_is_an_object_of_json_with_its_code_its_causes_and_the_exit_code() {
+    let folder = Folder::new();
+    let outcome = folder.refused(1, &["info", "nowhere.mhd", "--json"], &["nowhere.mhd"]);
+    let json = outcome.json();
+    assert_eq!((&json["error"]["code"], &json["exit_code"]), (&"volume-not-openable".into(), &1.into()), "{json}");
+    let sentences = [&[json["error"]["message"].clone()], json["error"]["causes"].as_array().unwrap().as_slice()];
+    let told: Vec<&str> = outcome.err.lines().filter_map(|line| Some(line.split_once(": ")?.1)).collect();
+    assert_eq!(sentences.concat(), told, "standard error has the same sentences");
+
+    let json = folder.refused(2, &["relight", "a.exr", "--json", "-D", "x=1"], &[]).out;
+    assert_eq!(json, "", "clap ends the program before anything is known of --json");
+    let outcome = folder.with("scene.toml", SCENE).refused(2, &render(&["--json", "-D", "display.exposure=-1"]), &[]);
+    assert_eq!(outcome.json()["error"]["code"], "definition-invalid", "{}", outcome.out);
+}

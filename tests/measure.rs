@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use relume::document::{Definition, SceneOptions, load_embedded, parse};
 use relume::measure::{
-    Cause, Difference, Findings, Knob, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyError, SurveyOptions,
+    Cause, Difference, Findings, Knob, MeasureError, Measured, NodesBesideRgb, Setting, Summary, Survey, SurveyOptions,
     Value, cheapest, html, mark_pareto, settings, to_csv, to_markdown, trade,
 };
 use relume::plan::plan_full_spectrum;
@@ -215,7 +215,7 @@ fn a_scene_that_shows_nothing_has_no_error_to_measure() {
     let dark = parsed(&dark);
     with_renderer(|renderer| {
         let error = Survey::new(renderer, &dark, &sweep(&["k=3"]), OPTIONS, &Quiet).unwrap_err();
-        assert!(matches!(error, SurveyError::Nothing { looked_at: 320, .. }), "{error}");
+        assert!(matches!(error, MeasureError::Nothing { sampled: 320, .. }), "{error}");
     });
 }
 

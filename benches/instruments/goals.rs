@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use relume::document::{SceneError, SceneOptions, parse};
 use relume::measure::candidates::{DIMENSIONS, SCALES, setting, voxels};
-use relume::measure::{Bench, Choice, ChoiceError, Goal, Knob, Pixels, Setting, Value, Wanted, choose, summary};
+use relume::measure::{Bench, Choice, Goal, Knob, MeasureError, Pixels, Setting, Value, Wanted, choose, summary};
 use relume::model::ErrorSummary;
 use relume::model::random::Random;
 use relume::progress::{Progress, Quiet};
@@ -136,17 +136,17 @@ impl GoalRow {
 ///
 /// # Errors
 ///
-/// [`ChoiceError`].
+/// [`MeasureError`].
 pub(crate) fn goal_row(
     renderer: &Renderer,
     of: &GoalScene,
     progress: &dyn Progress,
-) -> Result<Option<GoalRow>, ChoiceError> {
+) -> Result<Option<GoalRow>, MeasureError> {
     let GoalScene { scene, asked } = of;
     let mix = Mix::of_scene(scene);
     let wanted = Wanted { size: SIZE, goal: Goal::MaxError(*asked), pixels: Pixels::Fewer };
     let Choice { setting: chosen, .. } = match choose(renderer, scene, &mix, wanted, None, progress) {
-        Err(ChoiceError::Nothing { .. } | ChoiceError::None { .. }) => return Ok(None),
+        Err(MeasureError::Nothing { .. } | MeasureError::None { .. }) => return Ok(None),
         choice => choice?,
     };
     let number = |setting: &Setting, knob| match setting.get(knob) {
@@ -159,7 +159,7 @@ pub(crate) fn goal_row(
     // Leaves room for settings with shorter steps.
     bench.truth_for(0.5 * chosen.applied(scene).accuracy.step_length, progress)?;
 
-    let mut p95_of = |setting: &Setting| -> Result<f64, ChoiceError> {
+    let mut p95_of = |setting: &Setting| -> Result<f64, MeasureError> {
         let ready = bench.ready(setting, progress)?;
         Ok(bench.errors(&ready, progress)?.of_sample.p95)
     };
@@ -188,7 +188,7 @@ pub(crate) fn goal_row(
     let samples_over = samples(&chosen) / fewest.fold(f64::INFINITY, f64::min);
 
     let software = renderer.device().info().kind == DeviceKind::Software;
-    let mut ms_of = |settings: &[&Setting], frames| -> Result<Vec<f64>, ChoiceError> {
+    let mut ms_of = |settings: &[&Setting], frames| -> Result<Vec<f64>, MeasureError> {
         let ready: Result<Vec<_>, _> = settings.iter().map(|setting| bench.ready(setting, progress)).collect();
         let times = bench.times(&ready?, frames, progress)?;
         Ok(times.iter().map(|time| if software { time.cpu_ms } else { time.wall_ms }).collect())

@@ -3,7 +3,7 @@
 use std::error::Error;
 
 use relume::document::SceneError;
-use relume::measure::{ChoiceError, Goal, LadderError, SurveyError};
+use relume::measure::{Goal, LadderError, MeasureError};
 use relume::model::{ModelError, ModelKind};
 use relume::render::RenderError;
 use relume::volume::{Asked, ByteOrder, RawLayout, Several, VolumeError};
@@ -16,6 +16,11 @@ pub(super) fn sentence(error: &(dyn Error + 'static)) -> String {
         return format!("--light {error}");
     }
     format!("{error}{}", flags(error).unwrap_or_default())
+}
+
+/// The sentences of `error` and of its causes.
+pub(super) fn sentences<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = String> + 'a {
+    std::iter::successors(Some(error), |&error| error.source()).map(sentence)
 }
 
 /// The error of a scene in `error`.
@@ -34,31 +39,22 @@ fn flags(error: &(dyn Error + 'static)) -> Option<String> {
             CliError::Volume(error) => flags(error),
             CliError::Render(error) => flags(error),
             CliError::Plan(error) => flags(error),
-            CliError::Survey(error) => flags(error),
-            CliError::Choice(error) => flags(error),
+            CliError::Measure(error) => flags(error),
             CliError::Check(error) => flags(error),
             _ => None,
         };
     }
     if let Some(error) = error.downcast_ref() {
         return match error {
-            SurveyError::Plan(error) => flags(error),
-            SurveyError::Ladder(error) => flags(error),
-            SurveyError::Render(error) => flags(error),
-            _ => None,
-        };
-    }
-    if let Some(error) = error.downcast_ref() {
-        return match error {
-            ChoiceError::None { goal: Goal::MaxError(_), .. } => {
+            MeasureError::None { goal: Goal::MaxError(_), .. } => {
                 Some("; allow a larger error, or use --reference".into())
             }
-            ChoiceError::None { goal: Goal::Budget(_), .. } => {
+            MeasureError::None { goal: Goal::Budget(_), .. } => {
                 Some("; allow more time, or fewer pixels with --size".into())
             }
-            ChoiceError::Plan(error) => flags(error),
-            ChoiceError::Ladder(error) => flags(error),
-            ChoiceError::Render(error) => flags(error),
+            MeasureError::Plan(error) => flags(error),
+            MeasureError::Ladder(error) => flags(error),
+            MeasureError::Render(error) => flags(error),
             _ => None,
         };
     }
@@ -169,7 +165,7 @@ mod tests {
         let message = ": take --downsample";
         let alone = memory(VolumeFormat::R16Unorm);
         assert_eq!(flags(&alone).as_deref(), Some(message));
-        let surveyed = CliError::from(SurveyError::from(alone));
+        let surveyed = CliError::from(MeasureError::from(alone));
         assert_eq!(flags(&surveyed).as_deref(), Some(message));
         assert_eq!(flags(&CliError::Usage("--k".to_owned())), None);
     }

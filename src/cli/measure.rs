@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use relume::measure::{
-    Findings, Measured, NodesBesideRgb, Setting, Survey, SurveyError, SurveyOptions, html, mark_pareto, settings,
+    Findings, MeasureError, Measured, NodesBesideRgb, Setting, Survey, SurveyOptions, html, mark_pareto, settings,
     to_csv, to_markdown, to_text, trade,
 };
 use relume::output::{write_atomically, write_drawing};
@@ -187,8 +187,8 @@ fn measure(survey: &mut Survey<'_>, settings: &[Setting], progress: &dyn Progres
                 break;
             }
             // The scene refuses this setting; all others are measured.
-            Err(SurveyError::Plan(error)) => outcome.refused.push((setting.clone(), sentence(&error))),
-            Err(SurveyError::Render(error @ RenderError::Matrix { .. })) => {
+            Err(MeasureError::Plan(error)) => outcome.refused.push((setting.clone(), sentence(&error))),
+            Err(MeasureError::Render(error @ RenderError::Matrix { .. })) => {
                 outcome.refused.push((setting.clone(), sentence(&error)));
             }
             Err(error) => return Err(error.into()),

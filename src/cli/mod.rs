@@ -25,7 +25,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 
 use relume::document::{OpenError, SceneError};
-use relume::measure::{ChoiceError, LadderError, SurveyError};
+use relume::measure::{LadderError, MeasureError};
 use relume::model::ModelError;
 use relume::output::OutputError;
 use relume::palette::PaletteError;
@@ -107,9 +107,7 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Output(#[from] OutputError),
     #[error(transparent)]
-    Survey(#[from] SurveyError),
-    #[error(transparent)]
-    Choice(#[from] ChoiceError),
+    Measure(#[from] MeasureError),
     #[error(transparent)]
     Check(#[from] LadderError),
     #[error("the colour model cannot be fitted to the lights")]
@@ -128,6 +126,33 @@ pub(crate) enum CliError {
     Usage(String),
     #[error("{0}")]
     Failed(String),
+}
+
+impl CliError {
+    /// Name for programs; it does not change between versions.
+    pub(crate) fn code(&self) -> &'static str {
+        match self {
+            Self::Scene(error) => error.code(),
+            Self::Volume(error) => error.code(),
+            Self::Render(error) => error.code(),
+            Self::Vulkan(error) => error.code(),
+            Self::Palette(error) => error.code(),
+            Self::Plan(error) => error.code(),
+            Self::Reference(error) => error.code(),
+            Self::Output(error) => error.code(),
+            Self::Measure(error) => error.code(),
+            Self::Check(error) => error.code(),
+            Self::Lights(error) => error.code(),
+            Self::Shader(error) => error.code(),
+            #[cfg(feature = "window")]
+            Self::View(error) => error.code(),
+            #[cfg(feature = "window")]
+            Self::Script(error) => error.code(),
+            Self::Cancelled => "cancelled",
+            Self::Usage(_) => "usage",
+            Self::Failed(_) => "failed",
+        }
+    }
 }
 
 impl From<OpenError> for CliError {
@@ -155,8 +180,7 @@ fn exit_code(error: &CliError) -> u8 {
         CliError::Usage(_) | CliError::Scene(SceneError::LightRequest { .. } | SceneError::Define { .. }) => 2,
         CliError::Vulkan(error)
         | CliError::Render(RenderError::Vulkan(error))
-        | CliError::Survey(SurveyError::Render(RenderError::Vulkan(error)))
-        | CliError::Choice(ChoiceError::Render(RenderError::Vulkan(error))) => of_device(error),
+        | CliError::Measure(MeasureError::Render(RenderError::Vulkan(error))) => of_device(error),
         #[cfg(feature = "window")]
         CliError::View(relume::internal::view::ViewError::Vulkan(error)) => of_device(error),
         _ => 1,
@@ -222,15 +246,30 @@ pub(crate) fn main() -> ExitCode {
         Err(error) => {
             let interrupted = terminal.cancelled();
             let code = if interrupted { INTERRUPTED } else { exit_code(&error) };
-            match error {
-                error @ CliError::Cancelled => terminal::complain(&error),
+            let error = match error {
+                error @ CliError::Cancelled => error,
                 // The part of the work that noticed Ctrl-C first does not matter.
-                _ if interrupted => terminal::complain(&CliError::Failed(terminal::TOLD.to_owned())),
-                error => terminal::complain(&error),
+                _ if interrupted => CliError::Failed(terminal::TOLD.to_owned()),
+                error => error,
+            };
+            terminal::complain(&error);
+            if cli.json {
+                terminal::print(&format!("{:#}\n", error_json(&error, code, &terminal.warnings())));
             }
             ExitCode::from(code)
         }
     }
+}
+
+/// The error of a failed command as JSON: its code, its sentence and its causes, with the exit code and the warnings.
+fn error_json(error: &CliError, exit_code: u8, warnings: &[String]) -> serde_json::Value {
+    let mut sentences = advice::sentences(error);
+    let message = sentences.next();
+    serde_json::json!({
+        "error": { "code": error.code(), "message": message, "causes": sentences.collect::<Vec<_>>() },
+        "exit_code": exit_code,
+        "warnings": warnings,
+    })
 }
 
 /// Result of a command as text and as JSON.

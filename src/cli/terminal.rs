@@ -243,11 +243,10 @@ pub(crate) fn complain(error: &(dyn std::error::Error + 'static)) {
     if std::mem::replace(&mut *told, true) {
         return;
     }
-    let mut text = format!("error: {}\n", advice::sentence(error));
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text.push_str(&format!("  because: {}\n", advice::sentence(error)));
-        cause = error.source();
+    let mut text = String::new();
+    for sentence in advice::sentences(error) {
+        let head = if text.is_empty() { "error" } else { "  because" };
+        text.push_str(&format!("{head}: {sentence}\n"));
     }
     let mut err = io::stderr().lock();
     err.write_all(text.as_bytes()).and_then(|()| err.flush()).ok();

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::clock::{Stopwatch, Timing, summary};
 use super::difference::delta_e;
 use super::enlarge::Enlargement;
-use super::goal::ChoiceError;
+use super::error::MeasureError;
 use super::ladder::{FINER, Ladder};
 use super::sample::{Drawn, drawn, p95_of_all};
 use super::setting::{Knob, Setting, Value};
@@ -74,7 +74,7 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     ///
-    /// [`ChoiceError`], also if no pixel shows the volume.
+    /// [`MeasureError`], also if no pixel shows the volume.
     pub fn new(
         renderer: &Renderer,
         scene: &'a Scene,
@@ -82,10 +82,10 @@ impl<'a> Bench<'a> {
         size: [usize; 2],
         (most, seed): (usize, u64),
         progress: &dyn Progress,
-    ) -> Result<Self, ChoiceError> {
+    ) -> Result<Self, MeasureError> {
         let Drawn { ladder, showing } = drawn(scene, mix, size, most, seed, progress)?;
         if ladder.pixels.is_empty() {
-            return Err(ChoiceError::Nothing { source_name: scene.name.clone() });
+            return Err(MeasureError::Nothing { sampled: size[0] * size[1], source_name: scene.name.clone() });
         }
         let planned = plan(scene, progress)?;
         let statistics = ladder.statistics().clone();
@@ -119,8 +119,8 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     ///
-    /// [`ChoiceError::Render`] if it cannot.
-    pub fn check(&self, ready: &Ready) -> Result<(), ChoiceError> {
+    /// [`MeasureError::Render`] if it cannot.
+    pub fn check(&self, ready: &Ready) -> Result<(), MeasureError> {
         let Ready { on_device, marched, .. } = ready;
         let bytes = on_device.uploaded().bytes();
         Ok(on_device.renderer().check_picture(&on_device.planned().plan, *marched, bytes)?)
@@ -131,8 +131,8 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     ///
-    /// [`ChoiceError::Ladder`] if the reference fails or `progress` asks to stop.
-    pub fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), ChoiceError> {
+    /// [`MeasureError::Ladder`] if the reference fails or `progress` asks to stop.
+    pub fn truth_for(&mut self, step_length: f64, progress: &dyn Progress) -> Result<(), MeasureError> {
         if self.step_length > step_length / FINER {
             self.ladder.finest = step_length / AHEAD;
             self.truth = self.ladder.truth_in(&self.ladder.pixels, progress)?;
@@ -145,8 +145,8 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     ///
-    /// [`ChoiceError`] if the march fails or `progress` asks to stop.
-    pub fn errors(&self, ready: &Ready, progress: &dyn Progress) -> Result<Errors, ChoiceError> {
+    /// [`MeasureError`] if the march fails or `progress` asks to stop.
+    pub fn errors(&self, ready: &Ready, progress: &dyn Progress) -> Result<Errors, MeasureError> {
         let Ready { on_device, marched, .. } = ready;
         let shown = picture(&self.ladder, on_device, *marched, progress)?;
         let shown = looked_up(&Enlargement::new(*marched, self.size).pixels(&shown), self.size, &self.ladder.pixels);
@@ -159,13 +159,13 @@ impl<'a> Bench<'a> {
     ///
     /// # Errors
     ///
-    /// [`ChoiceError`] if a march fails or `progress` asks to stop.
+    /// [`MeasureError`] if a march fails or `progress` asks to stop.
     pub fn times(
         &mut self,
         settings: &[Ready],
         frames: usize,
         progress: &dyn Progress,
-    ) -> Result<Vec<Timing>, ChoiceError> {
+    ) -> Result<Vec<Timing>, MeasureError> {
         for setting in settings {
             if !self.warm.contains(&setting.numbers) {
                 self.frame(setting, progress)?;
@@ -189,7 +189,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Renders and times one frame.
-    fn frame(&self, setting: &Ready, progress: &dyn Progress) -> Result<Timing, ChoiceError> {
+    fn frame(&self, setting: &Ready, progress: &dyn Progress) -> Result<Timing, MeasureError> {
         let Ready { on_device, marched, .. } = setting;
         let matrices = self.ladder.shown(on_device.scene(), on_device.planned());
         let enlargement = Enlargement::new(*marched, self.size);

@@ -11,7 +11,8 @@ use super::cache::{Known, Point};
 use super::candidates::{DIMENSIONS, SCALES, setting, voxels};
 use super::clock::Timing;
 use super::digits::short;
-use super::goal::{ChoiceError, Goal, Pixels, Wanted};
+use super::error::MeasureError;
+use super::goal::{Goal, Pixels, Wanted};
 use super::setting::Setting;
 use crate::number::nearest;
 use crate::plan::plan;
@@ -74,7 +75,7 @@ struct Kept {
 ///
 /// # Errors
 ///
-/// [`ChoiceError`].
+/// [`MeasureError`].
 pub fn choose(
     renderer: &Renderer,
     scene: &Scene,
@@ -82,7 +83,7 @@ pub fn choose(
     wanted: Wanted,
     cache: Option<&Path>,
     progress: &dyn Progress,
-) -> Result<Choice, ChoiceError> {
+) -> Result<Choice, MeasureError> {
     let mut curve = Curve::new(renderer, scene, mix, wanted.size, cache, progress)?;
     if wanted.pixels == Pixels::Fewer {
         curve.scales = &SCALES;
@@ -101,7 +102,7 @@ pub fn choose(
 ///
 /// # Errors
 ///
-/// [`ChoiceError`].
+/// [`MeasureError`].
 pub fn curve(
     renderer: &Renderer,
     scene: &Scene,
@@ -109,14 +110,14 @@ pub fn curve(
     size: [usize; 2],
     cache: Option<&Path>,
     progress: &dyn Progress,
-) -> Result<Vec<Tried>, ChoiceError> {
+) -> Result<Vec<Tried>, MeasureError> {
     const OCTAVES: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
     let mut curve = Curve::new(renderer, scene, mix, size, cache, progress)?;
     let settings: Vec<Setting> = std::iter::once(Setting::default())
         .chain(curve.dimensions.iter().flat_map(|&dimension| OCTAVES.map(|n| setting(voxels(n), dimension, 1.0))))
         .collect();
     curve.settings = Some(settings.len());
-    let measured: Result<(), ChoiceError> =
+    let measured: Result<(), MeasureError> =
         settings.iter().try_for_each(|setting| curve.point(setting, FRAMES).map(drop));
     curve.keep();
     measured.map(|()| curve.tried)
@@ -195,7 +196,7 @@ impl<'a> Curve<'a> {
         size: [usize; 2],
         cache: Option<&Path>,
         progress: &'a dyn Progress,
-    ) -> Result<Self, ChoiceError> {
+    ) -> Result<Self, MeasureError> {
         let planned = plan(scene, progress)?;
         let info = renderer.device().info();
         let device = format!("{} {} {:?}", info.name, info.driver, info.api_version);
@@ -223,7 +224,7 @@ impl<'a> Curve<'a> {
     }
 
     /// Measures `setting`, with at least `frames` timed frames, and records it as tried.
-    fn point(&mut self, setting: &Setting, frames: usize) -> Result<Point, ChoiceError> {
+    fn point(&mut self, setting: &Setting, frames: usize) -> Result<Point, MeasureError> {
         let point = self.known_or_measured(setting, frames)?;
         self.try_out(setting, point);
         Ok(point)
@@ -236,7 +237,7 @@ impl<'a> Curve<'a> {
         }
     }
 
-    fn known_or_measured(&mut self, setting: &Setting, frames: usize) -> Result<Point, ChoiceError> {
+    fn known_or_measured(&mut self, setting: &Setting, frames: usize) -> Result<Point, MeasureError> {
         let known = self.known.get(setting);
         if let Some(point) = known.filter(|point| point.frames >= frames) {
             return Ok(point);
@@ -259,7 +260,7 @@ impl<'a> Curve<'a> {
         Ok(self.keep_times(setting, point, timed.first().copied().unwrap_or_default(), frames))
     }
 
-    fn bench(&mut self) -> Result<&mut Bench<'a>, ChoiceError> {
+    fn bench(&mut self) -> Result<&mut Bench<'a>, MeasureError> {
         let bench = match self.bench.take() {
             Some(bench) => bench,
             None => Bench::new(self.renderer, self.scene, self.mix, self.size, (PIXELS, SEED), self.progress)?,
@@ -287,7 +288,7 @@ impl<'a> Curve<'a> {
     }
 
     /// The cheapest of `kept`. The candidates are timed again over more frames, in turns.
-    fn cheapest(&mut self, mut kept: Vec<Kept>) -> Result<Option<Kept>, ChoiceError> {
+    fn cheapest(&mut self, mut kept: Vec<Kept>) -> Result<Option<Kept>, MeasureError> {
         /// Ratio of single-frame costs above which more frames do not reverse the order.
         const CLEARLY: f64 = 1.5;
         let least = kept.iter().map(|kept| self.cost(&kept.point)).fold(f64::INFINITY, f64::min);
@@ -307,7 +308,7 @@ impl<'a> Curve<'a> {
     }
 
     /// The cheapest setting whose p95 is at most `asked`.
-    fn within_error(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
+    fn within_error(&mut self, asked: f64) -> Result<Choice, MeasureError> {
         let limit = SHARE_OF_ERROR * asked;
         let (mut best, mut nearest, mut too_large): (Option<Kept>, Option<Tried>, _) = (None, None, None);
         for &scale in self.scales {
@@ -331,7 +332,7 @@ impl<'a> Curve<'a> {
             }
         }
         let Some(best) = best else {
-            return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| ChoiceError::None {
+            return Err(too_large.filter(|_| nearest.is_none()).unwrap_or_else(|| MeasureError::None {
                 goal: Goal::MaxError(asked),
                 nearest: nearest.map_or_else(String::new, |(setting, point)| {
                     format!("; the nearest is {setting}, with {}", short(point.error.p95))
@@ -364,7 +365,7 @@ impl<'a> Curve<'a> {
         limit: f64,
         scale: f64,
         best: Option<&Kept>,
-    ) -> Result<Result<Vec<Kept>, Option<Tried>>, ChoiceError> {
+    ) -> Result<Result<Vec<Kept>, Option<Tried>>, MeasureError> {
         let dimensions = best.map_or_else(|| self.dimensions.clone(), |best| vec![best.dimension]);
         let (mut kept, mut nearest): (Vec<Kept>, Option<Tried>) = (Vec::new(), None);
         for dimension in dimensions {
@@ -403,7 +404,7 @@ impl<'a> Curve<'a> {
         scale: f64,
         steps: RangeInclusive<i32>,
         first: i32,
-    ) -> Result<Result<Kept, Tried>, ChoiceError> {
+    ) -> Result<Result<Kept, Tried>, MeasureError> {
         /// Approximate order of the error in the step; only predicts the next step to try.
         const ORDER: f64 = 1.7;
         let mut tried: BTreeMap<i32, Tried> = BTreeMap::new();
@@ -435,7 +436,7 @@ impl<'a> Curve<'a> {
     }
 
     /// The setting with the smallest p95 that takes at most `asked` ms.
-    fn within_time(&mut self, asked: f64) -> Result<Choice, ChoiceError> {
+    fn within_time(&mut self, asked: f64) -> Result<Choice, MeasureError> {
         let limit = SHARE_OF_TIME * asked;
         let (mut least, mut too_large) = (f64::INFINITY, None);
         for dimension in self.dimensions.clone() {
@@ -476,7 +477,7 @@ impl<'a> Curve<'a> {
             return Ok(self.chosen(setting, point, why));
         }
         let fastest = self.tried.iter().min_by(|one, two| one.1.frame_ms.total_cmp(&two.1.frame_ms));
-        Err(too_large.filter(|_| fastest.is_none()).unwrap_or_else(|| ChoiceError::None {
+        Err(too_large.filter(|_| fastest.is_none()).unwrap_or_else(|| MeasureError::None {
             goal: Goal::Budget(asked),
             nearest: fastest.map_or_else(String::new, |(setting, point)| {
                 format!("; the fastest is {setting}, with {} ms", short(point.frame_ms))
@@ -492,7 +493,7 @@ impl<'a> Curve<'a> {
         dimension: Option<usize>,
         scale: f64,
         first: i32,
-    ) -> Result<(i32, f64), ChoiceError> {
+    ) -> Result<(i32, f64), MeasureError> {
         /// Number of tries predicted from the last time, before bisection. The prediction ignores the part of the
         /// frame time that does not depend on the step.
         const POINTED: usize = 3;

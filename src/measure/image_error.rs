@@ -5,7 +5,7 @@ use serde::Serialize;
 /// Why two pictures cannot be compared.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum MeasureError {
+pub enum ComparisonError {
     /// The pictures differ in their number of samples, or the samples do not fill rows of this width.
     #[error("cannot compare {actual} samples with {expected} ({width} pixels per row, {channels} channels)")]
     Shape {
@@ -18,6 +18,16 @@ pub enum MeasureError {
         /// Samples per pixel.
         channels: usize,
     },
+}
+
+impl ComparisonError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Shape { .. } => "pictures-differ-in-shape",
+        }
+    }
 }
 
 /// Maximum, mean and 99th percentile of errors; infinite where a sample is NaN.
@@ -50,17 +60,17 @@ impl ImageError {
     ///
     /// # Errors
     ///
-    /// [`MeasureError::Shape`].
+    /// [`ComparisonError::Shape`].
     pub fn between(
         actual: &[f32],
         expected: &[f32],
         (width, channels): (usize, usize),
         scale: impl Fn(usize) -> f64,
-    ) -> Result<Self, MeasureError> {
+    ) -> Result<Self, ComparisonError> {
         let whole_rows = width.checked_mul(channels).is_some_and(|row| row > 0 && actual.len().is_multiple_of(row));
         if actual.len() != expected.len() || !whole_rows {
             let (actual, expected) = (actual.len(), expected.len());
-            return Err(MeasureError::Shape { actual, expected, width, channels });
+            return Err(ComparisonError::Shape { actual, expected, width, channels });
         }
         let errors: Vec<f64> =
             actual.iter().zip(expected).map(|(&actual, &expected)| error(actual, expected)).collect();

@@ -51,6 +51,19 @@ pub enum RungError {
     Render(#[from] RenderError),
 }
 
+impl RungError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Plan(error) => error.code(),
+            Self::Volume(error) => error.code(),
+            Self::Reference(error) => error.code(),
+            Self::Render(error) => error.code(),
+        }
+    }
+}
+
 impl Rungs {
     /// Plans `scene` and prepares its rungs for pictures of `size`.
     ///

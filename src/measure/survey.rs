@@ -8,13 +8,14 @@ use super::climb::{Climb, order};
 use super::clock::Stopwatch;
 use super::difference::{Difference, delta_e};
 use super::enlarge::Enlargement;
-use super::ladder::{Cause, Ladder, LadderError, Lattice};
+use super::error::MeasureError;
+use super::ladder::{Cause, Ladder, Lattice};
 use super::measured::{CloseUp, Cost, Frames, Measured, Run};
 use super::setting::Setting;
 use super::shown::{looked_up, picture};
-use crate::plan::{PlanError, Planned, ScenePlan, plan};
+use crate::plan::{Planned, ScenePlan, plan};
 use crate::progress::Progress;
-use crate::render::{RenderError, Renderer, SceneRenderer};
+use crate::render::{Renderer, SceneRenderer};
 use crate::scene::{Mix, Scene};
 use crate::tables::TransferTable;
 use crate::vulkan::DeviceKind;
@@ -34,29 +35,6 @@ pub struct SurveyOptions {
     /// Timed runs, after two warm-up runs. The first three runs of a setting are consecutive; [`Survey::time_in_turn`]
     /// makes the others.
     pub runs: usize,
-}
-
-/// Why a setting could not be measured.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum SurveyError {
-    /// Planning failed.
-    #[error(transparent)]
-    Plan(#[from] PlanError),
-    /// The reference failed.
-    #[error(transparent)]
-    Ladder(#[from] LadderError),
-    /// The device failed.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    /// No examined pixel shows the volume, so that there is no error to measure.
-    #[error("none of the {looked_at} sampled pixels shows {source_name}, so no error can be measured")]
-    Nothing {
-        /// Number of examined pixels.
-        looked_at: usize,
-        /// The scene.
-        source_name: String,
-    },
 }
 
 /// Pixels across and down of a close-up.
@@ -119,21 +97,21 @@ impl<'a> Survey<'a> {
     ///
     /// # Errors
     ///
-    /// [`SurveyError`].
+    /// [`MeasureError`].
     pub fn new(
         renderer: &'a Renderer,
         scene: &'a Scene,
         settings: &[Setting],
         options: SurveyOptions,
         progress: &dyn Progress,
-    ) -> Result<Self, SurveyError> {
+    ) -> Result<Self, MeasureError> {
         let lattice = Lattice::new(options.size, options.pixels);
         let steps = settings.iter().map(|setting| setting.applied(scene).accuracy.step_length);
         let finest = steps.fold(scene.accuracy.step_length, f64::min);
         let looked_at = lattice.pixels();
         let mut ladder = Ladder::new(scene, Mix::of_scene(scene), options.size, &looked_at, finest, progress)?;
         if ladder.pixels.is_empty() {
-            return Err(SurveyError::Nothing { looked_at: looked_at.len(), source_name: scene.name.clone() });
+            return Err(MeasureError::Nothing { sampled: looked_at.len(), source_name: scene.name.clone() });
         }
         let truth = ladder.truth(progress)?;
         Ok(Self {
@@ -203,8 +181,8 @@ impl<'a> Survey<'a> {
     ///
     /// # Errors
     ///
-    /// [`SurveyError`].
-    pub fn measure(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Measured, SurveyError> {
+    /// [`MeasureError`].
+    pub fn measure(&mut self, setting: &Setting, progress: &dyn Progress) -> Result<Measured, MeasureError> {
         let progress = &Unreported(progress);
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
@@ -292,8 +270,8 @@ impl<'a> Survey<'a> {
     ///
     /// # Errors
     ///
-    /// [`SurveyError`]; `rows` then have the times of the completed turns.
-    pub fn time_in_turn(&mut self, rows: &mut [Measured], progress: &dyn Progress) -> Result<(), SurveyError> {
+    /// [`MeasureError`]; `rows` then have the times of the completed turns.
+    pub fn time_in_turn(&mut self, rows: &mut [Measured], progress: &dyn Progress) -> Result<(), MeasureError> {
         // Groups settings by form of storage, so that each volume is uploaded once per turn.
         let mut order: Vec<usize> = (0..self.known.len()).collect();
         let stored = |index: &usize| {
@@ -314,7 +292,7 @@ impl<'a> Survey<'a> {
     }
 
     /// Times one more frame of a measured setting.
-    fn time_once_more(&mut self, index: usize, progress: &dyn Progress) -> Result<(), SurveyError> {
+    fn time_once_more(&mut self, index: usize, progress: &dyn Progress) -> Result<(), MeasureError> {
         let setting = self.known[index].row.setting.clone();
         let scene = setting.applied(self.scene);
         let planned = plan(&scene, progress)?;
@@ -342,8 +320,8 @@ impl<'a> Survey<'a> {
     ///
     /// # Errors
     ///
-    /// [`SurveyError`].
-    pub fn close_up(&mut self, row: &Measured, progress: &dyn Progress) -> Result<Option<CloseUp>, SurveyError> {
+    /// [`MeasureError`].
+    pub fn close_up(&mut self, row: &Measured, progress: &dyn Progress) -> Result<Option<CloseUp>, MeasureError> {
         let Some(worst) = row.error.at else { return Ok(None) };
         let progress = &Unreported(progress);
         let side = CLOSE_UP.min(self.options.size[0]).min(self.options.size[1]);
@@ -371,7 +349,7 @@ impl<'a> Survey<'a> {
         planned: Planned,
         warm_up: usize,
         progress: &dyn Progress,
-    ) -> Result<SceneRenderer, SurveyError> {
+    ) -> Result<SceneRenderer, MeasureError> {
         if let Some(resident) = self.resident.as_ref().filter(|resident| resident.holds(&scene, &planned)) {
             return Ok(resident.with_scene(scene, planned, progress)?);
         }
@@ -405,7 +383,7 @@ impl<'a> Survey<'a> {
         size: [usize; 2],
         frames: &mut Frames,
         progress: &dyn Progress,
-    ) -> Result<(), SurveyError> {
+    ) -> Result<(), MeasureError> {
         let matrices = self.ladder.shown(on_device.scene(), on_device.planned());
         let clock = Stopwatch::start();
         let accumulators = on_device.march(size, progress)?;

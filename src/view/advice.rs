@@ -5,7 +5,7 @@ use std::error::Error;
 use super::LoadError;
 use super::export::ExportError;
 use crate::document::{OpenError, SceneError};
-use crate::measure::{ChoiceError, Goal};
+use crate::measure::{Goal, MeasureError};
 use crate::model::ModelError;
 use crate::render::RenderError;
 use crate::volume::VolumeError;
@@ -35,9 +35,9 @@ fn control(error: &(dyn Error + 'static)) -> Option<&'static str> {
     }
     if let Some(error) = error.downcast_ref() {
         return match error {
-            ChoiceError::None { goal: Goal::MaxError(_), .. } => Some("; allow a larger error"),
-            ChoiceError::None { goal: Goal::Budget(_), .. } => Some("; allow more time, or make the window smaller"),
-            ChoiceError::Render(error) => control(error),
+            MeasureError::None { goal: Goal::MaxError(_), .. } => Some("; allow a larger error"),
+            MeasureError::None { goal: Goal::Budget(_), .. } => Some("; allow more time, or make the window smaller"),
+            MeasureError::Render(error) => control(error),
             _ => None,
         };
     }
@@ -75,6 +75,6 @@ mod tests {
         assert!(alone.starts_with("a picture of 9×8 pixels") && alone.contains("make the window smaller"), "{alone}");
         assert_eq!(line(&ExportError::from(error())), alone);
         assert_eq!(line(&LoadError::from(error())), alone);
-        assert_eq!(line(&ChoiceError::from(error())), alone);
+        assert_eq!(line(&MeasureError::from(error())), alone);
     }
 }

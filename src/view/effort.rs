@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::measure::{Choice, ChoiceError, Goal, Pixels, Point, Tried, Wanted, choose, curve};
+use crate::measure::{Choice, Goal, MeasureError, Pixels, Point, Tried, Wanted, choose, curve};
 use crate::progress::Progress;
 use crate::render::Renderer;
 use crate::scene::{Accuracy, Camera, Mix, Scene, Transfer};
@@ -87,7 +87,7 @@ impl Curve {
 ///
 /// # Errors
 ///
-/// [`ChoiceError`].
+/// [`MeasureError`].
 pub fn measure(
     renderer: &Renderer,
     scene: &Scene,
@@ -96,7 +96,7 @@ pub fn measure(
     goal: Option<Goal>,
     cache: Option<&Path>,
     progress: &dyn Progress,
-) -> Result<(Curve, Option<Choice>), ChoiceError> {
+) -> Result<(Curve, Option<Choice>), MeasureError> {
     let Some(goal) = goal else {
         return Ok((Curve::new(scene, size, &curve(renderer, scene, mix, size, cache, progress)?), None));
     };

@@ -19,6 +19,17 @@ pub enum ExportError {
     Output(#[from] OutputError),
 }
 
+impl ExportError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Render(error) => error.code(),
+            Self::Output(error) => error.code(),
+        }
+    }
+}
+
 /// Film and relight matrices of one picture. Later work of the window does not change them.
 #[derive(Debug)]
 pub struct Snapshot {

@@ -24,6 +24,15 @@ pub enum LoadError {
 }
 
 impl LoadError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Open(error) => error.code(),
+            Self::Render(error) => error.code(),
+        }
+    }
+
     /// Returns the error of reading the source, if reading failed.
     #[must_use]
     pub fn of_source(&self) -> Option<&OpenError> {

@@ -49,3 +49,17 @@ pub enum ViewError {
     #[error(transparent)]
     Script(#[from] ScriptError),
 }
+
+impl ViewError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NoDisplay => "display-missing",
+            Self::Events(_) => "event-loop-failed",
+            Self::NoWindow(_) => "window-not-openable",
+            Self::Vulkan(error) => error.code(),
+            Self::Script(error) => error.code(),
+        }
+    }
+}

@@ -351,6 +351,17 @@ pub enum ProbeError {
     Volume(#[from] VolumeError),
 }
 
+impl ProbeError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Reference(error) => error.code(),
+            Self::Volume(error) => error.code(),
+        }
+    }
+}
+
 impl Ray {
     /// Marches the ray through pixel `place` of a picture of `size` of `scene` in f64, with 81 wavelengths, exact
     /// samples and

@@ -156,3 +156,14 @@ pub enum StepError {
     #[error("cannot march the ray of this pixel")]
     Ray(#[from] ProbeError),
 }
+
+impl StepError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Render(error) => error.code(),
+            Self::Ray(error) => error.code(),
+        }
+    }
+}

@@ -47,6 +47,17 @@ pub enum ScriptError {
     },
 }
 
+impl ScriptError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Read { .. } => "script-not-readable",
+            Self::Line { .. } => "script-line-invalid",
+        }
+    }
+}
+
 /// Parsed script.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Script {

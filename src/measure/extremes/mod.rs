@@ -210,6 +210,17 @@ pub enum ExtremeError {
 }
 
 impl ExtremeError {
+    /// Name for programs; it does not change between versions.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Scene(error) => error.code(),
+            Self::Volume(error) => error.code(),
+            Self::Spectrum(error) => error.code(),
+            Self::Rung(error) => error.code(),
+        }
+    }
+
     /// Whether a device is too small for the scene, which counts as an answer.
     fn is_limit(&self) -> bool {
         use RenderError::{Filter, Memory, PictureMemory, PictureSize, TooLarge};

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::{Viewer, Woken};
 use crate::document::design::{self, Spectra, Step};
 use crate::document::{Document, Edit};
-use crate::measure::{Choice, ChoiceError, Goal};
+use crate::measure::{Choice, Goal, MeasureError};
 use crate::palette::{self, Conflict, Palette, PaletteError, Solution};
 use crate::progress::Progress;
 use crate::render::RenderError;
@@ -27,7 +27,7 @@ const MOST_VERDICTS: usize = 20;
 const UNSEEN: f64 = 0.5;
 
 /// Measured settings, and the chosen one.
-pub(super) type Chosen = Result<(Curve, Option<Choice>), ChoiceError>;
+pub(super) type Chosen = Result<(Curve, Option<Choice>), MeasureError>;
 
 /// Result of the palette solver.
 pub(super) enum Solved {
