@@ -339,3 +339,27 @@ fn volumes_of_odd_numbers_open_without_being_taken_for_labels() {
     let labels = folder.done(&["render", "small.nrrd", "--size", "8x8", "-o", "p.png"]);
     assert!(labels.err.contains("a segmentation with 1 label"), "{}", labels.err);
 }
+
+#[test]
+fn a_definition_of_the_grid_is_seen_by_the_first_look() {
+    let header = |spacings: &str| {
+        format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 12 10 8\n{spacings}encoding: raw\n\n").into_bytes()
+    };
+    let ball = |index: i32| {
+        let [x, y, z] = [index % 12 - 6, index / 12 % 10 - 5, index / 120 - 4];
+        u8::try_from(200 - 5 * (x * x + y * y + z * z)).unwrap_or(0)
+    };
+    let voxels: Vec<u8> = (0..12 * 10 * 8).map(ball).collect();
+    let folder = Folder::new()
+        .with("flat.nrrd", [header(""), voxels.clone()].concat())
+        .with("tall.nrrd", [header("spacings: 1 1 3\n"), voxels].concat());
+    let picture = |arguments: &[&str]| {
+        folder.done(&[&["render", "--size", "24x24", "-o", "p.png"], arguments].concat());
+        std::fs::read(folder.path("p.png")).unwrap()
+    };
+    assert_eq!(picture(&["flat.nrrd", "-D", "volume.spacing=[1, 1, 3]"]), picture(&["tall.nrrd"]));
+    let halved = picture(&["flat.nrrd", "--downsample", "2x2x2"]);
+    assert_eq!(picture(&["flat.nrrd", "-D", "volume.downsample=[2, 2, 2]"]), halved);
+    assert_ne!(picture(&["flat.nrrd"]), halved);
+    folder.refused(2, &["render", "flat.nrrd", "-o", "q.png", "-D", "volume.spacing=[1, 0, 1]"], &["volume.spacing"]);
+}

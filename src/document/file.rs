@@ -138,23 +138,50 @@ pub(super) fn parse_around(
     options: &SceneOptions,
     progress: &dyn Progress,
 ) -> Result<SceneFile, SceneError> {
+    with_definitions(volume, (name, text), &options.definitions, |text, file| {
+        text.resolve(file, base, options, progress)
+    })
+}
+
+/// Reads the volume of `options`, which stands for a scene of this `name`, as its definitions change it. Also returns its
+/// grid before these changes.
+pub(super) fn volume_alone(
+    name: &str,
+    options: &SceneOptions,
+    progress: &dyn Progress,
+) -> Result<(Volume, Geometry), SceneError> {
+    let of_volume = |definition: &&Definition| {
+        definition.text.split(['.', '=']).next().is_some_and(|table| table.trim() == "volume")
+    };
+    let definitions: Vec<Definition> = options.definitions.iter().filter(of_volume).cloned().collect();
+    let read = |text: &Text<'_>, file: Root| text.volume(&file.volume, Path::new(""), options, progress);
+    with_definitions(None, (name, "version = 1\n"), &definitions, read)
+}
+
+/// Reads the scene `text` of this `name`, changed by `definitions`, with a `volume` that has been read already, if any.
+fn with_definitions<T>(
+    volume: Option<Volume>,
+    (name, text): (&str, &str),
+    definitions: &[Definition],
+    read: impl FnOnce(&Text<'_>, Root) -> Result<T, SceneError>,
+) -> Result<T, SceneError> {
     let volume = Cell::new(volume);
     let stated = Text { name: name.to_owned(), text, changed: None, volume: &volume };
     let file: Root = stated.deserialize()?;
-    if options.definitions.is_empty() {
-        return stated.resolve(file, base, options, progress);
+    if definitions.is_empty() {
+        return read(&stated, file);
     }
     let mut table: Table = stated.deserialize()?;
-    for definition in &options.definitions {
+    for definition in definitions {
         define(&mut table, &definition.text)
             .map_err(|message| SceneError::Define { given: definition.given.clone(), message })?;
     }
     let changed = toml::to_string(&table)
-        .map_err(|error| SceneError::Define { given: all_given(&options.definitions), message: error.to_string() })?;
-    let changed_by = Some((text, options.definitions.as_slice()));
+        .map_err(|error| SceneError::Define { given: all_given(definitions), message: error.to_string() })?;
+    let changed_by = Some((text, definitions));
     let defined = Text { name: name.to_owned(), text: &changed, changed: changed_by, volume: &volume };
     let file = defined.deserialize()?;
-    defined.resolve(file, base, options, progress)
+    read(&defined, file)
 }
 
 /// The definitions that changed the scene, as given.

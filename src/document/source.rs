@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file::parse_around;
+use super::file::{parse_around, volume_alone};
 use super::first_look::{first_look, otsu};
 use super::{Definition, SceneError, SceneFile, SceneOptions, load, load_embedded};
 use crate::input;
@@ -189,20 +189,19 @@ impl Source {
     /// The scene of the volume `path`, made from its values.
     fn first_look(&self, path: &Path, progress: &dyn Progress) -> Result<(SceneFile, Statistics), OpenError> {
         let options = SceneOptions { volume: Some(path.to_owned()), ..self.options.clone() };
-        let mut volume = volume::open_by(path, options.raw.as_ref(), &options.selection, progress)?;
-        if let Some(blocks) = options.downsample {
-            volume = volume.downsample(blocks)?;
-        }
-        let statistics = volume.statistics()?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let look = first_look(&name, &volume, &statistics, options.wish);
-        let name = path.display().to_string();
-        let read = parse_around(Some(volume), &name, &look.text, Path::new(""), &options, progress);
-        let file = read.map_err(|error| match error {
+        let whole_name = path.display().to_string();
+        let of_volume = |error| match error {
             // The file is the volume itself, so the error needs no scene.
             SceneError::Volume { source, .. } => source.into(),
             error => OpenError::from(error),
-        })?;
+        };
+        let (mut volume, stored) = volume_alone(&whole_name, &options, progress).map_err(of_volume)?;
+        let statistics = volume.statistics()?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let look = first_look(&name, &volume, &statistics, options.wish);
+        volume.geometry = stored;
+        let read = parse_around(Some(volume), &whole_name, &look.text, Path::new(""), &options, progress);
+        let file = read.map_err(of_volume)?;
         Ok((SceneFile { guess: Some(look.guess), ..file }, statistics))
     }
 }
